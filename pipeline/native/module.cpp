@@ -1,0 +1,10 @@
+// usdfoliage._native: the kernels that are hot or need OpenSubdiv. Each bind_*.cpp adds one header's functions.
+
+#include <nanobind/nanobind.h>
+
+#include "bindings.h"
+
+NB_MODULE(_native, m) {
+    m.doc() = "Native kernels of usdfoliage; arrays in, arrays out, the interpreter lock released.";
+    bind_subdivision(m);
+}

@@ -1,0 +1,7 @@
+"""Photographs of real plants in, editable OpenUSD foliage assets out."""
+
+from usdfoliage.errors import AssetError, CaptureError, FitError, FoliageError, PreviewError
+
+__version__ = "0.1.0"
+
+__all__ = ["AssetError", "CaptureError", "FitError", "FoliageError", "PreviewError", "__version__"]

@@ -1,0 +1,71 @@
+"""The command line of usdfoliage: ``usdfoliage COMMAND …`` or ``python -m usdfoliage COMMAND …``."""
+
+import argparse
+import importlib
+import logging
+import os
+import sys
+from collections.abc import Sequence
+
+from usdfoliage import __version__
+from usdfoliage.errors import FoliageError
+
+COMMANDS = ("crown", "preview", "validate", "env")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The whole command line; each command's module in usdfoliage.cli adds its own arguments."""
+    parser = argparse.ArgumentParser(
+        prog="usdfoliage", description="Photographs of real plants in, editable OpenUSD foliage assets out."
+    )
+    parser.add_argument("--version", action="version", version=f"usdfoliage {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name in COMMANDS:
+        module = importlib.import_module(f"usdfoliage.cli.{name}")
+        summary = (module.__doc__ or "").strip().splitlines()[0]
+        command = commands.add_parser(
+            name,
+            help=summary,
+            description=module.__doc__,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        module.add_arguments(command)
+        command.add_argument("-v", "--verbose", action="store_true", help="say what each stage did")
+        command.add_argument("--debug", action="store_true", help="show a traceback for any error")
+        command.set_defaults(run=module.run)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0 good, 2 bad input, 3 a finding of validate, 1 an internal fault."""
+    options = build_parser().parse_args(arguments)
+    logging.basicConfig(
+        level=logging.INFO if options.verbose else logging.WARNING,
+        format="%(levelname)s: %(message)s",
+        stream=sys.stderr,
+    )
+    try:
+        return int(options.run(options) or 0)
+    except FoliageError as error:
+        if options.debug:
+            raise
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("error: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of stdout left, as with `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:  # noqa: BLE001  the last resort of the command line
+        if options.debug:
+            raise
+        print(
+            f"error: internal fault: {type(error).__name__}: {error}; run again with --debug and report it",
+            file=sys.stderr,
+        )
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Models in, USD out: the only package that writes USD structure and imports pxr."""

@@ -1,0 +1,1 @@
+"""Files in, arrays out: photographs and masks. Nothing is fitted here."""

@@ -1,0 +1,1 @@
+"""A crown from one photograph: silhouette, surface, relief, texture, model."""

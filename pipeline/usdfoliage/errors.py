@@ -1,0 +1,21 @@
+"""What can go wrong with a user's data, one class for each thing a caller can do something about."""
+
+
+class FoliageError(Exception):
+    """Base of every error that the user's data or set-up causes; the command line prints it in one line, exit 2."""
+
+
+class CaptureError(FoliageError):
+    """The input is unusable: unreadable, empty, of another size, not finite."""
+
+
+class FitError(FoliageError):
+    """The data do not determine the model."""
+
+
+class AssetError(FoliageError):
+    """The output cannot be written, or an asset cannot be read as one."""
+
+
+class PreviewError(FoliageError):
+    """The preview interpreter or its OpenGL is missing or failed."""

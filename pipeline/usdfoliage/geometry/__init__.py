@@ -1,0 +1,1 @@
+"""The one home of mathematics that two domains share: cubemaps, polylines, frames, meshes."""

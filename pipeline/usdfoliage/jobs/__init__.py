@@ -1,0 +1,1 @@
+"""Which stages run, on which files, and what is reported of them."""

@@ -1,0 +1,108 @@
+#!/usr/bin/env bash
+# Set up everything usdfoliage needs on a machine: system packages, .venv, .venv-preview, the native extension.
+# usage: tools/bootstrap.sh packages|product|preview|all
+# Each step is skipped when what it made is newer than what it depends on.
+set -eu
+cd "$(dirname "$0")/.."
+
+# Build tools and OpenSubdiv; exrenvmap (tests); Mesa's software GL and what Blender's wheel links (preview).
+PACKAGES=(
+  g++ cmake ninja-build libosd-dev openexr
+  libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri
+  libx11-6 libxi6 libxxf86vm1 libxfixes3 libxrender1 libxkbcommon0 libsm6 libice6 libgomp1
+)
+
+say() { printf '%s\n' "setup: $*" >&2; }
+fail() { printf '%s\n' "error: $*" >&2; exit 1; }
+
+# The python that a stamp was made for is part of the stamp, so that a new interpreter rebuilds.
+fingerprint() { cat "$@" 2>/dev/null | sha256sum | cut -c1-16; }
+
+find_python() { # find_python VERSION...: the first such interpreter that starts
+  local version
+  for version in "$@"; do
+    if command -v "python$version" >/dev/null 2>&1 && "python$version" -c '' >/dev/null 2>&1; then
+      command -v "python$version"
+      return
+    fi
+  done
+}
+
+product_python() {
+  local python=${PYTHON:-$(find_python 3.11 3.12 3.13)}
+  [ -n "$python" ] || fail "no Python 3.11, 3.12 or 3.13 found; install one, or set PYTHON"
+  printf '%s' "$python"
+}
+
+preview_python() {
+  local python=${PREVIEW_PYTHON:-$(find_python 3.11)}
+  [ -n "$python" ] || fail "no Python 3.11 found, which the preview needs; install it, or set PREVIEW_PYTHON"
+  printf '%s' "$python"
+}
+
+install_packages() {
+  local wanted=("${PACKAGES[@]}") missing=() package python
+  for python in "$(product_python)" "$(preview_python)"; do
+    case "$(readlink -f "$python")" in
+      /usr/bin/python3.*) # Debian splits headers and venv off the interpreter
+        package=$(basename "$(readlink -f "$python")")
+        wanted+=("$package-dev" "$package-venv") ;;
+    esac
+  done
+  if ! command -v dpkg-query >/dev/null 2>&1 || ! command -v apt-get >/dev/null 2>&1; then
+    if [ -e .venv/packages-checked ]; then return; fi
+    say "this machine has no apt; install what these Debian packages hold, then: touch .venv/packages-checked"
+    fail "packages needed: ${wanted[*]}"
+  fi
+  for package in "${wanted[@]}"; do
+    dpkg-query -W -f '${db:Status-Abbrev}' "$package" 2>/dev/null | grep -q '^ii' || missing+=("$package")
+  done
+  [ ${#missing[@]} -gt 0 ] || return 0
+  local root=()
+  if [ "$(id -u)" != 0 ]; then
+    command -v sudo >/dev/null 2>&1 || fail "these packages are missing and neither root nor sudo is there: ${missing[*]}"
+    root=(sudo)
+  fi
+  say "installing ${missing[*]}"
+  "${root[@]}" apt-get update -qq || fail "apt-get update failed; is a package source configured?"
+  "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null \
+    || fail "apt-get could not install: ${missing[*]}"
+}
+
+make_venv() { # make_venv FOLDER PYTHON REQUIREMENTS
+  local folder=$1 python=$2 requirements=$3 stamp
+  stamp="$(fingerprint "$requirements")-$("$python" -c 'import sys; print(sys.version.split()[0])')"
+  [ "$(cat "$folder/stamp" 2>/dev/null)" != "$stamp" ] || return 0
+  say "$folder: Python packages of $requirements"
+  "$python" -m venv --clear "$folder" || fail "$python cannot make a virtual environment; on Debian: apt-get install python3-venv"
+  "$folder/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes -r "$requirements" \
+    || fail "pip could not install $requirements into $folder"
+  printf '%s' "$stamp" > "$folder/stamp"
+}
+
+build_product() {
+  make_venv .venv "$(product_python)" requirements/develop.txt
+  local stamp
+  stamp=$(find pipeline/native pyproject.toml -type f | LC_ALL=C sort | xargs cat | sha256sum | cut -c1-16)
+  if [ "$(cat .venv/built 2>/dev/null)" = "$stamp" ] && .venv/bin/python -c 'import usdfoliage._native' 2>/dev/null; then return; fi
+  say "building the extension"
+  PATH="$PWD/.venv/bin:$PATH" .venv/bin/python -m pip install --quiet --disable-pip-version-check \
+    --no-build-isolation --no-deps --editable . || fail "the extension did not build; the compiler's message is above"
+  printf '%s' "$stamp" > .venv/built
+}
+
+build_preview() {
+  if [ -n "${USDFOLIAGE_HYDRA_PYTHON:-}" ]; then
+    say "preview: using $USDFOLIAGE_HYDRA_PYTHON"
+    return
+  fi
+  make_venv .venv-preview "$(preview_python)" requirements/preview.txt
+}
+
+case "${1:-all}" in
+  packages) install_packages ;;
+  product) build_product ;;
+  preview) build_preview ;;
+  all) install_packages; build_product; build_preview ;;
+  *) fail "usage: tools/bootstrap.sh packages|product|preview|all" ;;
+esac
