@@ -39,7 +39,7 @@ def face_directions(size: int) -> NDArray[np.float64]:
     across = np.linspace(-1.0, 1.0, size)
     normal, right, up = (FACE_AXES[:, k, None, None, :] for k in range(3))
     directions = normal + across[None, None, :, None] * right - across[None, :, None, None] * up
-    return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True))
 
 
 def face_coordinates(
