@@ -1,0 +1,1 @@
+"""UsdValidation validators of the usdFoliage schemas and of the layout of an asset."""
