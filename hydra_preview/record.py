@@ -1,0 +1,220 @@
+"""Draw views of a USD file in Hydra Storm: record.py REQUEST.json RESULT.json, in an interpreter that has USD imaging.
+
+The request and the result are described in README.md. Nothing of usdfoliage is imported: the product lives in another
+interpreter, whose `pxr` cannot share a process with this one's. Progress goes to stdout, `usdfoliage-frame DONE TOTAL`.
+"""
+
+import glob
+import importlib.util
+import json
+import math
+import os
+import sys
+
+PREVIEW_ROOT = "/UsdfoliagePreview"
+
+
+class RecordError(Exception):
+    """Why nothing could be drawn; kind tells the product what to advise."""
+
+    def __init__(self, kind: str, message: str) -> None:
+        super().__init__(message)
+        self.kind = kind
+
+
+def load_usd() -> str:
+    """Make `pxr` with imaging importable, from Blender's wheel where that is installed; returns its version."""
+    specification = importlib.util.find_spec("bpy")
+    try:
+        if specification is not None and specification.origin is not None:
+            import bpy  # noqa: F401  its import loads the libraries that pxr links
+
+            root = os.path.dirname(specification.origin)
+            sys.path.extend(glob.glob(os.path.join(root, "[0-9]*", "python", "lib", "python3*", "site-packages")))
+        from pxr import Usd, UsdAppUtils, UsdImagingGL  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise RecordError("usd", str(error)) from error
+    except ImportError as error:  # a shared library that does not load
+        raise RecordError("library", str(error)) from error
+    return ".".join(str(n) for n in Usd.GetVersion()[1:])
+
+
+def open_stage(path: str):
+    """The stage of a file with everything loaded, editable in its session layer only."""
+    from pxr import Tf, Usd
+
+    try:
+        stage = Usd.Stage.Open(path, Usd.Stage.LoadAll)
+    except Tf.ErrorException as error:
+        # One line of USD's own, without its C++ function and source file.
+        lines = [line.split(" : ", 1)[-1].strip().strip("'") for line in str(error).splitlines() if " : " in line]
+        raise RecordError("file", "; ".join(lines) or "USD cannot open it") from error
+    stage.SetEditTarget(stage.GetSessionLayer())
+    return stage
+
+
+def compute_bound(stage, time, purposes: list[str]):
+    """The world bound of what the purposes show, as an aligned Gf.Range3d of a size above zero."""
+    from pxr import UsdGeom
+
+    def bound_of(wanted):
+        # extentsHint may be wider than what is drawn, or stale: measure.
+        cache = UsdGeom.BBoxCache(time, wanted, useExtentsHint=False)
+        return cache.ComputeWorldBound(stage.GetPseudoRoot()).ComputeAlignedRange()
+
+    bound = bound_of(purposes)
+    if bound.IsEmpty():
+        hidden = [p for p in ("default", "render", "proxy", "guide") if p not in purposes and not bound_of([p]).IsEmpty()]
+        found = f"; it has geometry of purpose {', '.join(hidden)}" if hidden else ""
+        raise RecordError("empty", f"no geometry of purpose {', '.join(purposes)}{found}")
+    numbers = [*bound.GetMin(), *bound.GetMax()]
+    if not all(math.isfinite(n) for n in numbers):
+        raise RecordError("empty", f"its bound is not finite: {numbers}")
+    if bound.GetSize().GetLength() == 0:
+        raise RecordError("empty", f"its bound is a single point, {tuple(bound.GetMin())}")
+    return bound
+
+
+def stage_camera(stage, path: str, time):
+    """The camera prim at a path, as a Gf.Camera."""
+    from pxr import Sdf, UsdGeom
+
+    cameras = [str(prim.GetPath()) for prim in stage.Traverse() if prim.IsA(UsdGeom.Camera)]
+    if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsolutePath() or path not in cameras:
+        there = f"its cameras are {', '.join(cameras)}" if cameras else "it has none"
+        raise RecordError("camera", f"no camera at {path}; {there}")
+    return UsdGeom.Camera(stage.GetPrimAtPath(path)).GetCamera(time)
+
+
+def has_lights(stage) -> bool:
+    from pxr import UsdLux
+
+    return any(prim.HasAPI(UsdLux.LightAPI) for prim in stage.Traverse())
+
+
+def author_lights(stage, camera, z_up: bool, dome_texture: str) -> None:
+    """A soft sky and one key light over the camera's left shoulder, as if the asset turned before a fixed camera."""
+    from pxr import Gf, Sdf, UsdLux
+
+    dome = UsdLux.DomeLight.Define(stage, Sdf.Path(PREVIEW_ROOT).AppendChild("Dome"))
+    dome.CreateTextureFileAttr(dome_texture)
+    dome.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
+    dome.CreateIntensityAttr(1.0)
+    dome.MakeMatrixXform().Set(Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d.XAxis(), 90.0 if z_up else 0.0)))
+    key = UsdLux.DistantLight.Define(stage, Sdf.Path(PREVIEW_ROOT).AppendChild("Key"))
+    key.CreateIntensityAttr(KEY_INTENSITY)
+    key.CreateAngleAttr(2.0)
+    turn = Gf.Rotation(Gf.Vec3d.XAxis(), -KEY_ELEVATION_DEG) * Gf.Rotation(Gf.Vec3d.YAxis(), -KEY_AZIMUTH_DEG)
+    key.MakeMatrixXform().Set(Gf.Matrix4d().SetRotate(turn) * camera.transform.RemoveScaleShear())
+
+
+# Chosen so that white paper that faces the key light comes out just below 1, and a 0.18 grey card near 0.18.
+KEY_INTENSITY = 0.6
+KEY_ELEVATION_DEG = 35.0
+KEY_AZIMUTH_DEG = 35.0
+
+
+def view_cameras(stage, time, request: dict) -> list:
+    """The camera of every view, in order."""
+    from framing import Direction, distance_to_fit, fit_window, frame_orthographic, frame_perspective
+    from pxr import CameraUtil, UsdGeom
+
+    z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
+    bound = None
+    if any("camera" not in view for view in request["views"]):
+        bound = compute_bound(stage, time, request["purposes"])
+
+    def direction_of(view: dict) -> Direction:
+        return Direction(azimuth_rad=view["azimuth_rad"], elevation_rad=view["elevation_rad"])
+
+    shared: dict[str, float] = {}  # views of one group keep one distance, so that a turntable does not pump
+    for view in request["views"]:
+        if "group" in view:
+            needed = distance_to_fit(bound, direction_of(view), z_up, view["width_px"], view["height_px"])
+            shared[view["group"]] = max(needed, shared.get(view["group"], 0.0))
+
+    cameras = []
+    for view in request["views"]:
+        width_px, height_px = view["width_px"], view["height_px"]
+        if "camera" in view:
+            camera = stage_camera(stage, view["camera"], time)
+            CameraUtil.ConformWindow(camera, CameraUtil.Fit, width_px / height_px)
+        elif view["orthographic"]:
+            window = view.get("window") or fit_window(bound, direction_of(view), z_up, width_px, height_px)
+            camera = frame_orthographic(bound, direction_of(view), z_up, tuple(window))
+        else:
+            distance = shared.get(view.get("group", ""))
+            camera = frame_perspective(bound, direction_of(view), z_up, width_px, height_px, distance)
+        cameras.append(camera)
+    return cameras
+
+
+def record_views(request: dict) -> list[dict]:
+    """Draw every view to its EXR (linear, premultiplied alpha); returns what is known of each."""
+    from pxr import Sdf, Tf, Usd, UsdAppUtils, UsdGeom
+
+    stage = open_stage(request["usd_file"])
+    time = Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.Default()
+    z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
+    cameras = view_cameras(stage, time, request)
+    lit = has_lights(stage)
+
+    recorder = UsdAppUtils.FrameRecorder()
+    if not recorder.SetRendererPlugin("HdStormRendererPlugin"):
+        raise RecordError("usd", "this USD has no Storm (HdStormRendererPlugin)")
+    recorder.SetComplexity(request["complexity"])
+    recorder.SetColorCorrectionMode("disabled")  # the product composites in linear light, then encodes sRGB
+    recorder.SetCameraLightEnabled(False)
+    recorder.SetDomeLightVisibility(False)
+    recorder.SetIncludedPurposes([p for p in request["purposes"] if p != "default"])
+
+    drawn = []
+    camera_prim = UsdGeom.Camera.Define(stage, Sdf.Path(PREVIEW_ROOT).AppendChild("Camera"))
+    for number, (view, camera) in enumerate(zip(request["views"], cameras, strict=True)):
+        width_px, height_px = view["width_px"], view["height_px"]
+        # The recorder rounds the height down; a fiftieth of a pixel keeps it from losing a row.
+        camera.verticalAperture = camera.horizontalAperture * (height_px + 0.02) / width_px
+        camera_prim.SetFromCamera(camera, time)
+        if not lit:
+            author_lights(stage, camera, z_up, request["dome_texture"])
+        recorder.SetImageWidth(width_px)
+        try:
+            written = recorder.Record(stage, camera_prim, time, view["exr"])
+        except Tf.ErrorException as error:
+            raise RecordError("draw", f"Storm failed: {str(error).strip()}") from error
+        if not written or not os.path.exists(view["exr"]):
+            raise RecordError("draw", f"Storm wrote no picture {number}")
+        drawn.append(
+            {
+                "stage_from_camera": [list(row) for row in camera.transform],  # USD's row vectors
+                "window": [*camera.frustum.window.min, *camera.frustum.window.max],
+            }
+        )
+        print(f"usdfoliage-frame {number + 1} {len(cameras)}", flush=True)
+    return drawn
+
+
+def main(request_path: str, result_path: str) -> int:
+    with open(request_path, encoding="utf-8") as file:
+        request = json.load(file)
+    try:
+        version = load_usd()
+        from gl_context import ContextError, make_context
+
+        try:
+            display = make_context()
+        except ContextError as error:
+            raise RecordError("gl", str(error)) from error
+        result = {"usd_version": version, "egl_display": display, "views": record_views(request)}
+    except RecordError as error:
+        result = {"error": {"kind": error.kind, "message": str(error)}}
+    with open(result_path, "w", encoding="utf-8") as file:
+        json.dump(result, file)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Storm's and Blender's clean-up after the context is gone may crash a process that has done its work.
+    os._exit(1 if "error" in result else 0)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

@@ -1,0 +1,517 @@
+"""Pictures of a USD file, drawn by Hydra Storm in the preview interpreter, a process of its own.
+
+The request and the result are JSON files, pictures come back as linear EXR; hydra_preview/README.md describes both.
+"""
+
+import json
+import logging
+import math
+import os
+import re
+import selectors
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.errors import PreviewError
+from usdfoliage.geometry.color import decode_srgb, encode_srgb
+
+logger = logging.getLogger(__name__)
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+RECORDER = REPOSITORY / "hydra_preview" / "record.py"
+INTERPRETER_VARIABLE = "USDFOLIAGE_HYDRA_PYTHON"
+USD_SUFFIXES = (".usda", ".usdc", ".usd", ".usdz")
+
+COMPLEXITIES: Mapping[str, float] = MappingProxyType({"low": 1.0, "medium": 1.1, "high": 1.2, "veryhigh": 1.3})
+PURPOSES = ("default", "render", "proxy", "guide")
+
+# (azimuth, elevation) in radians of where the camera stands: azimuth 0 before the front, growing towards +X.
+DIRECTIONS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "front": (0.0, 0.0),
+        "right": (math.pi / 2, 0.0),
+        "back": (math.pi, 0.0),
+        "left": (-math.pi / 2, 0.0),
+        "top": (0.0, math.pi / 2),
+        "bottom": (0.0, -math.pi / 2),
+        "three-quarter": (math.radians(35.0), math.radians(12.0)),
+        "turntable": (0.0, math.radians(8.0)),
+    }
+)
+
+MIN_SIDE_PX = 16
+MAX_SIDE_PX = 8192
+MAX_PIXELS = 1 << 25  # Storm keeps about 60 bytes of each
+SHEET_WIDTH_PX = 1920
+
+DEBIAN_GL = "apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
+DEBIAN_LIBRARIES: Mapping[str, str] = MappingProxyType(
+    {
+        "libEGL": "libegl1",
+        "libGL": "libgl1",
+        "libX11": "libx11-6",
+        "libXext": "libxext6",
+        "libXi": "libxi6",
+        "libXfixes": "libxfixes3",
+        "libXrender": "libxrender1",
+        "libxkbcommon": "libxkbcommon0",
+        "libSM": "libsm6",
+        "libICE": "libice6",
+    }
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreviewSettings:
+    """How the pictures are drawn."""
+
+    width_px: int = 960
+    height_px: int = 960
+    complexity: str = "high"  # how finely subdivision surfaces are drawn
+    background: tuple[float, float, float] | None = (0.36, 0.37, 0.38)  # sRGB as displayed, 0 to 1; None: transparent
+    purposes: tuple[str, ...] = ("default", "render")
+    stall_timeout_s: float = 300.0  # without a frame for so long, Storm is taken to hang
+
+    def __post_init__(self) -> None:
+        check_size(self.width_px, self.height_px)
+        if self.complexity not in COMPLEXITIES:
+            raise ValueError(f"complexity must be one of {', '.join(COMPLEXITIES)}, not {self.complexity!r}")
+        if self.background is not None and not all(0 <= c <= 1 for c in self.background):
+            raise ValueError(f"background must be three numbers from 0 to 1, not {self.background}")
+        unknown = set(self.purposes) - set(PURPOSES)
+        if unknown or not self.purposes:
+            raise ValueError(f"purposes must be some of {', '.join(PURPOSES)}, not {', '.join(self.purposes) or 'none'}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreviewView:
+    """One picture: what is looked at from where."""
+
+    output: Path  # PNG
+    direction: str = "front"  # a key of DIRECTIONS
+    turn_rad: float = 0.0  # added to the direction's azimuth
+    camera: str | None = None  # path of a camera prim, which then decides instead of the direction
+    orthographic: bool = False  # no perspective, so that silhouettes can be compared
+    window: tuple[float, float, float, float] | None = None  # left, right, bottom, top of it, in the stage's unit
+    size_px: tuple[int, int] | None = None  # (width, height), where it is not the settings'
+    group: str | None = None  # perspective views of one group are drawn from one distance
+
+    def __post_init__(self) -> None:
+        if self.direction not in DIRECTIONS:
+            raise ValueError(f"direction must be one of {', '.join(DIRECTIONS)}, not {self.direction!r}")
+        if self.window is not None:
+            left, right, bottom, top = self.window
+            if not self.orthographic or self.camera is not None:
+                raise ValueError("a window needs an orthographic view and no camera")
+            if not (left < right and bottom < top):
+                raise ValueError(f"window must be (left, right, bottom, top), not {self.window}")
+        if self.size_px is not None:
+            check_size(*self.size_px)
+
+
+def check_size(width_px: int, height_px: int) -> None:
+    """Raises ValueError for a picture that is too small to show anything or too large for OpenGL."""
+    if not (MIN_SIDE_PX <= width_px <= MAX_SIDE_PX and MIN_SIDE_PX <= height_px <= MAX_SIDE_PX):
+        raise ValueError(f"a side must have {MIN_SIDE_PX} to {MAX_SIDE_PX} pixels, not {width_px} x {height_px}")
+    if width_px * height_px > MAX_PIXELS:
+        raise ValueError(f"{width_px} x {height_px} are more than {MAX_PIXELS} pixels; use smaller sides")
+
+
+def find_asset_file(asset: Path) -> Path:
+    """The USD file that an asset folder or a file name means.
+
+    Raises:
+        PreviewError: There is none, or several.
+    """
+    if asset.is_dir():
+        files = sorted(p for p in asset.iterdir() if p.suffix in USD_SUFFIXES and p.is_file())
+        if len(files) != 1:
+            found = ", ".join(p.name for p in files) or "none"
+            raise PreviewError(f"an asset folder has exactly one USD file at its top, here: {found} ({asset})")
+        return files[0]
+    if not asset.exists():
+        raise PreviewError(f"no such file or folder ({asset})")
+    if asset.suffix not in USD_SUFFIXES:
+        raise PreviewError(f"not a USD file, which ends in {', '.join(USD_SUFFIXES)} ({asset})")
+    return asset
+
+
+def find_interpreter() -> Path:
+    """The Python whose USD has imaging: USDFOLIAGE_HYDRA_PYTHON, else the repository's .venv-preview.
+
+    Raises:
+        PreviewError: It is not there.
+    """
+    chosen = os.environ.get(INTERPRETER_VARIABLE)
+    if chosen:
+        python = Path(chosen)
+        if not os.access(python, os.X_OK) or python.is_dir():
+            raise PreviewError(f"{INTERPRETER_VARIABLE} names no program that can be started ({python}); correct it")
+        return python
+    python = REPOSITORY / ".venv-preview" / "bin" / "python"
+    if not os.access(python, os.X_OK):
+        raise PreviewError(
+            f"the preview interpreter is missing ({python}); run `make setup`, "
+            f"or set {INTERPRETER_VARIABLE} to a Python whose USD has imaging"
+        )
+    return python
+
+
+def render_views(
+    usd_file: Path,
+    views: Sequence[PreviewView],
+    settings: PreviewSettings = PreviewSettings(),
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Draw views of a USD file, all by one start of the preview interpreter.
+
+    All pictures are put in place after the last one is drawn, so a failure leaves older ones as they were.
+
+    Returns:
+        The outputs of the views, in their order.
+
+    Raises:
+        ValueError: No views.
+        PreviewError: The interpreter or OpenGL is missing or failed, the file cannot be drawn, or nothing is to be seen.
+    """
+    if not views:
+        raise ValueError("there are no views to draw")
+    pictures = draw_views(usd_file, views, settings, progress)
+    encoded = [encode_png(finish_picture(picture, settings.background)) for picture in pictures]
+    outputs = [view.output for view in views]
+    _write_together(list(zip(outputs, encoded, strict=True)))
+    return outputs
+
+
+def render_turntable(
+    usd_file: Path,
+    output: Path,
+    frames: int,
+    settings: PreviewSettings = PreviewSettings(),
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Draw the asset from all around: frames NAME_000.png … beside output NAME.png, which is the contact sheet.
+
+    Returns:
+        The frames in order, then the sheet.
+
+    Raises:
+        ValueError: frames is below 2.
+        PreviewError: As render_views.
+    """
+    if frames < 2:
+        raise ValueError(f"a turntable needs at least 2 frames, not {frames}")
+    digits = max(3, len(str(frames - 1)))
+    views = [
+        PreviewView(
+            output=output.with_name(f"{output.stem}_{number:0{digits}}{output.suffix}"),
+            direction="turntable",
+            turn_rad=2 * math.pi * number / frames,
+            group="turntable",
+        )
+        for number in range(frames)
+    ]
+    pictures = draw_views(usd_file, views, settings, progress)
+    sheet = encode_png(finish_picture(arrange_sheet(pictures), settings.background))
+    encoded = [encode_png(finish_picture(picture, settings.background)) for picture in pictures]
+    outputs = [*(view.output for view in views), output]
+    _write_together(list(zip(outputs, [*encoded, sheet], strict=True)))
+    return outputs
+
+
+def draw_views(
+    usd_file: Path,
+    views: Sequence[PreviewView],
+    settings: PreviewSettings,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[NDArray[np.float32]]:
+    """What Storm draws: for each view (height, width, 4) float32, linear Rec.709, premultiplied by alpha, row 0 on top.
+
+    Raises:
+        PreviewError: As render_views.
+    """
+    if not usd_file.is_file():
+        raise PreviewError(f"no such file ({usd_file})")
+    with tempfile.TemporaryDirectory(prefix="usdfoliage-preview-") as name:
+        work = Path(name)
+        request = _build_request(usd_file, views, settings, work)
+        started = time.monotonic()
+        result = _run_recorder(request, work, settings.stall_timeout_s, progress)
+        logger.info(
+            "Storm (USD %s) drew %d views in %.1f s", result["usd_version"], len(views), time.monotonic() - started
+        )
+        pictures = [_read_exr(work / f"{number}.exr") for number in range(len(views))]
+    for view, picture in zip(views, pictures, strict=True):
+        expected = (*(view.size_px or (settings.width_px, settings.height_px))[::-1], 4)
+        if picture.shape != expected:
+            raise PreviewError(f"Storm drew {picture.shape}, not {expected} as asked ({usd_file})")
+        if not picture[..., 3].any():
+            if view.camera is None:
+                raise PreviewError(f"Storm drew nothing from the direction {view.direction} ({usd_file}); see its warnings")
+            logger.warning("the camera %s sees nothing (%s)", view.camera, usd_file)
+    return pictures
+
+
+def finish_picture(
+    picture: NDArray[np.float32], background: tuple[float, float, float] | None
+) -> NDArray[np.uint8]:
+    """An 8-bit sRGB picture: (H, W, 3) over a background (sRGB, 0 to 1), or (H, W, 4) with straight alpha for None."""
+    alpha = np.clip(picture[..., 3:], 0.0, 1.0)
+    if background is None:
+        straight = picture[..., :3] / np.maximum(alpha, 1e-6)
+        finished = np.concatenate([encode_srgb(straight), alpha], axis=-1)
+    else:
+        behind = decode_srgb(np.array(background, np.float32))
+        finished = encode_srgb(picture[..., :3] + (1 - alpha) * behind)
+    return np.asarray(np.rint(np.clip(finished, 0.0, 1.0) * 255), np.uint8)
+
+
+def arrange_sheet(pictures: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """A contact sheet: pictures of one size (H, W, 4) in rows, from left to right, shrunk to 1920 pixels at most."""
+    import cv2
+
+    columns = math.ceil(math.sqrt(len(pictures)))
+    rows = math.ceil(len(pictures) / columns)
+    height, width = pictures[0].shape[:2]
+    scale = min(1.0, SHEET_WIDTH_PX / (columns * width))
+    tile = max(1, round(width * scale)), max(1, round(height * scale))
+    sheet = np.zeros((rows * tile[1], columns * tile[0], 4), np.float32)
+    for number, picture in enumerate(pictures):
+        row, column = divmod(number, columns)
+        small = cv2.resize(picture, tile, interpolation=cv2.INTER_AREA)
+        sheet[row * tile[1] : (row + 1) * tile[1], column * tile[0] : (column + 1) * tile[0]] = small
+    return sheet
+
+
+def encode_png(picture: NDArray[np.uint8]) -> bytes:
+    """PNG bytes of (H, W, 3) RGB or (H, W, 4) RGBA."""
+    import cv2
+
+    order = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
+    _, data = cv2.imencode(".png", cv2.cvtColor(picture, order))
+    return bytes(data)
+
+
+def _write_together(files: Sequence[tuple[Path, bytes]]) -> None:
+    """Write all files beside their places, then rename all."""
+    written: list[Path] = []
+    try:
+        for path, data in files:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+            written.append(temporary)
+            temporary.write_bytes(data)
+        for (path, _), temporary in zip(files, written, strict=True):
+            temporary.replace(path)
+    except OSError as error:
+        raise PreviewError(f"cannot write the picture: {error.strerror} ({error.filename})") from error
+    finally:
+        for temporary in written:
+            temporary.unlink(missing_ok=True)
+
+
+def _build_request(
+    usd_file: Path, views: Sequence[PreviewView], settings: PreviewSettings, work: Path
+) -> dict[str, Any]:
+    dome = work / "dome.exr"
+    _write_dome(dome)
+    requested: list[dict[str, Any]] = []
+    for number, view in enumerate(views):
+        width_px, height_px = view.size_px or (settings.width_px, settings.height_px)
+        azimuth_rad, elevation_rad = DIRECTIONS[view.direction]
+        entry: dict[str, Any] = {
+            "exr": str(work / f"{number}.exr"),
+            "width_px": width_px,
+            "height_px": height_px,
+            "azimuth_rad": azimuth_rad + view.turn_rad,
+            "elevation_rad": elevation_rad,
+            "orthographic": view.orthographic,
+        }
+        if view.camera is not None:
+            entry["camera"] = view.camera
+        if view.window is not None:
+            entry["window"] = view.window
+        if view.group is not None:
+            entry["group"] = view.group
+        requested.append(entry)
+    return {
+        "usd_file": str(usd_file.resolve()),
+        "complexity": COMPLEXITIES[settings.complexity],
+        "purposes": list(settings.purposes),
+        "dome_texture": str(dome),
+        "views": requested,
+    }
+
+
+def _write_dome(path: Path) -> None:
+    """A soft overcast sky as a latitude-longitude picture: brightest above, half as bright at the horizon, ground below."""
+    import OpenEXR
+
+    rows, columns = 64, 128
+    height = np.sin(np.pi * (0.5 - (np.arange(rows) + 0.5) / rows))  # sine of the elevation of each row
+    # CIE overcast sky (Moon and Spencer 1942): (1 + 2 sin e) / 3; below the horizon, ground that reflects a quarter.
+    radiance = np.where(height > 0, (1 + 2 * height) / 3, 0.25 * 7 / 9)
+    blend = np.clip(height / 0.1 * 0.5 + 0.5, 0, 1)  # a soft horizon, without ringing in the prefiltered light
+    radiance = np.where(np.abs(height) < 0.1, 0.25 * 7 / 9 * (1 - blend) + 0.4 * blend, radiance)
+    picture = np.repeat(np.repeat(radiance[:, None, None], columns, axis=1), 3, axis=2).astype(np.float32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": picture}).write(str(path))
+
+
+def _read_exr(path: Path) -> NDArray[np.float32]:
+    import OpenEXR
+
+    with OpenEXR.File(str(path)) as file:
+        return np.asarray(file.channels()["RGBA"].pixels, np.float32)
+
+
+def _run_recorder(
+    request: dict[str, Any], work: Path, stall_timeout_s: float, progress: Callable[[int, int], None] | None
+) -> dict[str, Any]:
+    """Start the preview interpreter on a request; returns its result, with its complaints logged.
+
+    Raises:
+        PreviewError: It is missing, hangs, crashes, refuses, or could not compile a shader.
+    """
+    python = find_interpreter()
+    if not RECORDER.is_file():
+        raise PreviewError(f"the recorder is missing ({RECORDER}); run usdfoliage from its repository")
+    request_file, result_file, complaints_file = work / "request.json", work / "result.json", work / "stderr.txt"
+    request_file.write_text(json.dumps(request), encoding="utf-8")
+    with complaints_file.open("wb") as complaints:
+        try:
+            process = subprocess.Popen(
+                [str(python), str(RECORDER), str(request_file), str(result_file)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=complaints,
+                cwd=work,
+                env=_recorder_environment(),
+            )
+        except OSError as error:
+            raise PreviewError(f"the preview interpreter cannot be started: {error.strerror} ({python})") from error
+        try:
+            _follow_progress(process, stall_timeout_s, progress)
+        finally:
+            process.kill()  # does nothing to one that has ended
+            process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+    text = complaints_file.read_text(encoding="utf-8", errors="replace")
+    if not result_file.is_file():
+        raise PreviewError(_describe_crash(process.returncode, text, python))
+    result: dict[str, Any] = json.loads(result_file.read_text(encoding="utf-8"))
+    if "error" in result:
+        raise PreviewError(_describe_refusal(result["error"]["kind"], result["error"]["message"], request["usd_file"]))
+    faults, warnings = sort_complaints(text)
+    for warning in warnings:
+        logger.warning("Storm: %s (%s)", warning, request["usd_file"])
+    if faults:
+        raise PreviewError(f"Storm could not draw all of it: {'; '.join(faults)} ({request['usd_file']})")
+    return result
+
+
+def _recorder_environment() -> dict[str, str]:
+    environment = dict(os.environ)
+    if not environment.get(INTERPRETER_VARIABLE):
+        # .venv-preview is complete; another pxr on PYTHONPATH would shadow its own.
+        for name in ("PYTHONPATH", "PYTHONHOME"):
+            environment.pop(name, None)
+        environment["PYTHONNOUSERSITE"] = "1"
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"
+    return environment
+
+
+def _follow_progress(
+    process: subprocess.Popen[bytes], stall_timeout_s: float, progress: Callable[[int, int], None] | None
+) -> None:
+    """Read stdout to its end, reporting each frame; raises PreviewError after too long a silence."""
+    assert process.stdout is not None
+    pending = b""
+    deadline = time.monotonic() + stall_timeout_s
+    with selectors.DefaultSelector() as selector:
+        selector.register(process.stdout, selectors.EVENT_READ)
+        while True:
+            if not selector.select(max(0.0, deadline - time.monotonic())):
+                raise PreviewError(
+                    f"Storm drew no picture within {stall_timeout_s:g} s; a smaller --size or a lower --complexity is faster"
+                )
+            data = os.read(process.stdout.fileno(), 65536)
+            if not data:
+                break
+            *lines, pending = (pending + data).split(b"\n")
+            for line in lines:
+                frame = re.fullmatch(rb".*usdfoliage-frame (\d+) (\d+)", line)
+                if frame is not None:
+                    deadline = time.monotonic() + stall_timeout_s
+                    if progress is not None:
+                        progress(int(frame[1]), int(frame[2]))
+    process.wait(timeout=60)
+
+
+# Lines that mean a missing prim, and lines that mean nothing to anybody.
+_FAULT = re.compile(r"failed to compile|failed to link|compile shader|GLSL.*error|program link", re.IGNORECASE)
+_HARMLESS = re.compile(
+    r"mip level \d+ does not exist|XDG_RUNTIME_DIR|^Info: |Blender quit|Color management: |Dome light has no texture",
+    re.IGNORECASE,
+)
+_DIAGNOSTIC = re.compile(r"^(?:Warning|Error|Runtime Error|Coding Error|Fatal Error|Status)\b.*? -- (.*)$")
+
+
+def sort_complaints(text: str) -> tuple[list[str], list[str]]:
+    """The stderr of Storm as (faults, which leave prims undrawn; warnings), each said once and without C++ places."""
+    faults: list[str] = []
+    warnings: list[str] = []
+    for raw in text.splitlines():
+        line = raw.strip()
+        if not line or _HARMLESS.search(line):
+            continue
+        diagnostic = _DIAGNOSTIC.match(line)
+        message = diagnostic[1] if diagnostic else line
+        if _FAULT.search(message):
+            kind = faults
+        elif diagnostic or re.search(r"error|fail|warn|invalid|cannot|could not", message, re.IGNORECASE):
+            kind = warnings
+        else:
+            continue
+        if message not in kind:
+            kind.append(message)
+    return faults, warnings
+
+
+def _describe_refusal(kind: str, message: str, usd_file: str) -> str:
+    """The recorder's error with what to do about it."""
+    if kind == "gl":
+        return f"{message}; install OpenGL (Debian: {DEBIAN_GL})"
+    if kind == "library":
+        library = re.match(r"(lib\w+)[.\w-]*: cannot open shared object", message)
+        package = DEBIAN_LIBRARIES.get(library[1]) if library else None
+        return f"the preview interpreter lacks a library: {message}; " + (
+            f"install it (Debian: apt-get install {package})" if package else "run `make setup`"
+        )
+    if kind == "usd":
+        return (
+            f"the preview interpreter has no USD with imaging: {message}; run `make setup`, "
+            f"or set {INTERPRETER_VARIABLE} to a Python that has"
+        )
+    return f"{message} ({usd_file})"
+
+
+def _describe_crash(code: int, complaints: str, python: Path) -> str:
+    if code < 0:
+        ended = f"was ended by {signal.Signals(-code).name}"
+    else:
+        ended = f"ended with code {code}"
+    lines = [line.strip() for line in complaints.splitlines() if line.strip()]
+    last = f"; its last words: {lines[-1]}" if lines else ""
+    return f"the preview interpreter {ended} without a result{last} ({python})"
