@@ -1,0 +1,44 @@
+"""One USD layer of an asset: how it begins, how it reaches the disk."""
+
+import uuid
+from pathlib import Path
+
+from pxr import Sdf, Tf, Usd, UsdGeom
+
+from usdfoliage.errors import AssetError
+
+
+def new_layer(path: Path, name: str) -> Usd.Stage:
+    """An empty stage for the layer at path: metres, Y up, the default prim /name, an Xform.
+
+    It stays in memory until export_layer, so a layer on the disk is whole or absent. Relative paths authored in it
+    count from path's folder; payloads are not loaded.
+    """
+    # Under a name of its own: path itself may be open in this process, with what it held before.
+    identifier = path.absolute().with_name(f".{uuid.uuid4().hex}{path.suffix}")
+    layer = Sdf.Layer.New(Sdf.FileFormat.FindByExtension(path.suffix), str(identifier))
+    stage = Usd.Stage.Open(layer, Usd.Stage.LoadNone)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetDefaultPrim(stage.DefinePrim(f"/{name}", "Xform"))
+    return stage
+
+
+def export_layer(stage: Usd.Stage, path: Path) -> None:
+    """Write the stage's root layer; path's suffix chooses text (.usda) or crate (.usdc).
+
+    Raises:
+        AssetError: The file cannot be written.
+    """
+    try:
+        written = stage.GetRootLayer().Export(str(path))
+    except Tf.ErrorException as error:
+        raise AssetError(f"{path} cannot be written: {error}") from error
+    if not written:
+        raise AssetError(f"{path} cannot be written; is the disk full, or the folder read-only?")
+
+
+def author_scopes(stage: Usd.Stage, path: Sdf.Path) -> None:
+    """Define path and what is between it and the default prim as Scopes."""
+    for prefix in path.GetPrefixes()[1:]:
+        UsdGeom.Scope.Define(stage, prefix)

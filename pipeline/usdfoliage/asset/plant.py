@@ -1,0 +1,68 @@
+"""The plant itself: the root prim of an asset, as the interface layer describes it."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom
+
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.schema import PLANT_API
+
+CROWN = "geo/proxy/Crown"  # below the root prim
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plant:
+    """What the root prim says, whatever the asset holds."""
+
+    provenance: Provenance
+    asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors
+    extent_m: NDArray[np.float64]  # (2, 3), smallest and largest corner of everything below
+    has_crown: bool
+    version: str  # of the asset
+
+
+def asset_name(text: str) -> str:
+    """A prim and file name from what a user or a folder calls the asset: "5 oaks" becomes "_5_oaks".
+
+    Letters of any alphabet stay; what USD does not allow in an identifier becomes an underscore. Empty text, or text of
+    nothing else, gives "plant".
+    """
+    name = "".join(c if c == "_" or c.isalnum() else "_" for c in text)
+    if name[:1].isdigit():
+        name = f"_{name}"
+    if not Sdf.Path.IsValidIdentifier(name):
+        name = Tf.MakeValidIdentifier(text) if text else ""
+    return name if re.search(r"[^_]", name) else "plant"
+
+
+def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
+    """Make the prim at path a component with the facts of the plant, inheriting the class /__class__/<its name>."""
+    name = path.name
+    for prefix in Sdf.Path(f"/__class__/{name}").GetPrefixes():
+        stage.CreateClassPrim(prefix)
+    prim = UsdGeom.Xform.Define(stage, path).GetPrim()
+    prim.GetInherits().AddInherit(f"/__class__/{name}")
+
+    model = Usd.ModelAPI(prim)
+    model.SetKind(Kind.Tokens.component)
+    model.SetAssetIdentifier(Sdf.AssetPath(f"./{name}.usda"))
+    model.SetAssetName(name)
+    model.SetAssetVersion(plant.version)
+    UsdGeom.ModelAPI.Apply(prim).SetExtentsHint([Gf.Vec3f(*map(float, corner)) for corner in plant.extent_m])
+
+    prim.AddAppliedSchema(PLANT_API)
+    facts = (
+        ("foliage:species", Sdf.ValueTypeNames.String, plant.provenance.species),
+        ("foliage:capture", Sdf.ValueTypeNames.String, plant.provenance.capture),
+        ("foliage:generator", Sdf.ValueTypeNames.String, plant.provenance.generator),
+        # USD multiplies row vectors from the left.
+        ("foliage:captureToAsset", Sdf.ValueTypeNames.Matrix4d, Gf.Matrix4d(plant.asset_from_capture.T.tolist())),
+    )
+    for attribute, value_type, value in facts:
+        prim.CreateAttribute(attribute, value_type, custom=False).Set(value)
+    if plant.has_crown:
+        prim.CreateRelationship("foliage:crown", custom=False).SetTargets([path.AppendPath(CROWN)])
+    return prim

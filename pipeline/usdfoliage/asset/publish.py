@@ -1,0 +1,274 @@
+"""A folder that appears whole, or not at all.
+
+Everything is written into a hidden sibling of the output folder, on the same file system, and takes its place in one
+rename. The names of a run's files beside ``oak``::
+
+    .oak.TOKEN.usdfoliage-lock   locked (flock) while the run lives, so that the next can tell a killed one
+    .oak.TOKEN.usdfoliage-new    what the run has written so far; after the exchange, what it replaces
+    .oak.TOKEN.usdfoliage-old    only where a file system cannot exchange two folders: the old one, for an instant
+
+A killed run leaves some of them. The next run for the same folder puts a stranded old folder back, if that is all there
+is, and removes the rest.
+"""
+
+import ctypes
+import errno
+import fcntl
+import logging
+import os
+import re
+import shutil
+import sys
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pxr import Sdf, Tf
+
+from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
+from usdfoliage.errors import AssetError
+
+logger = logging.getLogger(__name__)
+
+_LOCK, _NEW, _OLD = "usdfoliage-lock", "usdfoliage-new", "usdfoliage-old"
+_USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+_AT_FDCWD = -100
+_RENAME_EXCHANGE = 2
+# What renameat2 says where the kernel or the file system does not know it.
+_NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EPERM)
+
+
+@contextmanager
+def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
+    """Give the body an empty folder to write into; when it ends well, that folder is out.
+
+    Until then out is as it was, whatever happens: an exception, a full disk, a kill. What was in out before is gone
+    afterwards, so out must be an asset of ours, empty or absent.
+
+    Args:
+        out: The folder to make or to replace. A symbolic link stays, and what it points to is replaced.
+        force: Replace a folder that is not ours too.
+
+    Raises:
+        AssetError: out is a file, somebody else's folder, or cannot be written; or the body raised OSError.
+    """
+    try:
+        target = _resolve(out)
+        made = _make_parents(target.parent)
+    except OSError as error:
+        raise AssetError(f"{out} cannot be written: {error.strerror}; nothing was written") from error
+    try:
+        lock, new = _begin(target)
+        try:
+            _recover(target)
+            _check_replaceable(out, target, force)
+            yield new
+            _flush(new)
+            if target.exists():
+                shutil.copymode(target, new)
+            # Somebody may have put something there meanwhile.
+            _check_replaceable(out, target, force)
+            _take_place(new, target)
+            made = []
+        finally:
+            _remove(new)
+            _end(lock, target)
+    except OSError as error:
+        raise AssetError(_explain(out, target, error)) from error
+    finally:
+        for folder in reversed(made):
+            if not any(folder.iterdir()):
+                folder.rmdir()
+
+
+def is_asset_folder(folder: Path) -> bool:
+    """Whether exactly one USD file stands at the top of folder and usdfoliage wrote it."""
+    layers = [path for path in folder.iterdir() if path.suffix.lower() in _USD_SUFFIXES]
+    if len(layers) != 1 or not layers[0].is_file():
+        return False
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(layers[0]), metadataOnly=True)
+    except Tf.ErrorException:
+        return False
+    return layer is not None and CUSTOM_DATA_KEY in layer.customLayerData
+
+
+def _resolve(out: Path) -> Path:
+    """The folder that out names, behind symbolic links."""
+    try:
+        out.lstat()
+    except FileNotFoundError:
+        return Path(os.path.realpath(out))
+    try:
+        return Path(os.path.realpath(out, strict=True))
+    except FileNotFoundError as error:
+        raise AssetError(f"{out} is a symbolic link to {out.readlink()}, which is missing; remove the link") from error
+    except OSError as error:
+        raise AssetError(f"{out} cannot be followed: {error.strerror}; name a folder") from error
+
+
+def _make_parents(parent: Path) -> list[Path]:
+    """Create the folders that are missing above the output; returns those, outermost first."""
+    missing = []
+    while not parent.exists():
+        missing.append(parent)
+        parent = parent.parent
+    for folder in reversed(missing):
+        folder.mkdir()
+    return missing[::-1]
+
+
+def _check_replaceable(out: Path, target: Path, force: bool) -> None:
+    if not target.exists():
+        return
+    if not target.is_dir():
+        raise AssetError(f"{out} is a file; name a folder for the asset")
+    if not any(target.iterdir()) or is_asset_folder(target):
+        return
+    if not force:
+        raise AssetError(
+            f"{out} is a folder with other things than one asset of usdfoliage, and would be replaced; "
+            "name another folder, or use --force to lose what is in it"
+        )
+    here = Path.cwd()
+    if target in (here, *here.parents) or target in (Path.home(), *Path.home().parents):
+        raise AssetError(f"{out} holds the home or the current folder, which --force does not replace")
+
+
+def _begin(target: Path) -> tuple[int, Path]:
+    """Lock a fresh token and make its folder; returns the lock's descriptor and the folder."""
+    while True:
+        token = uuid.uuid4().hex[:12]
+        lock_path = _sibling(target, token, _LOCK)
+        lock = os.open(lock_path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        # Before the lock held, a run that cleans up may have taken the file for a dead run's, and removed it.
+        if lock_path.exists() and os.path.samestat(os.fstat(lock), lock_path.stat()):
+            break
+        os.close(lock)
+    new = _sibling(target, token, _NEW)
+    try:
+        new.mkdir()
+    except OSError:
+        lock_path.unlink()
+        os.close(lock)
+        raise
+    return lock, new
+
+
+def _end(lock: int, target: Path) -> None:
+    for lock_path, _ in _runs(target):
+        if lock_path.exists() and os.path.samestat(os.fstat(lock), lock_path.stat()):
+            lock_path.unlink()
+    os.close(lock)
+
+
+def _sibling(target: Path, token: str, what: str) -> Path:
+    return target.with_name(f".{target.name}.{token}.{what}")
+
+
+def _runs(target: Path) -> list[tuple[Path, str]]:
+    """The lock file and the token of every run for target, living or killed."""
+    pattern = re.compile(rf"\.{re.escape(target.name)}\.([0-9a-f]{{12}})\.{_LOCK}")
+    matches = [(path, pattern.fullmatch(path.name)) for path in target.parent.iterdir()]
+    return sorted((path, match.group(1)) for path, match in matches if match)
+
+
+def _recover(target: Path) -> None:
+    """Put back or remove what killed runs left."""
+    for lock_path, token in _runs(target):
+        try:
+            lock = os.open(lock_path, os.O_RDWR)
+        except FileNotFoundError:
+            continue  # that run has just ended
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            continue  # that run lives
+        else:
+            old = _sibling(target, token, _OLD)
+            if old.exists() and not target.exists():
+                logger.warning("%s was left aside by a killed run; putting it back", target)
+                old.rename(target)
+            _remove(old)
+            _remove(_sibling(target, token, _NEW))
+            lock_path.unlink(missing_ok=True)
+        finally:
+            os.close(lock)
+
+
+def _take_place(new: Path, target: Path) -> None:
+    """Put new where target is, in one step where the system can; what was there is removed."""
+    old = new.with_name(new.name.removesuffix(_NEW) + _OLD)
+    while True:
+        try:
+            if not target.exists():
+                new.rename(target)
+            elif _exchange(new, target):
+                pass  # what was there is now called new, and goes with it
+            else:
+                target.rename(old)
+                new.rename(target)
+            break
+        except FileNotFoundError:
+            if target.exists() or not new.exists():
+                raise
+        except OSError as error:
+            # Another run has put its asset there in between: ours replaces it.
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST) or not new.exists():
+                raise
+            _remove(old)
+    _sync(target.parent)
+    _remove(old)
+
+
+def _exchange(first: Path, second: Path) -> bool:
+    """Swap two folders atomically; False where the system cannot."""
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None) if sys.platform == "linux" else None
+    if rename is None:
+        return False
+    if rename(_AT_FDCWD, os.fsencode(first), _AT_FDCWD, os.fsencode(second), _RENAME_EXCHANGE) == 0:
+        return True
+    code = ctypes.get_errno()
+    if code in _NO_EXCHANGE:
+        return False
+    raise OSError(code, os.strerror(code), str(second))
+
+
+def _flush(folder: Path) -> None:
+    """Make sure that every file and name in folder is on the disk: the rename must not overtake them."""
+    for path, folders, files in os.walk(folder, topdown=False):
+        for name in files:
+            _sync(Path(path) / name)
+        for name in folders:
+            _sync(Path(path) / name)
+    _sync(folder)
+
+
+def _sync(path: Path) -> None:
+    if path.is_symlink():
+        return
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _remove(folder: Path) -> None:
+    if folder.exists():
+        shutil.rmtree(folder, ignore_errors=True)
+        if folder.exists():
+            logger.warning("%s is no longer needed and could not be removed", folder)
+
+
+def _explain(out: Path, target: Path, error: OSError) -> str:
+    what = f"{out} was not written: {error.strerror or error}"
+    if error.filename:
+        what += f" ({error.filename})"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return (
+            f"{what}; {shutil.disk_usage(target.parent).free / 1e6:.0f} MB are free there; what was there is unchanged"
+        )
+    return f"{what}; what was there is unchanged"
