@@ -4,14 +4,20 @@ The request and the result are described in README.md. Nothing of usdfoliage is 
 interpreter, whose `pxr` cannot share a process with this one's. Progress goes to stdout, `usdfoliage-frame DONE TOTAL`.
 """
 
-import glob
 import importlib.util
 import json
 import math
 import os
 import sys
+from pathlib import Path
 
 PREVIEW_ROOT = "/UsdfoliagePreview"
+
+# Chosen so that white that faces the key light comes out just below 1 and is not below 0.2 anywhere. (Storm scales a
+# distant light's intensity down by some thousands.)
+KEY_INTENSITY = 1000.0
+KEY_ELEVATION_DEG = 35.0  # above and to the left of the camera's view
+KEY_AZIMUTH_DEG = 35.0
 
 
 class RecordError(Exception):
@@ -29,8 +35,8 @@ def load_usd() -> str:
         if specification is not None and specification.origin is not None:
             import bpy  # noqa: F401  its import loads the libraries that pxr links
 
-            root = os.path.dirname(specification.origin)
-            sys.path.extend(glob.glob(os.path.join(root, "[0-9]*", "python", "lib", "python3*", "site-packages")))
+            packages = Path(specification.origin).parent.glob("[0-9]*/python/lib/python3*/site-packages")
+            sys.path.extend(str(folder) for folder in packages)
         from pxr import Usd, UsdAppUtils, UsdImagingGL  # noqa: F401
     except ModuleNotFoundError as error:
         raise RecordError("usd", str(error)) from error
@@ -64,7 +70,9 @@ def compute_bound(stage, time, purposes: list[str]):
 
     bound = bound_of(purposes)
     if bound.IsEmpty():
-        hidden = [p for p in ("default", "render", "proxy", "guide") if p not in purposes and not bound_of([p]).IsEmpty()]
+        hidden = [
+            p for p in ("default", "render", "proxy", "guide") if p not in purposes and not bound_of([p]).IsEmpty()
+        ]
         found = f"; it has geometry of purpose {', '.join(hidden)}" if hidden else ""
         raise RecordError("empty", f"no geometry of purpose {', '.join(purposes)}{found}")
     numbers = [*bound.GetMin(), *bound.GetMax()]
@@ -106,12 +114,6 @@ def author_lights(stage, camera, z_up: bool, dome_texture: str) -> None:
     key.CreateAngleAttr(2.0)
     turn = Gf.Rotation(Gf.Vec3d.XAxis(), -KEY_ELEVATION_DEG) * Gf.Rotation(Gf.Vec3d.YAxis(), -KEY_AZIMUTH_DEG)
     key.MakeMatrixXform().Set(Gf.Matrix4d().SetRotate(turn) * camera.transform.RemoveScaleShear())
-
-
-# Chosen so that white paper that faces the key light comes out just below 1, and a 0.18 grey card near 0.18.
-KEY_INTENSITY = 0.6
-KEY_ELEVATION_DEG = 35.0
-KEY_AZIMUTH_DEG = 35.0
 
 
 def view_cameras(stage, time, request: dict) -> list:
@@ -182,7 +184,7 @@ def record_views(request: dict) -> list[dict]:
             written = recorder.Record(stage, camera_prim, time, view["exr"])
         except Tf.ErrorException as error:
             raise RecordError("draw", f"Storm failed: {str(error).strip()}") from error
-        if not written or not os.path.exists(view["exr"]):
+        if not written or not Path(view["exr"]).exists():
             raise RecordError("draw", f"Storm wrote no picture {number}")
         drawn.append(
             {
@@ -195,8 +197,7 @@ def record_views(request: dict) -> list[dict]:
 
 
 def main(request_path: str, result_path: str) -> int:
-    with open(request_path, encoding="utf-8") as file:
-        request = json.load(file)
+    request = json.loads(Path(request_path).read_text(encoding="utf-8"))
     try:
         version = load_usd()
         from gl_context import ContextError, make_context
@@ -208,8 +209,7 @@ def main(request_path: str, result_path: str) -> int:
         result = {"usd_version": version, "egl_display": display, "views": record_views(request)}
     except RecordError as error:
         result = {"error": {"kind": error.kind, "message": str(error)}}
-    with open(result_path, "w", encoding="utf-8") as file:
-        json.dump(result, file)
+    Path(result_path).write_text(json.dumps(result), encoding="utf-8")
     sys.stdout.flush()
     sys.stderr.flush()
     # Storm's and Blender's clean-up after the context is gone may crash a process that has done its work.

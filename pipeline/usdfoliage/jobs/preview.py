@@ -90,7 +90,9 @@ class PreviewSettings:
             raise ValueError(f"background must be three numbers from 0 to 1, not {self.background}")
         unknown = set(self.purposes) - set(PURPOSES)
         if unknown or not self.purposes:
-            raise ValueError(f"purposes must be some of {', '.join(PURPOSES)}, not {', '.join(self.purposes) or 'none'}")
+            raise ValueError(
+                f"purposes must be some of {', '.join(PURPOSES)}, not {', '.join(self.purposes) or 'none'}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +184,7 @@ def render_views(
 
     Raises:
         ValueError: No views.
-        PreviewError: The interpreter or OpenGL is missing or failed, the file cannot be drawn, or nothing is to be seen.
+        PreviewError: The interpreter or OpenGL is missing or failed, or the file cannot be drawn or shows nothing.
     """
     if not views:
         raise ValueError("there are no views to draw")
@@ -257,14 +259,14 @@ def draw_views(
             raise PreviewError(f"Storm drew {picture.shape}, not {expected} as asked ({usd_file})")
         if not picture[..., 3].any():
             if view.camera is None:
-                raise PreviewError(f"Storm drew nothing from the direction {view.direction} ({usd_file}); see its warnings")
+                raise PreviewError(
+                    f"Storm drew nothing from the direction {view.direction} ({usd_file}); see its warnings"
+                )
             logger.warning("the camera %s sees nothing (%s)", view.camera, usd_file)
     return pictures
 
 
-def finish_picture(
-    picture: NDArray[np.float32], background: tuple[float, float, float] | None
-) -> NDArray[np.uint8]:
+def finish_picture(picture: NDArray[np.float32], background: tuple[float, float, float] | None) -> NDArray[np.uint8]:
     """An 8-bit sRGB picture: (H, W, 3) over a background (sRGB, 0 to 1), or (H, W, 4) with straight alpha for None."""
     alpha = np.clip(picture[..., 3:], 0.0, 1.0)
     if background is None:
@@ -354,7 +356,7 @@ def _build_request(
 
 
 def _write_dome(path: Path) -> None:
-    """A soft overcast sky as a latitude-longitude picture: brightest above, half as bright at the horizon, ground below."""
+    """A soft overcast sky over dim ground, as a latitude-longitude picture."""
     import OpenEXR
 
     rows, columns = 64, 128
@@ -444,7 +446,7 @@ def _follow_progress(
         while True:
             if not selector.select(max(0.0, deadline - time.monotonic())):
                 raise PreviewError(
-                    f"Storm drew no picture within {stall_timeout_s:g} s; a smaller --size or a lower --complexity is faster"
+                    f"Storm drew no picture within {stall_timeout_s:g} s; try a smaller --size or a lower --complexity"
                 )
             data = os.read(process.stdout.fileno(), 65536)
             if not data:
