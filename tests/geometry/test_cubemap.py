@@ -14,8 +14,8 @@ from usdfoliage.geometry.cubemap import (
     texel_identity,
 )
 
-# ImfEnvmap.h draws every face with the numbers of its corners: top left, top right, bottom left, bottom right. Bit 0 of a
-# number is x, bit 1 y, bit 2 z (1 = positive).
+# ImfEnvmap.h draws every face with the numbers of its corners: top left, top right, bottom left, bottom right.
+# Bit 0 of a number is x, bit 1 is y, bit 2 is z (1 = positive).
 CORNERS = {
     "+X": (3, 7, 1, 5),
     "-X": (6, 2, 4, 0),
