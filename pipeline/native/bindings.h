@@ -5,3 +5,5 @@
 #include <nanobind/nanobind.h>
 
 void bind_subdivision(nanobind::module_& m);
+void bind_radius_map(nanobind::module_& m);
+void bind_texture_synthesis(nanobind::module_& m);

@@ -8,6 +8,8 @@ runs to the left (mirrored against OpenGL's cubemaps). Stacked from top to botto
 Source: OpenEXR, ImfEnvmap.h and ImfEnvmap.cpp.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -79,6 +81,7 @@ def sample_cubemap(cubemap: NDArray[np.floating], directions: NDArray[np.floatin
     return np.asarray(upper * (1 - down) + lower * down, dtype=np.float64)
 
 
+@lru_cache(maxsize=4)
 def texel_identity(size: int) -> NDArray[np.int64]:
     """Number every distinct texel: (6, size, size) integers, equal where border texels are one direction.
 
@@ -92,7 +95,9 @@ def texel_identity(size: int) -> NDArray[np.int64]:
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     rank = np.empty(len(first), np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse.ravel()].reshape(6, size, size)
+    identity = rank[inverse.ravel()].reshape(6, size, size)
+    identity.setflags(write=False)  # one array serves every caller
+    return identity
 
 
 def share_borders(cubemap: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -1,0 +1,139 @@
+"""Smoothing and Poisson problems for a field on a cubemap, across the borders of its faces.
+
+The cubemap's distinct texels (shared border texels once) are the vertices of a graph, neighbours along rows and columns
+its edges; nothing here knows of faces, so that nothing can show a seam.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import LinearOperator, cg, splu
+
+from usdfoliage.geometry.cubemap import face_directions, sample_cubemap, texel_identity
+
+COARSE_SIZE = 40  # below this a direct solution is cheapest
+SMOOTHING_STEPS = 40  # of conjugate gradients on each finer cubemap: the coarse solution already holds what is smooth
+
+
+@lru_cache(maxsize=4)
+def _graph(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64], sparse.csr_array]:
+    """Identity of each texel, one texel of each identity, adjacency of the distinct texels."""
+    identity = texel_identity(size)
+    flat = identity.ravel()
+    representative = np.empty(flat.max() + 1, np.int64)
+    representative[flat[::-1]] = np.arange(len(flat))[::-1]
+    along_row = np.stack([identity[:, :, :-1].ravel(), identity[:, :, 1:].ravel()])
+    along_column = np.stack([identity[:, :-1].ravel(), identity[:, 1:].ravel()])
+    count = len(representative)
+    low, high = np.sort(np.concatenate([along_row, along_column], axis=1), axis=0)
+    once = np.unique(low * count + high)  # an edge on a border is seen by two faces
+    pairs = np.stack([once // count, once % count])
+    both = np.concatenate([pairs, pairs[::-1]], axis=1)
+    adjacency = sparse.csr_array((np.ones(both.shape[1]), (both[0], both[1])), shape=(count, count))
+    return identity, representative, adjacency
+
+
+def distinct_texels(field: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Values (M,) of a cubemap (6, N, N), shared border texels once."""
+    _, representative, _ = _graph(field.shape[1])
+    return np.asarray(field.reshape(-1)[representative], dtype=np.float64)
+
+
+def cubemap_from_distinct(values: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    """The cubemap (6, N, N) of distinct values (M,)."""
+    identity, _, _ = _graph(size)
+    return np.asarray(values[identity])
+
+
+def blur_cubemap(field: NDArray[np.floating], sigma: float) -> NDArray[np.float64]:
+    """A cubemap (6, N, N) blurred by a Gaussian of sigma texels, by diffusion on the cube.
+
+    Wide blurs run on a reduced cubemap, whose interpolation is then smoothed away again.
+
+    Raises:
+        ValueError: sigma is negative or not finite.
+    """
+    if not (np.isfinite(sigma) and sigma >= 0):
+        raise ValueError(f"sigma must be zero or positive, not {sigma}")
+    size = field.shape[1]
+    if sigma > 3 and size >= 2 * COARSE_SIZE:
+        half = size // 2
+        ratio = (size - 1) / (half - 1)
+        # Half of the variance before reducing would be too much work; 1.2 texels suffice against aliasing.
+        before = _diffuse(field, 1.2)
+        reduced = sample_cubemap(before, face_directions(half))
+        wide = blur_cubemap(reduced, float(np.sqrt(sigma**2 - 1.2**2 - 1.5**2)) / ratio)
+        return _diffuse(sample_cubemap(wide, face_directions(size)), 1.5)
+    return _diffuse(field, sigma)
+
+
+def _diffuse(field: NDArray[np.floating], sigma: float) -> NDArray[np.float64]:
+    """Explicit steps of the heat equation: n steps of weight t add a variance of 2 n t a direction."""
+    size = field.shape[1]
+    _, _, adjacency = _graph(size)
+    steps = int(np.ceil(sigma**2 / (2 * 0.2)))
+    values = distinct_texels(field)
+    if steps == 0:
+        return cubemap_from_distinct(values, size)
+    weight = sigma**2 / (2 * steps)
+    degree = np.asarray(adjacency.sum(axis=1)).ravel()
+    step = (weight * adjacency + sparse.diags_array(1 - weight * degree)).tocsr()
+    for _ in range(steps):
+        values = step @ values
+    return cubemap_from_distinct(values, size)
+
+
+def solve_dirichlet(
+    source: NDArray[np.floating], fixed: NDArray[np.bool_], value: NDArray[np.floating], tolerance: float = 1e-3
+) -> NDArray[np.float64]:
+    """Solve Σ_q (x_p − x_q) = source_p over the neighbours q of every free texel p, with x = value where fixed.
+
+    A coarse cubemap is solved directly and starts conjugate gradients on the next finer one.
+
+    Args:
+        source: (6, N, N), in units of the field per square texel.
+        fixed: (6, N, N), where value holds; at least one texel.
+        value: (6, N, N).
+        tolerance: of the residual, relative to that of the starting values' scale.
+
+    Raises:
+        ValueError: Nothing is fixed.
+    """
+    if not fixed.any():
+        raise ValueError("a Poisson problem on a closed surface needs at least one fixed texel")
+    size = source.shape[1]
+    identity, _, adjacency = _graph(size)
+    # A texel is fixed on every face that shows it.
+    held = np.zeros(adjacency.shape[0], bool)
+    held[identity[fixed]] = True
+    values = np.zeros(adjacency.shape[0])
+    values[identity[fixed]] = value[fixed]
+    free = np.nonzero(~held)[0]
+    degree = np.asarray(adjacency.sum(axis=1)).ravel()
+    laplacian = (sparse.diags_array(degree) - adjacency).tocsr()
+    matrix = laplacian[free][:, free]
+    right = distinct_texels(source)[free] - laplacian[free][:, np.nonzero(held)[0]] @ values[held]
+    half = (size + 1) // 2
+    if half < COARSE_SIZE:
+        lu = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        values[free] = lu.solve(right)
+        return cubemap_from_distinct(values, size)
+    directions = face_directions(half)
+    ratio = (size - 1) / (half - 1)
+    # A coarse texel is fixed when a fixed one lies within it, so that a thin fixed line has no gaps.
+    near = sample_cubemap(_diffuse(fixed.astype(np.float64), 0.7), directions)
+    amount = sample_cubemap(_diffuse(np.where(fixed, value, 0.0), 0.7), directions)
+    coarse_fixed = near > 0.15
+    if not coarse_fixed.any():
+        coarse_fixed = near >= near.max()
+    coarse_value = np.where(coarse_fixed, amount / np.maximum(near, 1e-12), 0.0)
+    coarse = solve_dirichlet(sample_cubemap(source, directions) * ratio**2, coarse_fixed, coarse_value, tolerance)
+    start = distinct_texels(sample_cubemap(coarse, face_directions(size)))[free]
+    inverse_diagonal = 1 / degree[free]
+    precondition = LinearOperator(matrix.shape, matvec=lambda v: inverse_diagonal * v, dtype=np.float64)
+    scale = float(np.linalg.norm(right)) or 1.0
+    solution, _ = cg(matrix, right, x0=start, rtol=0.0, atol=tolerance * scale, maxiter=SMOOTHING_STEPS, M=precondition)
+    values[free] = solution
+    return cubemap_from_distinct(values, size)
