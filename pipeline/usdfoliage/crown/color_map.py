@@ -1,0 +1,331 @@
+"""Colour cubemap of a crown from one photograph: what the camera saw in front, synthesised foliage everywhere else.
+
+Lateral faces are synthesised as one strip, top and bottom as squares, and the three are merged along graph cuts.
+Beyond the thesis, the photograph itself is laid on the front, the synthesis grows from it, and a cut through the texels
+that it sees at a grazing angle decides where the one becomes the other.
+
+Faces are seen from the centre of the cube, so a photograph appears mirrored on +Z and the exemplar is mirrored with it.
+
+Source: the thesis on semi-procedural crowns, section 4.5.2 and figure 4.24.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from usdfoliage.crown.seam import cut_seam
+from usdfoliage.crown.texture import TextureSettings, synthesize_texture
+from usdfoliage.geometry.color import decode_srgb, encode_srgb
+from usdfoliage.geometry.cubemap import FACE_AXES, FACES, sample_cubemap, share_borders
+
+Progress = Callable[[int, int], None]
+
+_FRONT, _TOP, _BOTTOM = FACES.index("+Z"), FACES.index("+Y"), FACES.index("-Y")
+# Each face's right border is the next one's left border; the front is second so that it can lie in the strip's middle.
+_LATERAL = tuple(FACES.index(name) for name in ("+X", "+Z", "-X", "-Z"))
+# Quarter turns, counter-clockwise, after which the top face's last row is the border that it shares with that lateral
+# face, in the same order. The bottom face follows from it: turned upside down, the cube is a cube again.
+_TURNS = (3, 2, 1, 0)
+_MAX_DETAIL_GAIN = 4.0  # beyond it, noise and compression would show
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ColorStatistics:
+    """Mean and standard deviation of each linear channel over the crown's pixels."""
+
+    mean: NDArray[np.float64]  # (3,)
+    std: NDArray[np.float64]  # (3,)
+
+
+def measure_color_statistics(linear: NDArray[np.floating], mask: NDArray[np.bool_] | None = None) -> ColorStatistics:
+    """Statistics of linear colours (..., 3), of all of them or of those in mask (...).
+
+    Raises:
+        ValueError: nothing in the mask, or shapes do not fit.
+    """
+    if linear.shape[-1:] != (3,) or (mask is not None and mask.shape != linear.shape[:-1]):
+        shape = None if mask is None else mask.shape
+        raise ValueError(f"colours must be (..., 3) with a mask (...), not {linear.shape} and {shape}")
+    values = (linear if mask is None else linear[mask]).reshape(-1, 3)
+    if len(values) == 0:
+        raise ValueError("no pixel to measure the colour of")
+    return ColorStatistics(mean=values.mean(axis=0, dtype=np.float64), std=values.std(axis=0, dtype=np.float64))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColorMapSettings:
+    """Where the photograph is kept, and how faces are merged."""
+
+    band: float = 1 / 8  # overlap of the merges, as a fraction of a face
+    keep_weight: float = 0.6  # seen at least this squarely, a texel is the photograph's
+    reach_weight: float = 0.35  # seen less squarely, it is synthesised; between the two the cut decides
+    std_ratio: float = 0.96  # contrast to restore, of the photograph's; texels are coarser than its pixels
+    detail_texels: float = 2.0  # what is finer than this is detail and gets the missing contrast
+    texture: TextureSettings = field(default_factory=TextureSettings)
+
+    def __post_init__(self) -> None:
+        if not 0 < self.band <= 0.25:
+            raise ValueError(f"band must be in (0, 0.25], not {self.band}")
+        if not 0 < self.reach_weight <= self.keep_weight <= 1:
+            raise ValueError(
+                f"0 < reach_weight <= keep_weight <= 1 is needed, not {self.reach_weight} and {self.keep_weight}"
+            )
+        if not 0 < self.std_ratio <= 1:
+            raise ValueError(f"std_ratio must be in (0, 1], not {self.std_ratio}")
+        if self.detail_texels <= 0:
+            raise ValueError(f"detail_texels must be positive, not {self.detail_texels}")
+
+
+def build_color_map(
+    exemplar: NDArray[np.float32],
+    exemplar_mask: NDArray[np.bool_],
+    photo_on_cube: NDArray[np.float32],
+    photo_weight: NDArray[np.floating],
+    target: ColorStatistics,
+    rng: np.random.Generator,
+    settings: ColorMapSettings = ColorMapSettings(),
+    progress: Progress | None = None,
+) -> NDArray[np.float32]:
+    """Colour cubemap of a crown.
+
+    Args:
+        exemplar: (h, w, 3) linear Rec.709, the photograph's crown with one pixel as large as a texel in the middle of
+            the +Z face, as photographed (x to the right).
+        exemplar_mask: (h, w), where it is crown.
+        photo_on_cube: (6, N, N, 3) linear, the photograph as every texel's surface point appears in it.
+        photo_weight: (6, N, N), the cosine between surface normal and viewing direction; 0 where it is not seen.
+        target: statistics of the crown in the photograph at its own resolution.
+        rng: the synthesis' choices.
+        settings: where the photograph is kept, and how faces are merged.
+        progress: (done, total) of the synthesised texels.
+
+    Returns:
+        (6, N, N, 3) linear Rec.709, not negative; border texels shared by faces are equal.
+
+    Raises:
+        ValueError: shapes do not fit each other, or N is below 8.
+    """
+    size = photo_on_cube.shape[1]
+    if photo_on_cube.shape != (6, size, size, 3) or photo_weight.shape != (6, size, size) or size < 8:
+        raise ValueError(
+            f"photo_on_cube and photo_weight must be (6, N, N, 3) and (6, N, N), N at least 8, not "
+            f"{photo_on_cube.shape} and {photo_weight.shape}"
+        )
+    if exemplar.ndim != 3 or exemplar.shape[2] != 3 or exemplar_mask.shape != exemplar.shape[:2]:
+        raise ValueError(f"exemplar must be (h, w, 3) and its mask (h, w), not {exemplar.shape}, {exemplar_mask.shape}")
+
+    peak = max(1.0, float(exemplar[exemplar_mask].max(initial=0)))  # an EXR may be brighter than white
+    source = np.ascontiguousarray(_encode(exemplar, peak)[:, ::-1])
+    source_mask = np.ascontiguousarray(exemplar_mask[:, ::-1])
+    photo, weight, front = _share_photo(_encode(photo_on_cube, peak), photo_weight)
+    kept = (weight >= settings.keep_weight) | (front & (weight > 0))
+    reached = kept | (weight >= settings.reach_weight)
+
+    band = max(2, round(settings.band * size))
+    strip_shape = (size + 2 * band, 4 * (size - 1) + band)
+    report = _SynthesisProgress(progress, strip_shape[0] * strip_shape[1] + 2 * size * size)
+
+    def synthesize(shape: tuple[int, int], net: Callable[[NDArray[Any]], NDArray[Any]]) -> NDArray[np.float32]:
+        known, known_mask = net(photo), net(kept)
+        image = synthesize_texture(
+            source,
+            shape,
+            rng,
+            exemplar_mask=source_mask,
+            known=known,
+            known_mask=known_mask,
+            settings=settings.texture,
+            progress=report.step(shape[0] * shape[1]),
+        )
+        return _lay_photo(image, known, known_mask, net(reached))
+
+    def strip_net(cubemap: NDArray[Any]) -> NDArray[Any]:
+        strip = np.roll(cut_strip(cubemap, band), size // 2, axis=1)  # the front comes to the middle
+        return np.concatenate([strip, strip[:, :band]], axis=1)
+
+    strip = np.roll(_merge_ends(synthesize(strip_shape, strip_net), band), -(size // 2), axis=1)
+    cubemap = np.empty((6, size, size, 3), np.float32)
+    for k, face in enumerate(_LATERAL):
+        cubemap[face] = _side(strip[band : band + size], k)
+    # Half a turn puts the top above the front and the bottom below it, as the camera sees them.
+    top = np.rot90(synthesize((size, size), lambda cubemap: np.rot90(cubemap[_TOP], 2)), 2)
+    bottom = np.rot90(synthesize((size, size), lambda cubemap: np.rot90(cubemap[_BOTTOM], 2)), 2)
+    cubemap[_TOP] = _merge_cap(top, strip[: band + 1])
+    cubemap[_BOTTOM] = _merge_cap(bottom[::-1], strip[::-1][: band + 1])[::-1]
+
+    linear = _match_statistics(share_borders(cubemap), weight, target, peak, settings)
+    return np.asarray(share_borders(linear), np.float32)
+
+
+def _share_photo(
+    photo: NDArray[np.float32], weight: NDArray[np.floating]
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Photograph and weight, equal in shared border texels, and which texels are the front face's."""
+    front = np.zeros(weight.shape, np.float32)
+    front[_FRONT] = 1
+    shared = share_borders(np.concatenate([photo, np.stack([weight, front], axis=-1)], axis=-1, dtype=np.float32))
+    return np.asarray(shared[..., :3], np.float32), np.asarray(shared[..., 3], np.float32), shared[..., 4] > 0
+
+
+def cut_strip(cubemap: NDArray[Any], band: int) -> NDArray[Any]:
+    """The cubemap's lateral faces side by side, with band rows of the top and bottom face folded up and down.
+
+    Args:
+        cubemap: (6, N, N[, C]).
+        band: rows of the top and bottom face, at most N − 1.
+
+    Returns:
+        (N + 2 band, 4 (N − 1)[, C]), periodic to the right: +X, +Z, −X, −Z, each without its right border, which is the
+        next one's left border.
+    """
+    size = cubemap.shape[1]
+    lateral = np.concatenate([cubemap[face, :, :-1] for face in _LATERAL], axis=1)
+    above = _fold_up(cubemap[_TOP], band, size)
+    below = _fold_up(cubemap[_BOTTOM, ::-1], band, size)[::-1]  # the cube upside down is a cube
+    strip: NDArray[Any] = np.concatenate([above, lateral, below], axis=0)
+    return strip
+
+
+def _fold_up(top: NDArray[Any], band: int, size: int) -> NDArray[Any]:
+    sides = [np.rot90(top, turns)[size - 1 - band : size - 1, :-1] for turns in _TURNS]
+    return np.concatenate(sides, axis=1)
+
+
+def _side(strip: NDArray[Any], k: int) -> NDArray[Any]:
+    """Columns of the k-th lateral face in a strip, both borders included."""
+    size = strip.shape[1] // 4 + 1
+    return np.take(strip, np.arange(size) + k * (size - 1), axis=1, mode="wrap")
+
+
+def _lay_photo(
+    image: NDArray[np.float32], photo: NDArray[np.float32], kept: NDArray[np.bool_], reached: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """The image with the photograph where kept, and as much of where it reaches as the least visible cut takes."""
+    if not kept.any():
+        return image
+    taken = reached if reached.all() else cut_seam(image, photo, ~reached, kept)
+    return np.where(taken[..., None], photo, image)
+
+
+def _merge_ends(strip: NDArray[np.float32], band: int) -> NDArray[np.float32]:
+    """Merge 1: (H, W + band, 3) to a strip (H, W, 3) that is periodic to the right."""
+    start, end = strip[:, :band], strip[:, -band:]
+    keep_end, keep_start = np.zeros((2, len(strip), band), bool)
+    keep_end[:, 0] = True
+    keep_start[:, -1] = True
+    merged = np.where(cut_seam(end, start, keep_end, keep_start)[..., None], start, end)
+    return np.concatenate([merged, strip[:, band:-band]], axis=1)
+
+
+def _merge_cap(top: NDArray[np.float32], edge: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Merges 2 and 3: the top face, continuous with the strip around it.
+
+    Args:
+        top: (N, N, 3), synthesised.
+        edge: (band + 1, 4 (N − 1), 3), the strip's rows above its lateral faces and, last, their topmost row.
+    """
+    size, depth = len(top), len(edge)
+    ring = np.zeros_like(top)
+    for k, turns in enumerate(_TURNS):
+        view = np.rot90(ring, turns)  # this side below, the next one on the right
+        this, following = _side(edge, k), np.rot90(_side(edge, (k + 1) % 4)[:, :depth], 1)
+        view[-depth:, depth:-depth] = this[:, depth:-depth]
+        # The strip has a quarter turn less than the corner: both sides cover it, and a cut from its tip divides it.
+        keep_this, keep_following = np.zeros((2, depth, depth), bool)
+        keep_this[-1, :-1] = keep_this[1:, 0] = True
+        keep_following[:-1, -1] = keep_following[0, 1:] = True
+        keep_this[-1, -1] = True  # the tip itself is the same texel in both
+        taken = cut_seam(this[:, -depth:], following, keep_this, keep_following)
+        view[-depth:, -depth:] = np.where(taken[..., None], following, this[:, -depth:])
+    border = np.ones((size, size), bool)
+    border[1:-1, 1:-1] = False
+    inside = np.zeros((size, size), bool)
+    inside[depth - 1 : 1 - depth, depth - 1 : 1 - depth] = True
+    return np.where(cut_seam(ring, top, border, inside)[..., None], top, ring)
+
+
+def _match_statistics(
+    encoded: NDArray[np.float32],
+    weight: NDArray[np.float32],
+    target: ColorStatistics,
+    peak: float,
+    settings: ColorMapSettings,
+) -> NDArray[np.float32]:
+    """Linear colours with the target's mean and nearly its contrast.
+
+    A texel averages many pixels of the photograph, which takes contrast from its finest detail. Detail gets it back,
+    alike in the photograph and in the synthesis so that no border appears between them; what remains of the mean is
+    corrected by a gain on what the photograph does not see. Our own, after A. C. Öztireli and M. Gross, Perceptually
+    Based Downscaling of Images, 2015, who restore the contrast of each neighbourhood.
+    """
+    smooth = _blur(encoded, settings.detail_texels)
+    unseen = 1 - np.clip(weight / settings.reach_weight, 0, 1)
+
+    def with_gain(gain: float, channel: int) -> NDArray[np.float32]:
+        base = smooth[..., channel]
+        value = peak * decode_srgb(np.clip(base + np.float32(gain) * (encoded[..., channel] - base), 0, 1))
+        missing = (target.mean[channel] - value.mean(dtype=np.float64)) / max((value * unseen).mean(), 1e-9)
+        return np.asarray(value * (1 + unseen * np.float32(np.clip(missing, -0.5, 0.5))), np.float32)
+
+    def contrast(gain: float, channel: int) -> float:
+        return float(with_gain(gain, channel).std(dtype=np.float64) / max(target.std[channel], 1e-9))
+
+    linear = np.empty_like(encoded)
+    for channel in range(3):
+        wanted = float(np.clip(contrast(1, channel), settings.std_ratio, 1 / settings.std_ratio))
+        linear[..., channel] = with_gain(_solve_increasing(partial(contrast, channel=channel), wanted), channel)
+    return linear
+
+
+def _solve_increasing(function: Callable[[float], float], wanted: float) -> float:
+    """Where in [0, _MAX_DETAIL_GAIN] an increasing function has, or is nearest to, the wanted value; 1 if there."""
+    if function(1.0) == wanted:
+        return 1.0
+    if function(_MAX_DETAIL_GAIN) <= wanted:
+        return _MAX_DETAIL_GAIN
+    if function(0.0) >= wanted:
+        return 0.0
+    return float(brentq(lambda x: function(x) - wanted, 0.0, _MAX_DETAIL_GAIN, xtol=1e-3))
+
+
+def _blur(cubemap: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+    """Gaussian blur (standard deviation in texels) of a cubemap (6, N, N, 3) across the edges of the cube."""
+    size = cubemap.shape[1]
+    reach = min(int(np.ceil(3 * sigma)), size // 2)
+    lattice = np.arange(-reach, size + reach) * (2 / (size - 1)) - 1  # a little past the edges, on the neighbours
+    normal, right, up = (FACE_AXES[:, k, None, None, :] for k in range(3))
+    directions = normal + lattice[None, None, :, None] * right - lattice[None, :, None, None] * up
+    padded = np.empty((6, len(lattice), len(lattice), 3), np.float32)
+    padded[:, reach:-reach, reach:-reach] = cubemap
+    outside = np.ones(padded.shape[1:3], bool)
+    outside[reach:-reach, reach:-reach] = False
+    padded[:, outside] = sample_cubemap(cubemap, directions[:, outside])
+    window = (2 * reach + 1, 2 * reach + 1)
+    blurred = [cv2.GaussianBlur(face, window, sigma)[reach:-reach, reach:-reach] for face in padded]
+    return np.asarray(blurred, np.float32)
+
+
+def _encode(linear: NDArray[np.floating], peak: float) -> NDArray[np.float32]:
+    """sRGB-encoded values in [0, 1] of linear ones in [0, peak]."""
+    return np.clip(encode_srgb(np.asarray(linear, np.float32) / np.float32(peak)), 0, 1).astype(np.float32)
+
+
+class _SynthesisProgress:
+    """Adds the progress of several syntheses to one (done, total), counted in texels."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self.progress, self.total, self.before = progress, total, 0
+
+    def step(self, texels: int) -> Progress | None:
+        """Callback of the next synthesis, which makes so many texels."""
+        if self.progress is None:
+            return None
+        report, before = self.progress, self.before
+        self.before += texels
+        return lambda done, total: report(before + texels * done // max(total, 1), self.total)
