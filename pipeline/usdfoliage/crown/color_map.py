@@ -11,7 +11,6 @@ Source: the thesis on semi-procedural crowns, section 4.5.2 and figure 4.24.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import cv2
@@ -32,7 +31,11 @@ _LATERAL = tuple(FACES.index(name) for name in ("+X", "+Z", "-X", "-Z"))
 # Quarter turns, counter-clockwise, after which the top face's last row is the border that it shares with that lateral
 # face, in the same order. The bottom face follows from it: turned upside down, the cube is a cube again.
 _TURNS = (3, 2, 1, 0)
-_MAX_DETAIL_GAIN = 4.0  # beyond it, noise and compression would show
+
+_MAX_DETAIL_GAIN = 6.0  # of log-odds; beyond it, noise and compression would show
+_DARKEST = 1 / 512  # half a step of 8 bits: log-odds of 0 and 1 are infinite
+_FAR = 2.0  # largest shift of log-odds
+_TONE_SAMPLES = 20_000  # for which gain and shifts are solved
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +69,7 @@ class ColorMapSettings:
     keep_weight: float = 0.6  # seen at least this squarely, a texel is the photograph's
     reach_weight: float = 0.35  # seen less squarely, it is synthesised; between the two the cut decides
     std_ratio: float = 0.96  # contrast to restore, of the photograph's; texels are coarser than its pixels
-    detail_texels: float = 2.0  # what is finer than this is detail and gets the missing contrast
+    detail_texels: float = 4.0  # what is finer than this is detail and gets the missing contrast
     texture: TextureSettings = field(default_factory=TextureSettings)
 
     def __post_init__(self) -> None:
@@ -184,23 +187,22 @@ def cut_strip(cubemap: NDArray[Any], band: int) -> NDArray[Any]:
         (N + 2 band, 4 (N − 1)[, C]), periodic to the right: +X, +Z, −X, −Z, each without its right border, which is the
         next one's left border.
     """
-    size = cubemap.shape[1]
     lateral = np.concatenate([cubemap[face, :, :-1] for face in _LATERAL], axis=1)
-    above = _fold_up(cubemap[_TOP], band, size)
-    below = _fold_up(cubemap[_BOTTOM, ::-1], band, size)[::-1]  # the cube upside down is a cube
-    strip: NDArray[Any] = np.concatenate([above, lateral, below], axis=0)
-    return strip
+    above = _fold_up(cubemap[_TOP], band)
+    below = _fold_up(cubemap[_BOTTOM, ::-1], band)[::-1]  # the cube upside down is a cube
+    return np.asarray(np.concatenate([above, lateral, below], axis=0))
 
 
-def _fold_up(top: NDArray[Any], band: int, size: int) -> NDArray[Any]:
-    sides = [np.rot90(top, turns)[size - 1 - band : size - 1, :-1] for turns in _TURNS]
-    return np.concatenate(sides, axis=1)
+def _fold_up(top: NDArray[Any], band: int) -> NDArray[Any]:
+    """Rows of the top face next to each lateral face, its border row not included."""
+    sides = [np.rot90(top, turns)[-1 - band : -1, :-1] for turns in _TURNS]
+    return np.asarray(np.concatenate(sides, axis=1))
 
 
 def _side(strip: NDArray[Any], k: int) -> NDArray[Any]:
     """Columns of the k-th lateral face in a strip, both borders included."""
     size = strip.shape[1] // 4 + 1
-    return np.take(strip, np.arange(size) + k * (size - 1), axis=1, mode="wrap")
+    return np.asarray(np.take(strip, np.arange(size) + k * (size - 1), axis=1, mode="wrap"))
 
 
 def _lay_photo(
@@ -259,39 +261,77 @@ def _match_statistics(
 ) -> NDArray[np.float32]:
     """Linear colours with the target's mean and nearly its contrast.
 
-    A texel averages many pixels of the photograph, which takes contrast from its finest detail. Detail gets it back,
-    alike in the photograph and in the synthesis so that no border appears between them; what remains of the mean is
-    corrected by a gain on what the photograph does not see. Our own, after A. C. Öztireli and M. Gross, Perceptually
-    Based Downscaling of Images, 2015, who restore the contrast of each neighbourhood.
+    A texel averages many pixels of the photograph, which takes contrast from its finest detail. Detail gets it back by
+    one gain a channel, alike in photograph and synthesis so that no border appears between them, on values as
+    log(v / (1 − v)), where no gain leaves (0, 1) and dark and bright gain alike. What is missing of the mean is added
+    where the photograph does not see. Our own, after A. C. Öztireli and M. Gross, Perceptually Based Downscaling of
+    Images, 2015, who restore the contrast of each neighbourhood.
     """
-    smooth = _blur(encoded, settings.detail_texels)
     unseen = 1 - np.clip(weight / settings.reach_weight, 0, 1)
-
-    def with_gain(gain: float, channel: int) -> NDArray[np.float32]:
-        base = smooth[..., channel]
-        value = peak * decode_srgb(np.clip(base + np.float32(gain) * (encoded[..., channel] - base), 0, 1))
-        missing = (target.mean[channel] - value.mean(dtype=np.float64)) / max((value * unseen).mean(), 1e-9)
-        return np.asarray(value * (1 + unseen * np.float32(np.clip(missing, -0.5, 0.5))), np.float32)
-
-    def contrast(gain: float, channel: int) -> float:
-        return float(with_gain(gain, channel).std(dtype=np.float64) / max(target.std[channel], 1e-9))
-
+    value = np.clip(encoded, _DARKEST, 1 - _DARKEST)
+    value = np.log(value / (1 - value))
+    smooth = _blur(value, settings.detail_texels)
     linear = np.empty_like(encoded)
     for channel in range(3):
-        wanted = float(np.clip(contrast(1, channel), settings.std_ratio, 1 / settings.std_ratio))
-        linear[..., channel] = with_gain(_solve_increasing(partial(contrast, channel=channel), wanted), channel)
+        texels = _Texels(smooth[..., channel], value[..., channel] - smooth[..., channel], unseen, peak)
+        gain, everywhere, aside = _solve_tone(
+            texels.sampled(_TONE_SAMPLES), float(target.mean[channel]), float(target.std[channel]), settings.std_ratio
+        )
+        toned = texels.toned(gain, everywhere, aside)
+        missing = (target.mean[channel] - toned.mean(dtype=np.float64)) / max((toned * unseen).mean(), 1e-9)
+        linear[..., channel] = toned * (1 + unseen * np.float32(np.clip(missing, -0.1, 0.1)))
     return linear
 
 
-def _solve_increasing(function: Callable[[float], float], wanted: float) -> float:
-    """Where in [0, _MAX_DETAIL_GAIN] an increasing function has, or is nearest to, the wanted value; 1 if there."""
-    if function(1.0) == wanted:
-        return 1.0
-    if function(_MAX_DETAIL_GAIN) <= wanted:
-        return _MAX_DETAIL_GAIN
-    if function(0.0) >= wanted:
-        return 0.0
-    return float(brentq(lambda x: function(x) - wanted, 0.0, _MAX_DETAIL_GAIN, xtol=1e-3))
+@dataclass(frozen=True, eq=False)
+class _Texels:
+    """One channel of texels, log-odds of encoded values."""
+
+    smooth: NDArray[np.float32]
+    detail: NDArray[np.float32]
+    unseen: NDArray[np.float32]  # 0 the photograph's … 1 far from them
+    peak: float
+
+    def sampled(self, count: int) -> "_Texels":
+        """About so many of them, evenly spread."""
+        step = max(1, self.smooth.size // count)
+        return _Texels(self.smooth.ravel()[::step], self.detail.ravel()[::step], self.unseen.ravel()[::step], self.peak)
+
+    def toned(self, gain: float, everywhere: float, aside: float) -> NDArray[np.float32]:
+        """Linear values with a gain on detail, a shift everywhere and one where the photograph does not see."""
+        log_odds = self.smooth + np.float32(gain) * self.detail + np.float32(everywhere)
+        log_odds += np.float32(aside) * self.unseen
+        return np.asarray(decode_srgb(1 / (1 + np.exp(-log_odds))) * np.float32(self.peak), np.float32)
+
+
+def _solve_tone(texels: _Texels, mean: float, std: float, std_ratio: float) -> tuple[float, float, float]:
+    """Gain and shifts, as in _Texels.toned, that reach the mean, and the std within std_ratio, with least change."""
+    untouched = float(texels.toned(1, 0, 0).mean())
+
+    def shifts(gain: float) -> tuple[float, float]:
+        everywhere = _solve_increasing(lambda x: float(texels.toned(gain, x, 0).mean()), untouched, -_FAR, 0, _FAR)
+        aside = _solve_increasing(lambda x: float(texels.toned(gain, everywhere, x).mean()), mean, -_FAR, 0, _FAR)
+        return everywhere, aside
+
+    def contrast(gain: float) -> float:
+        return float(texels.toned(gain, *shifts(gain)).std()) / max(std, 1e-9)
+
+    wanted = float(np.clip(contrast(1), std_ratio, 1 / std_ratio))
+    gain = _solve_increasing(contrast, wanted, 0, 1, _MAX_DETAIL_GAIN)
+    return gain, *shifts(gain)
+
+
+def _solve_increasing(
+    function: Callable[[float], float], wanted: float, low: float, preferred: float, high: float
+) -> float:
+    """Where in [low, high] an increasing function is nearest to the wanted value; preferred if it is there already."""
+    at_preferred = function(preferred)
+    if at_preferred == wanted:
+        return preferred
+    end = high if at_preferred < wanted else low
+    if (function(end) - wanted) * (at_preferred - wanted) >= 0:
+        return end
+    return float(brentq(lambda x: function(x) - wanted, preferred, end, xtol=1e-3))
 
 
 def _blur(cubemap: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
