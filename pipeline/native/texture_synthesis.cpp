@@ -1,0 +1,458 @@
+#include "texture_synthesis.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "grid_cut.h"
+#include "parallel.h"
+
+namespace usdfoliage {
+namespace {
+
+constexpr int kC = kTextureChannels;
+
+struct Place {
+    std::int32_t row, column;
+    bool operator==(const Place& other) const { return row == other.row && column == other.column; }
+};
+
+// Random bits of a counter: C. Wellons' lowbias32.
+std::uint32_t mix(std::uint32_t x) {
+    x ^= x >> 16;
+    x *= 0x7feb352du;
+    x ^= x >> 15;
+    x *= 0x846ca68bu;
+    return x ^ (x >> 16);
+}
+
+std::uint32_t random_bits(std::uint32_t seed, std::uint32_t a, std::uint32_t b) { return mix(mix(mix(seed) ^ a) + b); }
+
+// Sum of squared differences of n values, n a multiple of four.
+inline std::int32_t squared_difference(const std::int16_t* a, const std::int16_t* b, std::int32_t n) {
+    std::int32_t sum = 0;
+    for (std::int32_t i = 0; i < n; ++i) {
+        const auto d = static_cast<std::int16_t>(a[i] - b[i]);  // so that the compiler finds the multiply-add of 16 bits
+        sum += static_cast<std::int32_t>(d) * d;
+    }
+    return sum;
+}
+
+bool is_valid(const Exemplar& e, Place p) {
+    return p.row >= 0 && p.row < e.rows && p.column >= 0 && p.column < e.columns && e.valid[p.row * e.columns + p.column];
+}
+
+Place source_at(const Synthesis& s, std::int32_t pixel) { return {s.source[2 * pixel], s.source[2 * pixel + 1]}; }
+
+// Sums over rectangles of a map.
+class SummedArea {
+  public:
+    template <typename T>
+    SummedArea(const T* values, std::int32_t rows, std::int32_t columns)
+        : columns_(columns), sums_(static_cast<std::size_t>(rows + 1) * (columns + 1)) {
+        for (std::int32_t y = 0; y < rows; ++y) {
+            double along = 0;
+            for (std::int32_t x = 0; x < columns; ++x) {
+                along += values[y * columns + x];
+                at(y + 1, x + 1) = at(y, x + 1) + along;
+            }
+        }
+    }
+    double sum(std::int32_t y0, std::int32_t x0, std::int32_t y1, std::int32_t x1) const {
+        return at(y1, x1) - at(y0, x1) - at(y1, x0) + at(y0, x0);
+    }
+
+  private:
+    double& at(std::int32_t y, std::int32_t x) { return sums_[static_cast<std::size_t>(y) * (columns_ + 1) + x]; }
+    double at(std::int32_t y, std::int32_t x) const { return sums_[static_cast<std::size_t>(y) * (columns_ + 1) + x]; }
+    std::int32_t columns_;
+    std::vector<double> sums_;
+};
+
+// ---- patches
+
+struct Rectangle {
+    std::int32_t row, column, rows, columns;
+};
+
+class Placement {
+  public:
+    Placement(const Exemplar& exemplar, const Synthesis& synthesis, const PlaceSettings& settings)
+        : e_(exemplar),
+          s_(synthesis),
+          settings_(settings),
+          usage_(static_cast<std::size_t>(exemplar.rows) * exemplar.columns, 0.0f),
+          valid_(exemplar.valid, exemplar.rows, exemplar.columns),
+          variance_(variance()) {
+        for (std::int32_t i = 0; i < s_.rows * s_.columns; ++i) count(i, 1);
+    }
+
+    std::int32_t run() {
+        if (find_candidates(settings_.patch, settings_.patch).empty()) return 0;
+        std::int32_t placed = 0;
+        for (const Rectangle& r : order()) placed += place(r);
+        return placed;
+    }
+
+  private:
+    // Mean over channels of the variance of what may be copied.
+    double variance() const {
+        double n = 0, sum[3] = {}, square[3] = {};
+        for (std::int32_t i = 0; i < e_.rows * e_.columns; ++i) {
+            if (!e_.valid[i]) continue;
+            n += 1;
+            for (int c = 0; c < 3; ++c) {
+                const double v = e_.color[kC * i + c];
+                sum[c] += v;
+                square[c] += v * v;
+            }
+        }
+        double total = 0;
+        for (int c = 0; c < 3; ++c) total += square[c] / n - (sum[c] / n) * (sum[c] / n);
+        return std::max(total / 3, 1.0);
+    }
+
+    void count(std::int32_t pixel, float times) {
+        const Place p = source_at(s_, pixel);
+        if (p.row >= 0) usage_[p.row * e_.columns + p.column] += times;
+    }
+
+    bool filled(std::int32_t pixel) const { return s_.source[2 * pixel] >= 0; }
+
+    // Rectangles that cover the output, in the order in which they grow from what is filled already.
+    std::vector<Rectangle> order() const {
+        const std::int32_t patch = settings_.patch, step = patch - settings_.overlap;
+        std::vector<std::uint8_t> start(static_cast<std::size_t>(s_.rows) * s_.columns);
+        bool any = false;
+        for (std::size_t i = 0; i < start.size(); ++i) any |= (start[i] = filled(static_cast<std::int32_t>(i)));
+        if (!any) start[random_bits(settings_.seed, 1, 0) % start.size()] = 1;
+        const std::vector<float> distance = distances(start);
+
+        std::vector<std::pair<float, Rectangle>> cells;
+        const auto shift_row = static_cast<std::int32_t>(random_bits(settings_.seed, 2, 0) % step);
+        const auto shift_column = static_cast<std::int32_t>(random_bits(settings_.seed, 3, 0) % step);
+        std::uint32_t index = 0;
+        for (std::int32_t y = -shift_row - settings_.overlap; y < s_.rows; y += step) {
+            for (std::int32_t x = -shift_column - settings_.overlap; x < s_.columns; x += step, ++index) {
+                // Rows of patches would show: every patch is moved by up to a quarter of its overlap.
+                const std::int32_t reach = settings_.overlap / 4, range = 2 * reach + 1;
+                const std::int32_t top = y + static_cast<std::int32_t>(random_bits(settings_.seed, 4, index) % range) - reach;
+                const std::int32_t left = x + static_cast<std::int32_t>(random_bits(settings_.seed, 5, index) % range) - reach;
+                const std::int32_t y0 = std::max(top, 0), x0 = std::max(left, 0);
+                const std::int32_t y1 = std::min(top + patch, s_.rows), x1 = std::min(left + patch, s_.columns);
+                if (y0 >= y1 || x0 >= x1) continue;
+                const float away = distance[(y0 + y1) / 2 * s_.columns + (x0 + x1) / 2];
+                cells.push_back({away, {y0, x0, y1 - y0, x1 - x0}});
+            }
+        }
+        std::stable_sort(cells.begin(), cells.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+        std::vector<Rectangle> rectangles;
+        for (const auto& cell : cells) rectangles.push_back(cell.second);
+        return rectangles;
+    }
+
+    // Distance of every pixel from the start, by two sweeps of a chamfer.
+    std::vector<float> distances(const std::vector<std::uint8_t>& start) const {
+        constexpr float kFar = 1e9f, kDiagonal = 1.41421356f;
+        std::vector<float> d(start.size());
+        for (std::size_t i = 0; i < d.size(); ++i) d[i] = start[i] ? 0 : kFar;
+        const auto relax = [&](std::int32_t y, std::int32_t x, std::int32_t dy, std::int32_t dx, float cost) {
+            if (y + dy < 0 || y + dy >= s_.rows || x + dx < 0 || x + dx >= s_.columns) return;
+            float& here = d[y * s_.columns + x];
+            here = std::min(here, d[(y + dy) * s_.columns + x + dx] + cost);
+        };
+        for (std::int32_t y = 0; y < s_.rows; ++y) {
+            for (std::int32_t x = 0; x < s_.columns; ++x) {
+                relax(y, x, 0, -1, 1), relax(y, x, -1, 0, 1);
+                relax(y, x, -1, -1, kDiagonal), relax(y, x, -1, 1, kDiagonal);
+            }
+        }
+        for (std::int32_t y = s_.rows; y-- > 0;) {
+            for (std::int32_t x = s_.columns; x-- > 0;) {
+                relax(y, x, 0, 1, 1), relax(y, x, 1, 0, 1);
+                relax(y, x, 1, 1, kDiagonal), relax(y, x, 1, -1, kDiagonal);
+            }
+        }
+        return d;
+    }
+
+    std::vector<Place> find_candidates(std::int32_t rows, std::int32_t columns) const {
+        std::vector<Place> places;
+        for (std::int32_t y = 0; y + rows <= e_.rows; ++y) {
+            for (std::int32_t x = 0; x + columns <= e_.columns; ++x) {
+                if (valid_.sum(y, x, y + rows, x + columns) == rows * columns) places.push_back({y, x});
+            }
+        }
+        return places;
+    }
+
+    bool place(const Rectangle& r) {
+        std::int32_t n_filled = 0;
+        std::vector<std::int16_t> target(static_cast<std::size_t>(r.rows) * r.columns * kC), mask(target.size());
+        for (std::int32_t y = 0, k = 0; y < r.rows; ++y) {
+            for (std::int32_t x = 0; x < r.columns; ++x, ++k) {
+                const std::int32_t pixel = (r.row + y) * s_.columns + r.column + x;
+                if (!filled(pixel)) continue;
+                ++n_filled;
+                for (int c = 0; c < kC; ++c) {
+                    target[kC * k + c] = s_.color[kC * pixel + c];
+                    mask[kC * k + c] = -1;
+                }
+            }
+        }
+        if (n_filled == r.rows * r.columns) return false;
+        const Place place = choose(r, target, mask, n_filled);
+        paste(r, place);
+        return true;
+    }
+
+    Place choose(const Rectangle& r, const std::vector<std::int16_t>& target, const std::vector<std::int16_t>& mask,
+                 std::int32_t n_filled) {
+        std::vector<Place> places = find_candidates(r.rows, r.columns);
+        const auto stamp = static_cast<std::uint32_t>(r.row * s_.columns + r.column);
+        const auto threshold = static_cast<std::uint32_t>(settings_.candidate_share * 4294967295.0);
+        std::vector<Place> kept;
+        for (std::size_t i = 0; i < places.size(); ++i) {
+            if (random_bits(settings_.seed ^ stamp, 6, static_cast<std::uint32_t>(i)) <= threshold) kept.push_back(places[i]);
+        }
+        if (!kept.empty()) places.swap(kept);
+
+        const SummedArea usage(usage_.data(), e_.rows, e_.columns);
+        const std::vector<float> near_map = usage_near(r);
+        const SummedArea near(near_map.data(), e_.rows, e_.columns);
+        const double area = static_cast<double>(r.rows) * r.columns;
+        std::vector<double> cost(places.size());
+        constexpr std::size_t kChunk = 64;
+        parallel_for((places.size() + kChunk - 1) / kChunk, settings_.threads, [&](std::size_t chunk) {
+            for (std::size_t i = chunk * kChunk; i < std::min(places.size(), (chunk + 1) * kChunk); ++i) {
+                const Place p = places[i];
+                const double used = usage.sum(p.row, p.column, p.row + r.rows, p.column + r.columns) / area;
+                const double again = near.sum(p.row, p.column, p.row + r.rows, p.column + r.columns) / area;
+                double difference = 0;
+                if (n_filled > 0) {
+                    std::int64_t sum = 0;
+                    for (std::int32_t y = 0; y < r.rows; ++y) {
+                        const std::int16_t* a = e_.color + kC * ((p.row + y) * e_.columns + p.column);
+                        const std::int16_t* b = target.data() + kC * y * r.columns;
+                        const std::int16_t* m = mask.data() + kC * y * r.columns;
+                        std::int32_t along = 0;
+                        for (std::int32_t x = 0; x < kC * r.columns; ++x) {
+                            const auto d = static_cast<std::int16_t>((a[x] - b[x]) & m[x]);
+                            along += static_cast<std::int32_t>(d) * d;
+                        }
+                        sum += along;
+                    }
+                    difference = static_cast<double>(sum) / (3.0 * n_filled * variance_);
+                }
+                cost[i] = difference + settings_.usage_weight * used + settings_.near_weight * again;
+            }
+        });
+        return places[static_cast<std::size_t>(std::min_element(cost.begin(), cost.end()) - cost.begin())];
+    }
+
+    // How often each place of the exemplar is used within two patches of a rectangle.
+    std::vector<float> usage_near(const Rectangle& r) const {
+        std::vector<float> times(usage_.size());
+        const std::int32_t reach = 2 * settings_.patch;
+        for (std::int32_t y = std::max(r.row - reach, 0); y < std::min(r.row + r.rows + reach, s_.rows); ++y) {
+            for (std::int32_t x = std::max(r.column - reach, 0); x < std::min(r.column + r.columns + reach, s_.columns); ++x) {
+                const Place p = source_at(s_, y * s_.columns + x);
+                if (p.row >= 0) times[p.row * e_.columns + p.column] += 1;
+            }
+        }
+        return times;
+    }
+
+    void paste(const Rectangle& r, Place place) {
+        const std::vector<std::uint8_t> taken = seam(r, place);
+        for (std::int32_t y = 0, k = 0; y < r.rows; ++y) {
+            for (std::int32_t x = 0; x < r.columns; ++x, ++k) {
+                const std::int32_t pixel = (r.row + y) * s_.columns + r.column + x;
+                if (!taken[k] || s_.known[pixel]) continue;
+                count(pixel, -1);
+                s_.source[2 * pixel] = place.row + y;
+                s_.source[2 * pixel + 1] = place.column + x;
+                count(pixel, 1);
+                for (int c = 0; c < kC; ++c) s_.color[kC * pixel + c] = patch_color(place, y, x)[c];
+            }
+        }
+    }
+
+    const std::int16_t* patch_color(Place place, std::int32_t y, std::int32_t x) const {
+        return e_.color + kC * ((place.row + y) * e_.columns + place.column + x);
+    }
+
+    // 1 where a rectangle takes the patch: what is empty, and what a minimum cut gives it of the rest.
+    std::vector<std::uint8_t> seam(const Rectangle& r, Place place) const {
+        constexpr std::int32_t kEnd = 1 << 28;
+        const std::size_t n = static_cast<std::size_t>(r.rows) * r.columns;
+        std::vector<std::int32_t> down(n), right(n), terminal(n);
+        for (std::int32_t y = 0, k = 0; y < r.rows; ++y) {
+            for (std::int32_t x = 0; x < r.columns; ++x, ++k) {
+                const std::int32_t row = r.row + y, column = r.column + x, pixel = row * s_.columns + column;
+                const bool rim = (y == 0 && row > 0 && filled(pixel - s_.columns)) ||
+                                 (x == 0 && column > 0 && filled(pixel - 1)) ||
+                                 (y == r.rows - 1 && row < s_.rows - 1 && filled(pixel + s_.columns)) ||
+                                 (x == r.columns - 1 && column < s_.columns - 1 && filled(pixel + 1));
+                if (!filled(pixel)) terminal[k] = -kEnd;
+                else if (s_.known[pixel] || rim) terminal[k] = kEnd;
+                if (y + 1 < r.rows) down[k] = step_cost(r, place, y, x, 1, 0);
+                if (x + 1 < r.columns) right[k] = step_cost(r, place, y, x, 0, 1);
+            }
+        }
+        return cut_grid(down.data(), right.data(), terminal.data(), static_cast<std::size_t>(r.rows),
+                        static_cast<std::size_t>(r.columns));
+    }
+
+    std::int32_t step_cost(const Rectangle& r, Place place, std::int32_t y, std::int32_t x, std::int32_t dy,
+                           std::int32_t dx) const {
+        const std::int32_t pixel = (r.row + y) * s_.columns + r.column + x, next = pixel + dy * s_.columns + dx;
+        if (!filled(pixel) || !filled(next)) return 1;
+        const std::int16_t *a = s_.color + kC * pixel, *a_next = s_.color + kC * next;
+        const std::int16_t *b = patch_color(place, y, x), *b_next = patch_color(place, y + dy, x + dx);
+        const auto length = [](const std::int16_t* u, const std::int16_t* v) {
+            return std::sqrt(static_cast<float>(squared_difference(u, v, kC)));
+        };
+        constexpr float kFloor = 20;  // of the gradients, in steps of colour
+        const float cost = (length(a, b) + length(a_next, b_next)) / (2 * (length(a, a_next) + length(b, b_next)) + kFloor);
+        return 1 + static_cast<std::int32_t>(cost * 10000);
+    }
+
+    const Exemplar& e_;
+    const Synthesis& s_;
+    const PlaceSettings& settings_;
+    std::vector<float> usage_;
+    SummedArea valid_;
+    double variance_;
+};
+
+// ---- refinement
+
+class Refinement {
+  public:
+    Refinement(const Exemplar& exemplar, const Synthesis& synthesis, const RefineSettings& settings)
+        : e_(exemplar), s_(synthesis), settings_(settings), next_(synthesis.source, synthesis.source + 2 * synthesis.rows * synthesis.columns) {}
+
+    void run() {
+        for (std::int32_t phase = 0; phase < 4; ++phase) {
+            // Diagonal neighbours first, so that no direction of scan shows.
+            const std::int32_t row = phase == 1 || phase == 2, column = phase == 1 || phase == 3;
+            const auto rows = static_cast<std::size_t>((s_.rows - row + 1) / 2);
+            parallel_for(rows, settings_.threads, [&](std::size_t k) {
+                const auto y = static_cast<std::int32_t>(2 * k) + row;
+                for (std::int32_t x = column; x < s_.columns; x += 2) search(y, x, static_cast<std::uint32_t>(phase));
+            });
+            parallel_for(rows, settings_.threads, [&](std::size_t k) {
+                const auto y = static_cast<std::int32_t>(2 * k) + row;
+                for (std::int32_t x = column; x < s_.columns; x += 2) commit(y * s_.columns + x);
+            });
+        }
+    }
+
+  private:
+    void commit(std::int32_t pixel) {
+        s_.source[2 * pixel] = next_[2 * pixel];
+        s_.source[2 * pixel + 1] = next_[2 * pixel + 1];
+        if (s_.known[pixel]) return;
+        const std::int32_t from = next_[2 * pixel] * e_.columns + next_[2 * pixel + 1];
+        for (int c = 0; c < kC; ++c) s_.color[kC * pixel + c] = e_.color[kC * from + c];
+    }
+
+    // Whether a whole neighbourhood is one verbatim copy, of which nothing can become better.
+    bool settled(std::int32_t y, std::int32_t x, Place here) const {
+        const std::int32_t radius = settings_.radius;
+        for (std::int32_t v = std::max(y - radius, 0); v <= std::min(y + radius, s_.rows - 1); ++v) {
+            for (std::int32_t u = std::max(x - radius, 0); u <= std::min(x + radius, s_.columns - 1); ++u) {
+                const std::int32_t pixel = v * s_.columns + u;
+                if (s_.known[pixel] || !(source_at(s_, pixel) == Place{here.row + v - y, here.column + u - x})) return false;
+            }
+        }
+        return true;
+    }
+
+    // Squared difference of the neighbourhoods of an output pixel and a place, given up beyond the best so far.
+    std::int64_t cost(std::int32_t y, std::int32_t x, Place p, std::int64_t best) const {
+        // What lies outside the output or outside the exemplar is not compared, and the mean of the rest stands for it.
+        const std::int32_t radius = settings_.radius;
+        const std::int32_t top = std::max({-radius, -y, -p.row});
+        const std::int32_t bottom = std::min({radius, s_.rows - 1 - y, e_.rows - 1 - p.row});
+        const std::int32_t left = std::max({-radius, -x, -p.column});
+        const std::int32_t right = std::min({radius, s_.columns - 1 - x, e_.columns - 1 - p.column});
+        const std::int64_t whole = (2 * radius + 1) * (2 * radius + 1);
+        const std::int64_t compared = (bottom - top + 1) * (right - left + 1);
+        std::int64_t sum = 0;
+        for (std::int32_t v = top; v <= bottom; ++v) {
+            sum += squared_difference(s_.color + kC * ((y + v) * s_.columns + x + left),
+                                      e_.color + kC * ((p.row + v) * e_.columns + p.column + left), kC * (right - left + 1));
+            if (sum * whole >= best * compared) return best;
+        }
+        sum = sum * whole / compared;
+        if (settings_.guide_weight == 0) return sum;
+        return std::min(best, sum + settings_.guide_weight * static_cast<std::int64_t>(squared_difference(
+                                        s_.guide + kC * (y * s_.columns + x), e_.guide + kC * (p.row * e_.columns + p.column), kC)));
+    }
+
+    void search(std::int32_t y, std::int32_t x, std::uint32_t phase) {
+        const std::int32_t pixel = y * s_.columns + x;
+        if (s_.known[pixel] == 2) return;
+        Place best = source_at(s_, pixel);
+        if (settled(y, x, best)) return;
+        std::int64_t least = cost(y, x, best, std::numeric_limits<std::int32_t>::max());
+
+        std::array<Place, 64> seen;
+        std::size_t n_seen = 0;
+        seen[n_seen++] = best;
+        const auto consider = [&](Place p, std::int64_t numerator, std::int64_t denominator) {
+            if (!is_valid(e_, p)) return;
+            for (std::size_t i = 0; i < n_seen; ++i) {
+                if (seen[i] == p) return;
+            }
+            if (n_seen < seen.size()) seen[n_seen++] = p;
+            const std::int64_t limit = least * denominator / numerator;
+            const std::int64_t found = cost(y, x, p, limit);
+            if (found < limit) {
+                least = found;
+                best = p;
+            }
+        };
+        for (const std::int32_t reach : {1, 2, 4}) {
+            for (std::int32_t dy = -1; dy <= 1; ++dy) {
+                for (std::int32_t dx = -1; dx <= 1; ++dx) {
+                    const std::int32_t v = y + reach * dy, u = x + reach * dx;
+                    if (v < 0 || v >= s_.rows || u < 0 || u >= s_.columns) continue;
+                    const Place other = source_at(s_, v * s_.columns + u);
+                    consider({other.row - reach * dy, other.column - reach * dx}, 1, 1);
+                }
+            }
+        }
+        for (std::int32_t k = 0; k < settings_.random_tries; ++k) {
+            const std::uint32_t bits = random_bits(settings_.seed, static_cast<std::uint32_t>(pixel), 4 * static_cast<std::uint32_t>(k) + phase);
+            const std::int32_t reach = std::max(e_.rows, e_.columns) >> k;
+            if (reach == 0) break;
+            const std::int32_t range = 2 * reach + 1;
+            const auto dy = static_cast<std::int32_t>((bits & 0xffff) * static_cast<std::uint32_t>(range) >> 16) - reach;
+            const auto dx = static_cast<std::int32_t>((bits >> 16) * static_cast<std::uint32_t>(range) >> 16) - reach;
+            consider({best.row + dy, best.column + dx}, 9, 8);  // what continues no neighbour must be clearly better
+        }
+        next_[2 * pixel] = best.row;
+        next_[2 * pixel + 1] = best.column;
+    }
+
+    const Exemplar& e_;
+    const Synthesis& s_;
+    const RefineSettings& settings_;
+    std::vector<std::int32_t> next_;
+};
+
+}  // namespace
+
+std::int32_t place_patches(const Exemplar& exemplar, const Synthesis& synthesis, const PlaceSettings& settings) {
+    return Placement(exemplar, synthesis, settings).run();
+}
+
+void refine_sources(const Exemplar& exemplar, const Synthesis& synthesis, const RefineSettings& settings) {
+    Refinement(exemplar, synthesis, settings).run();
+}
+
+}  // namespace usdfoliage
