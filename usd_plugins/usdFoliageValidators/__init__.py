@@ -1,1 +1,43 @@
-"""UsdValidation validators of the usdFoliage schemas and of the layout of an asset."""
+"""UsdValidation validators of the usdFoliage schemas and of the layout of an asset.
+
+USD imports this package when it first needs one of the validators that plugInfo.json announces.
+"""
+
+from pxr import UsdValidation
+
+from usdFoliageValidators.asset import (
+    check_asset_bounds,
+    check_asset_interface,
+    check_asset_paths,
+    check_asset_purposes,
+)
+from usdFoliageValidators.crown import check_crown, check_crown_files
+from usdFoliageValidators.forest import check_forest
+from usdFoliageValidators.leaf import check_leaf_arrays, check_leaf_orientations, check_leaf_prototype
+from usdFoliageValidators.lobed import check_lobed_leaf
+from usdFoliageValidators.plant import check_plant
+from usdFoliageValidators.skeleton import check_skeleton
+
+PRIM_VALIDATORS = {
+    "Plant": check_plant,
+    "LeafArrays": check_leaf_arrays,
+    "LeafOrientations": check_leaf_orientations,
+    "LeafPrototype": check_leaf_prototype,
+    "LobedLeaf": check_lobed_leaf,
+    "Skeleton": check_skeleton,
+    "Crown": check_crown,
+    "CrownFiles": check_crown_files,
+    "Forest": check_forest,
+}
+STAGE_VALIDATORS = {
+    "AssetInterface": check_asset_interface,
+    "AssetPaths": check_asset_paths,
+    "AssetBounds": check_asset_bounds,
+    "AssetPurposes": check_asset_purposes,
+}
+
+_registry = UsdValidation.ValidationRegistry()
+for _name, _check in PRIM_VALIDATORS.items():
+    _registry.RegisterPluginPrimValidator(f"usdFoliageValidators:{_name}", _check)
+for _name, _check in STAGE_VALIDATORS.items():
+    _registry.RegisterPluginStageValidator(f"usdFoliageValidators:{_name}", _check)

@@ -1,0 +1,180 @@
+"""Validators of the layout of an asset: interface, paths, bounds, purposes.
+
+They look only at a stage whose root layer is an asset: a root prim of that very layer has FoliagePlantAPI. A shot that
+references assets is none of theirs.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdUtils
+
+from usdFoliageValidators.findings import Findings, error, warning
+
+USD_SUFFIXES = (".usda", ".usd", ".usdc", ".usdz")
+HINT_SLACK = 1e-4  # of the bounds' size; hints are float32
+
+
+def plant_of(stage: Usd.Stage) -> Usd.Prim | None:
+    """The root prim that makes the stage's root layer an asset, None where it is none."""
+    for spec in stage.GetRootLayer().rootPrims:
+        applied = spec.GetInfo("apiSchemas")
+        if applied and "FoliagePlantAPI" in applied.GetAppliedItems():
+            return stage.GetPrimAtPath(spec.path)
+    return None
+
+
+def check_asset_interface(stage: Usd.Stage, _time: object) -> Findings:
+    """The interface layer: defaultPrim, kind, unit, up axis, one payload, alone at the top of its folder."""
+    plant = plant_of(stage)
+    if plant is None:
+        return []
+    layer = stage.GetRootLayer()
+    findings: Findings = []
+    if layer.defaultPrim != plant.GetName():
+        held = f"is {layer.defaultPrim}" if layer.defaultPrim else "is not authored"
+        findings.append(error(plant, "DefaultPrim", f"defaultPrim {held}; author {plant.GetName()}"))
+    kind = Usd.ModelAPI(plant).GetKind()
+    if kind != Kind.Tokens.component:
+        findings.append(error(plant, "Kind", f"has kind {kind or 'none'}; a plant is a component, author that"))
+    if not UsdGeom.StageHasAuthoredMetersPerUnit(stage) or UsdGeom.GetStageMetersPerUnit(stage) != 1:
+        findings.append(error(plant, "MetersPerUnit", "the layer's metersPerUnit is not 1; assets are in metres"))
+    if not stage.HasAuthoredMetadata("upAxis") or UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.y:
+        findings.append(error(plant, "UpAxis", "the layer's upAxis is not Y; turn the plant and author Y"))
+    payloads = layer.GetPrimAtPath(plant.GetPath()).payloadList.GetAppliedItems()
+    if len(payloads) != 1:
+        text = f"has {len(payloads)} payloads; an asset has one, which holds all that is heavy"
+        findings.append(error(plant, "Payload", text))
+    if layer.realPath:
+        others = sorted(
+            path.name
+            for path in Path(layer.realPath).parent.iterdir()
+            if path.suffix.lower() in USD_SUFFIXES and path.name != Path(layer.realPath).name
+        )
+        if others:
+            text = f"shares its folder with {', '.join(others)}; the interface is the one USD file at the top"
+            findings.append(error(plant, "FolderTop", text))
+    return findings
+
+
+def check_asset_paths(stage: Usd.Stage, _time: object) -> Findings:
+    """Every path in the asset's layers is relative and stays inside the asset's folder."""
+    plant = plant_of(stage)
+    if plant is None:
+        return []
+    findings: Findings = []
+    folder = Path(stage.GetRootLayer().realPath).parent if stage.GetRootLayer().realPath else None
+    for layer, path in _paths_of_layers(stage.GetRootLayer(), folder):
+        place = layer.GetDisplayName()
+        if Path(path).is_absolute() or ":" in path.split("/", 1)[0] or path.startswith("\\"):
+            text = f"{place} names {path}, which is not relative and breaks when the asset moves; make it relative"
+            findings.append(error(plant, "PathNotRelative", text))
+        elif folder is not None and not _is_inside(layer, path, folder):
+            text = f"{place} names {path}, outside the asset's folder; copy the file into the folder and name that"
+            findings.append(error(plant, "PathOutside", text))
+        elif not path.startswith(("./", "../")):
+            text = f"{place} names {path}, which is looked for on the search path too; write ./{path}"
+            findings.append(warning(plant, "PathSearched", text))
+    return findings
+
+
+def check_asset_bounds(stage: Usd.Stage, _time: object) -> Findings:
+    """The interface has an extentsHint, and while the payload is loaded what it draws lies inside."""
+    plant = plant_of(stage)
+    if plant is None:
+        return []
+    attribute = UsdGeom.ModelAPI(plant).GetExtentsHintAttr()
+    hint = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute and attribute.HasAuthoredValue() else None
+    if not hint or len(hint) % 2:
+        text = "is not authored; an unloaded asset has no bounds without it: author UsdGeomModelAPI.ComputeExtentsHint"
+        return [error(plant, "ExtentsHintMissing", text, "extentsHint")]
+    if not plant.IsLoaded():
+        return []
+    findings: Findings = []
+    for number, purpose in enumerate(UsdGeom.Imageable.GetOrderedPurposeTokens()):
+        cache = UsdGeom.BBoxCache(Usd.TimeCode.EarliestTime(), [purpose], useExtentsHint=False)
+        bounds = cache.ComputeUntransformedBound(plant).ComputeAlignedRange()
+        if bounds.IsEmpty():
+            continue
+        held = Gf.Range3d()
+        if 2 * number + 1 < len(hint):
+            held = Gf.Range3d(Gf.Vec3d(hint[2 * number]), Gf.Vec3d(hint[2 * number + 1]))
+        slack = Gf.Vec3d(HINT_SLACK * max(bounds.GetSize()))
+        if held.IsEmpty() or not Gf.Range3d(held.min - slack, held.max + slack).Contains(bounds):
+            text = (
+                f"does not contain what has purpose {purpose}, {_span(bounds)}; it holds {_span(held)}: author it "
+                "again with UsdGeomModelAPI.ComputeExtentsHint"
+            )
+            findings.append(error(plant, "ExtentsHintTooSmall", text, "extentsHint"))
+    return findings
+
+
+def check_asset_purposes(stage: Usd.Stage, _time: object) -> Findings:
+    """A purpose is authored on Scopes only, and render and proxy only where both are there."""
+    plant = plant_of(stage)
+    if plant is None:
+        return []
+    findings: Findings = []
+    seen: dict[str, Usd.Prim] = {}
+    for prim in Usd.PrimRange(plant):
+        attribute = prim.GetAttribute("purpose")
+        if not attribute or not attribute.HasAuthoredValue():
+            continue
+        purpose = str(attribute.Get())
+        if prim.GetTypeName() != "Scope":
+            text = f"is authored on a {prim.GetTypeName() or 'prim without type'}; author it on the Scope above"
+            findings.append(error(prim, "PurposeNotOnScope", text, "purpose"))
+        elif any(UsdGeom.Imageable(below) for below in prim.GetAllChildren()):
+            seen.setdefault(purpose, prim)
+    for purpose, counterpart in (("render", "proxy"), ("proxy", "render")):
+        if purpose in seen and counterpart not in seen and plant.IsLoaded():
+            text = (
+                f"is {purpose} while nothing in this variant selection is {counterpart}, so the asset is blank where "
+                f"{purpose} is off; leave the purpose default"
+            )
+            findings.append(error(seen[purpose], "PurposeAlone", text, "purpose"))
+    return findings
+
+
+def _paths_of_layers(root: Sdf.Layer, folder: Path | None) -> Iterator[tuple[Sdf.Layer, str]]:
+    """Every path that the asset's layers author, in unselected variants too, with the layer; each layer once."""
+    waiting, seen = [root], {root.identifier}
+    while waiting:
+        layer = waiting.pop(0)
+        for path in _authored_paths(layer):
+            yield layer, path
+            if folder is None or Path(path).suffix.lower() not in USD_SUFFIXES or not _is_inside(layer, path, folder):
+                continue
+            try:
+                below = Sdf.Layer.FindOrOpenRelativeToLayer(layer, path)
+            except Tf.ErrorException:  # USD's own CompositionErrorTest reports what cannot be read
+                below = None
+            if below and below.identifier not in seen:
+                seen.add(below.identifier)
+                waiting.append(below)
+
+
+def _authored_paths(layer: Sdf.Layer) -> list[str]:
+    found: list[str] = []
+
+    def note(path: str) -> str:
+        if path and path not in found:
+            found.append(path)
+        return path
+
+    copy = Sdf.Layer.CreateAnonymous(".usda")
+    copy.TransferContent(layer)
+    UsdUtils.ModifyAssetPaths(copy, note)
+    return found
+
+
+def _is_inside(layer: Sdf.Layer, path: str, folder: Path) -> bool:
+    if not layer.realPath or Path(path).is_absolute():
+        return False
+    return (Path(layer.realPath).parent / path).resolve().is_relative_to(folder.resolve())
+
+
+def _span(bounds: Gf.Range3d) -> str:
+    if bounds.IsEmpty():
+        return "nothing"
+    return " to ".join("(" + ", ".join(f"{x:.4g}" for x in corner) + ")" for corner in (bounds.min, bounds.max))

@@ -1,0 +1,244 @@
+"""Validators of FoliageLeafAPI: the arrays, the two forms of the orientations, the prototype."""
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom
+
+from usdFoliageValidators import values
+from usdFoliageValidators.findings import Findings, count, error, warning, wrong_prim_type
+
+PARAMETERS = ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "inner", "outer")
+VECTOR_EDITS = ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "curl")
+WIDEST = 2.0  # leaf lengths from axis to silhouette; a leaf four times as wide as long is a slip
+ORIENTATION_TOLERANCE = 2e-3  # a half of magnitude up to 1 is within 5e-4
+
+
+def check_leaf_arrays(prim: Usd.Prim, _time: object) -> Findings:
+    """The seven parameters are there, one element a leaf, finite, and make a leaf; so are the facts and edits."""
+    findings = wrong_prim_type(prim, "FoliageLeafAPI", ("PointInstancer", "NurbsPatch"))
+    if findings:
+        return findings
+    instancer = UsdGeom.PointInstancer(prim)
+    if instancer:
+        positions = values.numbers(prim, "positions", 3)
+        if positions is None:
+            return [error(prim, "PositionsMissing", "has no positions; author one a leaf, in metres", "positions")]
+        leaves, measure, interpolation = len(positions), "one for each of positions", "varying"
+        findings += _check_placement(prim, positions)
+    else:
+        leaves, measure, interpolation = 1, "one for the patch", "constant"
+
+    parameters: dict[str, NDArray[np.float64]] = {}
+    for name in PARAMETERS:
+        primvar = f"primvars:leaf:{name}"
+        array = values.numbers(prim, primvar, 3)
+        if array is None:
+            text = f"is not authored; author {leaves} float3, {measure}"
+            findings.append(error(prim, "LeafArrayMissing", text, primvar))
+        elif len(array) != leaves:
+            text = f"has {len(array)} elements; {leaves} are needed, {measure}"
+            findings.append(error(prim, "LeafArrayLength", text, primvar))
+        else:
+            findings += _check_interpolation(prim, primvar, interpolation)
+            wrong = ~np.isfinite(array).all(axis=1)
+            if wrong.any():
+                text = f"is not finite in {count(wrong, 'leaves')}; drop these leaves or fit them again"
+                findings.append(error(prim, "LeafArrayNotFinite", text, primvar))
+            else:
+                parameters[name] = array
+    findings += _check_silhouette(prim, parameters)
+    findings += _check_facts(prim, leaves, interpolation)
+    findings += _check_edits(prim)
+    return findings
+
+
+def check_leaf_orientations(prim: Usd.Prim, _time: object) -> Findings:
+    """orientations (half, for older applications) and orientationsf (float, exact) are there and agree."""
+    if not UsdGeom.PointInstancer(prim):
+        return []
+    findings: Findings = []
+    positions = values.numbers(prim, "positions", 3)
+    arrays: dict[str, NDArray[np.float64]] = {}
+    for name in ("orientations", "orientationsf"):
+        array = values.numbers(prim, name, 4)
+        if array is None or not len(array):
+            text = "is not authored; author both orientations and orientationsf, from one source"
+            findings.append(error(prim, "OrientationsMissing", text, name))
+        elif positions is not None and len(array) != len(positions):
+            text = f"has {len(array)} elements; {len(positions)} are needed, one for each of positions"
+            findings.append(error(prim, "OrientationsLength", text, name))
+        else:
+            arrays[name] = array
+            wrong = ~(np.abs(np.linalg.norm(array, axis=1) - 1) < ORIENTATION_TOLERANCE)
+            if wrong.any():
+                text = f"is no rotation in {count(wrong, 'leaves')}; normalise the quaternions"
+                findings.append(error(prim, "OrientationsNotUnit", text, name))
+    if len(arrays) == 2 and not findings:
+        half, exact = arrays["orientations"], arrays["orientationsf"]
+        # q and -q are one rotation.
+        apart = np.minimum(np.abs(half - exact).max(axis=1), np.abs(half + exact).max(axis=1))
+        wrong = apart > ORIENTATION_TOLERANCE
+        if wrong.any():
+            text = (
+                f"is up to {apart.max():.2g} from orientationsf in {count(wrong, 'leaves')}, "
+                f"{ORIENTATION_TOLERANCE:g} allowed; write both from the same rotations"
+            )
+            findings.append(error(prim, "OrientationsDiffer", text, "orientations"))
+    return findings
+
+
+def check_leaf_prototype(prim: Usd.Prim, _time: object) -> Findings:
+    """Every prototype exists below the instancer, is used rightly, and its gprims have an extent."""
+    instancer = UsdGeom.PointInstancer(prim)
+    if not instancer:
+        return []
+    targets = instancer.GetPrototypesRel().GetForwardedTargets()
+    if not targets:
+        text = "has no prototype; point the relationship prototypes at a leaf mesh below the instancer"
+        return [error(prim, "PrototypeMissing", text, "prototypes")]
+    findings: Findings = []
+    for target in targets:
+        prototype = prim.GetStage().GetPrimAtPath(target)
+        if not prototype:
+            text = f"targets <{target}>, which does not exist; point it at a leaf mesh below the instancer"
+            findings.append(error(prim, "PrototypeMissing", text, "prototypes"))
+            continue
+        if not target.HasPrefix(prim.GetPath()):
+            text = f"targets <{target}>, which is not below the instancer and so misses its edits; move it below"
+            findings.append(error(prim, "PrototypeElsewhere", text, "prototypes"))
+        findings += _check_extents(prototype)
+    used = values.indices(prim, "protoIndices")
+    if used is None or (len(used) and not (used.min() >= 0 and used.max() < len(targets))):
+        text = f"must name one of the {len(targets)} prototypes, 0 to {len(targets) - 1}, for each leaf"
+        findings.append(error(prim, "PrototypeIndex", text, "protoIndices"))
+    return findings
+
+
+def _check_placement(prim: Usd.Prim, positions: NDArray[np.float64]) -> Findings:
+    findings: Findings = []
+    wrong = ~np.isfinite(positions).all(axis=1)
+    if wrong.any():
+        text = f"is not finite in {count(wrong, 'leaves')}; drop these leaves"
+        findings.append(error(prim, "PositionsNotFinite", text, "positions"))
+    scales = values.numbers(prim, "scales", 3)
+    if scales is None or len(scales) != len(positions):
+        held = "no value" if scales is None else f"{len(scales)} elements"
+        text = f"has {held}; author {len(positions)}, each leaf's length in metres for all three axes"
+        findings.append(error(prim, "ScalesLength", text, "scales"))
+    else:
+        with np.errstate(invalid="ignore"):
+            wrong = ~(np.isfinite(scales).all(axis=1) & (scales > 0).all(axis=1))
+            uneven = ~wrong & (np.ptp(scales, axis=1) > 1e-5 * scales.max(axis=1, initial=0))
+        if wrong.any():
+            text = f"is not above 0 in {count(wrong, 'leaves')}; a scale is the leaf's length in metres"
+            findings.append(error(prim, "ScalesNotPositive", text, "scales"))
+        elif uneven.any():
+            text = f"differs between axes in {count(uneven, 'leaves')}; a leaf's width is in its silhouette, not here"
+            findings.append(error(prim, "ScalesNotUniform", text, "scales"))
+    return findings
+
+
+def _check_interpolation(prim: Usd.Prim, primvar: str, needed: str) -> Findings:
+    held = UsdGeom.Primvar(prim.GetAttribute(primvar)).GetInterpolation()
+    if held == needed:
+        return []
+    text = f"has interpolation {held}; author {needed} on a {prim.GetTypeName()}"
+    return [error(prim, "LeafArrayInterpolation", text, primvar)]
+
+
+def _check_silhouette(prim: Usd.Prim, parameters: dict[str, NDArray[np.float64]]) -> Findings:
+    names = [f"silhouette{i}" for i in (1, 2, 3)]
+    if not all(name in parameters for name in names):
+        return []
+    findings: Findings = []
+    silhouette = np.stack([parameters[name] for name in names], axis=1)  # leaf, point, (v, x, z)
+    v, x = silhouette[:, :, 0], silhouette[:, :, 1]
+    wrong = ((v <= 0) | (v >= 1)).any(axis=1)
+    if wrong.any():
+        text = f"(v, the first number) is outside (0, 1) in {count(wrong, 'leaves')}; fit these leaves again"
+        findings.append(error(prim, "SilhouetteRange", text, "primvars:leaf:silhouette1"))
+    wrong = (np.diff(v, axis=1) <= 0).any(axis=1)
+    if wrong.any():
+        text = f"(v, the first number) does not rise from 1 to 3 in {count(wrong, 'leaves')}; fit these leaves again"
+        findings.append(error(prim, "SilhouetteOrder", text, "primvars:leaf:silhouette1"))
+    wrong = ((x <= 0) | (x > WIDEST)).any(axis=1)
+    if wrong.any():
+        text = (
+            f"(x, the second number) is outside (0, {WIDEST:g}] leaf lengths in {count(wrong, 'leaves')}; "
+            "look whether these are leaves"
+        )
+        findings.append(warning(prim, "SilhouetteWidth", text, "primvars:leaf:silhouette1"))
+    return findings
+
+
+def _check_facts(prim: Usd.Prim, leaves: int, interpolation: str) -> Findings:
+    findings: Findings = []
+    for name, least, greatest in (("confidence", 0.0, 1.0), ("residual", 0.0, np.inf), ("view", -1.0, np.inf)):
+        primvar = f"primvars:leaf:{name}"
+        if not values.is_authored(prim, primvar):
+            continue
+        array = values.numbers(prim, primvar)
+        if array is None or len(array) != leaves:
+            held = 0 if array is None else len(array)
+            text = f"has {held} elements; {leaves} are needed, or none at all"
+            findings.append(error(prim, "LeafArrayLength", text, primvar))
+            continue
+        findings += _check_interpolation(prim, primvar, interpolation)
+        wrong = ~((array >= least) & (array <= greatest) & np.isfinite(array))
+        if wrong.any():
+            bound = f"{least:g} to {greatest:g}" if np.isfinite(greatest) else f"{least:g} or more"
+            text = f"is not {bound} in {count(wrong, 'leaves')}; measure it again"
+            findings.append(error(prim, "LeafFactRange", text, primvar))
+    return findings
+
+
+def _check_edits(prim: Usd.Prim) -> Findings:
+    findings: Findings = []
+    for name in VECTOR_EDITS:
+        primvar = f"primvars:leaf:edit:{name}"
+        vector = values.tuple_of(prim, primvar, 3)
+        if values.is_authored(prim, primvar) and (vector is None or not np.isfinite(vector).all()):
+            findings.append(error(prim, "EditNotFinite", "must be three finite numbers; (0, 0, 0) is neutral", primvar))
+    for name, above_zero in (("width", False), ("jitterAmplitude", False), ("jitterFrequency", True)):
+        primvar = f"primvars:leaf:edit:{name}"
+        if not values.is_authored(prim, primvar):
+            continue
+        number = values.number(prim, primvar)
+        if number is None or not np.isfinite(number) or number < 0 or (above_zero and number == 0):
+            needed = "above 0" if above_zero else "0 or more"
+            findings.append(error(prim, "EditRange", f"is {number}; it must be {needed}", primvar))
+    for name in (*VECTOR_EDITS, "width", "jitterAmplitude", "jitterFrequency"):
+        primvar = f"primvars:leaf:edit:{name}"
+        if values.is_authored(prim, primvar):
+            held = UsdGeom.Primvar(prim.GetAttribute(primvar)).GetInterpolation()
+            if held != UsdGeom.Tokens.constant:
+                text = f"has interpolation {held}; an edit is one value for all leaves, constant"
+                findings.append(error(prim, "EditInterpolation", text, primvar))
+    return findings
+
+
+def _check_extents(prototype: Usd.Prim) -> Findings:
+    findings: Findings = []
+    drawn = 0
+    for prim in Usd.PrimRange(prototype):
+        if UsdGeom.PointInstancer(prim):
+            text = "is a PointInstancer inside a prototype; leaves have one level of instancing, flatten it"
+            findings.append(error(prim, "NestedInstancer", text))
+        if not UsdGeom.Gprim(prim):
+            continue
+        drawn += 1
+        extent = values.numbers(prim, "extent", 3) if values.is_authored(prim, "extent") else None
+        if extent is None or len(extent) != 2:
+            text = "is not authored; a leaf is culled or never framed without it: author the displaced leaf's bounds"
+            findings.append(error(prim, "PrototypeExtent", text, "extent"))
+            continue
+        points = values.numbers(prim, "points", 3)
+        if points is not None and len(points):
+            slack = 1e-5 * max(1.0, float(np.abs(points).max()))
+            if (points.min(axis=0) < extent[0] - slack).any() or (points.max(axis=0) > extent[1] + slack).any():
+                text = "does not contain the prim's own points; author the displaced leaf's bounds"
+                findings.append(error(prim, "PrototypeExtent", text, "extent"))
+    if not drawn:
+        text = "is a prototype with nothing to draw; put a leaf mesh below it"
+        findings.append(error(prototype, "PrototypeEmpty", text))
+    return findings

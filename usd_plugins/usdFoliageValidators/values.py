@@ -1,0 +1,71 @@
+"""Reading properties as numpy arrays, whatever somebody has authored in them.
+
+Values are those of the earliest time: shapes that the validators look at do not change over time. A value of another
+type than the schema's counts as none; USD's own validator usdValidation:AttributeTypeMismatch reports it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Usd
+
+
+def is_authored(prim: Usd.Prim, name: str) -> bool:
+    """Whether the property has a value of its own, blocked ones excluded."""
+    attribute = prim.GetAttribute(name)
+    return bool(attribute and attribute.HasAuthoredValue())
+
+
+def value(prim: Usd.Prim, name: str) -> object:
+    """The attribute's value, None where there is none."""
+    attribute = prim.GetAttribute(name)
+    return attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
+
+
+def numbers(prim: Usd.Prim, name: str, columns: int | None = None) -> NDArray[np.float64] | None:
+    """An array attribute as (N,) or (N, columns); None where it has no such value."""
+    held = value(prim, name)
+    if held is None or isinstance(held, str | Sdf.AssetPath):
+        return None
+    array = np.asarray(held)
+    shape_fits = array.ndim == 1 if columns is None else array.ndim == 2 and array.shape[1] == columns
+    return array.astype(np.float64) if shape_fits and array.dtype.kind in "fiu" else None
+
+
+def indices(prim: Usd.Prim, name: str) -> NDArray[np.int64] | None:
+    """An attribute int[] as (N,); None where it has no such value."""
+    held = numbers(prim, name)
+    return None if held is None or not np.all(held == np.rint(held)) else held.astype(np.int64)
+
+
+def tuple_of(prim: Usd.Prim, name: str, length: int) -> NDArray[np.float64] | None:
+    """One vector attribute as (length,); None where it has no such value."""
+    return numbers_of_shape(value(prim, name), (length,))
+
+
+def number(prim: Usd.Prim, name: str) -> float | None:
+    """One number; None where it has no such value."""
+    held = value(prim, name)
+    return float(held) if isinstance(held, int | float) and not isinstance(held, bool) else None
+
+
+def texts(prim: Usd.Prim, name: str) -> list[str] | None:
+    """An attribute string[] or token[]; None where it has no such value."""
+    held = value(prim, name)
+    if held is None or isinstance(held, str | int | float):
+        return None
+    elements = list(held) if hasattr(held, "__iter__") else [held]
+    return elements if all(isinstance(element, str) for element in elements) else None
+
+
+def asset_path(prim: Usd.Prim, name: str) -> Sdf.AssetPath | None:
+    """An asset attribute; None where it is not authored or empty."""
+    held = value(prim, name)
+    return held if isinstance(held, Sdf.AssetPath) and held.path else None
+
+
+def numbers_of_shape(held: object, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
+    """A vector or matrix value as an array of that shape; None for anything else."""
+    if held is None or isinstance(held, str | Sdf.AssetPath):
+        return None
+    array = np.asarray(held)
+    return array.astype(np.float64) if array.shape == shape and array.dtype.kind in "fiu" else None
