@@ -18,8 +18,9 @@ class CrownMaterial:
     """What the crown's material needs to know; paths as seen from the layer's folder."""
 
     color_map: str
+    radius_map: str
     shader: str  # the glslfx source
-    face_size: int  # texels along an edge of the colour cubemap
+    face_size: int  # texels along an edge of the cubemaps
     center_m: tuple[float, float, float]
     radius_range_m: tuple[float, float]
 
@@ -42,26 +43,27 @@ def copy_shaders(folder: Path) -> None:
 def author_crown_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial) -> UsdShade.Material:
     """Define a material that shows the colour cubemap by the mesh's st, for three kinds of renderer."""
     material = UsdShade.Material.Define(stage, path)
-    texture = _author_preview_texture(stage, path, crown)
+    texture = _author_preview_texture(stage, path.AppendChild("ColorMap"), crown.color_map)
     surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), texture)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
     surface = _author_mtlx_surface(stage, path, crown)
     material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
-    surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, texture)
+    radius = _author_preview_texture(stage, path.AppendChild("RadiusMap"), crown.radius_map)
+    surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, texture, radius)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "surface")
     return material
 
 
-def _author_preview_texture(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial) -> UsdShade.Shader:
-    reader = UsdShade.Shader.Define(stage, path.AppendChild("St"))
+def _author_preview_texture(stage: Usd.Stage, path: Sdf.Path, file: str) -> UsdShade.Shader:
+    reader = UsdShade.Shader.Define(stage, path.GetParentPath().AppendChild("St"))
     reader.CreateIdAttr("UsdPrimvarReader_float2")
     reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
     reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
 
-    texture = UsdShade.Shader.Define(stage, path.AppendChild("ColorMap"))
+    texture = UsdShade.Shader.Define(stage, path)
     texture.CreateIdAttr("UsdUVTexture")
-    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(crown.color_map))
-    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("raw")  # linear already
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("raw")  # linear already, or no colour
     for wrap in ("wrapS", "wrapT"):
         texture.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("clamp")
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
@@ -106,11 +108,12 @@ def _author_mtlx_surface(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial)
 
 
 def _author_storm_surface(
-    stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial, texture: UsdShade.Shader
+    stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial, color: UsdShade.Shader, radius: UsdShade.Shader
 ) -> UsdShade.Shader:
     surface = UsdShade.Shader.Define(stage, path)
     surface.SetSourceAsset(Sdf.AssetPath(crown.shader), "glslfx")
-    surface.CreateInput("colorMap", Sdf.ValueTypeNames.Float3).ConnectToSource(texture.ConnectableAPI(), "rgb")
+    surface.CreateInput("colorMap", Sdf.ValueTypeNames.Float3).ConnectToSource(color.ConnectableAPI(), "rgb")
+    surface.CreateInput("radiusMap", Sdf.ValueTypeNames.Float3).ConnectToSource(radius.ConnectableAPI(), "rgb")
     surface.CreateInput("center", Sdf.ValueTypeNames.Float3).Set(Gf.Vec3f(*crown.center_m))
     surface.CreateInput("radiusRange", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*crown.radius_range_m))
     surface.CreateInput("faceSize", Sdf.ValueTypeNames.Float).Set(float(crown.face_size))

@@ -62,6 +62,7 @@ def write_crown_asset(
     prim = crown_prim(name, crown, min(settings.crown_mesh_size, crown.radius_m.shape[1]))
     material = CrownMaterial(
         color_map=prim.color_map,
+        radius_map=prim.radius_map,
         shader=f"../shaders/{CROWN_SHADER}",
         face_size=crown.color.shape[1],
         center_m=(float(prim.center_m[0]), float(prim.center_m[1]), float(prim.center_m[2])),

@@ -21,7 +21,7 @@ import shutil
 import sys
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pxr import Sdf, Tf
@@ -55,6 +55,8 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
     """
     try:
         target = _resolve(out)
+        if not target.name:
+            raise AssetError(f"{out} is the root of the file system; name a folder for the asset")
         made = _make_parents(target.parent)
     except OSError as error:
         raise AssetError(f"{out} cannot be written: {error.strerror}; nothing was written") from error
@@ -72,13 +74,12 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
             _take_place(new, target)
             made = []
         finally:
-            _remove(new)
-            _end(lock, target)
+            _end(lock, new)
     except OSError as error:
         raise AssetError(_explain(out, target, error)) from error
     finally:
-        for folder in reversed(made):
-            if not any(folder.iterdir()):
+        with suppress(OSError):  # one of them is in use by now
+            for folder in reversed(made):
                 folder.rmdir()
 
 
@@ -142,7 +143,8 @@ def _begin(target: Path) -> tuple[int, Path]:
         token = uuid.uuid4().hex[:12]
         lock_path = _sibling(target, token, _LOCK)
         lock = os.open(lock_path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        with suppress(OSError):  # a file system without locks: nobody will take this run for a dead one there
+            fcntl.flock(lock, fcntl.LOCK_EX)
         # Before the lock held, a run that cleans up may have taken the file for a dead run's, and removed it.
         if lock_path.exists() and os.path.samestat(os.fstat(lock), lock_path.stat()):
             break
@@ -151,16 +153,16 @@ def _begin(target: Path) -> tuple[int, Path]:
     try:
         new.mkdir()
     except OSError:
-        lock_path.unlink()
-        os.close(lock)
+        _end(lock, new)
         raise
     return lock, new
 
 
-def _end(lock: int, target: Path) -> None:
-    for lock_path, _ in _runs(target):
-        if lock_path.exists() and os.path.samestat(os.fstat(lock), lock_path.stat()):
-            lock_path.unlink()
+def _end(lock: int, new: Path) -> None:
+    """Remove what is left of a run, its lock file last: with that the next run finds what could not be removed."""
+    base = new.name.removesuffix(_NEW)
+    if _remove(new) and _remove(new.with_name(base + _OLD)):
+        new.with_name(base + _LOCK).unlink(missing_ok=True)
     os.close(lock)
 
 
@@ -184,18 +186,14 @@ def _recover(target: Path) -> None:
             continue  # that run has just ended
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            continue  # that run lives
-        else:
-            old = _sibling(target, token, _OLD)
-            if old.exists() and not target.exists():
-                logger.warning("%s was left aside by a killed run; putting it back", target)
-                old.rename(target)
-            _remove(old)
-            _remove(_sibling(target, token, _NEW))
-            lock_path.unlink(missing_ok=True)
-        finally:
+        except OSError:
             os.close(lock)
+            continue  # that run lives, or the file system cannot tell
+        old = _sibling(target, token, _OLD)
+        if old.exists() and not target.exists():
+            logger.warning("%s was left aside by a killed run; putting it back", target)
+            old.rename(target)
+        _end(lock, _sibling(target, token, _NEW))
 
 
 def _take_place(new: Path, target: Path) -> None:
@@ -208,8 +206,7 @@ def _take_place(new: Path, target: Path) -> None:
             elif _exchange(new, target):
                 pass  # what was there is now called new, and goes with it
             else:
-                target.rename(old)
-                new.rename(target)
+                _swap_in_two_steps(new, target, old)
             break
         except FileNotFoundError:
             if target.exists() or not new.exists():
@@ -220,7 +217,16 @@ def _take_place(new: Path, target: Path) -> None:
                 raise
             _remove(old)
     _sync(target.parent)
-    _remove(old)
+
+
+def _swap_in_two_steps(new: Path, target: Path, old: Path) -> None:
+    """Where folders cannot be exchanged: for an instant target is absent, and old is what it was."""
+    target.rename(old)
+    try:
+        new.rename(target)
+    finally:
+        if not target.exists():
+            old.rename(target)
 
 
 def _exchange(first: Path, second: Path) -> bool:
@@ -256,11 +262,15 @@ def _sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def _remove(folder: Path) -> None:
+def _remove(folder: Path) -> bool:
+    """Remove a folder if it is there; returns whether it is gone."""
+    if not folder.exists():
+        return True
+    shutil.rmtree(folder, ignore_errors=True)
     if folder.exists():
-        shutil.rmtree(folder, ignore_errors=True)
-        if folder.exists():
-            logger.warning("%s is no longer needed and could not be removed", folder)
+        logger.warning("%s is no longer needed and could not be removed", folder)
+        return False
+    return True
 
 
 def _explain(out: Path, target: Path, error: OSError) -> str:
