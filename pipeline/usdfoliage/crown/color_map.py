@@ -13,15 +13,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from usdfoliage.crown.seam import cut_seam
 from usdfoliage.crown.texture import TextureSettings, synthesize_texture
-from usdfoliage.geometry.color import decode_srgb, encode_srgb
-from usdfoliage.geometry.cubemap import FACE_AXES, FACES, sample_cubemap, share_borders
+from usdfoliage.crown.tone import ColorStatistics, ToneSettings, match_statistics, measure_color_statistics
+from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.geometry.cubemap import FACES, share_borders
+
+__all__ = ["ColorMapSettings", "ColorStatistics", "build_color_map", "cut_strip", "measure_color_statistics"]
 
 Progress = Callable[[int, int], None]
 
@@ -32,34 +33,6 @@ _LATERAL = tuple(FACES.index(name) for name in ("+X", "+Z", "-X", "-Z"))
 # face, in the same order. The bottom face follows from it: turned upside down, the cube is a cube again.
 _TURNS = (3, 2, 1, 0)
 
-_MAX_DETAIL_GAIN = 6.0  # of log-odds; beyond it, noise and compression would show
-_DARKEST = 1 / 512  # half a step of 8 bits: log-odds of 0 and 1 are infinite
-_FAR = 2.0  # largest shift of log-odds
-_TONE_SAMPLES = 20_000  # for which gain and shifts are solved
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ColorStatistics:
-    """Mean and standard deviation of each linear channel over the crown's pixels."""
-
-    mean: NDArray[np.float64]  # (3,)
-    std: NDArray[np.float64]  # (3,)
-
-
-def measure_color_statistics(linear: NDArray[np.floating], mask: NDArray[np.bool_] | None = None) -> ColorStatistics:
-    """Statistics of linear colours (..., 3), of all of them or of those in mask (...).
-
-    Raises:
-        ValueError: nothing in the mask, or shapes do not fit.
-    """
-    if linear.shape[-1:] != (3,) or (mask is not None and mask.shape != linear.shape[:-1]):
-        shape = None if mask is None else mask.shape
-        raise ValueError(f"colours must be (..., 3) with a mask (...), not {linear.shape} and {shape}")
-    values = (linear if mask is None else linear[mask]).reshape(-1, 3)
-    if len(values) == 0:
-        raise ValueError("no pixel to measure the colour of")
-    return ColorStatistics(mean=values.mean(axis=0, dtype=np.float64), std=values.std(axis=0, dtype=np.float64))
-
 
 @dataclass(frozen=True, kw_only=True)
 class ColorMapSettings:
@@ -68,9 +41,8 @@ class ColorMapSettings:
     band: float = 1 / 8  # overlap of the merges, as a fraction of a face
     keep_weight: float = 0.6  # seen at least this squarely, a texel is the photograph's
     reach_weight: float = 0.35  # seen less squarely, it is synthesised; between the two the cut decides
-    std_ratio: float = 0.96  # contrast to restore, of the photograph's; texels are coarser than its pixels
-    detail_texels: float = 4.0  # what is finer than this is detail and gets the missing contrast
     texture: TextureSettings = field(default_factory=TextureSettings)
+    tone: ToneSettings = field(default_factory=ToneSettings)
 
     def __post_init__(self) -> None:
         if not 0 < self.band <= 0.25:
@@ -79,10 +51,6 @@ class ColorMapSettings:
             raise ValueError(
                 f"0 < reach_weight <= keep_weight <= 1 is needed, not {self.reach_weight} and {self.keep_weight}"
             )
-        if not 0 < self.std_ratio <= 1:
-            raise ValueError(f"std_ratio must be in (0, 1], not {self.std_ratio}")
-        if self.detail_texels <= 0:
-            raise ValueError(f"detail_texels must be positive, not {self.detail_texels}")
 
 
 def build_color_map(
@@ -162,7 +130,8 @@ def build_color_map(
     cubemap[_TOP] = _merge_cap(top, strip[: band + 1])
     cubemap[_BOTTOM] = _merge_cap(bottom[::-1], strip[::-1][: band + 1])[::-1]
 
-    linear = _match_statistics(share_borders(cubemap), weight, target, peak, settings)
+    unseen = 1 - np.clip(weight / settings.reach_weight, 0, 1)
+    linear = match_statistics(share_borders(cubemap), unseen, target, peak, settings.tone)
     return np.asarray(share_borders(linear), np.float32)
 
 
@@ -252,108 +221,9 @@ def _merge_cap(top: NDArray[np.float32], edge: NDArray[np.float32]) -> NDArray[n
     return np.where(cut_seam(ring, top, border, inside)[..., None], top, ring)
 
 
-def _match_statistics(
-    encoded: NDArray[np.float32],
-    weight: NDArray[np.float32],
-    target: ColorStatistics,
-    peak: float,
-    settings: ColorMapSettings,
-) -> NDArray[np.float32]:
-    """Linear colours with the target's mean and nearly its contrast.
-
-    A texel averages many pixels of the photograph, which takes contrast from its finest detail. Detail gets it back by
-    one gain a channel, alike in photograph and synthesis so that no border appears between them, on values as
-    log(v / (1 − v)), where no gain leaves (0, 1) and dark and bright gain alike. What is missing of the mean is added
-    where the photograph does not see. Our own, after A. C. Öztireli and M. Gross, Perceptually Based Downscaling of
-    Images, 2015, who restore the contrast of each neighbourhood.
-    """
-    unseen = 1 - np.clip(weight / settings.reach_weight, 0, 1)
-    value = np.clip(encoded, _DARKEST, 1 - _DARKEST)
-    value = np.log(value / (1 - value))
-    smooth = _blur(value, settings.detail_texels)
-    linear = np.empty_like(encoded)
-    for channel in range(3):
-        texels = _Texels(smooth[..., channel], value[..., channel] - smooth[..., channel], unseen, peak)
-        gain, everywhere, aside = _solve_tone(
-            texels.sampled(_TONE_SAMPLES), float(target.mean[channel]), float(target.std[channel]), settings.std_ratio
-        )
-        toned = texels.toned(gain, everywhere, aside)
-        missing = (target.mean[channel] - toned.mean(dtype=np.float64)) / max((toned * unseen).mean(), 1e-9)
-        linear[..., channel] = toned * (1 + unseen * np.float32(np.clip(missing, -0.1, 0.1)))
-    return linear
-
-
-@dataclass(frozen=True, eq=False)
-class _Texels:
-    """One channel of texels, log-odds of encoded values."""
-
-    smooth: NDArray[np.float32]
-    detail: NDArray[np.float32]
-    unseen: NDArray[np.float32]  # 0 the photograph's … 1 far from them
-    peak: float
-
-    def sampled(self, count: int) -> "_Texels":
-        """About so many of them, evenly spread."""
-        step = max(1, self.smooth.size // count)
-        return _Texels(self.smooth.ravel()[::step], self.detail.ravel()[::step], self.unseen.ravel()[::step], self.peak)
-
-    def toned(self, gain: float, everywhere: float, aside: float) -> NDArray[np.float32]:
-        """Linear values with a gain on detail, a shift everywhere and one where the photograph does not see."""
-        log_odds = self.smooth + np.float32(gain) * self.detail + np.float32(everywhere)
-        log_odds += np.float32(aside) * self.unseen
-        return np.asarray(decode_srgb(1 / (1 + np.exp(-log_odds))) * np.float32(self.peak), np.float32)
-
-
-def _solve_tone(texels: _Texels, mean: float, std: float, std_ratio: float) -> tuple[float, float, float]:
-    """Gain and shifts, as in _Texels.toned, that reach the mean, and the std within std_ratio, with least change."""
-    untouched = float(texels.toned(1, 0, 0).mean())
-
-    def shifts(gain: float) -> tuple[float, float]:
-        everywhere = _solve_increasing(lambda x: float(texels.toned(gain, x, 0).mean()), untouched, -_FAR, 0, _FAR)
-        aside = _solve_increasing(lambda x: float(texels.toned(gain, everywhere, x).mean()), mean, -_FAR, 0, _FAR)
-        return everywhere, aside
-
-    def contrast(gain: float) -> float:
-        return float(texels.toned(gain, *shifts(gain)).std()) / max(std, 1e-9)
-
-    wanted = float(np.clip(contrast(1), std_ratio, 1 / std_ratio))
-    gain = _solve_increasing(contrast, wanted, 0, 1, _MAX_DETAIL_GAIN)
-    return gain, *shifts(gain)
-
-
-def _solve_increasing(
-    function: Callable[[float], float], wanted: float, low: float, preferred: float, high: float
-) -> float:
-    """Where in [low, high] an increasing function is nearest to the wanted value; preferred if it is there already."""
-    at_preferred = function(preferred)
-    if at_preferred == wanted:
-        return preferred
-    end = high if at_preferred < wanted else low
-    if (function(end) - wanted) * (at_preferred - wanted) >= 0:
-        return end
-    return float(brentq(lambda x: function(x) - wanted, preferred, end, xtol=1e-3))
-
-
-def _blur(cubemap: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
-    """Gaussian blur (standard deviation in texels) of a cubemap (6, N, N, 3) across the edges of the cube."""
-    size = cubemap.shape[1]
-    reach = min(int(np.ceil(3 * sigma)), size // 2)
-    lattice = np.arange(-reach, size + reach) * (2 / (size - 1)) - 1  # a little past the edges, on the neighbours
-    normal, right, up = (FACE_AXES[:, k, None, None, :] for k in range(3))
-    directions = normal + lattice[None, None, :, None] * right - lattice[None, :, None, None] * up
-    padded = np.empty((6, len(lattice), len(lattice), 3), np.float32)
-    padded[:, reach:-reach, reach:-reach] = cubemap
-    outside = np.ones(padded.shape[1:3], bool)
-    outside[reach:-reach, reach:-reach] = False
-    padded[:, outside] = sample_cubemap(cubemap, directions[:, outside])
-    window = (2 * reach + 1, 2 * reach + 1)
-    blurred = [cv2.GaussianBlur(face, window, sigma)[reach:-reach, reach:-reach] for face in padded]
-    return np.asarray(blurred, np.float32)
-
-
 def _encode(linear: NDArray[np.floating], peak: float) -> NDArray[np.float32]:
     """sRGB-encoded values in [0, 1] of linear ones in [0, peak]."""
-    return np.clip(encode_srgb(np.asarray(linear, np.float32) / np.float32(peak)), 0, 1).astype(np.float32)
+    return np.asarray(np.clip(encode_srgb(np.asarray(linear, np.float32) / np.float32(peak)), 0, 1), np.float32)
 
 
 class _SynthesisProgress:
