@@ -45,6 +45,13 @@ def load_usd() -> str:
     return ".".join(str(n) for n in Usd.GetVersion()[1:])
 
 
+def message_of(error: Exception) -> str:
+    """What USD's errors say, in one line without their C++ functions and source files."""
+    lines = str(error).splitlines()
+    messages = [line.split(" : ", 1)[1].strip().strip("'") for line in lines if " : " in line]
+    return "; ".join(dict.fromkeys(messages)) or " ".join(str(error).split())
+
+
 def open_stage(path: str):
     """The stage of a file with everything loaded, editable in its session layer only."""
     from pxr import Tf, Usd
@@ -52,9 +59,7 @@ def open_stage(path: str):
     try:
         stage = Usd.Stage.Open(path, Usd.Stage.LoadAll)
     except Tf.ErrorException as error:
-        # One line of USD's own, without its C++ function and source file.
-        lines = [line.split(" : ", 1)[-1].strip().strip("'") for line in str(error).splitlines() if " : " in line]
-        raise RecordError("file", "; ".join(lines) or "USD cannot open it") from error
+        raise RecordError("file", message_of(error)) from error
     stage.SetEditTarget(stage.GetSessionLayer())
     return stage
 
@@ -92,6 +97,24 @@ def stage_camera(stage, path: str, time):
         there = f"its cameras are {', '.join(cameras)}" if cameras else "it has none"
         raise RecordError("camera", f"no camera at {path}; {there}")
     return UsdGeom.Camera(stage.GetPrimAtPath(path)).GetCamera(time)
+
+
+def unresolved_assets(stage) -> list[str]:
+    """One line for each asset path of the composed stage that leads nowhere; Storm says nothing of them."""
+    from pxr import Sdf
+
+    kinds = (Sdf.ValueTypeNames.Asset, Sdf.ValueTypeNames.AssetArray)
+    missing = []
+    for prim in stage.Traverse():
+        for attribute in prim.GetAuthoredAttributes():
+            if attribute.GetTypeName() not in kinds:
+                continue
+            value = attribute.Get()
+            assets = [value] if isinstance(value, Sdf.AssetPath) else list(value or ())
+            for asset in assets:
+                if asset.path and not asset.resolvedPath and "<UDIM>" not in asset.path:
+                    missing.append(f"{attribute.GetPath()}: no file {asset.path}")
+    return missing
 
 
 def has_lights(stage) -> bool:
@@ -151,8 +174,8 @@ def view_cameras(stage, time, request: dict) -> list:
     return cameras
 
 
-def record_views(request: dict) -> list[dict]:
-    """Draw every view to its EXR (linear, premultiplied alpha); returns what is known of each."""
+def record_views(request: dict) -> dict:
+    """Draw every view to its EXR (linear, premultiplied alpha); returns the result but for the versions."""
     from pxr import Sdf, Tf, Usd, UsdAppUtils, UsdGeom
 
     stage = open_stage(request["usd_file"])
@@ -183,7 +206,7 @@ def record_views(request: dict) -> list[dict]:
         try:
             written = recorder.Record(stage, camera_prim, time, view["exr"])
         except Tf.ErrorException as error:
-            raise RecordError("draw", f"Storm failed: {str(error).strip()}") from error
+            raise RecordError("draw", f"Storm failed: {message_of(error)}") from error
         if not written or not Path(view["exr"]).exists():
             raise RecordError("draw", f"Storm wrote no picture {number}")
         drawn.append(
@@ -193,7 +216,7 @@ def record_views(request: dict) -> list[dict]:
             }
         )
         print(f"usdfoliage-frame {number + 1} {len(cameras)}", flush=True)
-    return drawn
+    return {"views": drawn, "warnings": unresolved_assets(stage)}
 
 
 def main(request_path: str, result_path: str) -> int:
@@ -206,7 +229,7 @@ def main(request_path: str, result_path: str) -> int:
             display = make_context()
         except ContextError as error:
             raise RecordError("gl", str(error)) from error
-        result = {"usd_version": version, "egl_display": display, "views": record_views(request)}
+        result = {"usd_version": version, "egl_display": display, **record_views(request)}
     except RecordError as error:
         result = {"error": {"kind": error.kind, "message": str(error)}}
     Path(result_path).write_text(json.dumps(result), encoding="utf-8")

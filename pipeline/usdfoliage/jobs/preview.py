@@ -413,11 +413,14 @@ def _run_recorder(
     if not result_file.is_file():
         raise PreviewError(_describe_crash(process.returncode, text, python))
     result: dict[str, Any] = json.loads(result_file.read_text(encoding="utf-8"))
-    if "error" in result:
-        raise PreviewError(_describe_refusal(result["error"]["kind"], result["error"]["message"], request["usd_file"]))
     faults, warnings = sort_complaints(text)
-    for warning in warnings:
-        logger.warning("Storm: %s (%s)", warning, request["usd_file"])
+    if "error" in result:
+        kind, message = result["error"]["kind"], result["error"]["message"]
+        if kind == "draw":
+            message = "; ".join([message, *faults])  # where a shader did not compile, they hold its compiler's words
+        raise PreviewError(_describe_refusal(kind, message, request["usd_file"]))
+    for warning in [*result["warnings"], *warnings]:
+        logger.warning("%s (%s)", warning, request["usd_file"])
     if faults:
         raise PreviewError(f"Storm could not draw all of it: {'; '.join(faults)} ({request['usd_file']})")
     return result
@@ -461,11 +464,12 @@ def _follow_progress(
     process.wait(timeout=60)
 
 
-# Lines that mean a missing prim, and lines that mean nothing to anybody.
+# Lines that mean an undrawn prim, and lines that mean nothing to anybody.
 _FAULT = re.compile(r"failed to compile|failed to link|compile shader|GLSL.*error|program link", re.IGNORECASE)
 _HARMLESS = re.compile(
-    r"mip level \d+ does not exist|XDG_RUNTIME_DIR|^Info: |Blender quit|Color management: |Dome light has no texture",
-    re.IGNORECASE,
+    r"mip level \d+ does not exist"  # every texture that is not a mip map
+    r"|^\d+:\d+\(\d+\): "  # a GLSL compiler's second error and those after it
+    r"|XDG_RUNTIME_DIR"
 )
 _DIAGNOSTIC = re.compile(r"^(?:Warning|Error|Runtime Error|Coding Error|Fatal Error|Status)\b.*? -- (.*)$")
 

@@ -1,0 +1,190 @@
+"""What Storm draws, against pictures computed by hand; one start of the preview interpreter a scene."""
+
+import logging
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hydra_preview.preview_stages import CUBE_COLORS, bind_surface, write_ball, write_cube, write_square
+from pxr import Sdf, Usd, UsdGeom, UsdShade
+from usdfoliage.errors import PreviewError
+from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, find_interpreter, finish_picture
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+HALF_ANGLE_TAN = math.tan(math.radians(15.0))  # of the picture's narrower side
+MARGIN = 0.05
+
+BALL_RADIUS_M = 2.0
+BALL_CENTER_M = (10.0, 20.0, -30.0)
+
+pytestmark = pytest.mark.preview
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _interpreter():
+    try:
+        find_interpreter()
+    except PreviewError as error:
+        pytest.skip(f"the preview interpreter is absent: {error}")
+
+
+def look(name, **arguments):
+    return PreviewView(output=Path("unused.png"), direction=name, **arguments)
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    scene = tmp_path_factory.mktemp("a ball in a folder with spaces") / "white ball.usda"
+    write_ball(scene, BALL_RADIUS_M, BALL_CENTER_M)
+    x, y, _ = BALL_CENTER_M
+    views = [
+        look("front"),
+        look("front", orthographic=True),
+        look("front", orthographic=True, window=(x - 4, x + 4, y - 3, y + 5), size_px=(320, 320)),
+        look("three-quarter"),
+        look("back"),
+    ]
+    return draw_views(scene, views, PreviewSettings(width_px=300, height_px=200))
+
+
+def moments(picture):
+    """Area, centre (column, row) and standard deviations (across, down) of what is covered, in pixels."""
+    alpha = picture[..., 3].astype(np.float64)
+    rows, columns = np.mgrid[: alpha.shape[0], : alpha.shape[1]] + 0.5
+    area = alpha.sum()
+    center = np.array([(alpha * columns).sum(), (alpha * rows).sum()]) / area
+    variance = np.array([(alpha * (columns - center[0]) ** 2).sum(), (alpha * (rows - center[1]) ** 2).sum()]) / area
+    return area, center, np.sqrt(variance)
+
+
+def check_disc(picture, center_px, radius_px):
+    area, center, spread = moments(picture)
+    assert area == pytest.approx(math.pi * radius_px**2, rel=5e-3)
+    np.testing.assert_allclose(center, center_px, atol=0.1)
+    np.testing.assert_allclose(spread, radius_px / 2, rtol=5e-3)
+
+
+def test_perspective_silhouette_of_a_ball(ball):
+    # The nearest face of its cube must fit: distance = r + r / (tan · margin); a ball is seen under asin(r/D).
+    distance_m = BALL_RADIUS_M * (1 + 1 / (HALF_ANGLE_TAN * (1 - 2 * MARGIN)))
+    radius_px = 100 * math.tan(math.asin(BALL_RADIUS_M / distance_m)) / HALF_ANGLE_TAN
+    check_disc(ball[0], (150, 100), radius_px)
+    check_disc(ball[4], (150, 100), radius_px)
+
+
+def test_orthographic_silhouette_of_a_ball(ball):
+    check_disc(ball[1], (150, 100), 100 * (1 - 2 * MARGIN))
+
+
+def test_a_window_places_the_picture_in_the_assets_own_coordinates(ball):
+    check_disc(ball[2], (160, 200), BALL_RADIUS_M * 320 / 8)
+
+
+@pytest.mark.parametrize("number", [0, 3, 4])
+def test_white_is_neither_black_nor_burnt_out_and_lit_from_the_upper_left(ball, number):
+    picture = ball[number]
+    inside = picture[..., 3] > 0.999
+    assert picture[inside][:, :3].min() > 0.15
+    assert picture[inside][:, :3].max() < 1.05
+    assert 0.4 < picture[inside][:, :3].mean() < 0.7
+    np.testing.assert_allclose(picture[inside][:, 0], picture[inside][:, 2], atol=0.02)  # neutral
+    assert picture[60, 110, 0] > 1.5 * picture[140, 190, 0]
+
+
+@pytest.fixture(scope="module")
+def cube(tmp_path_factory):
+    scene = tmp_path_factory.mktemp("cube") / "cube.usda"
+    write_cube(scene)
+    names = ("front", "right", "back", "left", "top", "bottom")
+    views = [*map(look, names), look("front", camera="/Thing/Straight"), look("front", camera="/Thing/Away")]
+    return draw_views(scene, [*views, look("three-quarter")], PreviewSettings(width_px=64, height_px=64))
+
+
+@pytest.mark.parametrize(("number", "face"), list(enumerate(["+Z", "+X", "-Z", "-X", "+Y", "-Y", "+Z"])))
+def test_each_direction_sees_its_face_of_the_cube(cube, number, face):
+    np.testing.assert_allclose(cube[number][32, 32], [*CUBE_COLORS[face], 1], atol=2e-3)
+
+
+def test_three_quarters_show_front_right_and_top(cube):
+    drawn = cube[8][cube[8][..., 3] > 0.999][:, :3]
+
+    def share(face):
+        return np.mean(np.all(np.abs(drawn - CUBE_COLORS[face]) < 0.01, axis=1))
+
+    assert share("+Z") > share("+X") > share("+Y") > 0.01
+    assert share("-X") == share("-Y") == share("-Z") == 0
+    right = np.all(np.abs(cube[8][..., :3] - CUBE_COLORS["+X"]) < 0.01, axis=2)
+    front = np.all(np.abs(cube[8][..., :3] - CUBE_COLORS["+Z"]) < 0.01, axis=2)
+    assert np.nonzero(right)[1].mean() > np.nonzero(front)[1].mean()
+
+
+def test_an_unlit_grey_of_18_percent_has_its_srgb_value(cube):
+    finished = finish_picture(cube[2], (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(finished[32, 32], round(255 * float(encode_srgb(0.18))), atol=1)
+
+
+def test_a_camera_of_the_file_is_looked_through(cube):
+    assert cube[6][32, 32, 3] == 1
+    assert not cube[7][..., 3].any()  # it looks away: an empty picture, not an error
+
+
+def test_z_up_stages_stand_upright(tmp_path):
+    write_cube(tmp_path / "z.usda", z_up=True)
+    pictures = draw_views(
+        tmp_path / "z.usda",
+        [look("front"), look("right"), look("top")],
+        PreviewSettings(width_px=32, height_px=32),
+    )
+    for picture, face in zip(pictures, ["-Y", "+X", "+Z"], strict=True):
+        np.testing.assert_allclose(picture[16, 16, :3], CUBE_COLORS[face], atol=2e-3)
+
+
+def test_a_shader_that_does_not_compile_is_an_error_with_the_prim_and_the_compilers_words(tmp_path):
+    shader_file = tmp_path / "broken.glslfx"
+    shader_file.write_text(
+        "-- glslfx version 0.1\n-- configuration\n"
+        '{ "techniques": { "default": { "surfaceShader": { "source": [ "Broken" ] } } } }\n-- glsl Broken\n'
+        "vec4 surfaceShader(vec4 Peye, vec3 Neye, vec4 color, vec4 patchCoord) { return vec4(undeclaredWord, 1); }\n"
+    )
+    scene = tmp_path / "broken.usda"
+    write_square(scene)
+    stage = Usd.Stage.Open(str(scene))
+    shader = bind_surface(UsdGeom.Mesh.Get(stage, "/Thing/Square"))
+    shader.GetPrim().RemoveProperty("info:id")
+    shader.SetSourceAsset(Sdf.AssetPath("./broken.glslfx"), "glslfx")
+    stage.Save()
+    with pytest.raises(PreviewError, match=r"/Thing/Square.*undeclaredWord.*broken\.usda"):
+        draw_views(scene, [look("front")], PreviewSettings(width_px=32, height_px=32))
+
+
+def test_missing_textures_and_references_are_warned_of_and_our_schemas_do_no_harm(tmp_path, caplog, monkeypatch):
+    scene = tmp_path / "gaps.usda"
+    write_square(scene)
+    stage = Usd.Stage.Open(str(scene))
+    square = UsdGeom.Mesh.Get(stage, "/Thing/Square")
+    surface = bind_surface(square)
+    texture = UsdShade.Shader.Define(stage, "/Thing/Texture")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set("./lost.png")
+    texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    color = surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+    color.ConnectToSource(texture.ConnectableAPI(), "rgb")
+    square.GetPrim().SetMetadata(
+        "apiSchemas", Sdf.TokenListOp.CreateExplicit(["MaterialBindingAPI", "FoliageCrownAPI"])
+    )
+    stage.GetRootLayer().ImportFromString(
+        stage.GetRootLayer()
+        .ExportToString()
+        .replace('def Mesh "Square" (', 'def Mesh "Square" (\n references = @./lost.usda@')
+    )
+    stage.Save()
+    monkeypatch.setenv("PXR_PLUGINPATH_NAME", str(REPOSITORY / "schemas" / "usdFoliage"))
+    with caplog.at_level(logging.WARNING):
+        pictures = draw_views(scene, [look("front")], PreviewSettings(width_px=32, height_px=32))
+    assert pictures[0][16, 16, 3] == 1
+    messages = [record.message for record in caplog.records]
+    assert len(messages) == 2
+    assert "/Thing/Texture.inputs:file: no file ./lost.png" in messages[0]
+    assert "lost.usda" in messages[1]
