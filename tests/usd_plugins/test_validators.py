@@ -621,6 +621,11 @@ def _color_map(path: str) -> Callable[[Path], None]:
     return _edit_payload(change)
 
 
+def _wrong_variant(plant: Usd.Prim) -> None:
+    plant.GetVariantSets().AddVariantSet("lod").AddVariant("crown")
+    plant.GetVariantSets().SetSelection("lod", "leaves")
+
+
 def _copy_beside(path: Path) -> None:
     path.with_name("old.usdc").write_bytes(path.read_bytes())
 
@@ -643,6 +648,7 @@ ASSET = [
     ("AssetInterface", "UpAxis", "/oak", _edit_plant(lambda plant: UsdGeom.SetStageUpAxis(plant.GetStage(), "Z"))),
     ("AssetInterface", "UpAxis", "/oak", _edit_plant(lambda plant: plant.GetStage().ClearMetadata("upAxis"))),
     ("AssetInterface", "Payload", "/oak", _edit_plant(_second_payload)),
+    ("AssetInterface", "VariantSelection", "/oak", _edit_plant(_wrong_variant)),
     ("AssetInterface", "FolderTop", "/oak", _copy_beside),
     ("AssetPaths", "PathNotRelative", "/oak", _color_map("/abs/color.exr")),
     ("AssetPaths", "PathNotRelative", "/oak", _color_map("https://example.org/color.exr")),

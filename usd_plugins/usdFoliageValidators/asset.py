@@ -45,6 +45,14 @@ def check_asset_interface(stage: Usd.Stage, _time: object) -> Findings:
     if len(payloads) != 1:
         text = f"has {len(payloads)} payloads; an asset has one, which holds all that is heavy"
         findings.append(error(plant, "Payload", text))
+    for name in plant.GetVariantSets().GetNames():
+        variants = plant.GetVariantSets().GetVariantSet(name)
+        if variants.GetVariantSelection() not in variants.GetVariantNames():
+            text = (
+                f"selects {variants.GetVariantSelection() or 'nothing'} in the variant set {name}; select one of "
+                f"{', '.join(variants.GetVariantNames())}"
+            )
+            findings.append(error(plant, "VariantSelection", text))
     if layer.realPath:
         others = sorted(
             path.name

@@ -31,5 +31,9 @@ def plugin_folders() -> tuple[Path, ...]:
 
 
 def python_folders() -> tuple[Path, ...]:
-    """The folders that go on PYTHONPATH for a USD program to find the validators: their package's parent."""
-    return (resource_folder("usd_plugins"),)
+    """The folders that go on PYTHONPATH: the validators' parent, and the package's own in a source checkout.
+
+    An installed package adds no other: beside it may lie another pxr, which a studio's Python must not see.
+    """
+    plugins = resource_folder("usd_plugins")
+    return (plugins, _PACKAGE.parent) if plugins.is_relative_to(_PLACES[0]) else (plugins,)

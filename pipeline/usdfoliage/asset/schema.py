@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pxr import Plug
 
-from usdfoliage.asset.resources import plugin_folders, python_folders
+from usdfoliage.asset.resources import plugin_folders, resource_folder
 from usdfoliage.errors import AssetError
 
 PLANT_API = "FoliagePlantAPI"
@@ -28,9 +28,9 @@ def register_plugins() -> tuple[Path, ...]:
     USD reads the schemas when its schema registry is first asked, usually by the first stage, and never again, so this
     must come before. Plug-ins registered already, here or through PXR_PLUGINPATH_NAME, stay as they are.
     """
-    for folder in python_folders():
-        if str(folder) not in sys.path:
-            sys.path.append(str(folder))
+    modules = str(resource_folder("usd_plugins"))
+    if modules not in sys.path:
+        sys.path.append(modules)
     folders = plugin_folders()
     Plug.Registry().RegisterPlugins([str(folder) for folder in folders])
     return folders

@@ -1,0 +1,293 @@
+"""Whether an asset is sound: every validator that is there, over every variant selection, loaded and unloaded.
+
+The validators are those of USD's registry, ours and a studio's among them, and NVIDIA's usd-validation-nvidia where it
+is installed.
+"""
+
+import importlib
+import importlib.util
+import itertools
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pxr import Plug, Sdf, Tf, Usd, UsdUtils, UsdValidation
+
+from usdfoliage.asset.findings import SEVERITIES, Acceptance, Finding
+from usdfoliage.asset.schema import PLANT_API, require_schemas
+from usdfoliage.errors import AssetError
+
+logger = logging.getLogger(__name__)
+
+SUFFIXES = (".usda", ".usd", ".usdc")
+MOST_SELECTIONS = 64  # beyond it the variants of one set are tried while the others stay as they are
+NVIDIA_PACKAGE = "usd_validation_nvidia"
+
+Selection = tuple[tuple[Sdf.Path, str, str], ...]  # prim, variant set, variant
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValidationReport:
+    """All findings of one asset, errors first, and what was looked at."""
+
+    asset: Path
+    findings: tuple[Finding, ...]
+    selections: tuple[str, ...]
+    nvidia: str  # its version, empty where it is not installed
+
+    @property
+    def open_errors(self) -> int:
+        return self.count("error")
+
+    def count(self, severity: str) -> int:
+        """How many findings of that severity nobody has accepted."""
+        return sum(finding.severity == severity and not finding.accepted for finding in self.findings)
+
+
+def find_interface(asset: Path) -> Path:
+    """The interface layer of an asset that is named by its folder or by that layer.
+
+    Raises:
+        AssetError: There is nothing of that name, or it is no asset.
+    """
+    if asset.is_file():
+        if asset.suffix.lower() not in SUFFIXES:
+            raise AssetError(f"{asset} is no USD file; name an asset's folder or its .usda")
+        return asset
+    if not asset.is_dir():
+        raise AssetError(f"{asset} does not exist; name an asset's folder or its .usda")
+    try:
+        layers = sorted(path for path in asset.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file())
+    except OSError as error:
+        raise AssetError(f"{asset} cannot be read: {error.strerror}") from error
+    if not layers:
+        raise AssetError(f"{asset} is no asset: it has no USD file at its top; name an asset's folder or its .usda")
+    if len(layers) > 1:
+        names = ", ".join(path.name for path in layers)
+        raise AssetError(
+            f"{asset} has {len(layers)} USD files at its top ({names}), an asset has one; name the one meant"
+        )
+    return layers[0]
+
+
+def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> ValidationReport:
+    """Run every validator on an asset.
+
+    Args:
+        asset: Its folder or its interface layer.
+        profile: Warnings to mark as accepted.
+
+    Raises:
+        AssetError: It is no asset, or its interface layer cannot be read.
+    """
+    require_schemas()
+    path = find_interface(asset).absolute()
+    # USD's diagnostics go to stderr unless somebody takes them; what matters of them is found by the validators.
+    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
+    root = _open_interface(path)
+    unreadable = list(_unreadable_layers(root, path.parent))
+    findings: dict[Finding, list[str]] = {finding: [] for finding in unreadable}
+    selections = _selections(root)
+    for selection in selections:
+        for finding in _run_usd_validators(root, selection, Usd.Stage.LoadAll, quiet=bool(unreadable)):
+            findings.setdefault(finding, []).append(_label(selection))
+    everywhere = len(selections)
+    for finding in _run_usd_validators(root, (), Usd.Stage.LoadNone, quiet=bool(unreadable)):
+        findings.setdefault(finding, []).append("unloaded")
+    nvidia, more = _run_nvidia(path) if not unreadable else ("", [])
+    said = {(finding.severity, finding.message) for finding in findings}
+    # NVIDIA's package runs some of USD's validators again.
+    findings |= {finding: [] for finding in more if (finding.severity, finding.message) not in said}
+    for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
+        logger.info("USD: %s", diagnostic.commentary)
+
+    finished = []
+    for finding, labels in findings.items():
+        shared = not labels or len([label for label in labels if label != "unloaded"]) == everywhere
+        finding = replace(finding, where="" if shared else ", ".join(dict.fromkeys(labels)))
+        reason = next((entry.reason for entry in profile if entry.accepts(finding)), "")
+        finished.append(replace(finding, accepted=reason))
+    finished.sort(key=lambda f: (bool(f.accepted), SEVERITIES.index(f.severity), f.validator, f.path, f.message))
+    return ValidationReport(
+        asset=path,
+        findings=tuple(finished),
+        selections=tuple(_label(selection) for selection in selections),
+        nvidia=nvidia,
+    )
+
+
+def _open_interface(path: Path) -> Sdf.Layer:
+    try:
+        layer = Sdf.Layer.FindOrOpen(str(path))
+    except Tf.ErrorException as error:
+        raise AssetError(f"{path} cannot be read as USD ({_first_reason(error)}); write the asset again") from error
+    if layer is None:
+        raise AssetError(f"{path} cannot be read as USD; write the asset again")
+    for spec in layer.rootPrims:
+        applied = spec.GetInfo("apiSchemas")
+        if applied and PLANT_API in applied.GetAppliedItems():
+            return layer
+    raise AssetError(f"{path} is no asset: none of its root prims has {PLANT_API}; name an asset's folder or its .usda")
+
+
+def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
+    """Files below the asset's folder that the asset needs and that are no USD; missing ones USD itself reports."""
+    waiting, seen = [root], {root.identifier}
+    while waiting:
+        layer = waiting.pop()
+        for reference in sorted(layer.GetCompositionAssetDependencies()):
+            path = layer.ComputeAbsolutePath(reference)
+            if path in seen or not Path(path).is_file():
+                continue
+            seen.add(path)
+            try:
+                opened = Sdf.Layer.FindOrOpen(path)
+            except Tf.ErrorException as error:
+                opened, reason = None, _first_reason(error)
+            else:
+                reason = "unknown format"
+            if opened is not None:
+                waiting.append(opened)
+                continue
+            place = Path(path).relative_to(folder) if Path(path).is_relative_to(folder) else path
+            yield Finding(
+                severity="error",
+                validator="usdfoliage:LayerReadable",
+                error="LayerUnreadable",
+                path=str(place),
+                message=f"cannot be read as USD ({reason}); write the asset again. "
+                "Validators that need it were left out",
+            )
+
+
+def _selections(root: Sdf.Layer) -> list[Selection]:
+    """Every choice of variants that the asset offers; one empty choice, as authored, where it has none."""
+    stage = Usd.Stage.Open(root)
+    offered = [
+        [(prim.GetPath(), name, variant) for variant in prim.GetVariantSets().GetVariantSet(name).GetVariantNames()]
+        for prim in stage.TraverseAll()
+        for name in prim.GetVariantSets().GetNames()
+    ]
+    offered = [choices for choices in offered if choices]
+    count = 1
+    for choices in offered:
+        count *= len(choices)
+    if count <= MOST_SELECTIONS:
+        return list(itertools.product(*offered))
+    return [(), *((choice,) for choices in offered for choice in choices)]
+
+
+def _label(selection: Selection) -> str:
+    labels = [
+        f"{name}={variant}" if path.IsRootPrimPath() else str(path.AppendVariantSelection(name, variant))
+        for path, name, variant in selection
+    ]
+    return " ".join(labels) or "as authored"
+
+
+def _run_usd_validators(
+    root: Sdf.Layer, selection: Selection, load: Usd.Stage.InitialLoadSet, *, quiet: bool
+) -> list[Finding]:
+    """What the registry's validators say of one composition; quiet: leave out those that USD's errors stop."""
+    session = Sdf.Layer.CreateAnonymous(".usda")
+    for path, name, variant in selection:
+        Sdf.CreatePrimInLayer(session, path).variantSelections[name] = variant
+    stage = Usd.Stage.Open(root, session, load)
+    findings = []
+    for validator in UsdValidation.ValidationRegistry().GetOrLoadAllValidators():
+        name = validator.GetMetadata().name
+        try:
+            problems = UsdValidation.ValidationContext(validators=[validator]).Validate(stage)
+        except Tf.ErrorException as error:
+            if not quiet:
+                message = f"could not finish: {_first_reason(error)}"
+                findings.append(Finding(severity="error", validator=name, error="Stopped", path="/", message=message))
+            continue
+        for problem in problems:
+            severity = _usd_severity(problem.GetType())
+            if severity:
+                place = _usd_place(problem.GetSites())
+                message = _one_line(problem.GetMessage(), place)
+                rule = problem.GetName()
+                finding = Finding(severity=severity, validator=name, error=rule, path=place, message=message)
+                findings.append(_without_parser(finding))
+    return findings
+
+
+def _usd_severity(kind: UsdValidation.ValidationErrorType) -> str:
+    kinds = UsdValidation.ValidationErrorType
+    return {kinds.Error: "error", kinds.Warn: "warning", kinds.Info: "info"}.get(kind, "")
+
+
+def _usd_place(sites: Sequence[Any]) -> str:
+    for site in sites:
+        if site.IsProperty():
+            return str(site.GetProperty().GetPath())
+        if site.IsPrim():
+            return str(site.GetPrim().GetPath())
+        if site.GetLayer():
+            return str(site.GetLayer().GetDisplayName())
+    return "/"
+
+
+def _run_nvidia(path: Path) -> tuple[str, list[Finding]]:
+    """The version of NVIDIA's package and what its default rules say, nothing where it is not installed."""
+    if importlib.util.find_spec(NVIDIA_PACKAGE) is None:
+        return "", []
+    package = importlib.import_module(NVIDIA_PACKAGE)
+    severities = package.IssueSeverity
+    known = {severities.ERROR: "error", severities.FAILURE: "error", severities.WARNING: "warning"}
+    findings = []
+    for issue in package.ValidationEngine(variants=True).validate(str(path)).issues():
+        if issue.severity == severities.NONE:
+            continue
+        places = issue.at if isinstance(issue.at, list) else [issue.at]
+        for place in places:
+            name = _nvidia_place(place)
+            finding = Finding(
+                severity=known.get(issue.severity, "info"),
+                validator=f"nvidia:{issue.rule.__name__ if issue.rule else 'engine'}",
+                error=str(issue.code or ""),
+                path=name,
+                message=_one_line(issue.message or "", name),
+            )
+            findings.append(_without_parser(finding))
+    return str(package.__version__), list(dict.fromkeys(findings))
+
+
+def _nvidia_place(place: Any) -> str:
+    path = getattr(place, "path", None)
+    if path is not None:
+        return str(path)
+    identifier = getattr(place, "identifier", None)  # of a layer
+    return Path(identifier).name if identifier else "/"
+
+
+def _without_parser(finding: Finding) -> Finding:
+    """The same finding, a warning where it only says that this USD cannot read such shaders.
+
+    Whether a MaterialX node exists is known to a USD with usdMtlx, whether a glslfx file is one with sdrGlslfx; the
+    usd-core wheel has neither and takes every such shader for an error.
+    """
+    missing: Mapping[str, str] = {"shaderId 'ND_": "usdMtlx", "sourceType 'glslfx'": "sdrGlslfx"}
+    if finding.severity != "error" or "SdrCompliance" not in finding.validator:
+        return finding
+    for words, plugin in missing.items():
+        if finding.message.startswith(words) and not Plug.Registry().GetPluginWithName(plugin):
+            message = f"{finding.message} (cannot be told here: this USD has no plug-in {plugin})"
+            return replace(finding, severity="warning", message=message)
+    return finding
+
+
+def _first_reason(error: Tf.ErrorException) -> str:
+    """The first of USD's messages, without the source line that raised it."""
+    text = " ".join(str(error).split())
+    _, _, reason = text.partition(" : '")
+    reason = (reason or text).split("' Error in '", 1)[0]
+    return reason.rstrip("'") or "no reason given"
+
+
+def _one_line(message: str, place: str) -> str:
+    return " ".join(message.split()).removeprefix(f"<{place}> ")

@@ -1,0 +1,72 @@
+"""Print what a studio sets so that its own USD programs know the foliage schemas and validators.
+
+PXR_PLUGINPATH_NAME names the schemas and the validators, PYTHONPATH where the validators' modules are; both keep what
+they hold. For a POSIX shell: eval "$(usdfoliage env)"
+"""
+
+import argparse
+import json
+import os
+import shlex
+from collections.abc import Callable, Mapping
+
+SHELLS = ("sh", "csh", "powershell", "json")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--shell", choices=SHELLS, default="sh", help="whose syntax (default: sh)")
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.asset.resources import plugin_folders, python_folders
+
+    variables = {
+        "PXR_PLUGINPATH_NAME": [str(folder) for folder in plugin_folders()],
+        "PYTHONPATH": [str(folder) for folder in python_folders()],
+    }
+    print(FORMATS[options.shell](variables))
+    return 0
+
+
+def format_sh(variables: Mapping[str, list[str]]) -> str:
+    """Exports for sh, bash, dash, zsh."""
+    lines = []
+    for name, folders in variables.items():
+        joined = shlex.quote(os.pathsep.join(folders))
+        lines.append(f'export {name}={joined}"${{{name}:+{os.pathsep}${name}}}"')
+    return "\n".join(lines)
+
+
+def format_csh(variables: Mapping[str, list[str]]) -> str:
+    """Settings for csh and tcsh; every line also stands alone in eval "`usdfoliage env --shell csh`"."""
+    lines = []
+    for name, folders in variables.items():
+        # An exclamation mark is history in csh, even inside quotes.
+        joined = shlex.quote(os.pathsep.join(folders)).replace("!", "\\!")
+        lines.append(f"if ( ! $?{name} ) setenv {name} '' ;")
+        lines.append(f'if ( "${name}" != \'\' ) setenv {name} {joined}{os.pathsep}"${name}" ;')
+        lines.append(f"if ( \"${name}\" == '' ) setenv {name} {joined} ;")
+    return "\n".join(lines)
+
+
+def format_powershell(variables: Mapping[str, list[str]]) -> str:
+    """Settings for PowerShell."""
+    lines = []
+    for name, folders in variables.items():
+        joined = os.pathsep.join(folders).replace("'", "''")
+        old = f"$(if ($env:{name}) {{ '{os.pathsep}' + $env:{name} }})"
+        lines.append(f"$env:{name} = '{joined}' + \"{old}\"")
+    return "\n".join(lines)
+
+
+def format_json(variables: Mapping[str, list[str]]) -> str:
+    """Lists of folders to put before what the variables hold."""
+    return json.dumps(variables, indent=2)
+
+
+FORMATS: Mapping[str, Callable[[Mapping[str, list[str]]], str]] = {
+    "sh": format_sh,
+    "csh": format_csh,
+    "powershell": format_powershell,
+    "json": format_json,
+}

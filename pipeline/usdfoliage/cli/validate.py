@@ -1,0 +1,74 @@
+"""Check an asset: our validators, every one that USD has, and NVIDIA's where they are installed.
+
+Prints one line a finding: its severity, the validator, the prim, what is wrong. The exit code is 0 without an error,
+3 with one. Warnings that the studio profile accepts are printed with its reason.
+"""
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from usdfoliage.asset.findings import Finding
+    from usdfoliage.asset.validation import ValidationReport
+
+EXIT_WITH_ERRORS = 3
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("asset", type=Path, metavar="ASSET", help="the asset's folder, or its .usda")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
+    parser.add_argument(
+        "--profile", type=Path, metavar="FILE", help="accepted warnings, TOML, instead of those shipped with usdfoliage"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.asset.findings import default_profile, read_profile
+    from usdfoliage.asset.validation import validate_asset
+
+    profile = read_profile(options.profile or default_profile())
+    report = validate_asset(options.asset, profile)
+    print(_as_json(report) if options.json else _as_lines(report))
+    return EXIT_WITH_ERRORS if report.open_errors else 0
+
+
+def _as_lines(report: "ValidationReport") -> str:
+    lines = [_line(finding) for finding in report.findings]
+    accepted = sum(bool(finding.accepted) for finding in report.findings)
+    counts = [_count(report.count("error"), "error"), _count(report.count("warning"), "warning")]
+    if report.count("info"):
+        counts.append(f"{report.count('info')} info")
+    counts.append(f"{accepted} accepted")
+    if not report.nvidia:
+        lines.append("usd-validation-nvidia did not run: it is not installed, or a layer cannot be read")
+    looked = _count(len(report.selections), "variant selection")
+    lines.append(f"{report.asset}: {', '.join(counts)}, in {looked}")
+    return "\n".join(lines)
+
+
+def _line(finding: "Finding") -> str:
+    rule = f"{finding.validator}.{finding.error}" if finding.error else finding.validator
+    where = f" [{finding.where}]" if finding.where else ""
+    if finding.accepted:
+        return f"accepted: {rule} {finding.path}{where}: {finding.message} (accepted: {finding.accepted})"
+    return f"{finding.severity}: {rule} {finding.path}{where}: {finding.message}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _as_json(report: "ValidationReport") -> str:
+    content = {
+        "asset": str(report.asset),
+        "errors": report.count("error"),
+        "warnings": report.count("warning"),
+        "accepted": sum(bool(finding.accepted) for finding in report.findings),
+        "variantSelections": list(report.selections),
+        "usdValidationNvidia": report.nvidia or None,
+        "findings": [asdict(finding) for finding in report.findings],
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False)
