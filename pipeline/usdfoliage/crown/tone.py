@@ -44,7 +44,7 @@ def measure_color_statistics(linear: NDArray[np.floating], mask: NDArray[np.bool
 class ToneSettings:
     """How near contrast comes to the photograph's, and where it is added."""
 
-    std_ratio: float = 0.96  # contrast to restore, of the photograph's at its own resolution
+    std_ratio: float = 0.97  # contrast to restore, of the photograph's at its own resolution
     detail_texels: float = 4.0  # what is finer than this (standard deviation of a Gaussian) is detail
 
     def __post_init__(self) -> None:
