@@ -89,7 +89,7 @@ def read_cubemap(path: Path) -> CubemapFile:
     """
     try:
         with OpenEXR.File(str(path)) as file:
-            header, channels = file.header(), file.channels()
+            header, channels = dict(file.header()), file.channels()  # the file empties its own when it is closed
             names = sorted(channels)
             pixels = [np.array(channels[name].pixels) for name in names]
     except (OSError, RuntimeError, ValueError) as error:

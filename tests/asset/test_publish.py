@@ -1,0 +1,269 @@
+"""An asset folder is replaced whole or not at all: after errors, full disks and kills at any moment."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+from pxr import Sdf
+from usdfoliage.asset import publish
+from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
+from usdfoliage.asset.publish import is_asset_folder, publish_folder
+from usdfoliage.errors import AssetError
+
+
+def write_asset(folder, text):
+    """The least that is an asset of ours, and a file that tells two of them apart."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.customLayerData = {CUSTOM_DATA_KEY: {"generator": "test"}}
+    assert layer.Export(str(folder / "oak.usda"))
+    (folder / "maps").mkdir()
+    (folder / "maps" / "which.txt").write_text(text)
+
+
+def which(out):
+    return (out / "maps" / "which.txt").read_text()
+
+
+@pytest.fixture
+def out(tmp_path):
+    """An asset of an earlier run."""
+    path = tmp_path / "assets" / "oak"
+    with publish_folder(path) as folder:
+        write_asset(folder, "old")
+    return path
+
+
+def left_over(out):
+    return sorted(path.name for path in out.parent.iterdir() if path != out)
+
+
+@pytest.fixture(params=["exchange", "two renames"])
+def any_file_system(request, monkeypatch):
+    if request.param == "two renames":
+        monkeypatch.setattr(publish, "_exchange", lambda first, second: False)
+
+
+@pytest.mark.usefixtures("any_file_system")
+def test_new_replaces_old(out):
+    (out / "maps" / "only_in_old.txt").touch()
+    with publish_folder(out) as folder:
+        assert folder.parent == out.parent
+        assert not list(folder.iterdir())
+        write_asset(folder, "new")
+        assert which(out) == "old"
+    assert which(out) == "new"
+    assert not (out / "maps" / "only_in_old.txt").exists()
+    assert left_over(out) == []
+
+
+def test_folder_and_its_parents_are_made(tmp_path):
+    out = tmp_path / "a b" / "c" / "eiche ä"
+    with publish_folder(out) as folder:
+        write_asset(folder, "new")
+    assert which(out) == "new"
+    assert left_over(out) == []
+
+
+def test_empty_folder_is_replaced(tmp_path):
+    (tmp_path / "oak").mkdir(mode=0o750)
+    with publish_folder(tmp_path / "oak") as folder:
+        write_asset(folder, "new")
+    assert which(tmp_path / "oak") == "new"
+    assert (tmp_path / "oak").stat().st_mode & 0o777 == 0o750
+
+
+@pytest.mark.usefixtures("any_file_system")
+@pytest.mark.parametrize("error", [RuntimeError("fault"), KeyboardInterrupt(), AssetError("refused")])
+def test_error_in_the_body_changes_nothing(out, error):
+    with pytest.raises(type(error)), publish_folder(out) as folder:
+        write_asset(folder, "new")
+        raise error
+    assert which(out) == "old"
+    assert left_over(out) == []
+
+
+def test_error_leaves_no_parents_behind(tmp_path):
+    with pytest.raises(RuntimeError), publish_folder(tmp_path / "a" / "b" / "oak"):
+        raise RuntimeError
+    assert not list(tmp_path.iterdir())
+
+
+def test_full_disk_is_told_and_changes_nothing(out):
+    with pytest.raises(AssetError, match=r"oak was not written: No space left on device.*MB are free.*unchanged"):
+        with publish_folder(out):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "maps/x.exr")
+    assert which(out) == "old"
+    assert left_over(out) == []
+
+
+def test_failing_second_rename_puts_the_old_folder_back(out, monkeypatch):
+    monkeypatch.setattr(publish, "_exchange", lambda first, second: False)
+    rename = Path.rename
+
+    def fail_for_new(self, target):
+        if self.name.endswith("usdfoliage-new"):
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", fail_for_new)
+    with pytest.raises(AssetError, match="Input/output error"), publish_folder(out) as folder:
+        write_asset(folder, "new")
+    assert which(out) == "old"
+    assert left_over(out) == []
+
+
+def test_foreign_folder_is_refused_without_force(tmp_path):
+    out = tmp_path / "thesis"
+    out.mkdir()
+    (out / "chapter1.txt").write_text("precious")
+    with pytest.raises(AssetError, match=r"thesis.*--force"), publish_folder(out):
+        pytest.fail("the body must not run")
+    assert (out / "chapter1.txt").read_text() == "precious"
+    assert left_over(out) == []
+    with publish_folder(out, force=True) as folder:
+        write_asset(folder, "new")
+    assert which(out) == "new"
+
+
+@pytest.mark.parametrize("extra", ["shot.usda", "OTHER.USDC"])
+def test_second_usd_file_makes_a_folder_foreign(out, extra):
+    (out / extra).write_text("#usda 1.0\n")
+    assert not is_asset_folder(out)
+    with pytest.raises(AssetError, match="--force"), publish_folder(out):
+        pytest.fail("the body must not run")
+
+
+@pytest.mark.parametrize("text", ["#usda 1.0\n", "no usd at all", ""])
+def test_usd_file_of_somebody_else_makes_a_folder_foreign(tmp_path, text):
+    (tmp_path / "oak.usda").write_text(text)
+    assert not is_asset_folder(tmp_path)
+
+
+def test_force_spares_the_home_and_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "here" / "below").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "here" / "below")
+    with pytest.raises(AssetError, match="current folder"), publish_folder(tmp_path / "here", force=True):
+        pytest.fail("the body must not run")
+    monkeypatch.setenv("HOME", str(tmp_path / "here"))
+    monkeypatch.chdir("/")
+    with pytest.raises(AssetError, match="home"), publish_folder(tmp_path, force=True):
+        pytest.fail("the body must not run")
+
+
+def test_file_is_refused(tmp_path):
+    (tmp_path / "oak").write_text("a file")
+    for out in (tmp_path / "oak", tmp_path / "oak" / "below"):
+        for force in (False, True):
+            with pytest.raises(AssetError, match="oak"), publish_folder(out, force=force):
+                pytest.fail("the body must not run")
+    assert (tmp_path / "oak").read_text() == "a file"
+
+
+def test_symbolic_links(tmp_path, out):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(AssetError, match="loop"), publish_folder(tmp_path / "loop"):
+        pytest.fail("the body must not run")
+    (tmp_path / "dangling").symlink_to(tmp_path / "missing")
+    with pytest.raises(AssetError, match="missing"), publish_folder(tmp_path / "dangling"):
+        pytest.fail("the body must not run")
+    (tmp_path / "link").symlink_to(out)
+    with publish_folder(tmp_path / "link") as folder:
+        write_asset(folder, "new")
+    assert (tmp_path / "link").is_symlink()
+    assert which(out) == "new"
+
+
+def test_unwritable_parent_is_told():
+    if not Path("/proc/self").exists():
+        pytest.skip("/proc, where nobody can write, is absent")
+    with pytest.raises(AssetError, match="/proc/oak"), publish_folder(Path("/proc/oak")):
+        pytest.fail("the body must not run")
+    with pytest.raises(AssetError, match="root of the file system"), publish_folder(Path("/")):
+        pytest.fail("the body must not run")
+
+
+def test_what_appears_meanwhile_is_not_lost(tmp_path):
+    out = tmp_path / "oak"
+    with pytest.raises(AssetError, match="--force"), publish_folder(out) as folder:
+        write_asset(folder, "new")
+        out.mkdir()
+        (out / "other.txt").write_text("somebody else's")
+    assert (out / "other.txt").read_text() == "somebody else's"
+    assert left_over(out) == []
+
+
+def test_two_runs_at_once_both_end_well(out):
+    with publish_folder(out) as first:
+        write_asset(first, "first")
+        with publish_folder(out) as second:  # it must not take the first for a dead one
+            write_asset(second, "second")
+        assert which(out) == "second"
+        assert which(first) == "first"
+    assert which(out) == "first"
+    assert left_over(out) == []
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from usdfoliage.asset import publish
+from test_publish import write_asset
+
+def die(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+moment = {moment!r}
+rename, take_place, remove, flush = Path.rename, publish._take_place, publish._remove, publish._flush
+if moment.startswith("two renames"):
+    publish._exchange = lambda first, second: False
+if moment == "flush":
+    publish._flush = die
+if moment == "before the exchange":
+    publish._take_place = die
+if moment == "after the exchange":
+    publish._remove = die
+if moment == "two renames, between":
+    Path.rename = lambda self, target: die() if self.name.endswith("usdfoliage-new") else rename(self, target)
+if moment == "two renames, after":
+    publish._remove = die
+with publish.publish_folder(Path({out!r})) as folder:
+    if moment == "empty":
+        die()
+    write_asset(folder, "new")
+    if moment == "written":
+        die()
+"""
+
+
+@pytest.mark.parametrize(
+    ("moment", "expected"),
+    [
+        ("empty", "old"),
+        ("written", "old"),
+        ("flush", "old"),
+        ("before the exchange", "old"),
+        ("after the exchange", "new"),
+        ("two renames, between", None),
+        ("two renames, after", "new"),
+    ],
+)
+def test_kill_at_any_moment_leaves_one_whole_asset(out, moment, expected):
+    program = textwrap.dedent(KILLED).format(tests=str(Path(__file__).parent), moment=moment, out=str(out))
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert left_over(out) != []
+    if expected is not None:
+        assert which(out) == expected
+        assert is_asset_folder(out)
+    # The next run begins from a whole asset, even where the system cannot exchange folders, and cleans up.
+    with pytest.raises(RuntimeError), publish_folder(out):
+        assert which(out) == (expected or "old")
+        raise RuntimeError
+    assert which(out) == (expected or "old")
+    assert left_over(out) == []
