@@ -43,8 +43,8 @@ def make_exemplar(color: NDArray[np.floating], mask: NDArray[np.bool_], texel_px
         pure = inside
     nearest = distance_transform_edt(~pure, return_distances=False, return_indices=True)
     filled = np.asarray(color[top:bottom, left:right], dtype=np.float32)[tuple(nearest)]
-    height = max(int(round((bottom - top) / texel_px)), 4)
-    width = max(int(round((right - left) / texel_px)), 4)
+    height = max(round((bottom - top) / texel_px), 4)
+    width = max(round((right - left) / texel_px), 4)
     method = cv2.INTER_AREA if texel_px > 1 else cv2.INTER_CUBIC
     small = cv2.resize(filled, (width, height), interpolation=method)
     share = cv2.resize(pure.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
@@ -67,7 +67,7 @@ def project_photo(
         center_px: (2,), x and y of the crown's centre in the photograph.
 
     Returns:
-        color (6, N, N, 3), linear, black where weight is 0;
+        color (6, N, N, 3), linear; on the back, which the photograph does not see, the mirror image of the front;
         weight (6, N, N): 0 where the photograph does not see the texel, else the cosine between the surface's normal
         and the direction to the camera.
     """
@@ -84,5 +84,4 @@ def project_photo(
     color = cv2.remap(
         exemplar.color, flat[..., 0], flat[..., 1], interpolation=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
     ).reshape(6, size, size, 3)
-    color = np.where(seen[..., None], np.maximum(color, 0), 0).astype(np.float32)
-    return color, np.where(seen, cosine, 0.0)
+    return np.maximum(color, 0), np.where(seen, cosine, 0.0)

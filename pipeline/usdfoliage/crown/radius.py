@@ -30,7 +30,7 @@ def render_radius(surface: CrownSurface, settings: RadiusSettings = RadiusSettin
     """Radius cubemap (6, N, N) of the surface and its mirror image, in cells, from the origin.
 
     Each texel is the exact distance to the farthest triangle on its ray. Copies are turned about the vertical axis and
-    the largest radius is kept, but none may show outside the front silhouette of the first.
+    the largest radius is kept, but none may show outside the front silhouette of those before.
 
     Raises:
         FitError: A ray from the centre meets nothing: the centre is not inside the surface.
@@ -41,16 +41,13 @@ def render_radius(surface: CrownSurface, settings: RadiusSettings = RadiusSettin
     back = surface.points * [1, 1, -1]
     points = np.concatenate([surface.points, back])
     triangles = np.concatenate([surface.triangles, surface.triangles[:, ::-1] + len(surface.points)]).astype(np.int32)
-    radius = None
+    radius = np.zeros((6, settings.size, settings.size))
     for copy in range(settings.copies):
         angle = np.pi * copy / settings.copies
         turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
         turned = np.ascontiguousarray(points @ turn.T)
         seen, _ = _native.radius_map(turned, triangles, settings.size, settings.threads)
-        radius = seen if radius is None else np.maximum(radius, within_outline(seen, outline))
-        if copy == 0:
-            outline = front_outline(radius)
-    assert radius is not None
+        radius = np.maximum(radius, within_outline(seen, front_outline(radius)) if copy else seen)
     missed = np.count_nonzero(radius <= 0)
     if missed:
         raise FitError(f"{missed} of {radius.size} rays from the crown's centre leave it without meeting its surface")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.geometry.color import encode_srgb, luminance
-from usdfoliage.geometry.cube_field import blur_cubemap, solve_dirichlet
+from usdfoliage.geometry.cube_field import solve_dirichlet, weighted_blurs
 from usdfoliage.geometry.cubemap import face_directions
 
 NEUTRAL = 0.5  # the height that displaces nothing
@@ -48,18 +48,17 @@ def fit_relief(color: NDArray[np.floating], settings: ReliefSettings = ReliefSet
     bright = encode_srgb(luminance(color))
     low, high = np.percentile(bright, [1, 99])
     bright = np.clip((bright - low) / max(high - low, 1e-6), 0, 1)
-    blurred = [blur_cubemap(bright, settings.finest * size * 2**level) for level in range(settings.levels)]
-    if settings.band_pass:
-        blurred = [a - b for a, b in zip(blurred, [*blurred[1:], np.zeros_like(bright)], strict=True)]
     weights = 2.0 ** np.arange(settings.levels)
-    height = np.tensordot(weights / weights.sum(), np.stack(blurred), axes=1)
+    if settings.band_pass:  # a level less the next: the weight of each blur drops by that of the one before
+        weights = np.diff(weights, prepend=0)
+    sigmas = settings.finest * size * 2.0 ** np.arange(settings.levels)
+    height = weighted_blurs(bright, sigmas.tolist(), (weights / np.abs(weights).sum()).tolist())
 
     z = face_directions(size)[..., 2]
     on_silhouette = np.abs(z) <= 1.01 / (size - 1)  # within half a texel
-    # The membrane through the heights on the silhouette, and a bump that is nought there, to centre each side.
-    membrane = solve_dirichlet(np.zeros_like(height), on_silhouette, height)
-    bump = solve_dirichlet(np.full_like(height, 1.0 / size**2), on_silhouette, np.zeros_like(height))
-    relief = height - membrane
+    relief = height - solve_dirichlet(np.zeros_like(height), on_silhouette, height)
+    # A bump that is nought on the silhouette centres each side.
+    bump = np.abs(z)
     for side in (z > 0, z < 0):
         relief -= np.where(side, bump * (relief[side].mean() / max(bump[side].mean(), 1e-12)), 0)
     reach = float(np.percentile(np.abs(relief), 99.5))

@@ -4,11 +4,10 @@ Image frame: x to the right, y down, in pixels, the centre of pixel (column, row
 Angles run from +x towards −y, anticlockwise as one sees the picture.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from usdfoliage.errors import FitError
 
@@ -41,14 +40,6 @@ class StarSilhouette:
         """The curve's points (A, 2), x and y in the image frame."""
         angle = 2 * np.pi * np.arange(len(self.radius_px)) / len(self.radius_px)
         return self.center_px + self.radius_px[:, None] * np.column_stack([np.cos(angle), -np.sin(angle)])
-
-    def radius_at(self, angle_rad: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Radius at any angle, linear between the sampled ones."""
-        count = len(self.radius_px)
-        position = np.mod(np.asarray(angle_rad, dtype=np.float64) / (2 * np.pi) * count, count)
-        below = np.floor(position).astype(np.intp) % count
-        along = position - np.floor(position)
-        return np.asarray(self.radius_px[below] * (1 - along) + self.radius_px[(below + 1) % count] * along)
 
 
 def fit_star_silhouette(mask: NDArray[np.bool_], settings: SilhouetteSettings = SilhouetteSettings()) -> StarSilhouette:
@@ -91,17 +82,6 @@ def fit_star_silhouette(mask: NDArray[np.bool_], settings: SilhouetteSettings = 
         lost_share=(missed + added) / area,
         iou=(area - missed) / (area + added),
     )
-
-
-def smooth_silhouette(silhouette: StarSilhouette, sigma_px: float) -> StarSilhouette:
-    """The same silhouette with its radius averaged along the curve by a Gaussian of sigma_px.
-
-    Lost share and intersection over union stay those of the silhouette as fitted.
-    """
-    radius = silhouette.radius_px
-    sigma_angle = sigma_px / max(float(np.median(radius)), 1e-9) * len(radius) / (2 * np.pi)
-    smooth = gaussian_filter1d(radius, sigma_angle, mode="wrap") if sigma_angle > 0 else radius
-    return replace(silhouette, radius_px=smooth)
 
 
 def _search_center(box: NDArray[np.bool_], settings: SilhouetteSettings) -> NDArray[np.float64]:

@@ -14,9 +14,9 @@ from scipy import sparse
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import lsq_linear
 from scipy.sparse.linalg import splu
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
-from usdfoliage.crown.silhouette import StarSilhouette, smooth_silhouette
+from usdfoliage.crown.silhouette import StarSilhouette
 from usdfoliage.errors import FitError
 
 # Discrete bi-Laplacian. The thesis prints 16 in the middle, with which a plane is not a solution; 20 makes the rows
@@ -90,16 +90,15 @@ def inflate_silhouette(
         raise ValueError("tangent_map must be a (h, w) array of positive numbers")
     cell_px = float(np.ptp(silhouette.curve_px(), axis=0).max() / settings.grid)
     depth_share = _depth_share(silhouette, settings)
-    silhouette = smooth_silhouette(silhouette, settings.smoothing * max(cell_px, 1.0))
     curve = (silhouette.curve_px() - silhouette.center_px) * [1, -1] / cell_px
+    curve = _smooth_curve(curve, settings.smoothing * max(1.0, 1.0 / cell_px))
     bounds = curve.min(axis=0), curve.max(axis=0)
     low = np.floor(bounds[0]) - 3
     width, height = (np.ceil(bounds[1]) + 4 - low).astype(int)
     # Grid cell (row, column) has its centre at low + (column, row); rows run upwards.
     cells = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1) + low
-    within = np.linalg.norm(cells, axis=-1) < silhouette.radius_at(np.arctan2(cells[..., 1], cells[..., 0])) / cell_px
-    dense_curve = _resample(curve, 0.1)
-    tree = cKDTree(dense_curve)
+    within = _cells_within(curve - low, (height, width))
+    tree = KDTree(_resample(curve, 0.1))
     inside = _largest_part(within)
     eroded = cv2.erode(inside.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))) > 0
     rim = inside & ~eroded  # 8-connected: every side neighbour of an inner cell is inside
@@ -115,8 +114,7 @@ def inflate_silhouette(
     # The thesis puts rim cells at z = 0 and outer cells at z = −k wherever stairs of the grid leave them, which makes
     # the effective slope depend on the grid. Here both lie at their own distance from the curve along a plane of
     # slope k, and the rim on the curve itself: the surface has no stairs and the closed form of a disc is met.
-    rim_distance, nearest = tree.query(flat[is_rim])
-    points[is_rim, :2] = dense_curve[nearest]
+    rim_distance, points[is_rim, :2] = _nearest(tree, flat[is_rim])
     # z is linear in k: one solution for each function of a basis of tangents along the silhouette.
     basis = _tangent_basis(settings, tangent_map, curve)
     rim_height = np.zeros((len(flat), basis(flat[:1]).shape[1]))
@@ -137,8 +135,8 @@ def inflate_silhouette(
         outer = np.nonzero(~met)[0]
         if len(outer):
             offset = np.array([d_column, d_row])
-            on_curve = dense_curve[tree.query(flat[inner[outer]] + 0.5 * offset)[1]]
-            distance = tree.query(flat[inner[outer]] + offset)[0]
+            _, on_curve = _nearest(tree, flat[inner[outer]] + 0.5 * offset)
+            distance, _ = _nearest(tree, flat[inner[outer]] + offset)
             distance[within[rows[inner[outer]] + d_row, columns[inner[outer]] + d_column]] *= -1  # a hair cut off
             right[outer] -= weight * np.hstack([on_curve, -distance[:, None] * basis(on_curve)])
     row, column, value = (np.concatenate(part) for part in zip(*entries, strict=True))
@@ -153,6 +151,21 @@ def inflate_silhouette(
     points[inner, 2] = heights @ tangent  # the rim stays at 0, down the vertical tangent
     points[:, 2] = np.maximum(points[:, 2], 0)  # eq. 4.1: z ≥ 0
     return CrownSurface(points=points, triangles=_triangulate(number), cell_px=cell_px)
+
+
+def _smooth_curve(curve: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """The closed curve averaged along its length, so that a stem or a shoot keeps its length."""
+    step = 0.25
+    dense = _resample(curve, step)
+    return np.asarray(gaussian_filter1d(dense, sigma / step, axis=0, mode="wrap"))
+
+
+def _cells_within(curve: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Cells (rows, columns) whose centre, at (column, row), is inside the closed curve (A, 2)."""
+    fine = 8  # drawing includes the border's pixels, so draw finely and look at centres only
+    drawn = np.zeros((shape[0] * fine, shape[1] * fine), np.uint8)
+    cv2.fillPoly(drawn, [np.rint(curve * fine).astype(np.int32)], 1)
+    return np.asarray(drawn[::fine, ::fine] > 0)
 
 
 def _largest_part(within: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -174,6 +187,12 @@ def _resample(curve: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     along = np.concatenate([[0], np.cumsum(length)])
     wanted = np.linspace(0, along[-1], int(np.ceil(along[-1] / step)), endpoint=False)
     return np.column_stack([np.interp(wanted, along, closed[:, k]) for k in range(2)])
+
+
+def _nearest(tree: KDTree, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distance of points (M, 2) to the nearest point of the tree, and that point."""
+    distance, index = tree.query(points)
+    return np.asarray(distance), np.asarray(tree.data)[np.asarray(index)]
 
 
 def _tangent_basis(

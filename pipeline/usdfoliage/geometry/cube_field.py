@@ -4,6 +4,7 @@ The cubemap's distinct texels (shared border texels once) are the vertices of a 
 its edges; nothing here knows of faces, so that nothing can show a seam.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 from usdfoliage.geometry.cubemap import face_directions, sample_cubemap, texel_identity
 
 COARSE_SIZE = 40  # below this a direct solution is cheapest
+ENLARGING_VARIANCE = 0.5  # square texels of the larger cubemap
 SMOOTHING_STEPS = 40  # of conjugate gradients on each finer cubemap: the coarse solution already holds what is smooth
 
 
@@ -50,23 +52,67 @@ def cubemap_from_distinct(values: NDArray[np.float64], size: int) -> NDArray[np.
 def blur_cubemap(field: NDArray[np.floating], sigma: float) -> NDArray[np.float64]:
     """A cubemap (6, N, N) blurred by a Gaussian of sigma texels, by diffusion on the cube.
 
-    Wide blurs run on a reduced cubemap, whose interpolation is then smoothed away again.
-
     Raises:
         ValueError: sigma is negative or not finite.
     """
     if not (np.isfinite(sigma) and sigma >= 0):
         raise ValueError(f"sigma must be zero or positive, not {sigma}")
+    return weighted_blurs(field, (sigma,), (1.0,))
+
+
+def weighted_blurs(
+    field: NDArray[np.floating], sigmas: Sequence[float], weights: Sequence[float]
+) -> NDArray[np.float64]:
+    """Σ weights_k · (field blurred by sigmas_k): the levels of a Gaussian pyramid added up, (6, N, N).
+
+    Each level is blurred on from the one before, on a reduced cubemap as soon as that shows nothing of it, and what is
+    wide is added up before it is enlarged, so that the full size is worked on only for what is fine.
+
+    Args:
+        field: (6, N, N).
+        sigmas: in texels, ascending.
+        weights: one a level.
+
+    Raises:
+        ValueError: sigmas do not ascend from zero.
+    """
+    if len(sigmas) != len(weights) or np.any(np.diff(sigmas) < 0) or min(sigmas) < 0:
+        raise ValueError(f"sigmas must ascend from zero, with a weight each, not {sigmas} and {weights}")
     size = field.shape[1]
-    if sigma > 3 and size >= 2 * COARSE_SIZE:
-        half = size // 2
-        ratio = (size - 1) / (half - 1)
-        # Half of the variance before reducing would be too much work; 1.2 texels suffice against aliasing.
-        before = _diffuse(field, 1.2)
-        reduced = sample_cubemap(before, face_directions(half))
-        wide = blur_cubemap(reduced, float(np.sqrt(sigma**2 - 1.2**2 - 1.5**2)) / ratio)
-        return _diffuse(sample_cubemap(wide, face_directions(size)), 1.5)
-    return _diffuse(field, sigma)
+    levels = []  # (cubemap, weight), each smaller than or as large as the one before
+    current, variance = np.asarray(field, dtype=np.float64), 0.0  # variance in texels of current
+    texel = 1.0  # of current, in texels of field
+    for sigma, weight in zip(sigmas, weights, strict=True):
+        wanted = (sigma / texel) ** 2
+        while wanted - variance > 6 and current.shape[1] >= 2 * COARSE_SIZE:
+            before = max(0.0, 1.2**2 - variance)  # against aliasing
+            half = current.shape[1] // 2
+            ratio = (current.shape[1] - 1) / (half - 1)
+            current = sample_cubemap(_diffuse(current, float(np.sqrt(before))), face_directions(half))
+            # Linear interpolation when enlarging again blurs a little too.
+            variance = (variance + before + ENLARGING_VARIANCE) / ratio**2
+            texel *= ratio
+            wanted = (sigma / texel) ** 2
+        current = _diffuse(current, float(np.sqrt(max(wanted - variance, 0))))
+        variance = max(variance, wanted)
+        levels.append((current, weight))
+    total = np.zeros_like(levels[-1][0])
+    for level, weight in reversed(levels):
+        while total.shape[1] < level.shape[1]:
+            larger = _next_larger(size, total.shape[1])
+            total = _diffuse(sample_cubemap(total, face_directions(larger)), 0.8)
+        total = total + weight * level
+    while total.shape[1] < size:
+        larger = _next_larger(size, total.shape[1])
+        total = _diffuse(sample_cubemap(total, face_directions(larger)), 0.8)
+    return total
+
+
+def _next_larger(size: int, smaller: int) -> int:
+    """The one of size, size // 2, … whose half is smaller."""
+    while size // 2 > smaller:
+        size //= 2
+    return size
 
 
 def _diffuse(field: NDArray[np.floating], sigma: float) -> NDArray[np.float64]:

@@ -1,0 +1,63 @@
+"""Make an asset of a tree's or shrub's crown from one photograph.
+
+PHOTO shows the whole of a dense crown from the side. The asset gets a crown mesh, a radius and a colour cubemap (EXR),
+a report and, where the preview interpreter is installed, pictures. Without --mask a mask is proposed and kept in the
+asset as <name>_mask_proposal.png: look at it, correct it, and give it with --mask.
+"""
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("photo", metavar="PHOTO", type=Path, help="JPEG, PNG, TIFF or EXR")
+    parser.add_argument("--mask", type=Path, help="image of the same size, white = crown (proposed when absent)")
+    parser.add_argument("-o", "--output", metavar="OUT", type=Path, required=True, help="the asset's folder")
+    parser.add_argument("--name", help="name of the asset (OUT's basename)")
+    parser.add_argument("--size", type=int, default=256, help="texels a side of a cubemap face (%(default)s)")
+    parser.add_argument(
+        "--height", metavar="METRES", type=float, default=5.0, help="of the crown, seen from the front (%(default)s)"
+    )
+    parser.add_argument(
+        "--tangent",
+        metavar="K",
+        default="auto",
+        help="slope of the surface at the silhouette: a number (2 inflates a disc to a ball), an image, a formula in "
+        "i (from the left) and j (from the top) such as '1 + 2*j', or auto, as deep as wide (%(default)s)",
+    )
+    parser.add_argument("--relief", metavar="RHO", type=float, default=0.25, help="its weight, 0 to 1 (%(default)s)")
+    parser.add_argument(
+        "--laplacian", action="store_true", help="relief from a Laplacian instead of a Gaussian pyramid"
+    )
+    parser.add_argument(
+        "--copies", type=int, default=1, help="1 to 4 turned copies of the surface, for flat crowns (%(default)s)"
+    )
+    parser.add_argument("--mesh-size", type=int, default=129, help="vertices along an edge of the mesh (%(default)s)")
+    parser.add_argument("--color-space", help="of PHOTO, where the file does not say (sRGB; linear for floats)")
+    parser.add_argument("--species", default="", help="written into the asset")
+    parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
+    parser.add_argument("--threads", type=int, default=0, help="at most this many; the result is the same (all cores)")
+    parser.add_argument("--no-preview", action="store_true", help="leave the pictures out of the report")
+    parser.add_argument("--force", action="store_true", help="replace OUT though it is not an asset of ours")
+    parser.add_argument("--dry-run", action="store_true", help="check the input, say what would be done, write nothing")
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.progress import StepBar
+    from usdfoliage.jobs.crown_asset import CrownRequest, make_crown_asset, plan_crown_asset
+
+    request = CrownRequest.from_options(options)
+    if options.dry_run:
+        print(plan_crown_asset(request))
+        return 0
+    with StepBar() as bar:
+        made = make_crown_asset(request, bar.show)
+    for note in made.notes:
+        print(f"note: {note}")
+    for row in made.measures:
+        print(f"{row.name}: {row.value}")
+    print(f"asset: {made.asset}")
+    if made.preview:
+        print(f"preview: {made.preview}")
+    print(f"report: {made.report}")
+    return 0

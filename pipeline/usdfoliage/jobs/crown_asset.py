@@ -1,0 +1,244 @@
+"""From a photograph's file to an asset on disk."""
+
+import argparse
+import hashlib
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage import __version__
+from usdfoliage.asset.package import AssetSettings, write_crown_asset
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.publish import publish_folder
+from usdfoliage.capture.images import Photo, read_photo
+from usdfoliage.capture.masks import CleanMask, clean_mask, read_mask
+from usdfoliage.errors import AssetError, FoliageError, PreviewError
+from usdfoliage.jobs.crown import STEPS, CrownSettings, StepProgress, reconstruct_crown
+from usdfoliage.jobs.crown_report import CrownReport, ReportView, Row, measure_rows, write_crown_report
+from usdfoliage.jobs.preview import PreviewSettings, PreviewView, render_views
+from usdfoliage.jobs.tangent import read_tangent
+
+logger = logging.getLogger(__name__)
+
+# Pictures of the report: (title, direction, file).
+VIEWS = (
+    ("Front", "front", "preview.png"),
+    ("Three-quarter", "three-quarter", "preview_three_quarter.png"),
+    ("Right side", "right", "preview_right.png"),
+    ("Back", "back", "preview_back.png"),
+    ("Top", "top", "preview_top.png"),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrownRequest:
+    """What the user asked for, checked."""
+
+    photo: Path
+    mask: Path | None
+    output: Path
+    name: str
+    settings: CrownSettings
+    tangent: str
+    tangent_map: NDArray[np.float64] | None
+    asset_settings: AssetSettings
+    color_space: str | None = None
+    species: str = ""
+    force: bool = False
+    preview: bool = True
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "CrownRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        tangent = read_tangent(options.tangent)
+        try:
+            settings = CrownSettings(
+                size=options.size,
+                height_m=options.height,
+                tangent=tangent if isinstance(tangent, float) else None,
+                relief=options.relief,
+                band_pass=options.laplacian,
+                copies=options.copies,
+                seed=options.seed,
+                threads=options.threads,
+            )
+            asset_settings = AssetSettings(crown_mesh_size=options.mesh_size)
+        except ValueError as error:
+            raise FoliageError(str(error)) from error
+        return cls(
+            photo=options.photo,
+            mask=options.mask,
+            output=options.output,
+            name=asset_name(options.name or options.output.resolve().name),
+            settings=settings,
+            tangent=options.tangent,
+            tangent_map=tangent if isinstance(tangent, np.ndarray) else None,
+            asset_settings=asset_settings,
+            color_space=options.color_space,
+            species=options.species,
+            force=options.force,
+            preview=not options.no_preview,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeCrown:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    report: Path
+    preview: Path | None
+    notes: tuple[str, ...]
+    measures: tuple[Row, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrownInput:
+    """A photograph and the crown in it."""
+
+    photo: Photo
+    mask: NDArray[np.bool_]
+    proposed: bool
+    notes: tuple[str, ...]
+
+
+def read_crown_input(request: CrownRequest) -> CrownInput:
+    """Read photograph and mask; propose a mask where none is given.
+
+    Raises:
+        CaptureError, FitError: see read_photo, read_mask, clean_mask and propose_mask.
+    """
+    photo = read_photo(request.photo, request.color_space)
+    notes: tuple[str, ...] = ()
+    if request.mask is not None:
+        given = read_mask(request.mask, photo.linear.shape, photo.orientation)
+    else:
+        from usdfoliage.capture.foreground import propose_mask
+
+        proposal = propose_mask(photo.linear, seed=request.settings.seed)
+        given = proposal.mask
+        notes = (f"the mask is a proposal (confidence {proposal.confidence:.2f}); {proposal.remark}",)
+    try:
+        crown: CleanMask = clean_mask(given)
+    except FoliageError as error:
+        raise type(error)(f"{error} ({request.mask or request.photo})") from error
+    return CrownInput(photo=photo, mask=crown.mask, proposed=request.mask is None, notes=notes + crown.notes)
+
+
+def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None) -> MadeCrown:
+    """Reconstruct the crown and publish its asset; the old asset stays until the new one is whole.
+
+    Raises:
+        FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
+    """
+    with publish_folder(request.output, force=request.force) as folder:
+        given = read_crown_input(request)
+        model, measures = reconstruct_crown(
+            given.photo.linear, given.mask, request.settings, request.tangent_map, progress
+        )
+        provenance = Provenance(
+            species=request.species,
+            capture=request.photo.name,
+            generator=f"usdfoliage {__version__}",
+            seed=request.settings.seed,
+            settings=describe_settings(request),
+            input_sha256=_fingerprint(request),
+        )
+        interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings)
+        notes = list(given.notes)
+        if given.proposed:
+            proposal = f"{request.name}_mask_proposal.png"
+            _write_mask(folder / proposal, given.mask)
+            notes.append(f"the proposed mask is {request.output / proposal}; correct it and give it with --mask")
+        report_folder = folder / "report"
+        report_folder.mkdir(exist_ok=True)
+        seconds = dict(measures.seconds)
+        views, complaint = _draw(interface, report_folder, progress) if request.preview else ([], "")
+        if complaint:
+            notes.append(f"no pictures of the asset: {complaint}")
+        report = CrownReport(
+            name=request.name,
+            capture=request.photo.name,
+            generator=provenance.generator,
+            notes=notes,
+            settings=provenance.settings,
+            views=views,
+            seconds=seconds,
+        )
+        write_crown_report(report_folder, report, model, measures, given.photo.linear, given.mask)
+    return MadeCrown(
+        asset=request.output / interface.name,
+        report=request.output / "report" / "index.html",
+        preview=request.output / "report" / views[0].file if views else None,
+        notes=tuple(notes),
+        measures=tuple(measure_rows(model, measures)),
+    )
+
+
+def plan_crown_asset(request: CrownRequest) -> str:
+    """What make_crown_asset would do, in lines, after checking the input; writes nothing."""
+    given = read_crown_input(request)
+    photo = given.photo
+    rows, columns = np.nonzero(given.mask)
+    lines = [
+        f"photo: {request.photo}, {photo.width_px} x {photo.height_px} px, read as {photo.color_space}",
+        f"mask: {request.mask or 'proposed'}, crown {np.ptp(columns) + 1} x {np.ptp(rows) + 1} px",
+        *(f"note: {note}" for note in given.notes),
+        f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+        f"steps: {', '.join(STEPS)}{', preview' if request.preview else ''}",
+        f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{request.name}.usda'}",
+    ]
+    return "\n".join(lines)
+
+
+def describe_settings(request: CrownRequest) -> dict[str, str]:
+    """Every setting that decides the result, by the name of its option."""
+    settings = request.settings
+    return {
+        "size": str(settings.size),
+        "height": f"{settings.height_m:g}",
+        "tangent": request.tangent,
+        "relief": f"{settings.relief:g}",
+        "pyramid": "laplacian" if settings.band_pass else "gaussian",
+        "copies": str(settings.copies),
+        "mesh-size": str(request.asset_settings.crown_mesh_size),
+        "mask": request.mask.name if request.mask else "proposed",
+        "color-space": request.color_space or "as the file says",
+        "seed": str(settings.seed),
+    }
+
+
+def _draw(interface: Path, folder: Path, progress: StepProgress | None) -> tuple[list[ReportView], str]:
+    """Pictures of the asset in folder; where they cannot be drawn, none and the reason."""
+    views = [PreviewView(output=folder / file, direction=direction) for _, direction, file in VIEWS]
+    try:
+        render_views(
+            interface,
+            views,
+            PreviewSettings(width_px=720, height_px=720),
+            (lambda done, total: progress("preview", done / total)) if progress else None,
+        )
+    except PreviewError as error:
+        logger.warning("no pictures: %s", error)
+        return [], str(error)
+    return [ReportView(name=title, file=file) for title, _, file in VIEWS], ""
+
+
+def _write_mask(path: Path, mask: NDArray[np.bool_]) -> None:
+    good, encoded = cv2.imencode(".png", mask.astype(np.uint8) * 255)
+    if not good:
+        raise AssetError(f"the proposed mask could not be encoded ({path})")
+    path.write_bytes(encoded.tobytes())
+
+
+def _fingerprint(request: CrownRequest) -> str:
+    digest = hashlib.sha256()
+    for path in (request.photo, request.mask):
+        if path is not None:
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
