@@ -257,12 +257,11 @@ def draw_views(
         expected = (*(view.size_px or (settings.width_px, settings.height_px))[::-1], 4)
         if picture.shape != expected:
             raise PreviewError(f"Storm drew {picture.shape}, not {expected} as asked ({usd_file})")
-        if not picture[..., 3].any():
-            if view.camera is None:
-                raise PreviewError(
-                    f"Storm drew nothing from the direction {view.direction} ({usd_file}); see its warnings"
-                )
-            logger.warning("the camera %s sees nothing (%s)", view.camera, usd_file)
+    empty = [view for view, picture in zip(views, pictures, strict=True) if not picture[..., 3].any()]
+    if len(empty) == len(views) and any(view.camera is None for view in views):
+        raise PreviewError(f"Storm drew nothing, though its bound is in the picture ({usd_file})")
+    for view in empty:  # as a flat thing is from its edge
+        logger.warning("nothing is to be seen from %s (%s)", view.camera or view.direction, usd_file)
     return pictures
 
 
