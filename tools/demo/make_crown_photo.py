@@ -409,14 +409,14 @@ def grow(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
 def fill_crown(coverage: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Leaves, the small gaps between them and every hole inside, as one shape."""
     leaves = coverage > 0.5
-    closed = ~grow(~grow(leaves, 5), 5)
-    opened = grow(~grow(~closed, 3), 3)  # single leaves that stand off are not the crown's silhouette
-    background = np.zeros_like(opened)
-    background[0] = background[-1] = background[:, 0] = background[:, -1] = True
-    filled = ~flood(background, ~opened)
-    middle = np.zeros_like(filled)
-    middle[HEIGHT_PX * 2 // 5, WIDTH_PX // 2] = True  # specks that do not hang together with the crown go
-    return flood(middle, filled)
+    closed = ~grow(~grow(leaves, 2), 2)
+    border = np.zeros_like(closed)
+    border[0] = border[-1] = border[:, 0] = border[:, -1] = True
+    filled = ~flood(border, ~closed)
+    opened = grow(~grow(~filled, 4), 4)  # single leaves that stand off would bring more sky than leaf
+    middle = np.zeros_like(opened)
+    middle[HEIGHT_PX * 2 // 5, WIDTH_PX // 2] = True
+    return flood(middle, opened)
 
 
 def flood(start: NDArray[np.bool_], within: NDArray[np.bool_]) -> NDArray[np.bool_]:
