@@ -138,6 +138,11 @@ def _write(
         **facts,
     }
     try:
-        OpenEXR.File(whole, channels).write(str(path))
-    except (OSError, RuntimeError) as error:
-        raise AssetError(f"{path} cannot be written: {error}") from error
+        OpenEXR.File(whole, dict(channels)).write(str(path))  # it changes the dictionaries it is given
+        with OpenEXR.File(str(path)) as written:
+            found = {name: np.array(channel.pixels) for name, channel in written.channels().items()}
+    except (OSError, RuntimeError, ValueError) as error:
+        raise AssetError(f"{path} cannot be written: {error}; is the disk full?") from error
+    # OpenEXR's module does not tell when a disk is full: the file is there, and ends too early or holds zeros.
+    if found.keys() != channels.keys() or any(not np.array_equal(found[name], channels[name]) for name in channels):
+        raise AssetError(f"{path} does not hold what was written to it; is the disk full?")

@@ -33,7 +33,9 @@ def export_layer(stage: Usd.Stage, path: Path) -> None:
     try:
         written = stage.GetRootLayer().Export(str(path))
     except Tf.ErrorException as error:
-        raise AssetError(f"{path} cannot be written: {error}") from error
+        # One line of USD's own, without its C++ function and source file.
+        reasons = [line.split(" : ", 1)[-1].strip("'") for line in str(error).splitlines() if " : " in line]
+        raise AssetError(f"{path} cannot be written: {reasons[0] if reasons else error}") from error
     if not written:
         raise AssetError(f"{path} cannot be written; is the disk full, or the folder read-only?")
 

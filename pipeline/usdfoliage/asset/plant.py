@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom
 
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.schema import PLANT_API
@@ -30,11 +30,10 @@ def asset_name(text: str) -> str:
     Letters of any alphabet stay; what USD does not allow in an identifier becomes an underscore. Empty text, or text of
     nothing else, gives "plant".
     """
-    name = "".join(c if c == "_" or c.isalnum() else "_" for c in text)
-    if name[:1].isdigit():
+    text = text.encode("utf-8", "replace").decode("utf-8")  # a file name may hold bytes that are no text
+    name = "".join(c if Sdf.Path.IsValidIdentifier(f"_{c}") else "_" for c in text)
+    if not Sdf.Path.IsValidIdentifier(name):  # begins with a digit
         name = f"_{name}"
-    if not Sdf.Path.IsValidIdentifier(name):
-        name = Tf.MakeValidIdentifier(text) if text else ""
     return name if re.search(r"[^_]", name) else "plant"
 
 

@@ -73,6 +73,8 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
             _check_replaceable(out, target, force)
             _take_place(new, target)
             made = []
+        except AssetError as error:  # a file's name as the user knows it
+            raise AssetError(str(error).replace(str(new), str(out))) from error
         finally:
             _end(lock, new)
     except OSError as error:
@@ -275,8 +277,8 @@ def _remove(folder: Path) -> bool:
 
 def _explain(out: Path, target: Path, error: OSError) -> str:
     what = f"{out} was not written: {error.strerror or error}"
-    if error.filename:
-        what += f" ({error.filename})"
+    if error.filename2 or error.filename:
+        what += f" ({error.filename2 or error.filename})"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return (
             f"{what}; {shutil.disk_usage(target.parent).free / 1e6:.0f} MB are free there; what was there is unchanged"
