@@ -36,4 +36,4 @@ def python_folders() -> tuple[Path, ...]:
     An installed package adds no other: beside it may lie another pxr, which a studio's Python must not see.
     """
     plugins = resource_folder("usd_plugins")
-    return (plugins, _PACKAGE.parent) if plugins.is_relative_to(_PLACES[0]) else (plugins,)
+    return (plugins, _PACKAGE.parent) if plugins.parent == _PLACES[0] else (plugins,)

@@ -1,0 +1,87 @@
+"""The command `usdfoliage validate`: its lines, its JSON, its exit codes."""
+
+import json
+from pathlib import Path
+
+import pytest
+from pxr import Sdf, Usd
+from usdfoliage.__main__ import main
+
+from usd_plugins import plant_stages as stages
+
+
+@pytest.fixture
+def asset(tmp_path: Path) -> Path:
+    return stages.write_asset(tmp_path / "an oak")
+
+
+def break_asset(asset: Path) -> None:
+    stage = Usd.Stage.Open(str(asset))
+    stage.GetDefaultPrim().GetAttribute("foliage:generator").Set("")
+    crown = stage.OverridePrim("/oak/geo/proxy/Crown")
+    crown.GetAttribute("foliage:crown:colorMap").Set(Sdf.AssetPath("maps/color.exr"))
+    stage.GetRootLayer().Save()
+
+
+def test_good_asset(asset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", str(asset.parent)]) == 0
+    captured = capsys.readouterr()
+    assert f"{asset}: 0 errors, " in captured.out
+    assert captured.err == ""
+
+
+def test_findings_are_lines_and_the_exit_code_is_3(asset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    break_asset(asset)
+    assert main(["validate", str(asset)]) == 3
+    lines = capsys.readouterr().out.splitlines()
+    wanted = "error: usdFoliageValidators:Plant.GeneratorMissing /oak.foliage:generator: is empty; author the tool"
+    assert [line for line in lines if line.startswith(wanted)]
+    assert [line for line in lines if line.startswith("warning: usdFoliageValidators:AssetPaths.PathSearched /oak: ")]
+    assert lines[-1].startswith(f"{asset}: 1 error, ")
+
+
+def test_json(asset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    break_asset(asset)
+    assert main(["validate", str(asset), "--json"]) == 3
+    report = json.loads(capsys.readouterr().out)
+    assert report["errors"] == 1
+    assert report["asset"] == str(asset)
+    (finding,) = [held for held in report["findings"] if held["severity"] == "error"]
+    assert (finding["error"], finding["path"]) == ("GeneratorMissing", "/oak.foliage:generator")
+
+
+def test_profile_of_a_studio(asset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    break_asset(asset)
+    profile = tmp_path / "studio.toml"
+    profile.write_text(
+        "[[accepted]]\nvalidator = 'usdFoliageValidators:AssetPaths'\nreason = 'our resolver'\n"
+        "[[accepted]]\nvalidator = 'usdFoliageValidators:Plant'\nreason = 'errors stay errors'\n"
+    )
+    assert main(["validate", str(asset), "--profile", str(profile)]) == 3
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if line.startswith("accepted: ") and line.endswith("(accepted: our resolver)")]
+    assert not [line for line in lines if "errors stay errors" in line]
+
+
+@pytest.mark.parametrize("what", ["nothing", "empty", "two", "text", "profile"])
+def test_what_is_no_asset_gives_one_line_and_exit_2(
+    asset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str
+) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "text").mkdir()
+    (tmp_path / "text" / "a.usda").write_text("no USD")
+    arguments = {
+        "nothing": [str(tmp_path / "nothing")],
+        "empty": [str(tmp_path / "empty")],
+        "two": [str(asset.parent)],
+        "text": [str(tmp_path / "text")],
+        "profile": [str(asset), "--profile", str(tmp_path / "none.toml")],
+    }[what]
+    if what == "two":
+        (asset.parent / "b.usd").write_bytes(asset.read_bytes())
+    assert main(["validate", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    assert line.startswith("error: ")
+    assert "; " in line or "cannot be read" in line
