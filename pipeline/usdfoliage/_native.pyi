@@ -36,6 +36,7 @@ def place_patches(
     usage_weight: float,
     near_weight: float,
     candidate_share: float,
+    cuts: int,
     seed: int,
     threads: int,
 ) -> int:

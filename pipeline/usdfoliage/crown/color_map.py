@@ -214,11 +214,11 @@ def _merge_cap(top: NDArray[np.float32], edge: NDArray[np.float32]) -> NDArray[n
         keep_this[-1, -1] = True  # the tip itself is the same texel in both
         taken = cut_seam(this[:, -depth:], following, keep_this, keep_following)
         view[-depth:, -depth:] = np.where(taken[..., None], following, this[:, -depth:])
-    border = np.ones((size, size), bool)
-    border[1:-1, 1:-1] = False
-    inside = np.zeros((size, size), bool)
-    inside[depth - 1 : 1 - depth, depth - 1 : 1 - depth] = True
-    return np.where(cut_seam(ring, top, border, inside)[..., None], top, ring)
+    index = np.minimum(np.arange(size), np.arange(size)[::-1])
+    distance = np.minimum(index[:, None], index)  # from the border
+    overlap = distance < depth
+    taken = cut_seam(ring, top, distance == 0, distance == depth - 1, allowed=overlap)
+    return np.where((taken | ~overlap)[..., None], top, ring)
 
 
 def _encode(linear: NDArray[np.floating], peak: float) -> NDArray[np.float32]:

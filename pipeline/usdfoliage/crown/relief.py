@@ -61,6 +61,7 @@ def fit_relief(color: NDArray[np.floating], settings: ReliefSettings = ReliefSet
     bump = np.abs(z)
     for side in (z > 0, z < 0):
         relief -= np.where(side, bump * (relief[side].mean() / max(bump[side].mean(), 1e-12)), 0)
+    relief[on_silhouette] = 0
     reach = float(np.percentile(np.abs(relief), 99.5))
     return np.clip(NEUTRAL + relief * (0.5 / reach if reach > 1e-9 else 0.0), 0, 1)
 

@@ -2,8 +2,8 @@
 
 Patches of the exemplar are laid along minimum-cut seams on the coarsest level of a pyramid; every finer level takes
 over where each pixel comes from and mends the seams, pixel by pixel, until neighbourhoods look like the exemplar's.
-Unlike the thesis, which searches all of the exemplar for every pixel, each pixel only looks where its neighbours point to
-and at a few random places.
+Unlike the thesis, which searches all of the exemplar for every pixel, each pixel only looks where its neighbours point
+to and at a few random places.
 
 Source: the thesis on semi-procedural crowns, sections 4.5 and 4.5.1; V. Kwatra et al., Graphcut Textures, 2003;
 S. Lefebvre and H. Hoppe, Parallel Controllable Texture Synthesis, 2005.
@@ -30,14 +30,15 @@ class TextureSettings:
     levels: int = 2  # of the pyramid; patches are laid on the coarsest one
     patch_px: int = 56  # side of a patch on the finest level
     patch_share: float = 0.22  # largest side of a patch, of the root of the exemplar's area
-    overlap_share: float = 0.36  # of a patch, in which the seam to its neighbour is sought
-    radius: int = 3  # of the neighbourhoods that are compared
+    overlap_share: float = 0.25  # of a patch, in which the seam to its neighbour is sought
+    radius: int = 4  # of the neighbourhoods that are compared
     guide_weight: int = 2  # of the coarser level's colour in a comparison, in pixels
     passes: int = 3  # a level
-    random_tries: int = 6  # random places a pixel and pass
+    random_tries: int = 0  # random places a pixel and pass
     usage_weight: float = 1.0  # against using one place of the exemplar more than others
     near_weight: float = 1.0  # against using it again within two patches
-    candidate_share: float = 0.5  # of all places, how many are tried for a patch
+    candidate_share: float = 1.0  # of all places, how many are tried for a patch
+    cuts: int = 8  # of the places that match best, how many are compared by their seam
     threads: int = 0  # 0: one per core; the result does not depend on it
 
     def __post_init__(self) -> None:
@@ -46,10 +47,11 @@ class TextureSettings:
             ("patch_px", _LEAST_PATCH_PX),
             ("radius", 1),
             ("guide_weight", 0),
-            ("passes", 0),
+            ("passes", 1),
             ("random_tries", 0),
             ("usage_weight", 0),
             ("near_weight", 0),
+            ("cuts", 1),
             ("threads", 0),
         )
         for name, low in least:
@@ -192,6 +194,7 @@ def _lay_patches(
         settings.usage_weight,
         settings.near_weight,
         settings.candidate_share,
+        settings.cuts,
         seed,
         settings.threads,
     )

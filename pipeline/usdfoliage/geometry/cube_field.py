@@ -15,7 +15,7 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 from usdfoliage.geometry.cubemap import face_directions, sample_cubemap, texel_identity
 
 COARSE_SIZE = 40  # below this a direct solution is cheapest
-ENLARGING_VARIANCE = 0.5  # square texels of the larger cubemap
+ENLARGING_VARIANCE = 1.45  # square texels of the larger cubemap that reducing and enlarging blur
 SMOOTHING_STEPS = 40  # of conjugate gradients on each finer cubemap: the coarse solution already holds what is smooth
 
 
@@ -89,7 +89,6 @@ def weighted_blurs(
             half = current.shape[1] // 2
             ratio = (current.shape[1] - 1) / (half - 1)
             current = sample_cubemap(_diffuse(current, float(np.sqrt(before))), face_directions(half))
-            # Linear interpolation when enlarging again blurs a little too.
             variance = (variance + before + ENLARGING_VARIANCE) / ratio**2
             texel *= ratio
             wanted = (sigma / texel) ** 2

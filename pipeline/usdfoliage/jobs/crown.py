@@ -196,7 +196,8 @@ def _measure(
 
 
 def _iou(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
-    return float(np.count_nonzero(first & second) / max(np.count_nonzero(first | second), 1))
+    union = int(np.count_nonzero(first | second))
+    return int(np.count_nonzero(first & second)) / max(union, 1)
 
 
 def _align(*masks: NDArray[np.bool_], height_px: int = 512) -> list[NDArray[np.bool_]]:
