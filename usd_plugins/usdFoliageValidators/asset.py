@@ -124,7 +124,8 @@ def check_asset_purposes(stage: Usd.Stage, _time: object) -> Findings:
         return []
     findings: Findings = []
     seen: dict[str, Usd.Prim] = {}
-    for prim in Usd.PrimRange(plant):
+    present = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract  # loaded or not
+    for prim in Usd.PrimRange(plant, present):
         attribute = prim.GetAttribute("purpose")
         if not attribute or not attribute.HasAuthoredValue():
             continue

@@ -58,9 +58,9 @@ def _check_part(prim: Usd.Prim, name: str, schemas: tuple[str, ...]) -> Findings
             text = f"targets <{target}>, outside the plant, which is lost where the asset is referenced; target inside"
             findings.append(error(prim, "RelationshipOutside", text, name))
             continue
+        if not prim.IsLoaded():
+            continue  # the part is behind the payload
         part = prim.GetStage().GetPrimAtPath(target)
-        if not part and not prim.IsLoaded():
-            continue  # behind the payload
         applied = part.GetPrimTypeInfo().GetAppliedAPISchemas() if part else _applied_in_a_variant(prim, target)
         if applied is None:
             text = f"targets <{target}>, which exists in no variant; correct the path or drop the target"

@@ -195,7 +195,9 @@ def _run_usd_validators(
     for path, name, variant in selection:
         Sdf.CreatePrimInLayer(session, path).variantSelections[name] = variant
     stage = Usd.Stage.Open(root, session, load)
-    predicate = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract  # the default one leaves out what is unloaded
+    predicate = (
+        Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
+    )  # the default one leaves out what is unloaded
     findings = []
     for validator in UsdValidation.ValidationRegistry().GetOrLoadAllValidators():
         name = validator.GetMetadata().name
