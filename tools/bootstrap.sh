@@ -9,7 +9,7 @@ cd "$(dirname "$0")/.."
 PACKAGES=(
   g++ cmake ninja-build libosd-dev openexr
   libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri
-  libx11-6 libxi6 libxxf86vm1 libxfixes3 libxrender1 libxkbcommon0 libsm6 libice6 libgomp1
+  libx11-6 libxext6 libxi6 libxfixes3 libxrender1 libxkbcommon0 libsm6 libice6
 )
 
 say() { printf '%s\n' "setup: $*" >&2; }

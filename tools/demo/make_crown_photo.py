@@ -219,7 +219,6 @@ def build_ground() -> bpy.types.Object:
 def leaf_material(name: str, translucency: float, gloss: float) -> bpy.types.Material:
     """Diffuse above, light shining through from behind, a thin waxy reflection."""
     material = bpy.data.materials.new(name)
-    material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
     nodes.clear()
     color = nodes.new("ShaderNodeAttribute")
@@ -252,7 +251,6 @@ def leaf_material(name: str, translucency: float, gloss: float) -> bpy.types.Mat
 def noise_material(name: str, dark: Points, light: Points, scale: float, stretch: Points) -> bpy.types.Material:
     """A matte surface of two colours mixed by noise: bark, soil between grass."""
     material = bpy.data.materials.new(name)
-    material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
     surface = nodes["Principled BSDF"]
     surface.inputs["Roughness"].default_value = 0.95
@@ -279,7 +277,6 @@ def build_sky() -> None:
     """Thin high cloud: white at the horizon, pale blue above, so even that shadows stay soft."""
     world = bpy.data.worlds.new("sky")
     bpy.context.scene.world = world
-    world.use_nodes = True
     nodes, links = world.node_tree.nodes, world.node_tree.links
     place, split = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeSeparateXYZ")
     height = nodes.new("ShaderNodeValToRGB")
