@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from usdfoliage.crown.tone import ColorStatistics, ToneSettings, match_statistics, measure_color_statistics
+from usdfoliage.crown.tone import ColorStatistics, ToneSettings, blend_tone, match_statistics, measure_color_statistics
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.cubemap import face_directions, share_borders
 
@@ -65,7 +65,8 @@ def test_the_mean_is_corrected_where_the_photograph_does_not_see():
     blind = np.zeros((6, SIZE, SIZE), np.float32)
     blind[5] = 1
     result = match_statistics(encoded, blind, target, 1.0)
-    np.testing.assert_allclose(result[:5], before[:5], rtol=2e-2)
+    np.testing.assert_allclose(result[:5], before[:5], rtol=0.1)
+    assert result[:5].mean() == pytest.approx(before[:5].mean(), rel=5e-3)
     assert result[5].mean() > 1.1 * before[5].mean()
 
 
@@ -92,7 +93,34 @@ def test_no_seam_appears_at_the_edges_of_the_cube():
     np.testing.assert_allclose(share_borders(result), result, atol=0.01)
 
 
-@pytest.mark.parametrize("wrong", [{"std_ratio": 0.0}, {"std_ratio": 1.1}, {"detail_texels": 0.0}])
+def test_tone_beside_the_photograph_becomes_its_own_and_far_from_it_stays():
+    noise = 0.02 * np.random.default_rng(1).normal(size=(6, SIZE, SIZE, 3))
+    photo = face_directions(SIZE)[..., 2] > 0.6
+    encoded = np.where(photo[..., None], 0.6, 0.4) + noise
+    encoded = np.asarray(share_borders(encoded), np.float32)
+    settings = ToneSettings(blend=1 / 12)
+    result = blend_tone(encoded, photo, settings)
+    np.testing.assert_array_equal(result[photo], encoded[photo])
+    z = face_directions(SIZE)[..., 2]
+    beside, far = ~photo & (z > 0.58), z < -0.2
+    assert result[beside].mean() == pytest.approx(0.6, abs=0.04)
+    assert result[far].mean() == pytest.approx(encoded[far].mean(), abs=1e-3)
+    assert result[far].std() == pytest.approx(encoded[far].std(), rel=0.05)
+    # From the one to the other without a step.
+    rings = [result[(z > low) & (z <= low + 0.1)].mean() for low in np.arange(-0.4, 0.6, 0.1)]
+    assert np.all(np.diff(rings) > -2e-3)
+    assert np.max(np.diff(rings)) < 0.1
+
+
+@pytest.mark.parametrize("everywhere", [True, False])
+def test_tone_stays_where_there_is_no_border(everywhere):
+    encoded = texels()
+    np.testing.assert_array_equal(blend_tone(encoded, np.full(encoded.shape[:3], everywhere)), encoded)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"blend": 0.0}, {"blend": 0.3}, {"std_ratio": 0.0}, {"std_ratio": 1.1}, {"detail_texels": 0.0}]
+)
 def test_settings_refuse_what_makes_no_sense(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         ToneSettings(**wrong)

@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 
 from usdfoliage.crown.seam import cut_seam
 from usdfoliage.crown.texture import TextureSettings, synthesize_texture
-from usdfoliage.crown.tone import ColorStatistics, ToneSettings, match_statistics, measure_color_statistics
+from usdfoliage.crown.tone import ColorStatistics, ToneSettings, blend_tone, match_statistics, measure_color_statistics
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.cubemap import FACES, share_borders
 
@@ -39,8 +40,8 @@ class ColorMapSettings:
     """Where the photograph is kept, and how faces are merged."""
 
     band: float = 1 / 8  # overlap of the merges, as a fraction of a face
-    keep_weight: float = 0.6  # seen at least this squarely, a texel is the photograph's
-    reach_weight: float = 0.35  # seen less squarely, it is synthesised; between the two the cut decides
+    keep_weight: float = 0.6  # a texel seen at least this squarely is the photograph's, wherever it lies
+    reach_weight: float = 0.35  # on the front face this is enough; less, beside it, is never the photograph's
     texture: TextureSettings = field(default_factory=TextureSettings)
     tone: ToneSettings = field(default_factory=ToneSettings)
 
@@ -95,15 +96,18 @@ def build_color_map(
     source = np.ascontiguousarray(_encode(exemplar, peak)[:, ::-1])
     source_mask = np.ascontiguousarray(exemplar_mask[:, ::-1])
     photo, weight, front = _share_photo(_encode(photo_on_cube, peak), photo_weight)
-    kept = (weight >= settings.keep_weight) | (front & (weight > 0))
-    reached = kept | (weight >= settings.reach_weight)
+    reached = (weight >= settings.reach_weight) | (front & (weight > 0))
+    kept = (weight >= settings.keep_weight) | (front & (weight >= settings.reach_weight))
 
     band = max(2, round(settings.band * size))
     strip_shape = (size + 2 * band, 4 * (size - 1) + band)
     report = _SynthesisProgress(progress, strip_shape[0] * strip_shape[1] + 2 * size * size)
 
     def synthesize(shape: tuple[int, int], net: Callable[[NDArray[Any]], NDArray[Any]]) -> NDArray[np.float32]:
-        known, known_mask = net(photo), net(kept)
+        known, must, may = net(photo), net(kept), net(reached)
+        # What the synthesis knows ends before the cut can begin: where both images are the same a cut costs nothing,
+        # and it would follow that border.
+        known_mask = binary_erosion(must, iterations=band // 2, border_value=1)
         image = synthesize_texture(
             source,
             shape,
@@ -114,7 +118,7 @@ def build_color_map(
             settings=settings.texture,
             progress=report.step(shape[0] * shape[1]),
         )
-        return _lay_photo(image, known, known_mask, net(reached))
+        return _lay_photo(image, known, must, may)
 
     def strip_net(cubemap: NDArray[Any]) -> NDArray[Any]:
         strip = np.roll(cut_strip(cubemap, band), size // 2, axis=1)  # the front comes to the middle
@@ -131,7 +135,9 @@ def build_color_map(
     cubemap[_BOTTOM] = _merge_cap(bottom[::-1], strip[::-1][: band + 1])[::-1]
 
     unseen = 1 - np.clip(weight / settings.reach_weight, 0, 1)
-    linear = match_statistics(share_borders(cubemap), unseen, target, peak, settings.tone)
+    merged = np.asarray(share_borders(cubemap), np.float32)
+    merged = blend_tone(merged, np.all(merged == photo, axis=-1), settings.tone)
+    linear = match_statistics(merged, unseen, target, peak, settings.tone)
     return np.asarray(share_borders(linear), np.float32)
 
 
@@ -180,7 +186,11 @@ def _lay_photo(
     """The image with the photograph where kept, and as much of where it reaches as the least visible cut takes."""
     if not kept.any():
         return image
-    taken = reached if reached.all() else cut_seam(image, photo, ~reached, kept)
+    rows, columns = (np.flatnonzero(reached.any(axis=axis)) for axis in (1, 0))
+    part = np.s_[max(rows[0] - 1, 0) : rows[-1] + 2, max(columns[0] - 1, 0) : columns[-1] + 2]
+    taken = reached.copy()
+    if not reached[part].all():
+        taken[part] = cut_seam(image[part], photo[part], ~reached[part], kept[part])
     return np.where(taken[..., None], photo, image)
 
 

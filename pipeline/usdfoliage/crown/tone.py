@@ -46,12 +46,40 @@ class ToneSettings:
 
     std_ratio: float = 0.97  # contrast to restore, of the photograph's at its own resolution
     detail_texels: float = 4.0  # what is finer than this (standard deviation of a Gaussian) is detail
+    blend: float = 1 / 16  # how far tone is blended beside the photograph, as a fraction of a face
 
     def __post_init__(self) -> None:
         if not 0 < self.std_ratio <= 1:
             raise ValueError(f"std_ratio must be in (0, 1], not {self.std_ratio}")
         if not self.detail_texels > 0:
             raise ValueError(f"detail_texels must be positive, not {self.detail_texels}")
+        if not 0 < self.blend <= 0.25:
+            raise ValueError(f"blend must be in (0, 0.25], not {self.blend}")
+
+
+def blend_tone(
+    encoded: NDArray[np.float32], photo: NDArray[np.bool_], settings: ToneSettings = ToneSettings()
+) -> NDArray[np.float32]:
+    """The cubemap with the tone of what lies beside the photograph drawn to the photograph's.
+
+    A photograph is lit unevenly, and parts of it that the synthesis lays beside it may be darker or brighter on the
+    whole. Their mean over a neighbourhood becomes the photograph's where the two meet, and less so with distance.
+
+    Args:
+        encoded: (6, N, N, 3), sRGB-encoded, in [0, 1].
+        photo: (6, N, N), which texels are the photograph's; they stay.
+        settings: how far tone is blended.
+    """
+    if photo.all() or not photo.any():
+        return encoded
+    value = _log_odds(encoded)
+    share = photo[..., None].astype(np.float32)
+    sigma = settings.blend * encoded.shape[1]
+    near = _blur(np.concatenate([value, value * share, share], axis=-1), sigma)
+    of_all, of_photo, near_share = near[..., :3], near[..., 3:6], near[..., 6:]
+    step = of_photo / np.maximum(near_share, 1e-3) - (of_all - of_photo) / np.maximum(1 - near_share, 1e-3)
+    shift = np.clip(step, -_FAR, _FAR) * np.clip(2 * near_share, 0, 1)  # half of a neighbourhood where they meet
+    return np.where(photo[..., None], encoded, 1 / (1 + np.exp(-value - shift)))
 
 
 def match_statistics(
@@ -78,8 +106,7 @@ def match_statistics(
     Source: our own, after A. C. Öztireli and M. Gross, Perceptually Based Downscaling of Images, 2015, who restore the
         contrast of each neighbourhood.
     """
-    value = np.clip(encoded, _DARKEST, 1 - _DARKEST)
-    value = np.log(value / (1 - value))
+    value = _log_odds(encoded)
     smooth = _blur(value, settings.detail_texels)
     linear = np.empty_like(encoded)
     for channel in range(3):
@@ -114,6 +141,11 @@ class _Texels:
         return np.asarray(decode_srgb(1 / (1 + np.exp(-log_odds))) * np.float32(self.peak), np.float32)
 
 
+def _log_odds(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
+    value = np.clip(encoded, _DARKEST, 1 - _DARKEST)
+    return np.log(value / (1 - value))
+
+
 def _solve_tone(texels: _Texels, mean: float, std: float, std_ratio: float) -> tuple[float, float, float]:
     """Gain and shifts, as in _Texels.toned, that reach the mean, and the std within std_ratio, with least change."""
     untouched = float(texels.toned(1, 0, 0).mean())
@@ -145,13 +177,13 @@ def _solve_increasing(
 
 
 def _blur(cubemap: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
-    """Gaussian blur (standard deviation in texels) of a cubemap (6, N, N, 3) across the edges of the cube."""
+    """Gaussian blur (standard deviation in texels) of a cubemap (6, N, N, C) across the edges of the cube."""
     size = cubemap.shape[1]
-    reach = min(int(np.ceil(3 * sigma)), size // 2)
+    reach = min(int(np.ceil(2.5 * sigma)), size // 2)
     lattice = np.arange(-reach, size + reach) * (2 / (size - 1)) - 1  # a little past the edges, on the neighbours
     normal, right, up = (FACE_AXES[:, k, None, None, :] for k in range(3))
     directions = normal + lattice[None, None, :, None] * right - lattice[None, :, None, None] * up
-    padded = np.empty((6, len(lattice), len(lattice), 3), np.float32)
+    padded = np.empty((6, len(lattice), len(lattice), cubemap.shape[3]), np.float32)
     padded[:, reach:-reach, reach:-reach] = cubemap
     outside = np.ones(padded.shape[1:3], bool)
     outside[reach:-reach, reach:-reach] = False
