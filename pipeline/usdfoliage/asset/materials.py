@@ -44,11 +44,13 @@ def author_crown_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial
     """Define a material that shows the colour cubemap by the mesh's st, for three kinds of renderer."""
     material = UsdShade.Material.Define(stage, path)
     texture = _author_preview_texture(stage, path.AppendChild("ColorMap"), crown.color_map)
+    texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
     surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), texture)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
     surface = _author_mtlx_surface(stage, path, crown)
     material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
     radius = _author_preview_texture(stage, path.AppendChild("RadiusMap"), crown.radius_map)
+    radius.CreateOutput("r", Sdf.ValueTypeNames.Float)
     surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, texture, radius)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "surface")
     return material
@@ -67,7 +69,6 @@ def _author_preview_texture(stage: Usd.Stage, path: Sdf.Path, file: str) -> UsdS
     for wrap in ("wrapS", "wrapT"):
         texture.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("clamp")
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
-    texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
     return texture
 
 
@@ -112,9 +113,10 @@ def _author_storm_surface(
 ) -> UsdShade.Shader:
     surface = UsdShade.Shader.Define(stage, path)
     surface.SetSourceAsset(Sdf.AssetPath(crown.shader), "glslfx")
-    surface.CreateInput("colorMap", Sdf.ValueTypeNames.Float3).ConnectToSource(color.ConnectableAPI(), "rgb")
-    surface.CreateInput("radiusMap", Sdf.ValueTypeNames.Float3).ConnectToSource(radius.ConnectableAPI(), "rgb")
-    surface.CreateInput("center", Sdf.ValueTypeNames.Float3).Set(Gf.Vec3f(*crown.center_m))
+    # The types are those that Storm's parser derives from the shader's defaults: three numbers are a colour to it.
+    surface.CreateInput("colorMap", Sdf.ValueTypeNames.Color3f).ConnectToSource(color.ConnectableAPI(), "rgb")
+    surface.CreateInput("radiusMap", Sdf.ValueTypeNames.Float).ConnectToSource(radius.ConnectableAPI(), "r")
+    surface.CreateInput("center", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*crown.center_m, 1.0))
     surface.CreateInput("radiusRange", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*crown.radius_range_m))
     surface.CreateInput("faceSize", Sdf.ValueTypeNames.Float).Set(float(crown.face_size))
     surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
