@@ -216,10 +216,9 @@ def test_damaged_payload_is_an_error_and_no_traceback(asset: Path, suffix: str) 
     copy = shutil.copytree(asset, asset.with_name("damaged"))  # USD keeps the layers that it has read
     (copy / "payload" / payload.name).write_bytes(damaged)
     report = validate_asset(copy)
-    finding = named(report.findings, "LayerUnreadable")
-    assert (finding.severity, finding.path) == ("error", f"payload/payload{suffix}")
+    (finding,) = report.findings
+    assert (finding.severity, finding.error, finding.path) == ("error", "LayerUnreadable", f"payload/payload{suffix}")
     assert "write the asset again" in finding.message
-    assert not [f for f in report.findings if f.error == "Stopped"]
 
 
 @pytest.mark.parametrize(
@@ -228,7 +227,8 @@ def test_damaged_payload_is_an_error_and_no_traceback(asset: Path, suffix: str) 
         (b"", "cannot be read as USD"),
         (b"#usda 1.0\ndef Xform ", "cannot be read as USD"),
         (b"PXR-USDC" + bytes(20), "cannot be read as USD"),
-        (b'\xff\xfe\x00 no "text"', "cannot be read as USD"),
+        (b'\xff\xfe\x00 no "text"', "byte 0 is no UTF-8"),
+        (b'#usda 1.0\ndef Xform "o\xe9k" {\n}\n', "byte 22 is no UTF-8"),
         (b'#usda 1.0\ndef Xform "oak" {\n}\n', "is no asset"),
     ],
 )
@@ -240,6 +240,14 @@ def test_interface_that_is_none(tmp_path: Path, content: bytes, complaint: str) 
         validate_asset(path.parent)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_payload_that_is_no_text(asset: Path) -> None:
+    payload = asset / "payload" / "payload.usda"
+    copy = shutil.copytree(asset, asset.with_name("damaged"))
+    damaged = payload.read_bytes().replace(b"Skeleton", b"Skel\xe9ton")
+    (copy / "payload" / "payload.usda").write_bytes(damaged)
+    assert "no UTF-8" in named(validate_asset(copy).findings, "LayerUnreadable").message
 
 
 def test_truncated_crate_as_interface(asset: Path, tmp_path: Path) -> None:

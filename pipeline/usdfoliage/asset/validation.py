@@ -87,25 +87,26 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
     # USD's diagnostics go to stderr unless somebody takes them; what matters of them is found by the validators.
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     root = _open_interface(path)
-    unreadable = list(_unreadable_layers(root, path.parent))
-    findings: dict[Finding, list[str]] = {finding: [] for finding in unreadable}
-    selections = _selections(root)
-    for selection in selections:
-        for finding in _run_usd_validators(root, selection, Usd.Stage.LoadAll, quiet=bool(unreadable)):
-            findings.setdefault(finding, []).append(_label(selection))
-    everywhere = len(selections)
-    for finding in _run_usd_validators(root, (), Usd.Stage.LoadNone, quiet=bool(unreadable)):
-        findings.setdefault(finding, []).append("unloaded")
-    nvidia, more = _run_nvidia(path) if not unreadable else ("", [])
-    said = {(finding.severity, finding.message) for finding in findings}
-    # NVIDIA's package runs some of USD's validators again.
-    findings |= {finding: [] for finding in more if (finding.severity, finding.message) not in said}
+    findings: dict[Finding, list[str]] = {finding: [] for finding in _unreadable_layers(root, path.parent)}
+    selections: list[Selection] = []
+    nvidia = ""
+    if not findings:  # with a damaged layer neither USD nor its validators get far
+        selections = _selections(root)
+        for selection in selections:
+            for finding in _run_usd_validators(root, selection, Usd.Stage.LoadAll):
+                findings.setdefault(finding, []).append(_label(selection))
+        for finding in _run_usd_validators(root, (), Usd.Stage.LoadNone):
+            findings.setdefault(finding, []).append("unloaded")
+        nvidia, more = _run_nvidia(path)
+        said = {(finding.severity, finding.message) for finding in findings}
+        # NVIDIA's package runs some of USD's validators again.
+        findings |= {finding: [] for finding in more if (finding.severity, finding.message) not in said}
     for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
         logger.info("USD: %s", diagnostic.commentary)
 
     finished = []
     for finding, labels in findings.items():
-        shared = not labels or len([label for label in labels if label != "unloaded"]) == everywhere
+        shared = not labels or len([label for label in labels if label != "unloaded"]) == len(selections)
         finding = replace(finding, where="" if shared else ", ".join(dict.fromkeys(labels)))
         reason = next((entry.reason for entry in profile if entry.accepts(finding)), "")
         finished.append(replace(finding, accepted=reason))
@@ -119,12 +120,9 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
 
 
 def _open_interface(path: Path) -> Sdf.Layer:
-    try:
-        layer = Sdf.Layer.FindOrOpen(str(path))
-    except Tf.ErrorException as error:
-        raise AssetError(f"{path} cannot be read as USD ({_first_reason(error)}); write the asset again") from error
+    layer, reason = _open_layer(path)
     if layer is None:
-        raise AssetError(f"{path} cannot be read as USD; write the asset again")
+        raise AssetError(f"{path} cannot be read as USD ({reason}); write the asset again")
     for spec in layer.rootPrims:
         applied = spec.GetInfo("apiSchemas")
         if applied and PLANT_API in applied.GetAppliedItems():
@@ -138,28 +136,37 @@ def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
     while waiting:
         layer = waiting.pop()
         for reference in sorted(layer.GetCompositionAssetDependencies()):
-            path = layer.ComputeAbsolutePath(reference)
-            if path in seen or not Path(path).is_file():
+            path = Path(layer.ComputeAbsolutePath(reference))
+            if str(path) in seen or not path.is_file():
                 continue
-            seen.add(path)
-            try:
-                opened = Sdf.Layer.FindOrOpen(path)
-            except Tf.ErrorException as error:
-                opened, reason = None, _first_reason(error)
-            else:
-                reason = "unknown format"
+            seen.add(str(path))
+            opened, reason = _open_layer(path)
             if opened is not None:
                 waiting.append(opened)
                 continue
-            place = Path(path).relative_to(folder) if Path(path).is_relative_to(folder) else path
             yield Finding(
                 severity="error",
                 validator="usdfoliage:LayerReadable",
                 error="LayerUnreadable",
-                path=str(place),
-                message=f"cannot be read as USD ({reason}); write the asset again. "
-                "Validators that need it were left out",
+                path=str(path.relative_to(folder) if path.is_relative_to(folder) else path),
+                message=f"cannot be read as USD ({reason}); write the asset again. No validator was run",
             )
+
+
+def _open_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
+    """The layer, or None and the reason why it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            if not file.read(8).startswith(b"PXR-USDC"):
+                file.seek(0)
+                file.read().decode("utf-8")  # USD reads on where it is not, and fails where the text reaches Python
+        return Sdf.Layer.FindOrOpen(str(path)), "unknown format"
+    except UnicodeDecodeError as error:
+        return None, f"byte {error.start} is no UTF-8"
+    except OSError as error:
+        return None, error.strerror or "unreadable"
+    except Tf.ErrorException as error:
+        return None, _first_reason(error)
 
 
 def _selections(root: Sdf.Layer) -> list[Selection]:
@@ -187,10 +194,8 @@ def _label(selection: Selection) -> str:
     return " ".join(labels) or "as authored"
 
 
-def _run_usd_validators(
-    root: Sdf.Layer, selection: Selection, load: Usd.Stage.InitialLoadSet, *, quiet: bool
-) -> list[Finding]:
-    """What the registry's validators say of one composition; quiet: leave out those that USD's errors stop."""
+def _run_usd_validators(root: Sdf.Layer, selection: Selection, load: Usd.Stage.InitialLoadSet) -> list[Finding]:
+    """What the registry's validators say of one composition."""
     session = Sdf.Layer.CreateAnonymous(".usda")
     for path, name, variant in selection:
         Sdf.CreatePrimInLayer(session, path).variantSelections[name] = variant
@@ -203,10 +208,9 @@ def _run_usd_validators(
         name = validator.GetMetadata().name
         try:
             problems = UsdValidation.ValidationContext(validators=[validator]).Validate(stage, predicate)
-        except Tf.ErrorException as error:
-            if not quiet:
-                message = f"could not finish: {_first_reason(error)}"
-                findings.append(Finding(severity="error", validator=name, error="Stopped", path="/", message=message))
+        except (Tf.ErrorException, UnicodeDecodeError) as error:
+            message = f"could not finish ({_first_reason(error)}); is a layer damaged? write the asset again"
+            findings.append(Finding(severity="error", validator=name, error="Stopped", path="/", message=message))
             continue
         for problem in problems:
             severity = _usd_severity(problem.GetType())
@@ -284,7 +288,7 @@ def _without_parser(finding: Finding) -> Finding:
     return finding
 
 
-def _first_reason(error: Tf.ErrorException) -> str:
+def _first_reason(error: Exception) -> str:
     """The first of USD's messages, without the source line that raised it."""
     text = " ".join(str(error).split())
     _, _, reason = text.partition(" : '")

@@ -43,7 +43,7 @@ def _as_lines(report: "ValidationReport") -> str:
         counts.append(f"{report.count('info')} info")
     counts.append(f"{accepted} accepted")
     if not report.nvidia:
-        lines.append("usd-validation-nvidia did not run: it is not installed, or a layer cannot be read")
+        lines.append("note: usd-validation-nvidia did not run: it is not installed, or a layer cannot be read")
     looked = _count(len(report.selections), "variant selection")
     lines.append(f"{report.asset}: {', '.join(counts)}, in {looked}")
     return "\n".join(lines)
