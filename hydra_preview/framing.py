@@ -1,4 +1,4 @@
-"""Cameras that show the whole of a bound. Directions are given in the asset's frame, whichever axis is up.
+"""Cameras that show the whole of a shape. Directions are given in the asset's frame, whichever axis is up.
 
 At azimuth 0 the camera stands before the front (on +Z in a Y-up stage, on −Y in a Z-up one); azimuth grows towards +X,
 which is on the right of the front picture; elevation is positive from above.
@@ -15,15 +15,30 @@ FILM_MM = 24.0
 
 
 @dataclass(frozen=True, kw_only=True)
+class Shape:
+    """What has to be in the picture, in the stage's frame and unit."""
+
+    middle: Gf.Vec3d  # of the bound; what cameras look at
+    corners: tuple[Gf.Vec3d, ...]  # points whose convex hull holds everything
+    reach: float  # diagonal of the bound, above zero
+
+
+def shape_of_bound(bound: Gf.Range3d) -> Shape:
+    """The shape of which no more is known than its bound."""
+    corners = tuple(bound.GetCorner(i) for i in range(8))
+    return Shape(middle=bound.GetMidpoint(), corners=corners, reach=bound.GetSize().GetLength())
+
+
+@dataclass(frozen=True, kw_only=True)
 class Direction:
-    """Where a camera stands, seen from the middle of what it looks at."""
+    """Where a camera stands, seen from the middle of the shape."""
 
     azimuth_rad: float
     elevation_rad: float
 
 
 def camera_axes(direction: Direction, z_up: bool) -> tuple[Gf.Vec3d, Gf.Vec3d, Gf.Vec3d]:
-    """Unit vectors right, up and backward (from the bound to the camera) of the picture, in the stage's frame."""
+    """Unit vectors right, up and backward (from the shape to the camera) of the picture, in the stage's frame."""
     a, e = direction.azimuth_rad, direction.elevation_rad
     axes = (
         Gf.Vec3d(math.cos(a), 0, -math.sin(a)),
@@ -35,11 +50,9 @@ def camera_axes(direction: Direction, z_up: bool) -> tuple[Gf.Vec3d, Gf.Vec3d, G
     return axes
 
 
-def _coordinates(bound: Gf.Range3d, axes: tuple[Gf.Vec3d, Gf.Vec3d, Gf.Vec3d]) -> list[tuple[float, float, float]]:
-    """Corners of the bound about its middle, along right, up and backward."""
-    middle = bound.GetMidpoint()
-    corners = [bound.GetCorner(i) - middle for i in range(8)]
-    return [tuple(Gf.Dot(corner, axis) for axis in axes) for corner in corners]
+def _coordinates(shape: Shape, axes: tuple[Gf.Vec3d, Gf.Vec3d, Gf.Vec3d]) -> list[tuple[float, float, float]]:
+    """Corners of the shape about its middle, along right, up and backward."""
+    return [tuple(Gf.Dot(corner - shape.middle, axis) for axis in axes) for corner in shape.corners]
 
 
 def _transform(axes: tuple[Gf.Vec3d, Gf.Vec3d, Gf.Vec3d], position: Gf.Vec3d) -> Gf.Matrix4d:
@@ -54,20 +67,20 @@ def _half_tangents(width_px: int, height_px: int) -> tuple[float, float]:
     return narrow * width_px / side, narrow * height_px / side
 
 
-def distance_to_fit(bound: Gf.Range3d, direction: Direction, z_up: bool, width_px: int, height_px: int) -> float:
-    """How far from the bound's middle a camera that looks at it must stand to see all of it."""
+def distance_to_fit(shape: Shape, direction: Direction, z_up: bool, width_px: int, height_px: int) -> float:
+    """How far from the shape's middle a camera that looks at it must stand to see all of it."""
     across, upward = (t * (1 - 2 * MARGIN) for t in _half_tangents(width_px, height_px))
-    corners = _coordinates(bound, camera_axes(direction, z_up))
+    corners = _coordinates(shape, camera_axes(direction, z_up))
     return max(max(z + abs(x) / across, z + abs(y) / upward) for x, y, z in corners)
 
 
 def frame_perspective(
-    bound: Gf.Range3d, direction: Direction, z_up: bool, width_px: int, height_px: int, distance: float | None = None
+    shape: Shape, direction: Direction, z_up: bool, width_px: int, height_px: int, distance: float | None = None
 ) -> Gf.Camera:
-    """A camera that looks at the middle of the bound and sees all of it.
+    """A camera that looks at the middle of the shape and sees all of it.
 
     Args:
-        bound: In the stage's frame and unit; not empty, not a single point.
+        shape: What to show.
         direction: Where the camera stands.
         z_up: The stage's up axis.
         width_px, height_px: The picture, for its aspect.
@@ -75,45 +88,44 @@ def frame_perspective(
     """
     axes = camera_axes(direction, z_up)
     if distance is None:
-        distance = distance_to_fit(bound, direction, z_up, width_px, height_px)
+        distance = distance_to_fit(shape, direction, z_up, width_px, height_px)
     across, upward = _half_tangents(width_px, height_px)
     camera = Gf.Camera()
     camera.projection = Gf.Camera.Perspective
-    camera.transform = _transform(axes, bound.GetMidpoint() + axes[2] * distance)
+    camera.transform = _transform(axes, shape.middle + axes[2] * distance)
     camera.horizontalAperture = FILM_MM
     camera.verticalAperture = FILM_MM * upward / across
     camera.focalLength = FILM_MM / (2 * across)
     # Twice the radius leaves room for geometry that a shader displaces beyond its bound.
-    reach = bound.GetSize().GetLength()
+    reach = shape.reach
     camera.clippingRange = Gf.Range1f(max(distance - reach, distance / 1000), distance + reach)
     return camera
 
 
 def fit_window(
-    bound: Gf.Range3d, direction: Direction, z_up: bool, width_px: int, height_px: int
+    shape: Shape, direction: Direction, z_up: bool, width_px: int, height_px: int
 ) -> tuple[float, float, float, float]:
-    """The orthographic window (left, right, bottom, top) of the picture's aspect that holds the bound and a margin.
+    """The orthographic window (left, right, bottom, top) of the picture's aspect that holds the shape and a margin.
 
     Coordinates are along the picture's right and up, from the stage's origin, in the stage's unit.
     """
     axes = camera_axes(direction, z_up)
-    middle = bound.GetMidpoint()
-    corners = _coordinates(bound, axes)
+    corners = _coordinates(shape, axes)
     half_x, half_y = (max(abs(corner[k]) for corner in corners) / (1 - 2 * MARGIN) for k in (0, 1))
     half_x = max(half_x, half_y * width_px / height_px)
     half_y = half_x * height_px / width_px
-    x, y = Gf.Dot(middle, axes[0]), Gf.Dot(middle, axes[1])
+    x, y = Gf.Dot(shape.middle, axes[0]), Gf.Dot(shape.middle, axes[1])
     return x - half_x, x + half_x, y - half_y, y + half_y
 
 
 def frame_orthographic(
-    bound: Gf.Range3d, direction: Direction, z_up: bool, window: tuple[float, float, float, float]
+    shape: Shape, direction: Direction, z_up: bool, window: tuple[float, float, float, float]
 ) -> Gf.Camera:
     """A camera without perspective that shows the window (left, right, bottom, top; see fit_window)."""
     axes = camera_axes(direction, z_up)
     left, right, bottom, top = window
-    reach = bound.GetSize().GetLength()
-    depth = Gf.Dot(bound.GetMidpoint(), axes[2]) + 2 * reach
+    reach = shape.reach
+    depth = Gf.Dot(shape.middle, axes[2]) + 2 * reach
     position = axes[0] * ((left + right) / 2) + axes[1] * ((bottom + top) / 2) + axes[2] * depth
     camera = Gf.Camera()
     camera.projection = Gf.Camera.Orthographic

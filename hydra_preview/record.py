@@ -88,6 +88,66 @@ def compute_bound(stage, time, purposes: list[str]):
     return bound
 
 
+def support_points(points) -> list[tuple[float, float, float]]:
+    """The furthest of points (N, 3) in a thousand directions: their convex hull, to a thousandth of its size."""
+    import numpy as np
+
+    count = 1000
+    k = np.arange(count) + 0.5
+    height, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k  # a Fibonacci sphere
+    flat = np.sqrt(1 - height**2)
+    directions = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), height])
+    centered = points - points.mean(axis=0)
+    blocks = [np.argmax(centered @ directions[start : start + 50].T, axis=0) for start in range(0, count, 50)]
+    return [tuple(map(float, points[i])) for i in np.unique(np.concatenate(blocks))]
+
+
+def mesh_corners(prim, cache, time) -> list:
+    """World points whose hull holds a mesh, or its bound's corners where its extent holds more than its points.
+
+    A shader that displaces needs an extent wider than the points (or Storm culls it), so such a mesh is its extent.
+    """
+    from pxr import Gf, UsdGeom
+
+    local = cache.ComputeUntransformedBound(prim).ComputeAlignedRange()
+    matrix = UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(time)
+    found = [tuple(local.GetCorner(i)) for i in range(8)]
+    if importlib.util.find_spec("numpy") is not None:  # a studio's interpreter may lack it
+        import numpy as np
+
+        points = np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get(time) or (), dtype=np.float64).reshape(-1, 3)
+        slack = 1e-3 * local.GetSize().GetLength()
+        low, high = np.array(local.GetMin()) + slack, np.array(local.GetMax()) - slack
+        if len(points) and np.all(points.min(axis=0) <= low) and np.all(points.max(axis=0) >= high):
+            found = support_points(points)
+    return [matrix.Transform(Gf.Vec3d(*corner)) for corner in found]
+
+
+def measure_shape(stage, time, purposes: list[str]):
+    """What cameras have to show: tighter than the stage's bound where meshes are drawn as they are."""
+    from framing import Shape
+    from pxr import Usd, UsdGeom
+
+    bound = compute_bound(stage, time, purposes)
+    cache = UsdGeom.BBoxCache(time, purposes, useExtentsHint=False)
+    corners = []
+    prims = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    for prim in prims:
+        if not prim.IsA(UsdGeom.Boundable):
+            continue
+        prims.PruneChildren()  # what is below an instancer are its prototypes
+        if UsdGeom.Imageable(prim).ComputeVisibility(time) == UsdGeom.Tokens.invisible:
+            continue
+        world = cache.ComputeWorldBound(prim).ComputeAlignedRange()
+        if world.IsEmpty():  # of another purpose, or without geometry
+            continue
+        if prim.IsA(UsdGeom.Mesh):
+            corners.extend(mesh_corners(prim, cache, time))
+        else:
+            corners.extend(world.GetCorner(i) for i in range(8))
+    return Shape(middle=bound.GetMidpoint(), corners=tuple(corners), reach=bound.GetSize().GetLength())
+
+
 def stage_camera(stage, path: str, time):
     """The camera prim at a path, as a Gf.Camera."""
     from pxr import Sdf, UsdGeom
@@ -145,9 +205,9 @@ def view_cameras(stage, time, request: dict) -> list:
     from pxr import CameraUtil, UsdGeom
 
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
-    bound = None
+    shape = None
     if any("camera" not in view for view in request["views"]):
-        bound = compute_bound(stage, time, request["purposes"])
+        shape = measure_shape(stage, time, request["purposes"])
 
     def direction_of(view: dict) -> Direction:
         return Direction(azimuth_rad=view["azimuth_rad"], elevation_rad=view["elevation_rad"])
@@ -155,7 +215,7 @@ def view_cameras(stage, time, request: dict) -> list:
     shared: dict[str, float] = {}  # views of one group keep one distance, so that a turntable does not pump
     for view in request["views"]:
         if "group" in view:
-            needed = distance_to_fit(bound, direction_of(view), z_up, view["width_px"], view["height_px"])
+            needed = distance_to_fit(shape, direction_of(view), z_up, view["width_px"], view["height_px"])
             shared[view["group"]] = max(needed, shared.get(view["group"], 0.0))
 
     cameras = []
@@ -165,11 +225,11 @@ def view_cameras(stage, time, request: dict) -> list:
             camera = stage_camera(stage, view["camera"], time)
             CameraUtil.ConformWindow(camera, CameraUtil.Fit, width_px / height_px)
         elif view["orthographic"]:
-            window = view.get("window") or fit_window(bound, direction_of(view), z_up, width_px, height_px)
-            camera = frame_orthographic(bound, direction_of(view), z_up, tuple(window))
+            window = view.get("window") or fit_window(shape, direction_of(view), z_up, width_px, height_px)
+            camera = frame_orthographic(shape, direction_of(view), z_up, tuple(window))
         else:
             distance = shared.get(view.get("group", ""))
-            camera = frame_perspective(bound, direction_of(view), z_up, width_px, height_px, distance)
+            camera = frame_perspective(shape, direction_of(view), z_up, width_px, height_px, distance)
         cameras.append(camera)
     return cameras
 
