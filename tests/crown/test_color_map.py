@@ -200,17 +200,17 @@ def test_the_photograph_is_kept_in_front_and_the_synthesis_beside_it(synthesis_o
 
 
 def test_the_border_of_the_photograph_does_not_follow_the_edge_of_the_cube(synthesis_of):
-    """Half a face beyond the front is seen squarely enough, and the images agree best away from the edge."""
+    """Some way beyond the front is seen squarely enough, and the images agree best away from the edge."""
     synthesised = field_on_cube()
     photo = 1 - field_on_cube()
     z = face_directions(SIZE)[..., 2]
-    agree = (z > 0.45) & (z < 0.5)
+    agree = (z > 0.46) & (z < 0.52)
     photo[agree] = synthesised[agree]
     synthesis_of(synthesised, synthesised)
     result = encode_srgb(build(decode_srgb(photo), np.maximum(z, 0)))
     for face in (FACES.index("+X"), FACES.index("-X")):
         taken = np.all(np.isclose(result[face], photo[face], atol=1e-5), axis=-1)
-        assert taken[z[face] > 0.5].mean() > 0.95
+        assert taken[z[face] > 0.52].mean() > 0.95
 
 
 def test_what_the_front_shows_at_a_grazing_angle_may_be_synthesised(synthesis_of):
@@ -362,7 +362,8 @@ def test_shapes_that_do_not_fit_are_refused():
     [
         ({"band": 0.0}, "band"),
         ({"band": 0.3}, "band"),
-        ({"keep_weight": 0.2}, "reach_weight <= keep_weight"),
+        ({"keep_weight": 0.4}, "reach_weight <= keep_weight"),
+        ({"front_weight": 0.7}, "front_weight <= keep_weight"),
         ({"reach_weight": 0.0}, "reach_weight"),
         ({"keep_weight": 1.5}, "keep_weight <= 1"),
     ],

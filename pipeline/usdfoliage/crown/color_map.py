@@ -41,17 +41,19 @@ class ColorMapSettings:
 
     band: float = 1 / 8  # overlap of the merges, as a fraction of a face
     keep_weight: float = 0.6  # a texel seen at least this squarely is the photograph's, wherever it lies
-    reach_weight: float = 0.35  # on the front face this is enough; less, beside it, is never the photograph's
+    reach_weight: float = 0.45  # beside the front face, a texel seen less squarely never is; it would show as a smear
+    front_weight: float = 0.35  # on the front face, a texel seen at least this squarely always is
     texture: TextureSettings = field(default_factory=TextureSettings)
     tone: ToneSettings = field(default_factory=ToneSettings)
 
     def __post_init__(self) -> None:
         if not 0 < self.band <= 0.25:
             raise ValueError(f"band must be in (0, 0.25], not {self.band}")
-        if not 0 < self.reach_weight <= self.keep_weight <= 1:
-            raise ValueError(
-                f"0 < reach_weight <= keep_weight <= 1 is needed, not {self.reach_weight} and {self.keep_weight}"
-            )
+        for name in ("reach_weight", "front_weight"):
+            if not 0 < getattr(self, name) <= self.keep_weight <= 1:
+                raise ValueError(
+                    f"0 < {name} <= keep_weight <= 1 is needed, not {getattr(self, name)} and {self.keep_weight}"
+                )
 
 
 def build_color_map(
@@ -97,7 +99,7 @@ def build_color_map(
     source_mask = np.ascontiguousarray(exemplar_mask[:, ::-1])
     photo, weight, front = _share_photo(_encode(photo_on_cube, peak), photo_weight)
     reached = (weight >= settings.reach_weight) | (front & (weight > 0))
-    kept = (weight >= settings.keep_weight) | (front & (weight >= settings.reach_weight))
+    kept = (weight >= settings.keep_weight) | (front & (weight >= settings.front_weight))
 
     band = max(2, round(settings.band * size))
     strip_shape = (size + 2 * band, 4 * (size - 1) + band)
@@ -134,7 +136,7 @@ def build_color_map(
     cubemap[_TOP] = _merge_cap(top, strip[: band + 1])
     cubemap[_BOTTOM] = _merge_cap(bottom[::-1], strip[::-1][: band + 1])[::-1]
 
-    unseen = 1 - np.clip(weight / settings.reach_weight, 0, 1)
+    unseen = 1 - np.clip(weight / min(settings.reach_weight, settings.front_weight), 0, 1)
     merged = np.asarray(share_borders(cubemap), np.float32)
     merged = blend_tone(merged, np.all(merged == photo, axis=-1), settings.tone)
     linear = match_statistics(merged, unseen, target, peak, settings.tone)
