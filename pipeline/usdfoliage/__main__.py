@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from usdfoliage import __version__
 from usdfoliage.errors import FoliageError
 
-COMMANDS = ("crown", "preview")
+COMMANDS = ("crown", "preview", "validate", "env")
 
 
 def build_parser() -> argparse.ArgumentParser:

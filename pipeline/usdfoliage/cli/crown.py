@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="slope of the surface at the silhouette: a number (2 inflates a disc to a ball), an image, a formula in "
         "i (from the left) and j (from the top) such as '1 + 2*j', or auto, as deep as wide (%(default)s)",
     )
-    parser.add_argument("--relief", metavar="RHO", type=float, default=0.25, help="its weight, 0 to 1 (%(default)s)")
+    parser.add_argument("--relief", metavar="RHO", type=float, default=0.12, help="its weight, 0 to 1 (%(default)s)")
     parser.add_argument(
         "--laplacian", action="store_true", help="relief from a Laplacian instead of a Gaussian pyramid"
     )

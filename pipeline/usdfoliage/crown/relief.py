@@ -16,7 +16,7 @@ NEUTRAL = 0.5  # the height that displaces nothing
 class ReliefSettings:
     """How luminance becomes height."""
 
-    weight: float = 0.25  # ρ: the radius varies by up to ± ρ/2
+    weight: float = 0.12  # ρ: the radius varies by up to ± ρ/2
     levels: int = 5  # of the pyramid, blurred twice as wide each
     finest: float = 1 / 256  # blur of the first level, in shares of a face's side
     band_pass: bool = False  # Laplacian instead of Gaussian pyramid

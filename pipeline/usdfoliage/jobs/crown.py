@@ -24,6 +24,7 @@ StepProgress = Callable[[str, float], None]
 STEPS = ("silhouette", "base surface", "radius", "photograph", "texture", "relief", "composition")
 
 
+MIN_SIZE = 32  # texels a side; in fewer no patch of foliage can be told from another
 EXPECTED_RELIEF_SIZE = 96  # texels a side are enough to know where the photograph will come to lie
 
 
@@ -34,7 +35,7 @@ class CrownSettings:
     size: int = 256  # texels a side of a cubemap face
     height_m: float = 5.0  # of the finished crown's front silhouette
     tangent: float | None = None  # k; None: fitted
-    relief: float = 0.25  # ρ
+    relief: float = 0.12  # ρ
     band_pass: bool = False  # Laplacian pyramid for the relief
     copies: int = 1
     seed: int = 0
@@ -42,6 +43,8 @@ class CrownSettings:
     grid: int | None = None  # cells of the base surface; None: from size
 
     def __post_init__(self) -> None:
+        if self.size < MIN_SIZE:
+            raise ValueError(f"the size must be at least {MIN_SIZE} texels, not {self.size}")
         if not (np.isfinite(self.height_m) and self.height_m > 0):
             raise ValueError(f"the height must be a positive number of metres, not {self.height_m}")
         if self.seed < 0:
