@@ -9,6 +9,7 @@
 #include <cmath>
 #include <memory>
 #include <stdexcept>
+#include <string>
 
 namespace usdfoliage {
 namespace {
@@ -27,7 +28,30 @@ struct Point {
     }
 };
 
+// OpenSubdiv reads past its arrays where an index is out of range.
+void check_indices(const Cage& cage) {
+    const auto refuse = [](const std::string& what) { throw std::invalid_argument("the topology of the cage is wrong: " + what); };
+    std::size_t n_corners_of_faces = 0;
+    for (std::size_t face = 0; face < cage.n_faces; ++face) {
+        if (cage.face_counts[face] < 3) refuse("face " + std::to_string(face) + " has fewer than 3 vertices");
+        n_corners_of_faces += static_cast<std::size_t>(cage.face_counts[face]);
+    }
+    if (n_corners_of_faces != cage.n_indices) {
+        refuse("face counts sum to " + std::to_string(n_corners_of_faces) + ", indices are " + std::to_string(cage.n_indices));
+    }
+    const auto check = [&](const std::int32_t* indices, std::size_t n, const char* of) {
+        for (std::size_t i = 0; i < n; ++i) {
+            if (indices[i] >= 0 && static_cast<std::size_t>(indices[i]) < cage.n_points) continue;
+            refuse(std::string(of) + " index " + std::to_string(indices[i]) + " of " + std::to_string(cage.n_points) + " points");
+        }
+    };
+    check(cage.face_indices, cage.n_indices, "face");
+    check(cage.crease_edges, 2 * cage.n_creases, "crease");
+    check(cage.corner_vertices, cage.n_corners, "corner");
+}
+
 std::unique_ptr<Far::TopologyRefiner> make_refiner(const Cage& cage) {
+    check_indices(cage);
     Far::TopologyDescriptor descriptor;
     descriptor.numVertices = static_cast<int>(cage.n_points);
     descriptor.numFaces = static_cast<int>(cage.n_faces);

@@ -34,7 +34,7 @@ struct RefinedMesh {
 //
 // @param levels  1 or more; every face becomes quads.
 // @param limit   move the vertices of the last level to the limit surface and give its normals there.
-// @throws std::invalid_argument where OpenSubdiv refuses the topology.
+// @throws std::invalid_argument where counts and indices do not fit, or OpenSubdiv refuses the topology.
 RefinedMesh refine_catmull_clark(const Cage& cage, int levels, bool limit);
 
 }  // namespace usdfoliage
