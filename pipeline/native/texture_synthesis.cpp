@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 
 #include "grid_cut.h"
@@ -187,68 +188,111 @@ class Placement {
         return places;
     }
 
-    bool place(const Rectangle& r) {
-        std::int32_t n_filled = 0;
-        std::vector<std::int16_t> target(static_cast<std::size_t>(r.rows) * r.columns * kC), mask(target.size());
-        for (std::int32_t y = 0, k = 0; y < r.rows; ++y) {
-            for (std::int32_t x = 0; x < r.columns; ++x, ++k) {
-                const std::int32_t pixel = (r.row + y) * s_.columns + r.column + x;
-                if (!filled(pixel)) continue;
-                ++n_filled;
-                for (int c = 0; c < kC; ++c) {
-                    target[kC * k + c] = s_.color[kC * pixel + c];
-                    mask[kC * k + c] = -1;
-                }
+    // A run of pixels of a rectangle that are filled.
+    struct Span {
+        std::int32_t row, column, pixels;
+    };
+
+    std::vector<Span> filled_spans(const Rectangle& r) const {
+        std::vector<Span> spans;
+        for (std::int32_t y = 0; y < r.rows; ++y) {
+            for (std::int32_t x = 0; x < r.columns;) {
+                const std::int32_t start = x;
+                while (x < r.columns && filled((r.row + y) * s_.columns + r.column + x)) ++x;
+                if (x > start) spans.push_back({y, start, x - start});
+                else ++x;
             }
         }
+        return spans;
+    }
+
+    bool place(const Rectangle& r) {
+        const std::vector<Span> spans = filled_spans(r);
+        std::int32_t n_filled = 0;
+        for (const Span& span : spans) n_filled += span.pixels;
         if (n_filled == r.rows * r.columns) return false;
-        const Place place = choose(r, target, mask, n_filled);
-        paste(r, place);
+
+        const std::vector<Choice> choices = choose(r, spans, n_filled);
+        std::vector<Cut> cuts(choices.size());
+        parallel_for(choices.size(), settings_.threads, [&](std::size_t i) { cuts[i] = seam(r, choices[i].place); });
+        double mean = 0;
+        for (const Cut& cut : cuts) mean += cut.cost / static_cast<double>(cuts.size());
+        const auto price = [&](std::size_t i) { return cuts[i].cost / std::max(mean, 1.0) + choices[i].usage; };
+        std::size_t best = 0;
+        for (std::size_t i = 1; i < cuts.size(); ++i) {
+            if (price(i) < price(best)) best = i;
+        }
+        paste(r, choices[best].place, cuts[best].taken);
         return true;
     }
 
-    Place choose(const Rectangle& r, const std::vector<std::int16_t>& target, const std::vector<std::int16_t>& mask,
-                 std::int32_t n_filled) {
-        std::vector<Place> places = find_candidates(r.rows, r.columns);
+    struct Choice {
+        Place place;
+        double usage, price;
+    };
+
+    // How far from where they lie the filled pixels of a rectangle were copied.
+    std::vector<Place> shifts_of(const Rectangle& r, const std::vector<Span>& spans) const {
+        std::vector<Place> shifts;
+        for (const Span& span : spans) {
+            for (std::int32_t x = span.column; x < span.column + span.pixels; ++x) {
+                const std::int32_t row = r.row + span.row, column = r.column + x, pixel = row * s_.columns + column;
+                if (s_.known[pixel]) continue;
+                const Place from = source_at(s_, pixel), shift{from.row - row, from.column - column};
+                if (std::find(shifts.rbegin(), shifts.rend(), shift) == shifts.rend()) shifts.push_back(shift);
+            }
+        }
+        return shifts;
+    }
+
+    // The places that fit best into a rectangle, no two of them the same but for a pixel.
+    std::vector<Choice> choose(const Rectangle& r, const std::vector<Span>& spans, std::int32_t n_filled) const {
+        const std::vector<Place> places = find_candidates(r.rows, r.columns);
         const auto stamp = static_cast<std::uint32_t>(r.row * s_.columns + r.column);
         const auto threshold = static_cast<std::uint32_t>(settings_.candidate_share * 4294967295.0);
-        std::vector<Place> kept;
+        const std::vector<Place> shifts = shifts_of(r, spans);
+        const auto continues = [&](Place p) {
+            return std::any_of(shifts.begin(), shifts.end(), [&](Place s) {
+                return std::abs(p.row - r.row - s.row) <= 2 && std::abs(p.column - r.column - s.column) <= 2;
+            });
+        };
+        std::vector<Choice> choices;
         for (std::size_t i = 0; i < places.size(); ++i) {
-            if (random_bits(settings_.seed ^ stamp, 6, static_cast<std::uint32_t>(i)) <= threshold) kept.push_back(places[i]);
+            if (continues(places[i]) && places.size() > 1) continue;
+            if (random_bits(settings_.seed ^ stamp, 6, static_cast<std::uint32_t>(i)) <= threshold) {
+                choices.push_back({places[i], 0, 0});
+            }
         }
-        if (!kept.empty()) places.swap(kept);
-
         const SummedArea usage(usage_.data(), e_.rows, e_.columns);
         const std::vector<float> near_map = usage_near(r);
         const SummedArea near(near_map.data(), e_.rows, e_.columns);
         const double area = static_cast<double>(r.rows) * r.columns;
-        std::vector<double> cost(places.size());
-        constexpr std::size_t kChunk = 64;
-        parallel_for((places.size() + kChunk - 1) / kChunk, settings_.threads, [&](std::size_t chunk) {
-            for (std::size_t i = chunk * kChunk; i < std::min(places.size(), (chunk + 1) * kChunk); ++i) {
-                const Place p = places[i];
-                const double used = usage.sum(p.row, p.column, p.row + r.rows, p.column + r.columns) / area;
-                const double again = near.sum(p.row, p.column, p.row + r.rows, p.column + r.columns) / area;
-                double difference = 0;
-                if (n_filled > 0) {
-                    std::int64_t sum = 0;
-                    for (std::int32_t y = 0; y < r.rows; ++y) {
-                        const std::int16_t* a = e_.color + kC * ((p.row + y) * e_.columns + p.column);
-                        const std::int16_t* b = target.data() + kC * y * r.columns;
-                        const std::int16_t* m = mask.data() + kC * y * r.columns;
-                        std::int32_t along = 0;
-                        for (std::int32_t x = 0; x < kC * r.columns; ++x) {
-                            const auto d = static_cast<std::int16_t>((a[x] - b[x]) & m[x]);
-                            along += static_cast<std::int32_t>(d) * d;
-                        }
-                        sum += along;
-                    }
-                    difference = static_cast<double>(sum) / (3.0 * n_filled * variance_);
+        constexpr std::size_t kChunk = 256;
+        parallel_for((choices.size() + kChunk - 1) / kChunk, settings_.threads, [&](std::size_t chunk) {
+            for (std::size_t i = chunk * kChunk; i < std::min(choices.size(), (chunk + 1) * kChunk); ++i) {
+                const Place p = choices[i].place;
+                choices[i].usage =
+                    (settings_.usage_weight * usage.sum(p.row, p.column, p.row + r.rows, p.column + r.columns) +
+                     settings_.near_weight * near.sum(p.row, p.column, p.row + r.rows, p.column + r.columns)) / area;
+                std::int64_t sum = 0;
+                for (const Span& span : spans) {
+                    sum += squared_difference(patch_color(p, span.row, span.column),
+                                              s_.color + kC * ((r.row + span.row) * s_.columns + r.column + span.column),
+                                              kC * span.pixels);
                 }
-                cost[i] = difference + settings_.usage_weight * used + settings_.near_weight * again;
+                choices[i].price = choices[i].usage + static_cast<double>(sum) / (3.0 * std::max(n_filled, 1) * variance_);
             }
         });
-        return places[static_cast<std::size_t>(std::min_element(cost.begin(), cost.end()) - cost.begin())];
+        std::stable_sort(choices.begin(), choices.end(), [](const Choice& a, const Choice& b) { return a.price < b.price; });
+        std::vector<Choice> best;
+        const auto wanted = static_cast<std::size_t>(spans.empty() ? 1 : settings_.cuts);
+        for (std::size_t i = 0; i < choices.size() && best.size() < wanted; ++i) {
+            const auto same = [&](const Choice& other) {
+                return std::abs(other.place.row - choices[i].place.row) <= 1 && std::abs(other.place.column - choices[i].place.column) <= 1;
+            };
+            if (std::none_of(best.begin(), best.end(), same)) best.push_back(choices[i]);
+        }
+        return best;
     }
 
     // How often each place of the exemplar is used within two patches of a rectangle.
@@ -264,8 +308,7 @@ class Placement {
         return times;
     }
 
-    void paste(const Rectangle& r, Place place) {
-        const std::vector<std::uint8_t> taken = seam(r, place);
+    void paste(const Rectangle& r, Place place, const std::vector<std::uint8_t>& taken) {
         for (std::int32_t y = 0, k = 0; y < r.rows; ++y) {
             for (std::int32_t x = 0; x < r.columns; ++x, ++k) {
                 const std::int32_t pixel = (r.row + y) * s_.columns + r.column + x;
@@ -283,8 +326,13 @@ class Placement {
         return e_.color + kC * ((place.row + y) * e_.columns + place.column + x);
     }
 
-    // 1 where a rectangle takes the patch: what is empty, and what a minimum cut gives it of the rest.
-    std::vector<std::uint8_t> seam(const Rectangle& r, Place place) const {
+    struct Cut {
+        std::vector<std::uint8_t> taken;  // 1 where a rectangle takes the patch
+        double cost;
+    };
+
+    // What a rectangle takes of a patch: what is empty, and what a minimum cut gives it of the rest.
+    Cut seam(const Rectangle& r, Place place) const {
         constexpr std::int32_t kEnd = 1 << 28;
         const std::size_t n = static_cast<std::size_t>(r.rows) * r.columns;
         std::vector<std::int32_t> down(n), right(n), terminal(n);
@@ -301,21 +349,35 @@ class Placement {
                 if (x + 1 < r.columns) right[k] = step_cost(r, place, y, x, 0, 1);
             }
         }
-        return cut_grid(down.data(), right.data(), terminal.data(), static_cast<std::size_t>(r.rows),
-                        static_cast<std::size_t>(r.columns));
+        Cut cut{cut_grid(down.data(), right.data(), terminal.data(), static_cast<std::size_t>(r.rows),
+                         static_cast<std::size_t>(r.columns)),
+                0};
+        for (std::int32_t y = 0, k = 0; y < r.rows; ++y) {
+            for (std::int32_t x = 0; x < r.columns; ++x, ++k) {
+                if (y + 1 < r.rows && cut.taken[k] != cut.taken[k + r.columns]) cut.cost += down[k];
+                if (x + 1 < r.columns && cut.taken[k] != cut.taken[k + 1]) cut.cost += right[k];
+            }
+        }
+        return cut;
     }
 
     std::int32_t step_cost(const Rectangle& r, Place place, std::int32_t y, std::int32_t x, std::int32_t dy,
                            std::int32_t dx) const {
         const std::int32_t pixel = (r.row + y) * s_.columns + r.column + x, next = pixel + dy * s_.columns + dx;
-        if (!filled(pixel) || !filled(next)) return 1;
-        const std::int16_t *a = s_.color + kC * pixel, *a_next = s_.color + kC * next;
-        const std::int16_t *b = patch_color(place, y, x), *b_next = patch_color(place, y + dy, x + dx);
+        if (!filled(pixel) && !filled(next)) return 0;
         const auto length = [](const std::int16_t* u, const std::int16_t* v) {
             return std::sqrt(static_cast<float>(squared_difference(u, v, kC)));
         };
-        constexpr float kFloor = 20;  // of the gradients, in steps of colour
-        const float cost = (length(a, b) + length(a_next, b_next)) / (2 * (length(a, a_next) + length(b, b_next)) + kFloor);
+        const std::int16_t *a = s_.color + kC * pixel, *a_next = s_.color + kC * next;
+        const std::int16_t *b = patch_color(place, y, x), *b_next = patch_color(place, y + dy, x + dx);
+        // Where only one of the two pixels overlaps, it speaks for the other.
+        const bool both = filled(pixel) && filled(next);
+        const float here = filled(pixel) ? length(a, b) : length(a_next, b_next);
+        const float there = filled(next) ? length(a_next, b_next) : length(a, b);
+        const float step_of_patch = length(b, b_next);
+        const float step = both ? length(a, a_next) : step_of_patch;
+        constexpr float kFloor = 50;  // of the gradients, in steps of colour; flat ground has no finer ones
+        const float cost = (here + there) / (2 * (step + step_of_patch) + kFloor);
         return 1 + static_cast<std::int32_t>(cost * 10000);
     }
 

@@ -34,6 +34,7 @@ struct PlaceSettings {
     float usage_weight;            // price, in variances of the exemplar, of using a place once more than the least used
     float near_weight;             // price of using a place again nearby
     float candidate_share;         // of all places, how many are looked at for a patch, 0..1
+    std::int32_t cuts;             // of the places that match best, how many are tried by their cut
     std::uint32_t seed;
     int threads;
 };

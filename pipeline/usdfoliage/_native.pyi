@@ -17,7 +17,7 @@ def refine_catmull_clark(
     """Refined points (V, 3), normals (V, 3; (0, 3) unless limit), quads (F, 4).
 
     Raises:
-        ValueError: OpenSubdiv refuses the topology.
+        ValueError: counts and indices do not fit, or OpenSubdiv refuses the topology.
     """
 
 def radius_map(

@@ -28,12 +28,12 @@ class TextureSettings:
     """Size of what is copied, and how hard seams are worked on."""
 
     levels: int = 2  # of the pyramid; patches are laid on the coarsest one
-    patch_px: int = 56  # side of a patch on the finest level
-    patch_share: float = 0.22  # largest side of a patch, of the root of the exemplar's area
-    overlap_share: float = 0.25  # of a patch, in which the seam to its neighbour is sought
+    patch_px: int = 68  # side of a patch on the finest level
+    patch_share: float = 0.265  # largest side of a patch, of the root of the exemplar's area
+    overlap_share: float = 0.22  # of a patch, in which the seam to its neighbour is sought
     radius: int = 4  # of the neighbourhoods that are compared
     guide_weight: int = 2  # of the coarser level's colour in a comparison, in pixels
-    passes: int = 3  # a level
+    passes: int = 2  # a level
     random_tries: int = 0  # random places a pixel and pass
     usage_weight: float = 1.0  # against using one place of the exemplar more than others
     near_weight: float = 1.0  # against using it again within two patches
