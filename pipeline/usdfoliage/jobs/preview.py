@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.asset.resources import resource_folder
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 
 logger = logging.getLogger(__name__)
 
 REPOSITORY = Path(__file__).resolve().parents[3]
-RECORDER = REPOSITORY / "hydra_preview" / "record.py"
 INTERPRETER_VARIABLE = "USDFOLIAGE_HYDRA_PYTHON"
 USD_SUFFIXES = (".usda", ".usdc", ".usd", ".usdz")
 
@@ -385,14 +385,13 @@ def _run_recorder(
         PreviewError: It is missing, hangs, crashes, refuses, or could not compile a shader.
     """
     python = find_interpreter()
-    if not RECORDER.is_file():
-        raise PreviewError(f"the recorder is missing ({RECORDER}); run usdfoliage from its repository")
+    recorder = resource_folder("hydra_preview") / "record.py"
     request_file, result_file, complaints_file = work / "request.json", work / "result.json", work / "stderr.txt"
     request_file.write_text(json.dumps(request), encoding="utf-8")
     with complaints_file.open("wb") as complaints:
         try:
             process = subprocess.Popen(
-                [str(python), str(RECORDER), str(request_file), str(result_file)],
+                [str(python), str(recorder), str(request_file), str(result_file)],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=complaints,
