@@ -8,5 +8,6 @@ NB_MODULE(_native, m) {
     m.doc() = "Native kernels of usdfoliage; arrays in, arrays out, the interpreter lock released.";
     bind_subdivision(m);
     bind_radius_map(m);
+    bind_grid_cut(m);
     bind_texture_synthesis(m);
 }

@@ -25,6 +25,15 @@ def radius_map(
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Farthest hit of each texel's ray from the origin: radius (6, N, N), 0 for none, and triangle, -1 for none."""
 
+def cut_grid(down: NDArray[np.int32], right: NDArray[np.int32], terminal: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Minimum cut of a grid: 0 for the first end, 1 for the second, which gets what either could have.
+
+    Args:
+        down: (H, W) capacity between a pixel and the next one below; from the last row to the first one.
+        right: (H, W) the same to the right.
+        terminal: (H, W) capacity to the first end where positive, to the second end where negative.
+    """
+
 def place_patches(
     exemplar: NDArray[np.int16],
     valid: NDArray[np.uint8],

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import maximum_flow
 from usdfoliage.crown.seam import cut_seam, seam_costs
 
 
@@ -75,6 +77,28 @@ def test_cut_costs_what_brute_force_finds(seed, shape, wrap, holes):
     assert taken[keep_second].all()
     if allowed is not None:
         assert not taken[~allowed].any()
+
+
+@pytest.mark.parametrize("wrap", [(False, False), (False, True), (True, True)])
+def test_cut_costs_what_a_general_maximum_flow_finds(wrap):
+    rng = np.random.default_rng(6)
+    first = rng.random((24, 30, 3))
+    second = np.clip(first + rng.normal(scale=0.2, size=first.shape), 0, 1)
+    keep_first, keep_second = sides(24, 30)
+    keep_second[10:14, 12:15] = True
+    costs = seam_costs(first, second, wrap=wrap)
+    node = np.arange(720).reshape(24, 30) + 2
+    node[keep_first], node[keep_second] = 0, 1
+    edges = [(node, np.roll(node, -1, axis), cost) for axis, cost in enumerate(costs)]
+    source, target, cost = (np.concatenate([edge[k].ravel() for edge in edges]) for k in range(3))
+    inner = (source != target) & (source + target != 1)
+    capacity = np.rint(cost[inner] * 1e5).astype(np.int32)
+    rows, columns = np.append(source[inner], target[inner]), np.append(target[inner], source[inner])
+    graph = csr_array(coo_array((np.append(capacity, capacity), (rows, columns)), shape=(722, 722)))
+    between_ends = cost[(source != target) & (source + target == 1)].sum()
+    flow = maximum_flow(graph, 0, 1).flow_value * 1e-5 + between_ends
+    taken = cut_seam(first, second, keep_first, keep_second, wrap=wrap)
+    assert cut_cost(taken, costs) == pytest.approx(flow, abs=1e-2)
 
 
 def test_a_cylinder_has_a_seam_that_closes():

@@ -2,12 +2,14 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+from usdfoliage import _native
 
 # Added to the gradients that divide a cost, in units of the images (0..1): where both images are flat, a step between
 # them counts as that many times more visible than in texture.
 _GRADIENT_FLOOR = 0.02
+# The dearest edge as an integer; eight of them still are one.
+_MOST = 2**26
 
 
 def cut_seam(
@@ -44,28 +46,14 @@ def cut_seam(
     part = np.ones(first.shape[:2], dtype=np.bool_) if allowed is None else allowed
     _check_overlap(first, second, keep_first, keep_second, part)
 
-    # Nodes: 0 is all that first keeps, 1 all that second keeps, then the free pixels.
-    node = np.zeros(part.shape, dtype=np.int64)
-    free = part & ~keep_first & ~keep_second
-    node[free] = np.arange(2, 2 + np.count_nonzero(free))
-    node[keep_second] = 1
-
-    sources, targets, costs = [], [], []
-    for axis, cost in enumerate(seam_costs(first, second, wrap=wrap, allowed=part)):
-        joined = _joined(part, axis, wrap[axis])
-        sources.append(node[joined])
-        targets.append(np.roll(node, -1, axis)[joined])
-        costs.append(cost[joined])
-    source, target = np.concatenate(sources), np.concatenate(targets)
-    capacity = _integer_capacities(np.concatenate(costs), source, target)
-    inner = source != target
-    graph = _symmetric(source[inner], target[inner], capacity[inner], 2 + int(np.count_nonzero(free)))
-
-    residual = csr_array(graph - maximum_flow(graph, 0, 1).flow)
-    residual.eliminate_zeros()
-    taken = np.ones(graph.shape[0], dtype=np.bool_)
-    taken[breadth_first_order(residual, 0, return_predecessors=False)] = False
-    return np.asarray(taken[node] & part)
+    down, right = seam_costs(first, second, wrap=wrap, allowed=part)
+    scale = _MOST / max(float(down.max()), float(right.max()), 1e-12)
+    # More than all edges of a pixel together, so that no cut parts a pixel from the image that keeps it.
+    terminal = np.where(part & keep_first, 8 * _MOST, 0) - np.where(part & keep_second, 8 * _MOST, 0)
+    taken = _native.cut_grid(
+        np.rint(down * scale).astype(np.int32), np.rint(right * scale).astype(np.int32), terminal.astype(np.int32)
+    )
+    return np.asarray((taken != 0) & part)
 
 
 def seam_costs(
@@ -109,28 +97,6 @@ def _joined(part: NDArray[np.bool_], axis: int, wrap: bool) -> NDArray[np.bool_]
     if not wrap or part.shape[axis] == 1:
         joined[(slice(None), -1) if axis else (-1,)] = False
     return np.asarray(joined)
-
-
-def _integer_capacities(
-    cost: NDArray[np.float64], source: NDArray[np.int64], target: NDArray[np.int64]
-) -> NDArray[np.int32]:
-    """Costs as the integers that scipy's flow wants, as fine as 31 bits allow for one edge and for the whole flow."""
-    at_ends = [float(cost[(source == end) != (target == end)].sum()) for end in (0, 1)]
-    largest = max(min(at_ends), 4 * float(cost.max(initial=0)))  # four edges of a pixel may lead to the same end
-    scale = min(2.0**24, 2.0**30 / largest) if largest > 0 else 1.0
-    return np.asarray(np.rint(cost * scale), dtype=np.int32)
-
-
-def _symmetric(
-    source: NDArray[np.int64], target: NDArray[np.int64], capacity: NDArray[np.int32], n_nodes: int
-) -> csr_array:
-    rows, columns = np.concatenate([source, target]), np.concatenate([target, source])
-    # Between the two ends lies no choice, and their sum could be too large for an integer.
-    choice = (rows > 1) | (columns > 1)
-    entries = (np.concatenate([capacity, capacity])[choice], (rows[choice], columns[choice]))
-    graph = csr_array(coo_array(entries, shape=(n_nodes, n_nodes)))  # sums what runs between the same two nodes
-    graph.indices, graph.indptr = graph.indices.astype(np.int32), graph.indptr.astype(np.int32)
-    return graph
 
 
 def _check_overlap(
