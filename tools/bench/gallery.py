@@ -3,7 +3,7 @@
 usage: tools/bench/gallery.py [-o out/gallery] [--size 256] [--only NAME …] [--data ../shared/data]
 
 Photographs with a mask use it, the others get a proposal. For each a line: exit codes of crown and validate, silhouette
-IoU and its star-shaped bound, errors and warnings of the validation, seconds. The sheet shows photograph and silhouette,
+IoU and its star-shaped bound, errors and warnings of the validation, seconds. The sheet shows the photograph,
 front, three-quarter, right and back, one row a photograph.
 """
 

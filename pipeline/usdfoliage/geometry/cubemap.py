@@ -87,15 +87,20 @@ def texel_identity(size: int) -> NDArray[np.int64]:
 
     There are 6 (size − 1)² + 2 of them, numbered in the order in which the faces first show them.
     """
-    directions = face_directions(size)
-    # On the cube's surface coordinates are multiples of 2/(size−1): exact as integers.
+    texel = np.arange(6 * size * size).reshape(6, size, size)
+    border = np.ones((6, size, size), bool)
+    border[:, 1:-1, 1:-1] = False
+    # Points of the cube's surface are multiples of 2/(size−1): exact as integers.
+    directions = face_directions(size)[border]
     on_cube = directions / np.abs(directions).max(axis=-1, keepdims=True)
-    lattice = np.rint((on_cube + 1) * (size - 1) / 2).astype(np.int64).reshape(-1, 3)
+    lattice = np.rint((on_cube + 1) * (size - 1) / 2).astype(np.int64)
     key = (lattice[:, 0] * size + lattice[:, 1]) * size + lattice[:, 2]
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    identity = rank[inverse.ravel()].reshape(6, size, size)
+    shown_by = texel.copy()  # the first texel that looks this way
+    shown_by[border] = texel[border][first][inverse.ravel()]
+    is_first = shown_by == texel
+    rank = np.cumsum(is_first.ravel()) - 1
+    identity = rank[shown_by]
     identity.setflags(write=False)  # one array serves every caller
     return identity
 

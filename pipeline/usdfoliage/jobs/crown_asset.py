@@ -3,6 +3,7 @@
 import argparse
 import hashlib
 import logging
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -152,9 +153,11 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
         interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings)
         notes = list(given.notes)
         if given.proposed:
-            proposal = f"{request.name}_mask_proposal.png"
-            _write_mask(folder / proposal, given.mask)
-            notes.append(f"the proposed mask is {request.output / proposal}; correct it and give it with --mask")
+            proposal = request.output / f"{request.name}_mask_proposal.png"
+            _write_mask(folder / proposal.name, given.mask)
+            _check_not_edited(proposal, folder / proposal.name, request.force)
+            notes.append(f"the proposed mask is {proposal}; correct it and give it with --mask")
+        _keep_inputs(request, folder)
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
         seconds = dict(measures.seconds)
@@ -234,6 +237,25 @@ def _write_mask(path: Path, mask: NDArray[np.bool_]) -> None:
     if not good:
         raise AssetError(f"the proposed mask could not be encoded ({path})")
     path.write_bytes(encoded.tobytes())
+
+
+def _check_not_edited(old: Path, new: Path, force: bool) -> None:
+    """Refuse to replace a proposal that the user has worked on since."""
+    if old.is_file() and not force and old.read_bytes() != new.read_bytes():
+        raise AssetError(
+            f"{old} is not what this photograph proposes: it was edited, or belongs to another; give it with --mask, "
+            "or replace it with --force"
+        )
+
+
+def _keep_inputs(request: CrownRequest, folder: Path) -> None:
+    """Photograph and mask that lie in the folder that is replaced come along, as a corrected proposal does."""
+    old = request.output.resolve()
+    for path in (request.photo, request.mask):
+        if path is not None and path.resolve().is_relative_to(old):
+            kept = folder / path.resolve().relative_to(old)
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, kept)
 
 
 def _fingerprint(request: CrownRequest) -> str:
