@@ -217,7 +217,7 @@ class Placement {
         parallel_for(choices.size(), settings_.threads, [&](std::size_t i) { cuts[i] = seam(r, choices[i].place); });
         double mean = 0;
         for (const Cut& cut : cuts) mean += cut.cost / static_cast<double>(cuts.size());
-        const auto price = [&](std::size_t i) { return cuts[i].cost / std::max(mean, 1.0) + choices[i].usage; };
+        const auto price = [&](std::size_t i) { return (cuts[i].cost + 0.01 * mean) * (1 + choices[i].usage); };
         std::size_t best = 0;
         for (std::size_t i = 1; i < cuts.size(); ++i) {
             if (price(i) < price(best)) best = i;
@@ -280,7 +280,9 @@ class Placement {
                                               s_.color + kC * ((r.row + span.row) * s_.columns + r.column + span.column),
                                               kC * span.pixels);
                 }
-                choices[i].price = choices[i].usage + static_cast<double>(sum) / (3.0 * std::max(n_filled, 1) * variance_);
+                // A perfect match may be used again and again; where nothing matches yet, usage alone counts.
+                constexpr double kFloor = 0.01;
+                choices[i].price = (static_cast<double>(sum) / (3.0 * std::max(n_filled, 1) * variance_) + kFloor) * (1 + choices[i].usage);
             }
         });
         std::stable_sort(choices.begin(), choices.end(), [](const Choice& a, const Choice& b) { return a.price < b.price; });

@@ -31,8 +31,8 @@ struct Synthesis {
 struct PlaceSettings {
     std::int32_t patch;            // side of a patch
     std::int32_t overlap;          // with its neighbours
-    float usage_weight;            // price, in variances of the exemplar, of using a place once more than the least used
-    float near_weight;             // price of using a place again nearby
+    float usage_weight;            // how much dearer a place gets by every use
+    float near_weight;             // and by every use within two patches
     float candidate_share;         // of all places, how many are looked at for a patch, 0..1
     std::int32_t cuts;             // of the places that match best, how many are tried by their cut
     std::uint32_t seed;

@@ -20,6 +20,9 @@ from usdfoliage import _native
 from usdfoliage.errors import FitError
 
 _WHITE = 1023  # the kernels' integer colours
+# To look for known pixels in the exemplar: passes on the coarsest level, random places a pixel and pass, and how far
+# from what is free.
+_KNOWN_PASSES, _KNOWN_TRIES, _KNOWN_REACH_PX = 4, 8, 24
 _LEAST_PATCH_PX = 8  # a smaller patch shows nothing of the texture's structure
 
 
@@ -35,8 +38,8 @@ class TextureSettings:
     guide_weight: int = 2  # of the coarser level's colour in a comparison, in pixels
     passes: int = 2  # a level
     random_tries: int = 0  # random places a pixel and pass
-    usage_weight: float = 1.0  # against using one place of the exemplar more than others
-    near_weight: float = 1.0  # against using it again within two patches
+    usage_weight: float = 2.0  # how much dearer a place of the exemplar gets by every use
+    near_weight: float = 2.0  # and by every use within two patches
     candidate_share: float = 1.0  # of all places, how many are tried for a patch
     cuts: int = 8  # of the places that match best, how many are compared by their seam
     threads: int = 0  # 0: one per core; the result does not depend on it
@@ -133,6 +136,8 @@ def synthesize_sources(
 
     Where the image is known, the place that looks most like it. Arguments and errors as for synthesize_texture.
     """
+    if (known is None) != (known_mask is None):
+        raise ValueError("known and known_mask belong together")
     valid = np.ones(exemplar.shape[:2], np.bool_) if exemplar_mask is None else exemplar_mask
     fixed = np.zeros((*shape, 3), np.float32) if known is None else known
     fixed_mask = np.zeros(shape, np.bool_) if known_mask is None else known_mask
@@ -154,6 +159,7 @@ def synthesize_sources(
             guide_of_source = _enlarge(sources[level + 1].color, sources[level].mask.shape)
             guide, guide_weight = _enlarge(color, targets[level].mask.shape), settings.guide_weight
             source, color = _refine_level(source, sources[level], targets[level])
+            _find_known(sources[level], targets[level], source, 1, seeds[step], settings)
         _native.refine_sources(
             sources[level].color,
             guide_of_source,
@@ -177,11 +183,11 @@ def _lay_patches(
     exemplar: _Level, target: _Level, patch: int, seed: int, settings: TextureSettings
 ) -> tuple[NDArray[np.int32], NDArray[np.int16]]:
     """Source and colour of the coarsest level, grown from what is known."""
-    source = np.full((*target.mask.shape, 2), -1, np.int32)
+    places = np.argwhere(exemplar.mask).astype(np.int32)
+    source = places[np.random.default_rng(seed).integers(0, len(places), target.mask.shape)]
+    _find_known(exemplar, target, source, _KNOWN_PASSES, seed, settings)
+    source[target.mask == 0] = -1
     color = target.color.copy()
-    known = target.mask != 0
-    if known.any():
-        source[known] = _find_known(exemplar, target, seed, settings)[known]
     overlap = max(2, round(settings.overlap_share * patch))
     _native.place_patches(
         exemplar.color,
@@ -201,28 +207,29 @@ def _lay_patches(
     return source, color
 
 
-def _find_known(exemplar: _Level, target: _Level, seed: int, settings: TextureSettings) -> NDArray[np.int32]:
-    """Where in the exemplar the known pixels look most at home, so that the synthesis can continue them."""
-    places = np.argwhere(exemplar.mask).astype(np.int32)
-    source = places[np.random.default_rng(seed).integers(0, len(places), target.mask.shape)]
-    ignored = np.where(target.mask, 1, 2).astype(np.uint8)
-    color = target.color.copy()
-    for k in range(4):
+def _find_known(
+    exemplar: _Level, target: _Level, source: NDArray[np.int32], passes: int, seed: int, settings: TextureSettings
+) -> None:
+    """Look up where in the exemplar the known pixels look most at home, so that the synthesis can continue them."""
+    known = target.mask != 0
+    if not known.any():
+        return
+    searched = known & (distance_transform_edt(known) <= _KNOWN_REACH_PX)
+    for k in range(passes):
         _native.refine_sources(
             exemplar.color,
             exemplar.color,
             exemplar.mask,
             source,
-            color,
-            color,
-            ignored,
+            target.color.copy(),
+            target.color,
+            np.where(searched, 1, 2).astype(np.uint8),
             settings.radius,
             0,
-            settings.random_tries,
+            _KNOWN_TRIES,
             (seed + k) % 2**32,
             settings.threads,
         )
-    return source
 
 
 def _refine_level(
@@ -239,14 +246,16 @@ def _refine_level(
 
 def _fit_patch(valid: NDArray[np.bool_], settings: TextureSettings) -> tuple[int, int]:
     """Side of a patch and number of levels that the exemplar has room for."""
-    patch = min(settings.patch_px, round(settings.patch_share * float(np.sqrt(np.count_nonzero(valid)))))
-    while patch >= _LEAST_PATCH_PX:
+    share_px = round(settings.patch_share * float(np.sqrt(np.count_nonzero(valid))))
+    patch = max(min(settings.patch_px, share_px), _LEAST_PATCH_PX)
+    while True:
         levels = min(settings.levels, (patch // _LEAST_PATCH_PX).bit_length())
         coarse = _build_pyramid(np.zeros((*valid.shape, 4), np.int16), valid, levels)[-1].mask != 0
-        side = patch >> (levels - 1)
-        if _largest_square(coarse) >= side:
+        if _largest_square(coarse) >= patch >> (levels - 1):
             return patch, levels
-        patch = patch * 3 // 4
+        if patch == _LEAST_PATCH_PX:
+            break
+        patch = max(patch * 3 // 4, _LEAST_PATCH_PX)
     h, w = valid.shape
     raise FitError(
         f"the exemplar is too small: {np.count_nonzero(valid)} pixels of {w}×{h} may be copied, and no square of "
