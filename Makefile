@@ -20,7 +20,10 @@ test: lint
 	@$(PYTHON_VENV) -m pytest -m "not slow"
 
 bench: setup
+	@$(PYTHON_VENV) tools/bench/texture.py
+	@$(PYTHON_VENV) tools/bench/mask_proposal.py
 	@$(PYTHON_VENV) tools/bench/crown.py
+	@$(PYTHON_VENV) -m pytest -m slow || [ $$? = 5 ]
 
 clean:
 	rm -rf .venv .venv-preview build out .mypy_cache .ruff_cache .pytest_cache .hypothesis

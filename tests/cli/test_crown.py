@@ -86,7 +86,7 @@ def test_without_a_mask_one_is_proposed_and_kept(capture, tmp_path, capsys):
     photo[200:] = (0.05, 0.15, 0.12)
     crown = disc_mask(70, size_px=240, center_px=(120.0, 110.0))
     photo[crown] = np.clip(encode_srgb(foliage((240, 240))), 0, 1)[..., ::-1][crown]
-    cv2.imwrite(str(tmp_path / "tree.png"), np.rint(photo * 255))
+    cv2.imwrite(str(tmp_path / "tree.png"), np.rint(photo * 255).astype(np.uint8))
     out = tmp_path / "tree"
 
     assert main(["crown", str(tmp_path / "tree.png"), "-o", str(out), *SMALL]) == 0

@@ -16,6 +16,7 @@ from usdfoliage.asset.package import AssetSettings, write_crown_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import publish_folder
+from usdfoliage.capture.foreground import propose_mask
 from usdfoliage.capture.images import Photo, read_photo
 from usdfoliage.capture.masks import CleanMask, clean_mask, read_mask
 from usdfoliage.errors import AssetError, FoliageError, PreviewError
@@ -119,8 +120,6 @@ def read_crown_input(request: CrownRequest) -> CrownInput:
     if request.mask is not None:
         given = read_mask(request.mask, photo.linear.shape, photo.orientation)
     else:
-        from usdfoliage.capture.foreground import propose_mask
-
         proposal = propose_mask(photo.linear, seed=request.settings.seed)
         given = proposal.mask
         notes = (f"the mask is a proposal (confidence {proposal.confidence:.2f}); {proposal.remark}",)
