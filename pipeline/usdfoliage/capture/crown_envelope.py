@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 _GRID_PX = 90  # longest side of the grid on which envelopes are compared
 _RING = 1.2  # what an envelope is compared with: itself, grown by this
+_SEARCHES = 8
+_WORTH_SPREAD = float(__import__('os').environ.get('WS','0.03'))  # answers that differ less in worth are equally good
 _BELOW_EXPONENT = 2.5  # of the part below the widest row
 
 # What is worth how much, against the share of the parting (0 to 1) that the envelope explains.
 _WORTH_AREA = 0.10  # a factor e of area
 _WORTH_PLACE = 0.30  # colours of the middle instead of those of the lower border and the sides
-_WORTH_FOLIAGE = 0.15  # colours of foliage instead of walls and roads
 _COST_SKY_INSIDE = 5.0
 _COST_CROWN_ABOVE = 2.0  # what stands before the sky above the envelope, as a share of its area
 _COST_ASYMMETRY = 0.10
@@ -43,6 +44,14 @@ class Envelope(NamedTuple):
         return np.asarray((columns >= left[0][:, None]) & (columns < right[0][:, None]))
 
 
+class Candidate(NamedTuple):
+    """One of the envelopes that a picture may be read as having."""
+
+    envelope: Envelope
+    weight: float  # all candidates together 1
+    contrast: float  # 0 to 1, how much inside and ring differ
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Grid:
     """Prefix sums along the rows of the reduced picture, (h, w + 1, classes): clusters, open sky, sky in gaps."""
@@ -53,38 +62,52 @@ class _Grid:
     worth: NDArray[np.float64]  # (classes,), how welcome each class is
 
 
-def fit_crown_envelope(
+def fit_crown_envelopes(
     clusters: NDArray[np.integer],
     sky: NDArray[np.bool_],
-    foliage: NDArray[np.float64],
+    liking: NDArray[np.float64],
     rng: np.random.Generator,
-) -> tuple[Envelope, float]:
-    """Find the envelope whose inside differs most from the ring around it.
+) -> list[Candidate]:
+    """Find the envelopes whose inside differs most from the ring around them.
 
-    The difference is the Jensen-Shannon divergence of the two histograms of clusters, sky being one of them.
+    The difference is the Jensen-Shannon divergence of the two histograms of clusters, sky being one of them. Several
+    searches, each from its own start, tell whether there is one answer or several.
 
     Args:
         clusters: (H, W), what each pixel looks like, 0 to K - 1.
         sky: (H, W), pixels of the sky, whatever their cluster.
-        foliage: (K,), -1 to 1, how far each cluster looks like foliage.
-        rng: For the search.
+        liking: (K,), how welcome each cluster is inside, against a difference of 0 to 1.
+        rng: For the searches.
 
     Returns:
-        The envelope and the divergence, 0 to 1.
+        What the searches found, the best first.
     """
     height, width = clusters.shape
     scale = min(1.0, _GRID_PX / max(height, width))
     rows, columns = max(8, round(height * scale)), max(8, round(width * scale))
-    grid = _build_grid(clusters, sky, foliage, rows, columns)
+    grid = _build_grid(clusters, sky, liking, rows, columns)
+    found = sorted((_search(grid, rng) for _ in range(_SEARCHES)), key=lambda result: -result[1])
+    weights = np.exp([(worth - found[0][1]) / _WORTH_SPREAD for _, worth, _ in found])
+    weights /= weights.sum()
+    x, y = width / columns, height / rows
+    pixels = np.array([x, y, y, x, x, 1, 1])
+    return [
+        Candidate(Envelope(*(float(value) for value in place * pixels)), float(weight), contrast)
+        for (place, _, contrast), weight in zip(found, weights, strict=True)
+    ]
 
+
+def _search(grid: _Grid, rng: np.random.Generator) -> tuple[NDArray[np.float64], float, float]:
+    """The best envelope found from one random start, its worth and its contrast."""
+    rows, columns = grid.solid.shape[0], grid.solid.shape[1] - 1
     # axis, top, bottom, left, right, widest, exponent
     low = np.array([0.2 * columns, -0.05 * rows, 0.35 * rows, 0.05 * columns, 0.05 * columns, 0.25, 1.0])
     high = np.array([0.8 * columns, 0.6 * rows, 0.95 * rows, 0.6 * columns, 0.6 * columns, 0.92, 2.6])
-    found = rng.uniform(low, high, (2400, 7))
+    found = rng.uniform(low, high, (500, 7))
     worth, contrast = _judge(found, grid)
     for turn in range(12):  # the best survive, and others are tried near them
-        best = np.argsort(-worth, kind="stable")[:50]
-        parents = found[best][rng.integers(0, len(best), 250)]
+        best = np.argsort(-worth, kind="stable")[:20]
+        parents = found[best][rng.integers(0, len(best), 80)]
         spread = (high - low) * 0.12 * 0.8**turn
         near = parents + rng.normal(size=parents.shape) * spread * (rng.random(parents.shape) < 0.5)
         near = np.clip(near, low, high)
@@ -93,15 +116,13 @@ def fit_crown_envelope(
         worth = np.concatenate([worth[best], near_worth])
         contrast = np.concatenate([contrast[best], near_contrast])
     winner = int(np.argmax(worth))
-    axis, top, bottom, left, right, widest, exponent = found[winner]
-    x, y = width / columns, height / rows
-    return Envelope(axis * x, top * y, bottom * y, left * x, right * x, widest, exponent), float(contrast[winner])
+    return found[winner], float(worth[winner]), float(contrast[winner])
 
 
 def _build_grid(
-    clusters: NDArray[np.integer], sky: NDArray[np.bool_], foliage: NDArray[np.float64], rows: int, columns: int
+    clusters: NDArray[np.integer], sky: NDArray[np.bool_], liking: NDArray[np.float64], rows: int, columns: int
 ) -> _Grid:
-    count = len(foliage)
+    count = len(liking)
     classes = np.where(sky, np.where(_open_sky(sky), count, count + 1), clusters)
     shares = np.dstack(
         [
@@ -118,7 +139,7 @@ def _build_grid(
     on_border = np.einsum("yxk,yx->k", shares, border / border.sum())
     place = (in_middle - on_border) / (in_middle + on_border + 1e-3)
     worth = np.zeros(count + 2)
-    worth[:count] = _WORTH_PLACE * place[:count] + _WORTH_FOLIAGE * foliage
+    worth[:count] = _WORTH_PLACE * place[:count] + liking
     worth[count] = -_COST_SKY_INSIDE
 
     sums = np.zeros((rows, columns + 1, count + 2))

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.capture.crown_envelope import Envelope, fit_crown_envelope
+from usdfoliage.capture.crown_envelope import Candidate, fit_crown_envelopes
 from usdfoliage.capture.masks import CleanMaskSettings, clean_mask
 from usdfoliage.capture.sky import segment_sky
 from usdfoliage.errors import CaptureError, FitError
@@ -22,6 +22,8 @@ from usdfoliage.geometry.color import encode_srgb, luminance
 logger = logging.getLogger(__name__)
 
 _CLUSTERS = 24
+_WORTH_FOLIAGE = 0.15  # colours of foliage instead of walls and roads
+_WORTH_LIKENESS = float(__import__('os').environ.get('W2','0.3'))  # colours seen before the sky rather than beside the envelope
 _LOW_CONFIDENCE = 0.5
 
 
@@ -79,21 +81,25 @@ def propose_mask(
     if np.count_nonzero(~sky) < 0.02 * sky.size:
         raise FitError("no crown was found in the photograph, nearly all of it is sky; give its mask with --mask")
     clusters = _cluster(lab, texture, ~sky, cluster_seed)
-    envelope, contrast = fit_crown_envelope(clusters, sky, _foliage(coarse, lab, texture, clusters), rng)
+    liking = _WORTH_FOLIAGE * _foliage(coarse, lab, texture, clusters)
+    candidates = fit_crown_envelopes(clusters, sky, liking, rng)
+    liking += _WORTH_LIKENESS * _likeness(clusters, sky, candidates)
+    candidates = fit_crown_envelopes(clusters, sky, liking, rng)
+    contrast = sum(candidate.weight * candidate.contrast for candidate in candidates)
     if contrast < settings.min_contrast:
         raise FitError(
             f"no crown was found in the photograph: the best candidate differs from what is around it by "
             f"{contrast:.2f}, {settings.min_contrast:.2f} needed; give its mask with --mask"
         )
-    crown = _classify(coarse, texture, clusters, sky, envelope)
-    crown = _draw_silhouette(_shrink(full, settings.fine_px), crown, sky, envelope, cut_seed)
+    crown = _classify(coarse, texture, clusters, sky, candidates)
+    crown = _draw_silhouette(_shrink(full, settings.fine_px), crown, sky, candidates, cut_seed)
     mask = _to_full_size(full, crown)
     try:
         mask = clean_mask(mask, CleanMaskSettings()).mask
     except CaptureError as error:
         raise FitError(f"no crown was found in the photograph ({error}); give its mask with --mask") from error
 
-    confidence, remark = _assess(mask, envelope.fill(clusters.shape), contrast, bool(sky.any()))
+    confidence, remark = _assess(mask, _belief(candidates, clusters.shape) > 0.5, contrast, bool(sky.any()))
     logger.info("mask proposed, confidence %.2f: %s", confidence, remark)
     return MaskProposal(mask=mask, confidence=confidence, remark=remark)
 
@@ -163,19 +169,22 @@ def _classify(
     texture: NDArray[np.float32],
     clusters: NDArray[np.intp],
     sky: NDArray[np.bool_],
-    envelope: Envelope,
+    candidates: list[Candidate],
 ) -> NDArray[np.uint8]:
     """The crown, (H, W) of 0 and 1: near the envelope, and looking like what is inside rather than around it."""
-    height, width = sky.shape
-    inside = envelope.fill((height, width)).astype(np.uint8)
-    radius_px = np.sqrt(max(1, inside.sum()) / np.pi)
-    depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5) - cv2.distanceTransform(1 - inside, cv2.DIST_L2, 5)
-    prior = np.clip(8 * depth / radius_px, -4, 2) + 0.3  # log odds
-    exposed = _exposed(sky, envelope)
+    prior = np.full(sky.shape, 0.3)  # log odds
+    reach = np.zeros(sky.shape)  # of 1 where an envelope is near
+    for envelope, share, _ in candidates:
+        inside = envelope.fill(sky.shape).astype(np.uint8)
+        radius_px = np.sqrt(max(1, inside.sum()) / np.pi)
+        depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5) - cv2.distanceTransform(1 - inside, cv2.DIST_L2, 5)
+        prior += share * np.clip(8 * depth / radius_px, -4, 2)
+        reach += share * (depth > -0.8 * radius_px)
+    exposed = _exposed(sky, candidates)
     prior = np.where(exposed, np.maximum(prior, 0.7), prior)
     prior += np.clip(cv2.GaussianBlur(texture, (0, 0), 4) - 2.5, -2, 0.3)
 
-    weight = np.where(sky, 0.0, 0.1 + (depth > -0.8 * radius_px))  # what is far away says little
+    weight = np.where(sky, 0.0, 0.1 + reach)  # what is far away says little
     crown = np.where(sky, 0, 1 / (1 + np.exp(-2 * prior)))
     for _ in range(5):
         seen_in = np.bincount(clusters.ravel(), (weight * crown).ravel())
@@ -187,15 +196,36 @@ def _classify(
     return _one_crown((crown > 0.5).astype(np.uint8))
 
 
-def _exposed(sky: NDArray[np.bool_], envelope: Envelope) -> NDArray[np.bool_]:
+def _exposed(sky: NDArray[np.bool_], candidates: list[Candidate]) -> NDArray[np.bool_]:
     """What stands before the sky above the widest row and not far from the axis."""
     height, width = sky.shape
-    row = envelope.top_px + envelope.widest * (envelope.bottom_px - envelope.top_px)
-    columns = np.arange(width)
-    near = (columns > envelope.axis_px - 1.15 * envelope.left_px) & (
-        columns < envelope.axis_px + 1.15 * envelope.right_px
-    )
-    return np.asarray(~sky & (np.arange(height)[:, None] < row) & near)
+    rows, columns = np.arange(height)[:, None], np.arange(width)
+    belief = np.zeros(sky.shape)
+    for envelope, share, _ in candidates:
+        widest_row = envelope.top_px + envelope.widest * (envelope.bottom_px - envelope.top_px)
+        west, east = envelope.axis_px - 1.15 * envelope.left_px, envelope.axis_px + 1.15 * envelope.right_px
+        belief += share * ((rows < widest_row) & (columns > west) & (columns < east))
+    return np.asarray(~sky & (belief > 0.5))
+
+
+def _belief(candidates: list[Candidate], shape: tuple[int, int]) -> NDArray[np.float64]:
+    """(H, W), 0 to 1, the share of the candidates that hold each pixel."""
+    belief = np.zeros(shape)
+    for envelope, share, _ in candidates:
+        belief += share * envelope.fill(shape)
+    return belief
+
+
+def _likeness(clusters: NDArray[np.intp], sky: NDArray[np.bool_], candidates: list[Candidate]) -> NDArray[np.float64]:
+    """(K,), -1 to 1: whether a cluster is seen before the sky, where only the crown can be, or around the envelope."""
+    crown = _exposed(sky, candidates)
+    around = ~sky & ~crown & (_belief(candidates, sky.shape) < 0.5)
+    count = int(clusters.max()) + 1
+    if np.count_nonzero(crown) < 0.01 * sky.size or not around.any():
+        return np.zeros(count)
+    seen_in = np.bincount(clusters[crown], minlength=count) / np.count_nonzero(crown)
+    seen_out = np.bincount(clusters[around], minlength=count) / np.count_nonzero(around)
+    return np.asarray(np.clip(np.log((seen_in + 0.005) / (seen_out + 0.005)) / 2, -1, 1))
 
 
 def _one_crown(crown: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -235,12 +265,12 @@ def _draw_silhouette(
     bgr: NDArray[np.uint8],
     crown: NDArray[np.uint8],
     sky: NDArray[np.bool_],
-    envelope: Envelope,
+    candidates: list[Candidate],
     seed: int,
 ) -> NDArray[np.uint8]:
     """GrabCut in a band along the silhouette; what stands before the sky beside it is crown."""
     size = bgr.shape[1], bgr.shape[0]
-    exposed = _exposed(sky, envelope).astype(np.uint8)
+    exposed = _exposed(sky, candidates).astype(np.uint8)
     crown = cv2.resize(crown, size, interpolation=cv2.INTER_NEAREST)
     exposed = cv2.resize(exposed, size, interpolation=cv2.INTER_NEAREST)
     band = max(2, round(0.03 * float(np.sqrt(crown.sum()))))
