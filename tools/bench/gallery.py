@@ -2,9 +2,9 @@
 
 usage: tools/bench/gallery.py [-o out/gallery] [--size 256] [--only NAME …] [--data ../shared/data]
 
-Photographs with a mask use it, the others get a proposal. For each a line: silhouette IoU and its star-shaped bound, exit
-code and findings of the validation, seconds. The sheet has one row a photograph: the photograph with the silhouette, then
-the front, three-quarter, right and back of the asset.
+Photographs with a mask use it, the others get a proposal. For each a line: silhouette IoU and its star-shaped bound,
+exit code and findings of the validation, seconds. The sheet has one row a photograph: the photograph with the
+silhouette, then the front, three-quarter, right and back of the asset.
 """
 
 import argparse
