@@ -2,8 +2,7 @@
 
 Patches of the exemplar are laid along minimum-cut seams on the coarsest level of a pyramid; every finer level takes
 over where each pixel comes from and mends the seams, pixel by pixel, until neighbourhoods look like the exemplar's.
-Unlike the thesis, which searches all of the exemplar for every pixel, each pixel only looks where its neighbours point
-to and at a few random places.
+Unlike the thesis, which searches all of the exemplar for every pixel, each pixel only looks where its neighbours point.
 
 Source: the thesis on semi-procedural crowns, sections 4.5 and 4.5.1; V. Kwatra et al., Graphcut Textures, 2003;
 S. Lefebvre and H. Hoppe, Parallel Controllable Texture Synthesis, 2005.
@@ -20,6 +19,8 @@ from usdfoliage import _native
 from usdfoliage.errors import FitError
 
 _WHITE = 1023  # the kernels' integer colours
+# Random places a pixel and pass: found ones break pieces up and score no better, so none.
+_TRIES = 0
 # To look for known pixels in the exemplar: passes on the coarsest level, random places a pixel and pass, and how far
 # from what is free.
 _KNOWN_PASSES, _KNOWN_TRIES, _KNOWN_REACH_PX = 4, 8, 24
@@ -32,12 +33,11 @@ class TextureSettings:
 
     levels: int = 2  # of the pyramid; patches are laid on the coarsest one
     patch_px: int = 68  # side of a patch on the finest level
-    patch_share: float = 0.265  # largest side of a patch, of the root of the exemplar's area
+    patch_share: float = 0.33  # largest side of a patch, of the root of the exemplar's area
     overlap_share: float = 0.22  # of a patch, in which the seam to its neighbour is sought
     radius: int = 4  # of the neighbourhoods that are compared
     guide_weight: int = 2  # of the coarser level's colour in a comparison, in pixels
     passes: int = 2  # a level
-    random_tries: int = 0  # random places a pixel and pass
     usage_weight: float = 2.0  # how much dearer a place of the exemplar gets by every use
     near_weight: float = 2.0  # and by every use within two patches
     candidate_share: float = 1.0  # of all places, how many are tried for a patch
@@ -51,7 +51,6 @@ class TextureSettings:
             ("radius", 1),
             ("guide_weight", 0),
             ("passes", 1),
-            ("random_tries", 0),
             ("usage_weight", 0),
             ("near_weight", 0),
             ("cuts", 1),
@@ -170,7 +169,7 @@ def synthesize_sources(
             targets[level].mask,
             settings.radius,
             guide_weight,
-            settings.random_tries,
+            _TRIES,
             seeds[step],
             settings.threads,
         )
