@@ -3,7 +3,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from usdfoliage.capture.crown_envelope import Envelope, fit_crown_envelope
+from usdfoliage.capture.crown_envelope import Envelope, fit_crown_envelopes
 from usdfoliage.capture.foreground import MaskProposalSettings, propose_mask
 from usdfoliage.capture.images import read_photo
 from usdfoliage.capture.masks import read_mask
@@ -128,9 +128,12 @@ def test_envelope_finds_an_ellipse():
     shape = ((columns - 90) / 35) ** 2 + ((rows - 55) / 40) ** 2 < 1
     clusters = np.where(shape, 1, np.where(rows > 100, 2, 0))
     sky = clusters == 0
-    envelope, contrast = fit_crown_envelope(clusters, sky, np.array([0.0, 1.0, 0.0]), np.random.default_rng(0))
-    assert iou(envelope.fill(shape.shape), shape) > 0.9
-    assert contrast > 0.6
+    candidates = fit_crown_envelopes(clusters, sky, np.array([0.0, 0.15, 0.0]), 6, np.random.default_rng(0))
+    best = candidates[0]
+    assert iou(best.envelope.fill(shape.shape), shape) > 0.9
+    assert best.contrast > 0.6
+    assert sum(candidate.weight for candidate in candidates) == pytest.approx(1)
+    assert best.weight == max(candidate.weight for candidate in candidates)
 
 
 def test_sky_shows_through_gaps():
@@ -149,18 +152,17 @@ def test_sky_shows_through_gaps():
 
 
 def test_real_photographs():
-    """Masks of the street set hold the stem, and are some pixels wide of the leaves."""
-    cases = [(photo, photo.parent / "masks" / f"{photo.stem}.png") for photo in DATA.glob("tree-photos-*/*.jpg")]
-    cases += [(photo, photo.with_name(f"{photo.stem}_mask.png")) for photo in DATA.glob("tree-photos-*/*.jpg")]
+    """The street set, whose masks hold the stem and are wide of the leaves, is left to tools/bench/mask_proposal.py."""
+    real = [(photo, photo.parent / "masks" / f"{photo.stem}.png") for photo in sorted(DATA.glob("tree-photos-*/*.jpg"))]
+    real = [(photo, mask) for photo, mask in real if mask.exists()]
     trees = sorted(DATA.glob("synthetic/tree_photo/*"))
     synthetic = [(tree / "images" / "000.jpg", tree / "truth" / "crown_mask_filled.png") for tree in trees]
-    cases = sorted((photo, mask) for photo, mask in cases if mask.exists())
-    if not cases or not synthetic:
+    if not real or not synthetic:
         pytest.skip(f"{DATA} has no tree photographs with masks: the data are absent")
     scores = {}
-    for photo_path, mask_path in cases + synthetic:
+    for photo_path, mask_path in real + synthetic:
         photo = read_photo(photo_path)
         truth = read_mask(mask_path, photo.linear.shape, photo.orientation)
         scores[photo_path] = iou(propose_mask(photo.linear).mask, truth)
     assert np.mean([scores[photo] for photo, _ in synthetic]) > 0.95, scores
-    assert np.mean([scores[photo] for photo, _ in cases]) > 0.7, scores
+    assert np.mean([scores[photo] for photo, _ in real]) > 0.75, scores

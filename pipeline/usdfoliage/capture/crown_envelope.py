@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 _GRID_PX = 90  # longest side of the grid on which envelopes are compared
 _RING = 1.2  # what an envelope is compared with: itself, grown by this
-_SEARCHES = 8
-_WORTH_SPREAD = float(__import__('os').environ.get('WS','0.03'))  # answers that differ less in worth are equally good
+_WORTH_SPREAD = 0.1  # answers that differ less in worth are equally good
 _BELOW_EXPONENT = 2.5  # of the part below the widest row
 
 # What is worth how much, against the share of the parting (0 to 1) that the envelope explains.
@@ -66,6 +65,7 @@ def fit_crown_envelopes(
     clusters: NDArray[np.integer],
     sky: NDArray[np.bool_],
     liking: NDArray[np.float64],
+    searches: int,
     rng: np.random.Generator,
 ) -> list[Candidate]:
     """Find the envelopes whose inside differs most from the ring around them.
@@ -77,7 +77,8 @@ def fit_crown_envelopes(
         clusters: (H, W), what each pixel looks like, 0 to K - 1.
         sky: (H, W), pixels of the sky, whatever their cluster.
         liking: (K,), how welcome each cluster is inside, against a difference of 0 to 1.
-        rng: For the searches.
+        searches: How many.
+        rng: For their starts and steps.
 
     Returns:
         What the searches found, the best first.
@@ -86,7 +87,7 @@ def fit_crown_envelopes(
     scale = min(1.0, _GRID_PX / max(height, width))
     rows, columns = max(8, round(height * scale)), max(8, round(width * scale))
     grid = _build_grid(clusters, sky, liking, rows, columns)
-    found = sorted((_search(grid, rng) for _ in range(_SEARCHES)), key=lambda result: -result[1])
+    found = sorted((_search(grid, rng) for _ in range(searches)), key=lambda result: -result[1])
     weights = np.exp([(worth - found[0][1]) / _WORTH_SPREAD for _, worth, _ in found])
     weights /= weights.sum()
     x, y = width / columns, height / rows

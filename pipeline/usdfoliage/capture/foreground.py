@@ -23,7 +23,7 @@ logger = logging.getLogger(__name__)
 
 _CLUSTERS = 24
 _WORTH_FOLIAGE = 0.15  # colours of foliage instead of walls and roads
-_WORTH_LIKENESS = float(__import__('os').environ.get('W2','0.3'))  # colours seen before the sky rather than beside the envelope
+_WORTH_LIKENESS = 0.12  # colours seen before the sky rather than beside the envelope
 _LOW_CONFIDENCE = 0.5
 
 
@@ -82,9 +82,9 @@ def propose_mask(
         raise FitError("no crown was found in the photograph, nearly all of it is sky; give its mask with --mask")
     clusters = _cluster(lab, texture, ~sky, cluster_seed)
     liking = _WORTH_FOLIAGE * _foliage(coarse, lab, texture, clusters)
-    candidates = fit_crown_envelopes(clusters, sky, liking, rng)
+    candidates = fit_crown_envelopes(clusters, sky, liking, 4, rng)
     liking += _WORTH_LIKENESS * _likeness(clusters, sky, candidates)
-    candidates = fit_crown_envelopes(clusters, sky, liking, rng)
+    candidates = fit_crown_envelopes(clusters, sky, liking, 8, rng)
     contrast = sum(candidate.weight * candidate.contrast for candidate in candidates)
     if contrast < settings.min_contrast:
         raise FitError(
@@ -235,7 +235,7 @@ def _one_crown(crown: NDArray[np.uint8]) -> NDArray[np.uint8]:
         raise FitError("no crown was found in the photograph; give its mask with --mask")
     largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     size_px = float(np.sqrt(stats[largest, cv2.CC_STAT_AREA]))
-    crown = _morph((labels == largest).astype(np.uint8), cv2.MORPH_CLOSE, max(1, round(0.016 * size_px)))
+    crown = _morph((labels == largest).astype(np.uint8), cv2.MORPH_CLOSE, max(1, round(0.025 * size_px)))
 
     _, labels, stats, _ = cv2.connectedComponentsWithStats(1 - crown, connectivity=4)
     is_hole = np.ones(len(stats), np.bool_)
@@ -279,10 +279,18 @@ def _draw_silhouette(
     labels[crown > 0] = cv2.GC_PR_FGD
     labels[cv2.erode(crown, _disc(band)) > 0] = cv2.GC_FGD
     labels[(labels == cv2.GC_PR_BGD) & (exposed > 0)] = cv2.GC_PR_FGD
-    if np.any(labels == cv2.GC_FGD) and np.any(labels <= cv2.GC_PR_BGD) and np.any(labels == cv2.GC_BGD):
+    rows, columns = (np.nonzero(np.any(labels != cv2.GC_BGD, axis=axis))[0] for axis in (1, 0))
+    top, left = (
+        max(0, rows[0] - 2 * band),
+        max(0, columns[0] - 2 * band),
+    )  # colours farther off would only blur the model
+    around = np.s_[top : rows[-1] + 2 * band + 1, left : columns[-1] + 2 * band + 1]
+    cut = labels[around].copy()
+    if np.any(cut == cv2.GC_FGD) and np.any(cut == cv2.GC_BGD):
         cv2.setRNGSeed(seed)
         models = np.zeros((1, 65)), np.zeros((1, 65))
-        cv2.grabCut(bgr, labels, None, *models, 3, cv2.GC_INIT_WITH_MASK)
+        cv2.grabCut(np.ascontiguousarray(bgr[around]), cut, None, *models, 2, cv2.GC_INIT_WITH_MASK)
+        labels[around] = cut
     drawn = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)).astype(np.uint8)
     return _one_crown(drawn)
 
@@ -314,5 +322,5 @@ def _assess(mask: NDArray[np.bool_], envelope: NDArray[np.bool_], contrast: floa
     doubts = [doubt for doubt, factor in factors.items() if factor < 0.8]
     if not doubts:
         return confidence, "the crown stands out clearly"
-    lead = "probably wrong" if confidence < _LOW_CONFIDENCE else "to be checked"
+    lead = "doubtful" if confidence < _LOW_CONFIDENCE else "to be checked"
     return confidence, f"{lead}: {'; '.join(doubts)}"
