@@ -343,7 +343,7 @@ def test_wrong_arguments_are_refused(tmp_path):
     with pytest.raises(ValueError, match="crown_mesh_size"):
         AssetSettings(crown_mesh_size=1)
     with pytest.raises(ValueError, match="folders"):
-        Provenance(capture="/home/me/oak.jpg", generator="", seed=0, input_sha256="")
+        Provenance(capture="photos/oak.jpg", generator="", seed=0, input_sha256="")
 
 
 @pytest.fixture
