@@ -10,7 +10,8 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.cubemap import face_directions
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, find_interpreter
+from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views
+from usdfoliage.jobs.recorder import find_interpreter
 
 pytestmark = pytest.mark.preview
 

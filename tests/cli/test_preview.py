@@ -11,7 +11,7 @@ import pytest
 from hydra_preview.preview_stages import write_square
 from usdfoliage.cli import preview
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.preview import find_interpreter
+from usdfoliage.jobs.recorder import find_interpreter
 
 
 @pytest.fixture

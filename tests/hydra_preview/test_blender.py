@@ -13,7 +13,8 @@ from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.cubemap import face_directions
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, find_interpreter
+from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views
+from usdfoliage.jobs.recorder import find_interpreter
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
 SEMI_AXES_M = np.array([1.5, 2.0, 1.0])

@@ -10,7 +10,8 @@ from hydra_preview.preview_stages import CUBE_COLORS, bind_surface, write_ball, 
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import encode_srgb
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, find_interpreter, finish_picture
+from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, finish_picture
+from usdfoliage.jobs.recorder import find_interpreter
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 MARGIN = 0.05

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs import preview
+from usdfoliage.jobs import preview, recorder
 from usdfoliage.jobs.preview import (
     PreviewSettings,
     PreviewView,
@@ -18,12 +18,11 @@ from usdfoliage.jobs.preview import (
     draw_views,
     encode_png,
     find_asset_file,
-    find_interpreter,
     finish_picture,
     render_turntable,
     render_views,
-    sort_complaints,
 )
+from usdfoliage.jobs.recorder import find_interpreter, sort_complaints
 
 
 def write_interpreter(path: Path, script: str) -> Path:
@@ -131,7 +130,7 @@ def test_what_is_no_asset_is_named(tmp_path):
 
 def test_a_missing_interpreter_says_how_to_get_one(tmp_path, monkeypatch):
     monkeypatch.delenv("USDFOLIAGE_HYDRA_PYTHON", raising=False)
-    monkeypatch.setattr(preview, "REPOSITORY", tmp_path)
+    monkeypatch.setattr(recorder, "REPOSITORY", tmp_path)
     with pytest.raises(PreviewError, match=r"run `make setup`, or set USDFOLIAGE_HYDRA_PYTHON"):
         find_interpreter()
     monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", str(tmp_path / "python"))
