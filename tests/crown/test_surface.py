@@ -22,7 +22,7 @@ def test_a_circle_with_the_sphere_tangent_meets_the_closed_form():
     assert points[:, 2] == pytest.approx(1 - rho**2, abs=0.025)
 
 
-@pytest.mark.parametrize("size_px", [150, 300])
+@pytest.mark.parametrize("size_px", [64, 150, 300])
 def test_a_disc_becomes_a_ball_by_the_automatic_tangent(size_px):
     mask = disc_mask(0.42 * size_px, size_px=size_px)
 

@@ -251,7 +251,7 @@ def _fit_tangent(
     half = np.interp(row, met, ((last - first + 1) / 2)[met])
     middle = np.interp(row, met, ((first + last) / 2)[met]) + low[0]
     depth = np.sqrt(np.maximum(half**2 - (points[:, 0] - middle) ** 2, 0))
-    weight = depth / half  # an error of z counts as far as it is one of the radius
+    weight = (depth / half) ** 2  # near the rim an error of z is hardly one of the radius
     # A mild pull to neighbours, for nodes that hardly any vertex depends on.
     count = heights.shape[1]
     pull = 0.05 * np.sqrt(np.mean(heights.sum(axis=1) ** 2) * len(points))
@@ -275,7 +275,8 @@ def _depth_share(silhouette: StarSilhouette, settings: SurfaceSettings) -> float
     radius = silhouette.radius_px
     mean = gaussian_filter1d(radius, 8 / 360 * len(radius), mode="wrap")
     roughness = float(np.std(radius / mean))
-    excess = np.clip(8 * (roughness - 0.005), 0, settings.outline_excess)
+    stairs = 0.5 / float(np.median(radius))  # half a pixel says nothing of the crown
+    excess = np.clip(8 * (roughness - stairs - 0.002), 0, settings.outline_excess)
     width, height = np.ptp(silhouette.curve_px(), axis=0)
     return float((1 - excess) * np.sqrt(min(1, height / width)))
 
