@@ -35,7 +35,8 @@ class CleanMaskSettings:
 class CleanMask:
     """One crown."""
 
-    mask: NDArray[np.bool_]  # (H, W), one 8-connected component
+    mask: NDArray[np.bool_]  # (H, W), one 8-connected component, holes filled: what the silhouette is of
+    foliage: NDArray[np.bool_]  # (H, W), the same without what was filled: where the picture shows the plant
     notes: tuple[str, ...]  # what was changed or is doubtful, in sentences for the report
 
 
@@ -105,6 +106,7 @@ def clean_mask(mask: NDArray[np.bool_], settings: CleanMaskSettings = CleanMaskS
             f"use a larger photograph, or correct the mask"
         )
 
+    foliage = crown
     crown, filled, filled_px, left = _fill_holes(crown, settings.fill_holes_up_to * area)
     if filled:
         notes.append(f"{_counted(filled, 'hole')} filled, {filled_px / area:.1%} of the area")
@@ -115,7 +117,7 @@ def clean_mask(mask: NDArray[np.bool_], settings: CleanMaskSettings = CleanMaskS
     touched = [name for name, pixels in borders.items() if pixels.any()]
     if touched:
         notes.append(f"the mask touches the image border ({', '.join(touched)}): the crown is cut there")
-    return CleanMask(mask=crown, notes=tuple(notes))
+    return CleanMask(mask=crown, foliage=foliage, notes=tuple(notes))
 
 
 def _threshold(raster: Raster) -> tuple[NDArray[np.bool_], float]:

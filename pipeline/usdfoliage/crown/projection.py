@@ -14,6 +14,9 @@ from scipy.ndimage import distance_transform_edt
 from usdfoliage.geometry.cubemap import face_directions
 
 
+MENDED_TEXELS = 3.0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Exemplar:
     """The masked photograph, resampled so that one pixel is one texel in the middle of the front face."""
@@ -24,30 +27,43 @@ class Exemplar:
     corner_px: NDArray[np.float64]  # (2,), x and y of the exemplar's upper left corner in the photograph
 
 
-def make_exemplar(color: NDArray[np.floating], mask: NDArray[np.bool_], texel_px: float) -> Exemplar:
+def make_exemplar(
+    color: NDArray[np.floating],
+    mask: NDArray[np.bool_],
+    texel_px: float,
+    foliage: NDArray[np.bool_] | None = None,
+) -> Exemplar:
     """Cut out the crown and resample it to texels of texel_px pixels.
+
+    Sky that shows through gaps, and the light of it at the silhouette, give way to the nearest foliage.
 
     Args:
         color: (H, W, 3), linear Rec.709.
-        mask: (H, W), True inside the crown.
+        mask: (H, W), True inside the crown's silhouette.
         texel_px: size of a texel in pixels.
+        foliage: (H, W), True where the picture shows foliage; None: wherever mask is.
     """
     rows, columns = np.nonzero(mask)
     margin = int(np.ceil(2 * texel_px)) + 1
     top, left = max(rows.min() - margin, 0), max(columns.min() - margin, 0)
     bottom, right = min(rows.max() + 1 + margin, mask.shape[0]), min(columns.max() + 1 + margin, mask.shape[1])
     inside = mask[top:bottom, left:right]
+    leaves = inside if foliage is None else foliage[top:bottom, left:right] & inside
     # The outermost pixels hold light of the sky behind; colours there come from the nearest pixel farther in.
-    pure = cv2.erode(inside.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
+    pure = cv2.erode(leaves.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
     if not pure.any():
-        pure = inside
-    nearest = distance_transform_edt(~pure, return_distances=False, return_indices=True)
+        pure = leaves
+    distance, nearest = distance_transform_edt(~pure, return_indices=True)
     filled = np.asarray(color[top:bottom, left:right], dtype=np.float32)[tuple(nearest)]
     height = max(round((bottom - top) / texel_px), 4)
     width = max(round((right - left) / texel_px), 4)
     method = cv2.INTER_AREA if texel_px > 1 else cv2.INTER_CUBIC
     small = cv2.resize(filled, (width, height), interpolation=method)
-    share = cv2.resize(pure.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+    # A gap of a few texels is mended well enough to be copied from, a window in the crown is not.
+    copied = (cv2.erode(inside.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0) & (
+        distance <= MENDED_TEXELS * max(texel_px, 1.0)
+    )
+    share = cv2.resize(copied.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
     return Exemplar(
         color=np.maximum(small, 0),
         mask=share > 0.99,

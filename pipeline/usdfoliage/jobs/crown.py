@@ -16,6 +16,7 @@ from usdfoliage.crown.radius import RadiusSettings, front_outline, render_radius
 from usdfoliage.crown.relief import ReliefSettings, displace_radius, fit_relief
 from usdfoliage.crown.silhouette import SilhouetteSettings, StarSilhouette, fit_star_silhouette
 from usdfoliage.crown.surface import SurfaceSettings, inflate_silhouette
+from usdfoliage.crown.texture import TextureSettings
 from usdfoliage.geometry.cubemap import FACES, face_directions, sample_cubemap, share_borders
 
 # Says which step runs and how far it is, in [0, 1].
@@ -25,6 +26,7 @@ STEPS = ("silhouette", "base surface", "radius", "photograph", "texture", "relie
 
 
 MIN_SIZE = 32  # texels a side; in fewer no patch of foliage can be told from another
+MAX_SIZE = 4096  # a map of it has 100 million texels
 EXPECTED_RELIEF_SIZE = 96  # texels a side are enough to know where the photograph will come to lie
 
 
@@ -43,13 +45,15 @@ class CrownSettings:
     grid: int | None = None  # cells of the base surface; None: from size
 
     def __post_init__(self) -> None:
-        if self.size < MIN_SIZE:
-            raise ValueError(f"the size must be at least {MIN_SIZE} texels, not {self.size}")
+        if not MIN_SIZE <= self.size <= MAX_SIZE:
+            raise ValueError(f"the size must be from {MIN_SIZE} to {MAX_SIZE} texels, not {self.size}")
+        if self.threads < 0:
+            raise ValueError(f"threads must be 0, for all cores, or more, not {self.threads}")
         if not (np.isfinite(self.height_m) and self.height_m > 0):
             raise ValueError(f"the height must be a positive number of metres, not {self.height_m}")
         if self.seed < 0:
             raise ValueError(f"the seed must be 0 or positive, not {self.seed}")
-        for checked in (self.radius_settings, self.surface_settings, self.relief_settings):
+        for checked in (self.radius_settings, self.surface_settings, self.color_map_settings, self.relief_settings):
             assert checked is not None  # each checks its own values when it is made
 
     @property
@@ -60,6 +64,10 @@ class CrownSettings:
     def surface_settings(self) -> SurfaceSettings:
         # Finer than the cubemap the surface is not seen, and the thin plate is smooth: its detail is its silhouette.
         return SurfaceSettings(grid=self.grid or min(max(self.size, 128), 320), tangent=self.tangent)
+
+    @property
+    def color_map_settings(self) -> ColorMapSettings:
+        return ColorMapSettings(texture=TextureSettings(threads=self.threads))
 
     @property
     def relief_settings(self) -> ReliefSettings:
@@ -88,6 +96,7 @@ def reconstruct_crown(
     settings: CrownSettings = CrownSettings(),
     tangent_map: NDArray[np.floating] | None = None,
     progress: StepProgress | None = None,
+    foliage: NDArray[np.bool_] | None = None,
 ) -> tuple[CrownModel, CrownMeasures]:
     """Reconstruct a crown from one photograph.
 
@@ -97,6 +106,7 @@ def reconstruct_crown(
         settings: What to make.
         tangent_map: see inflate_silhouette.
         progress: Told of each step.
+        foliage: (H, W), where the picture shows foliage and not sky through a gap; None: wherever mask is.
 
     Raises:
         FitError: The mask does not determine a crown, or its foliage is too small a sample for the texture.
@@ -129,7 +139,7 @@ def reconstruct_crown(
     with step("photograph"):
         # A texel in the middle of a face is 2/(N − 1) of the radius wide.
         texel_px = float(np.median(base_px[FACES.index("+Z")])) * 2 / (settings.size - 1)
-        exemplar = make_exemplar(color, mask, texel_px)
+        exemplar = make_exemplar(color, mask, texel_px, foliage)
         seen, weight = project_photo(exemplar, base_px, silhouette.center_px)
         # Relief moves what a texel shows: find the relief of the front first and project onto that.
         reduced = sample_cubemap(seen, face_directions(min(settings.size, EXPECTED_RELIEF_SIZE)))
@@ -137,9 +147,9 @@ def reconstruct_crown(
         expected = displace_radius(base_px, expected_height, settings.relief)
         seen, _ = project_photo(exemplar, within_outline(expected, outline), silhouette.center_px)
     with step("texture") as report:
-        target = measure_color_statistics(color, mask)
+        target = measure_color_statistics(color, mask if foliage is None else foliage)
         cubemap = build_color_map(
-            exemplar.color, exemplar.mask, seen, weight, target, rng, ColorMapSettings(), progress=report
+            exemplar.color, exemplar.mask, seen, weight, target, rng, settings.color_map_settings, progress=report
         )
     with step("relief"):
         height = fit_relief(cubemap, settings.relief_settings)

@@ -105,6 +105,7 @@ class CrownInput:
 
     photo: Photo
     mask: NDArray[np.bool_]
+    foliage: NDArray[np.bool_]
     proposed: bool
     notes: tuple[str, ...]
 
@@ -119,6 +120,9 @@ def read_crown_input(request: CrownRequest) -> CrownInput:
     notes: tuple[str, ...] = ()
     if request.mask is not None:
         given = read_mask(request.mask, photo.linear.shape, photo.orientation)
+    elif photo.alpha is not None:
+        given = photo.alpha >= 0.5
+        notes = ("the mask is the photograph's alpha channel",)
     else:
         proposal = propose_mask(photo.linear, seed=request.settings.seed)
         given = proposal.mask
@@ -127,7 +131,8 @@ def read_crown_input(request: CrownRequest) -> CrownInput:
         crown: CleanMask = clean_mask(given)
     except FoliageError as error:
         raise type(error)(f"{error} ({request.mask or request.photo})") from error
-    return CrownInput(photo=photo, mask=crown.mask, proposed=request.mask is None, notes=notes + crown.notes)
+    proposed = request.mask is None and photo.alpha is None
+    return CrownInput(photo=photo, mask=crown.mask, foliage=crown.foliage, proposed=proposed, notes=notes + crown.notes)
 
 
 def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None) -> MadeCrown:
@@ -139,7 +144,7 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
     with publish_folder(request.output, force=request.force) as folder:
         given = read_crown_input(request)
         model, measures = reconstruct_crown(
-            given.photo.linear, given.mask, request.settings, request.tangent_map, progress
+            given.photo.linear, given.mask, request.settings, request.tangent_map, progress, given.foliage
         )
         provenance = Provenance(
             species=request.species,
@@ -156,7 +161,6 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
             _write_mask(folder / proposal.name, given.mask)
             _check_not_edited(proposal, folder / proposal.name, request.force)
             notes.append(f"the proposed mask is {proposal}; correct it and give it with --mask")
-        _keep_inputs(request, folder)
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
         seconds = dict(measures.seconds)
@@ -173,6 +177,7 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
             seconds=seconds,
         )
         write_crown_report(report_folder, report, model, measures, given.photo.linear, given.mask)
+        _keep_mask(request, folder)
     return MadeCrown(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
@@ -204,11 +209,11 @@ def describe_settings(request: CrownRequest) -> dict[str, str]:
     return {
         "size": str(settings.size),
         "height": f"{settings.height_m:g}",
-        "tangent": request.tangent,
+        "tangent": request.tangent if request.tangent_map is None else Path(request.tangent).name,
         "relief": f"{settings.relief:g}",
         "pyramid": "laplacian" if settings.band_pass else "gaussian",
         "copies": str(settings.copies),
-        "mesh-size": str(request.asset_settings.crown_mesh_size),
+        "mesh-size": str(min(request.asset_settings.crown_mesh_size, settings.size)),
         "mask": request.mask.name if request.mask else "proposed",
         "color-space": request.color_space or "as the file says",
         "seed": str(settings.seed),
@@ -247,14 +252,13 @@ def _check_not_edited(old: Path, new: Path, force: bool) -> None:
         )
 
 
-def _keep_inputs(request: CrownRequest, folder: Path) -> None:
-    """Photograph and mask that lie in the folder that is replaced come along, as a corrected proposal does."""
-    old = request.output.resolve()
-    for path in (request.photo, request.mask):
-        if path is not None and path.resolve().is_relative_to(old):
-            kept = folder / path.resolve().relative_to(old)
+def _keep_mask(request: CrownRequest, folder: Path) -> None:
+    """A mask that lies in the folder that is replaced, as a corrected proposal does, comes along."""
+    if request.mask is not None and request.mask.resolve().is_relative_to(request.output.resolve()):
+        kept = folder / request.mask.resolve().relative_to(request.output.resolve())
+        if not kept.exists():  # else it is one that every run writes anew
             kept.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, kept)
+            shutil.copyfile(request.mask, kept)
 
 
 def _fingerprint(request: CrownRequest) -> str:
@@ -262,4 +266,6 @@ def _fingerprint(request: CrownRequest) -> str:
     for path in (request.photo, request.mask):
         if path is not None:
             digest.update(hashlib.sha256(path.read_bytes()).digest())
+    if request.tangent_map is not None:
+        digest.update(request.tangent_map.tobytes())
     return digest.hexdigest()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.raster import read_raster
 from usdfoliage.errors import CaptureError, FoliageError
 
+FLATTEST, STEEPEST = 0.1, 10.0  # 2 makes a ball; beyond these a crown is a sheet or a needle
 FORMULA_SIZE = 256  # samples of a formula over the crown's bounds, each way
 
 _BINARY: dict[type[ast.operator], Callable[..., NDArray[np.float64]]] = {
@@ -21,14 +22,14 @@ _BINARY: dict[type[ast.operator], Callable[..., NDArray[np.float64]]] = {
     ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }
-_FUNCTIONS: dict[str, Callable[..., NDArray[np.float64]]] = {
-    "abs": np.abs,
-    "cos": np.cos,
-    "exp": np.exp,
-    "max": np.maximum,
-    "min": np.minimum,
-    "sin": np.sin,
-    "sqrt": np.sqrt,
+_FUNCTIONS: dict[str, tuple[int, Callable[..., NDArray[np.float64]]]] = {  # number of arguments, function
+    "abs": (1, np.abs),
+    "cos": (1, np.cos),
+    "exp": (1, np.exp),
+    "max": (2, np.maximum),
+    "min": (2, np.minimum),
+    "sin": (1, np.sin),
+    "sqrt": (1, np.sqrt),
 }
 
 
@@ -44,7 +45,7 @@ def read_tangent(text: str) -> float | NDArray[np.float64] | None:
         None for "auto", a number, or a map (h, w).
 
     Raises:
-        FoliageError: It is none of these, or k is not positive and finite everywhere.
+        FoliageError: It is none of these, or k is not from FLATTEST to STEEPEST everywhere.
     """
     if text == "auto":
         return None
@@ -69,8 +70,8 @@ def read_tangent(text: str) -> float | NDArray[np.float64] | None:
 
 
 def _positive_number(value: float, text: str) -> float:
-    if not (math.isfinite(value) and value > 0):
-        raise FoliageError(f"the tangent must be a positive number, not {text}")
+    if not FLATTEST <= value <= STEEPEST:  # NaN is not either
+        raise FoliageError(f"the tangent must be a positive number from {FLATTEST:g} to {STEEPEST:g}, not {text}")
     return value
 
 
@@ -83,12 +84,12 @@ def _read_map(path: Path) -> NDArray[np.float64]:
 
 
 def _check(tangent: NDArray[np.float64], what: str) -> NDArray[np.float64]:
-    wrong = ~(np.isfinite(tangent) & (tangent > 0))
+    wrong = ~((tangent >= FLATTEST) & (tangent <= STEEPEST))
     if wrong.any():
         row, column = np.argwhere(wrong)[0]
         raise FoliageError(
-            f"{what} must be positive and finite everywhere; at column {column}, row {row} of {tangent.shape[1]}×"
-            f"{tangent.shape[0]} it is {tangent[row, column]:g}"
+            f"{what} must be from {FLATTEST:g} to {STEEPEST:g} everywhere; at i = {(column + 0.5) / tangent.shape[1]:.3f}, "
+            f"j = {(row + 0.5) / tangent.shape[0]:.3f} it is {tangent[row, column]:g}"
         )
     return np.ascontiguousarray(tangent)
 
@@ -107,5 +108,8 @@ def _evaluate(node: ast.expr, names: dict[str, NDArray[np.float64] | np.float64]
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             return _BINARY[type(op)](_evaluate(left, names), _evaluate(right, names))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
-            return _FUNCTIONS[name](*(_evaluate(argument, names) for argument in arguments))
+            count, function = _FUNCTIONS[name]
+            if len(arguments) != count:
+                raise ValueError(f"{name} takes {count}, not {len(arguments)}")
+            return function(*(_evaluate(argument, names) for argument in arguments))
     raise ValueError(f"{ast.unparse(node)} is not allowed")
