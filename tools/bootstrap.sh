@@ -41,8 +41,10 @@ preview_python() {
 }
 
 install_packages() {
-  local wanted=("${PACKAGES[@]}") missing=() package python
-  for python in "$(product_python)" "$(preview_python)"; do
+  local wanted=("${PACKAGES[@]}") missing=() package python pythons
+  pythons=$(product_python)
+  if [ -z "${USDFOLIAGE_HYDRA_PYTHON:-}" ]; then pythons="$pythons $(preview_python)"; fi
+  for python in $pythons; do
     case "$(readlink -f "$python")" in
       /usr/bin/python3.*) # Debian splits headers and venv off the interpreter
         package=$(basename "$(readlink -f "$python")")
@@ -50,8 +52,8 @@ install_packages() {
     esac
   done
   if ! command -v dpkg-query >/dev/null 2>&1 || ! command -v apt-get >/dev/null 2>&1; then
-    if [ -e .venv/packages-checked ]; then return; fi
-    say "this machine has no apt; install what these Debian packages hold, then: touch .venv/packages-checked"
+    if [ -n "${USDFOLIAGE_PACKAGES_CHECKED:-}" ]; then return; fi
+    say "this machine has no apt; install what these Debian packages hold, then set USDFOLIAGE_PACKAGES_CHECKED=1"
     fail "packages needed: ${wanted[*]}"
   fi
   for package in "${wanted[@]}"; do

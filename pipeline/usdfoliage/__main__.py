@@ -1,6 +1,7 @@
 """The command line of usdfoliage: ``usdfoliage COMMAND …`` or ``python -m usdfoliage COMMAND …``."""
 
 import argparse
+import errno
 import importlib
 import logging
 import os
@@ -38,6 +39,9 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 good, 2 bad input, 3 a finding of validate, 1 an internal fault."""
+    # A daemon may have closed them, and printing must not fail then.
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: PTH123, SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: PTH123, SIM115
     options = build_parser().parse_args(arguments)
     logging.basicConfig(
         level=logging.INFO if options.verbose else logging.WARNING,
@@ -45,7 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         stream=sys.stderr,
     )
     try:
-        return int(options.run(options) or 0)
+        code = int(options.run(options) or 0)
+        sys.stdout.flush()
+        return code
     except FoliageError as error:
         if options.debug:
             raise
@@ -55,16 +61,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("error: interrupted; nothing was written", file=sys.stderr)
         return 130
     except BrokenPipeError:  # the reader of stdout left, as with `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_stdout()
         return 0
     except Exception as error:  # the last resort of the command line
         if options.debug:
             raise
+        if isinstance(error, OSError) and error.filename is None and error.errno in (errno.ENOSPC, errno.EIO):
+            _discard_stdout()
+            print(
+                f"error: the result could not be printed: {error.strerror}; redirect stdout elsewhere", file=sys.stderr
+            )
+            return 1
         print(
             f"error: internal fault: {type(error).__name__}: {error}; run again with --debug and report it",
             file=sys.stderr,
         )
         return 1
+
+
+def _discard_stdout() -> None:
+    """Let what stdout still holds go nowhere, so that Python does not fail again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -58,7 +58,9 @@ def any_file_system(request, monkeypatch):
 
 @pytest.mark.usefixtures("any_file_system")
 def test_new_replaces_old(out):
-    (out / "maps" / "only_in_old.txt").touch()
+    with publish_folder(out) as folder:
+        write_asset(folder, "old")
+        (folder / "maps" / "only_in_old.txt").touch()
     with publish_folder(out) as folder:
         assert folder.parent == out.parent
         assert not list(folder.iterdir())

@@ -281,3 +281,101 @@ def test_paths_with_dots_and_other_folders(capture, tmp_path, monkeypatch):
     assert main(["crown", "../oak.png", "--mask", "../here/../mask.png", "-o", "../there/./5 oaks", *SMALL]) == 0
 
     assert (tmp_path / "there" / "5 oaks" / "_5_oaks.usda").exists()
+
+
+def test_files_that_are_not_the_assets_are_not_lost(capture, tmp_path, capsys):
+    out = tmp_path / "oak"
+    arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "-o", str(out), *SMALL]
+    assert main(arguments) == 0
+    (out / "work").mkdir()
+    (out / "work" / "notes.txt").write_text("years of work")
+    before = files(out)
+    capsys.readouterr()
+
+    assert "work/notes.txt" in refused(capsys, *arguments[1:])
+
+    assert files(out) == before
+    assert main([*arguments, "--force"]) == 0
+    assert not (out / "work").exists()
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.3, 0.5, 0.8, 1.2])
+def test_an_interrupt_at_any_moment_ends_the_run_and_leaves_the_old_asset(capture, tmp_path, after_s):
+    out = tmp_path / "oak"
+    arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "-o", str(out), "--no-preview"]
+    assert main([*arguments, "--size", "32"]) == 0
+    before = files(out)
+
+    command = [sys.executable, "-m", "usdfoliage", *arguments, "--size", "256"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    time.sleep(after_s)
+    process.send_signal(signal.SIGINT)
+    _, complaint = process.communicate(timeout=60)
+
+    assert process.returncode in (130, -signal.SIGINT)
+    assert "Traceback" not in complaint or after_s == 0.1  # Python itself may still be starting
+    assert files(out) == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["oak"]
+
+
+def test_a_farm_that_ends_the_job_leaves_nothing_behind(capture, tmp_path):
+    arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "-o", str(tmp_path / "oak")]
+    command = [sys.executable, "-m", "usdfoliage", *arguments, "--size", "512", "--no-preview"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    while process.poll() is None and not any(tmp_path.glob(".oak.*-new")):
+        time.sleep(0.05)
+    process.terminate()
+    _, complaint = process.communicate(timeout=60)
+
+    assert process.returncode == 130
+    assert "interrupted" in complaint
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_stdout_is_said_and_the_asset_made(capture, tmp_path):
+    if not Path("/dev/full").exists():
+        pytest.skip("this system has no /dev/full")
+    arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "-o", str(tmp_path / "oak")]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "usdfoliage", *arguments, *SMALL],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+
+    assert done.returncode == 1
+    assert (
+        done.stderr.strip()
+        == "error: the result could not be printed: No space left on device; redirect stdout elsewhere"
+    )
+    assert (tmp_path / "oak" / "oak.usda").exists()
+
+
+def test_closed_streams_do_no_harm(capture, tmp_path):
+    arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "-o", str(tmp_path / "oak")]
+    words = " ".join(f"'{word}'" for word in [sys.executable, "-m", "usdfoliage", *arguments, *SMALL])
+    assert subprocess.run(["sh", "-c", f"{words} >&- 2>&-"], check=False).returncode == 0
+    assert (tmp_path / "oak" / "oak.usda").exists()
+
+
+def test_a_cut_out_photograph_is_its_own_mask(capture, tmp_path, capsys):
+    photo, mask = (cv2.imread(str(capture / name)) for name in ("oak.png", "mask.png"))
+    cv2.imwrite(str(tmp_path / "cut out.png"), np.dstack([photo, mask[..., 0]]))
+
+    assert main(["crown", str(tmp_path / "cut out.png"), "-o", str(tmp_path / "oak"), *SMALL]) == 0
+
+    assert "the mask is the photograph's alpha channel" in capsys.readouterr().out
+    assert not list((tmp_path / "oak").glob("*_mask_proposal.png"))
+
+
+def test_the_asset_names_no_folder_of_this_machine(capture, tmp_path):
+    cv2.imwrite(str(tmp_path / "tangent map.png"), np.full((20, 20), 128, np.uint8))
+    out = tmp_path / "oak"
+    arguments = ["--mask", str(capture / "mask.png"), "--tangent", str(tmp_path / "tangent map.png"), "-o", str(out)]
+    assert main(["crown", str(capture / "oak.png"), *arguments, *SMALL]) == 0
+
+    for name, data in files(out).items():
+        assert str(tmp_path).encode() not in data, name
+        assert str(capture).encode() not in data, name

@@ -122,3 +122,21 @@ def test_a_real_crown_keeps_silhouette_colours_and_seams(name):
     texels, pixels = model.color.reshape(-1, 3), photo.linear[mask]
     assert texels.mean(axis=0) == pytest.approx(pixels.mean(axis=0), rel=0.03)
     assert texels.std(axis=0) == pytest.approx(pixels.std(axis=0), rel=0.10)
+
+
+def test_sky_in_gaps_is_no_colour_of_the_crown():
+    rng = np.random.default_rng(3)
+    crown = disc_mask(110)
+    gaps = np.zeros_like(crown)
+    for row, column in rng.integers(60, 240, (150, 2)):
+        gaps[row : row + 4, column : column + 4] = True
+    leaves = crown & ~gaps
+    photo = foliage((300, 300))
+    photo[~leaves] = [0.6, 0.7, 1.0]  # sky
+
+    model, _ = reconstruct_crown(photo, crown, CrownSettings(size=96), foliage=leaves)
+
+    texels, pixels = model.color.reshape(-1, 3), photo[leaves]
+    assert texels.mean(axis=0) == pytest.approx(pixels.mean(axis=0), rel=0.03)
+    assert texels.std(axis=0) == pytest.approx(pixels.std(axis=0), rel=0.10)
+    assert np.mean(texels[:, 2] > 0.5) < 0.002

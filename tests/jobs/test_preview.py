@@ -131,6 +131,9 @@ def test_what_is_no_asset_is_named(tmp_path):
 def test_a_missing_interpreter_says_how_to_get_one(tmp_path, monkeypatch):
     monkeypatch.delenv("USDFOLIAGE_HYDRA_PYTHON", raising=False)
     monkeypatch.setattr(recorder, "REPOSITORY", tmp_path)
+    with pytest.raises(PreviewError, match=r"pip install bpy.*, or set USDFOLIAGE_HYDRA_PYTHON"):
+        find_interpreter()
+    (tmp_path / "Makefile").touch()
     with pytest.raises(PreviewError, match=r"run `make setup`, or set USDFOLIAGE_HYDRA_PYTHON"):
         find_interpreter()
     monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", str(tmp_path / "python"))

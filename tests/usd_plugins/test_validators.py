@@ -621,6 +621,12 @@ def _color_map(path: str) -> Callable[[Path], None]:
     return _edit_payload(change)
 
 
+def _junk_shader(stage: Usd.Stage) -> None:
+    Path(stage.GetRootLayer().realPath).with_name("junk.glslfx").write_text("junk")
+    crown = stage.GetPrimAtPath("/oak/geo/proxy/Crown")
+    crown.CreateAttribute("info:glslfx:sourceAsset", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath("./junk.glslfx"))
+
+
 def _wrong_variant(plant: Usd.Prim) -> None:
     plant.GetVariantSets().AddVariantSet("lod").AddVariant("crown")
     plant.GetVariantSets().SetSelection("lod", "leaves")
@@ -655,6 +661,7 @@ ASSET = [
     ("AssetPaths", "PathNotRelative", "/oak", _color_map("C:/maps/color.exr")),
     ("AssetPaths", "PathOutside", "/oak", _color_map("../../color.exr")),
     ("AssetPaths", "PathSearched", "/oak", _color_map("maps/color.exr")),
+    ("AssetPaths", "ShaderSource", "/oak", _edit_payload(_junk_shader)),
     (
         "AssetBounds",
         "ExtentsHintMissing",

@@ -80,6 +80,9 @@ def check_asset_paths(stage: Usd.Stage, _time: object) -> Findings:
         elif folder is not None and not _is_inside(layer, path, folder):
             text = f"{place} names {path}, outside the asset's folder; copy the file into the folder and name that"
             findings.append(error(plant, "PathOutside", text))
+        elif path.endswith(".glslfx") and not _is_glslfx(layer, path):
+            text = f"{place} names {path}, which is no glslfx with a surfaceShader; write the asset again"
+            findings.append(error(plant, "ShaderSource", text))
         elif not path.startswith(("./", "../")):
             text = f"{place} names {path}, which is looked for on the search path too; write ./{path}"
             findings.append(warning(plant, "PathSearched", text))
@@ -181,6 +184,15 @@ def _is_inside(layer: Sdf.Layer, path: str, folder: Path) -> bool:
     if not layer.realPath or Path(path).is_absolute():
         return False
     return (Path(layer.realPath).parent / path).resolve().is_relative_to(folder.resolve())
+
+
+def _is_glslfx(layer: Sdf.Layer, path: str) -> bool:
+    """Whether a glslfx source begins like one and names a surface shader; a missing file is another rule's."""
+    file = Path(layer.realPath).parent / path
+    if not layer.realPath or not file.is_file():
+        return True
+    text = file.read_text(encoding="utf-8", errors="replace")
+    return text.startswith("-- glslfx") and '"surfaceShader"' in text
 
 
 def _span(bounds: Gf.Range3d) -> str:

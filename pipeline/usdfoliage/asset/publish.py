@@ -23,8 +23,9 @@ import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from pxr import Sdf, Tf
+from pxr import Sdf, Tf, Vt
 
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
 from usdfoliage.errors import AssetError
@@ -33,6 +34,7 @@ logger = logging.getLogger(__name__)
 
 _LOCK, _NEW, _OLD = "usdfoliage-lock", "usdfoliage-new", "usdfoliage-old"
 _USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+_FILES = "files"  # of an asset's record: what was written
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 # What renameat2 says where the kernel or the file system does not know it.
@@ -66,6 +68,7 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
             _recover(target)
             _check_replaceable(out, target, force)
             yield new
+            _record_files(new)
             _flush(new)
             if target.exists():
                 shutil.copymode(target, new)
@@ -87,14 +90,55 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
 
 def is_asset_folder(folder: Path) -> bool:
     """Whether exactly one USD file stands at the top of folder and usdfoliage wrote it."""
+    return _read_record(folder) is not None
+
+
+def foreign_files(folder: Path) -> list[str]:
+    """Files in an asset's folder that usdfoliage did not write, by their path from there, sorted."""
+    record = _read_record(folder)
+    ours = set(record.get(_FILES, ())) if record else set()
+    return [name for name in _list_files(folder) if name not in ours] if ours else []
+
+
+def _interface(folder: Path) -> Path | None:
+    """The one USD file at the top of folder."""
     layers = [path for path in folder.iterdir() if path.suffix.lower() in _USD_SUFFIXES]
-    if len(layers) != 1 or not layers[0].is_file():
-        return False
+    return layers[0] if len(layers) == 1 and layers[0].is_file() else None
+
+
+def _read_record(folder: Path) -> dict[str, Any] | None:
+    """What usdfoliage wrote into the interface layer of itself; None where it is no asset of ours."""
+    interface = _interface(folder)
+    if interface is None:
+        return None
     try:
-        layer = Sdf.Layer.OpenAsAnonymous(str(layers[0]), metadataOnly=True)
+        layer = Sdf.Layer.OpenAsAnonymous(str(interface), metadataOnly=True)
     except Tf.ErrorException:
-        return False
-    return layer is not None and CUSTOM_DATA_KEY in layer.customLayerData
+        return None
+    return layer.customLayerData.get(CUSTOM_DATA_KEY) if layer is not None else None
+
+
+def _list_files(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir())
+
+
+def _record_files(folder: Path) -> None:
+    """Note in the interface layer which files are ours, so that a later run does not take others with them."""
+    record = _read_record(folder)
+    interface = _interface(folder)
+    if record is None or interface is None:
+        return
+    layer = Sdf.Layer.OpenAsAnonymous(str(interface))
+    layer.customLayerData = {
+        **layer.customLayerData,
+        CUSTOM_DATA_KEY: {**record, _FILES: Vt.StringArray(_list_files(folder))},
+    }
+    try:
+        written = layer.Export(str(interface))
+    except Tf.ErrorException as error:
+        raise AssetError(f"{interface.name} cannot be written: {error}") from error
+    if not written:
+        raise AssetError(f"{interface.name} cannot be written")
 
 
 def _resolve(out: Path) -> Path:
@@ -127,7 +171,16 @@ def _check_replaceable(out: Path, target: Path, force: bool) -> None:
         return
     if not target.is_dir():
         raise AssetError(f"{out} is a file; name a folder for the asset")
-    if not any(target.iterdir()) or is_asset_folder(target):
+    if not any(target.iterdir()):
+        return
+    if is_asset_folder(target):
+        foreign = [] if force else foreign_files(target)
+        if foreign:
+            more = f" and {len(foreign) - 3} more" if len(foreign) > 3 else ""
+            raise AssetError(
+                f"{out} holds files that are not the asset's: {', '.join(foreign[:3])}{more}; "
+                "move them elsewhere, or use --force to lose them"
+            )
         return
     if not force:
         raise AssetError(

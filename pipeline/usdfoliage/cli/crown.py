@@ -43,9 +43,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.jobs.crown_asset import CrownRequest, make_crown_asset, plan_crown_asset
 
+    handle_interrupts()
     request = CrownRequest.from_options(options)
     if options.dry_run:
         print(plan_crown_asset(request))

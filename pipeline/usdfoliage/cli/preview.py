@@ -50,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from tqdm import tqdm
 
+    from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.errors import PreviewError
     from usdfoliage.jobs.preview import (
         PreviewSettings,
@@ -59,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
         render_views,
     )
 
+    handle_interrupts()
     if options.output.suffix.lower() != ".png":
         raise PreviewError(f"the picture is a PNG, so its name must end in .png ({options.output})")
     if options.turntable is not None and options.camera is not None:

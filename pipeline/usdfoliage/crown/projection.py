@@ -13,7 +13,6 @@ from scipy.ndimage import distance_transform_edt
 
 from usdfoliage.geometry.cubemap import face_directions
 
-
 MENDED_TEXELS = 3.0
 
 

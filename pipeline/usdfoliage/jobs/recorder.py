@@ -55,8 +55,9 @@ def find_interpreter() -> Path:
         return python
     python = REPOSITORY / ".venv-preview" / "bin" / "python"
     if not os.access(python, os.X_OK):
+        how = "run `make setup`" if (REPOSITORY / "Makefile").is_file() else "pip install bpy==5.0.1 into a Python 3.11"
         raise PreviewError(
-            f"the preview interpreter is missing ({python}); run `make setup`, "
+            f"the preview interpreter is missing ({python}); {how}, "
             f"or set {INTERPRETER_VARIABLE} to a Python whose USD has imaging"
         )
     return python
@@ -204,4 +205,7 @@ def _describe_crash(code: int, complaints: str, python: Path) -> str:
         ended = f"ended with code {code}"
     lines = [line.strip() for line in complaints.splitlines() if line.strip()]
     last = f"; its last words: {lines[-1]}" if lines else ""
-    return f"the preview interpreter {ended} without a result{last} ({python})"
+    return (
+        f"the preview interpreter {ended} without a result{last} ({python}); "
+        f"try another in {INTERPRETER_VARIABLE}, or `make setup`"
+    )

@@ -87,9 +87,10 @@ def _check(tangent: NDArray[np.float64], what: str) -> NDArray[np.float64]:
     wrong = ~((tangent >= FLATTEST) & (tangent <= STEEPEST))
     if wrong.any():
         row, column = np.argwhere(wrong)[0]
+        i, j = (column + 0.5) / tangent.shape[1], (row + 0.5) / tangent.shape[0]
         raise FoliageError(
-            f"{what} must be from {FLATTEST:g} to {STEEPEST:g} everywhere; at i = {(column + 0.5) / tangent.shape[1]:.3f}, "
-            f"j = {(row + 0.5) / tangent.shape[0]:.3f} it is {tangent[row, column]:g}"
+            f"{what} must be from {FLATTEST:g} to {STEEPEST:g} everywhere; at i = {i:.3f}, j = {j:.3f} it is "
+            f"{tangent[row, column]:g}"
         )
     return np.ascontiguousarray(tangent)
 
