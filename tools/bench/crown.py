@@ -37,14 +37,10 @@ def find_cases(data: Path) -> list[Case]:
     demo = REPOSITORY / "tools" / "demo"
     cases = [Case(name="demo", photo=demo / "crown.jpg", mask=demo / "crown_mask.png")]
     for capture in sorted(data.glob("synthetic/tree_photo/*/")):
-        cases.append(
-            Case(
-                name=capture.name,
-                photo=capture / "images" / "000.jpg",
-                mask=capture / "truth" / "crown_mask_filled.png",
-                capture=capture,
-            )
-        )
+        photo, truth = capture / "images" / "000.jpg", capture / "truth"
+        cases.append(Case(name=capture.name, photo=photo, mask=truth / "crown_mask_filled.png", capture=capture))
+        # The same with its sky gaps open.
+        cases.append(Case(name=f"{capture.name}_gaps", photo=photo, mask=truth / "crown_mask.png", capture=capture))
     for mask in sorted(data.glob("tree-photos-*/masks/*.png")):
         cases.append(Case(name=mask.stem, photo=mask.parents[1] / f"{mask.stem}.jpg", mask=mask))
     for mask in sorted(data.glob("tree-photos-*/*_mask.png")):
@@ -123,10 +119,11 @@ def measure(case: Case, size: int, out: Path | None) -> dict[str, object]:
 
     start, start_cpu = time.perf_counter(), time.process_time()
     photo = read_photo(case.photo)
-    mask = clean_mask(read_mask(case.mask, photo.linear.shape, photo.orientation)).mask
-    model, measures = reconstruct_crown(photo.linear, mask, CrownSettings(size=size))
+    crown = clean_mask(read_mask(case.mask, photo.linear.shape, photo.orientation))
+    settings = CrownSettings(size=size)
+    model, measures = reconstruct_crown(photo.linear, crown.mask, settings, foliage=crown.foliage)
     wall, cpu = time.perf_counter() - start, time.process_time() - start_cpu
-    inside, texels = photo.linear[mask], model.color.reshape(-1, 3)
+    inside, texels = photo.linear[crown.foliage], model.color.reshape(-1, 3)
     row: dict[str, object] = {
         "name": case.name,
         "size": size,
