@@ -40,9 +40,9 @@ class ColorMapSettings:
     """Where the photograph is kept, and how faces are merged."""
 
     band: float = 1 / 8  # overlap of the merges, as a fraction of a face
-    keep_weight: float = 0.6  # a texel seen at least this squarely is the photograph's, wherever it lies
-    reach_weight: float = 0.45  # beside the front face, a texel seen less squarely never is; it would show as a smear
-    front_weight: float = 0.45  # on the front face, a texel seen at least this squarely always is
+    keep_weight: float = 0.65  # a texel seen at least this squarely is the photograph's, wherever it lies
+    reach_weight: float = 0.55  # beside the front face, a texel seen less squarely never is; it would show as a smear
+    front_weight: float = 0.55  # on the front face, a texel seen at least this squarely always is
     texture: TextureSettings = field(default_factory=TextureSettings)
     tone: ToneSettings = field(default_factory=ToneSettings)
 
