@@ -8,7 +8,8 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.asset import validation
 from usdfoliage.asset.findings import Acceptance, Finding, default_profile, read_profile
-from usdfoliage.asset.validation import find_interface, validate_asset
+from usdfoliage.asset.locate import find_interface
+from usdfoliage.asset.validation import validate_asset
 from usdfoliage.errors import AssetError
 
 from usd_plugins import plant_stages as stages

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hydra_preview.preview_stages import write_square
 from usdfoliage.cli import preview
-from usdfoliage.errors import PreviewError
+from usdfoliage.errors import AssetError, PreviewError
 from usdfoliage.jobs.recorder import find_interpreter
 
 
@@ -131,7 +131,7 @@ def test_a_missing_interpreter_and_a_missing_asset_are_named(asset, tmp_path, mo
     monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", "/nonexistent/python")
     with pytest.raises(PreviewError, match=r"USDFOLIAGE_HYDRA_PYTHON.*/nonexistent/python"):
         run(asset, "-o", tmp_path / "a.png")
-    with pytest.raises(PreviewError, match=r"no such file or folder"):
+    with pytest.raises(AssetError, match=r"gone does not exist"):
         run(tmp_path / "gone", "-o", tmp_path / "a.png")
 
 

@@ -17,7 +17,6 @@ from usdfoliage.jobs.preview import (
     arrange_sheet,
     draw_views,
     encode_png,
-    find_asset_file,
     finish_picture,
     render_turntable,
     render_views,
@@ -101,31 +100,6 @@ def test_no_views_and_short_turntables_are_refused(scene):
 
 
 # What is found
-
-
-def test_an_asset_is_a_file_or_a_folder_with_one_usd_file_at_its_top(tmp_path):
-    folder = tmp_path / "an oak"
-    (folder / "payload").mkdir(parents=True)
-    (folder / "payload" / "payload.usda").touch()
-    (folder / "report.html").touch()
-    with pytest.raises(PreviewError, match="exactly one USD file at its top, here: none"):
-        find_asset_file(folder)
-    interface = folder / "oak.usda"
-    interface.touch()
-    assert find_asset_file(folder) == interface
-    assert find_asset_file(interface) == interface
-    (folder / "other.usdc").touch()
-    with pytest.raises(PreviewError, match=r"here: oak\.usda, other\.usdc"):
-        find_asset_file(folder)
-
-
-def test_what_is_no_asset_is_named(tmp_path):
-    with pytest.raises(PreviewError, match=r"no such file or folder .*nowhere"):
-        find_asset_file(tmp_path / "nowhere")
-    picture = tmp_path / "a.jpg"
-    picture.touch()
-    with pytest.raises(PreviewError, match=r"not a USD file.*a\.jpg"):
-        find_asset_file(picture)
 
 
 def test_a_missing_interpreter_says_how_to_get_one(tmp_path, monkeypatch):

@@ -27,13 +27,13 @@ from typing import Any
 
 from pxr import Sdf, Tf, Vt
 
+from usdfoliage.asset.locate import usd_files_at_top
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
 from usdfoliage.errors import AssetError
 
 logger = logging.getLogger(__name__)
 
 _LOCK, _NEW, _OLD = "usdfoliage-lock", "usdfoliage-new", "usdfoliage-old"
-_USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _FILES = "files"  # of an asset's record: what was written
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
@@ -102,8 +102,8 @@ def foreign_files(folder: Path) -> list[str]:
 
 def _interface(folder: Path) -> Path | None:
     """The one USD file at the top of folder."""
-    layers = [path for path in folder.iterdir() if path.suffix.lower() in _USD_SUFFIXES]
-    return layers[0] if len(layers) == 1 and layers[0].is_file() else None
+    layers = usd_files_at_top(folder)
+    return layers[0] if len(layers) == 1 else None
 
 
 def _read_record(folder: Path) -> dict[str, Any] | None:

@@ -16,12 +16,12 @@ from typing import Any
 from pxr import Plug, Sdf, Tf, Usd, UsdUtils, UsdValidation
 
 from usdfoliage.asset.findings import SEVERITIES, Acceptance, Finding
+from usdfoliage.asset.locate import find_interface
 from usdfoliage.asset.schema import PLANT_API, require_schemas
 from usdfoliage.errors import AssetError
 
 logger = logging.getLogger(__name__)
 
-SUFFIXES = (".usda", ".usd", ".usdc")
 MOST_SELECTIONS = 64  # beyond it the variants of one set are tried while the others stay as they are
 NVIDIA_PACKAGE = "usd_validation_nvidia"
 
@@ -44,32 +44,6 @@ class ValidationReport:
     def count(self, severity: str) -> int:
         """How many findings of that severity nobody has accepted."""
         return sum(finding.severity == severity and not finding.accepted for finding in self.findings)
-
-
-def find_interface(asset: Path) -> Path:
-    """The interface layer of an asset that is named by its folder or by that layer.
-
-    Raises:
-        AssetError: There is nothing of that name, or it is no asset.
-    """
-    if asset.is_file():
-        if asset.suffix.lower() not in SUFFIXES:
-            raise AssetError(f"{asset} is no USD file; name an asset's folder or its .usda")
-        return asset
-    if not asset.is_dir():
-        raise AssetError(f"{asset} does not exist; name an asset's folder or its .usda")
-    try:
-        layers = sorted(path for path in asset.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file())
-    except OSError as error:
-        raise AssetError(f"{asset} cannot be read: {error.strerror}") from error
-    if not layers:
-        raise AssetError(f"{asset} is no asset: it has no USD file at its top; name an asset's folder or its .usda")
-    if len(layers) > 1:
-        names = ", ".join(path.name for path in layers)
-        raise AssetError(
-            f"{asset} has {len(layers)} USD files at its top ({names}), an asset has one; name the one meant"
-        )
-    return layers[0]
 
 
 def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> ValidationReport:

@@ -50,12 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from tqdm import tqdm
 
+    from usdfoliage.asset.locate import find_interface
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.errors import PreviewError
     from usdfoliage.jobs.preview import (
         PreviewSettings,
         PreviewView,
-        find_asset_file,
         render_turntable,
         render_views,
     )
@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
             raise ValueError(f"a turntable needs at least 2 frames, not {options.turntable}")
     except ValueError as error:
         raise PreviewError(str(error)) from error
-    usd_file = find_asset_file(options.asset)
+    usd_file = find_interface(options.asset)
     with tqdm(total=options.turntable or 1, desc="preview", unit="frame", leave=False, disable=None) as bar:
 
         def progress(done: int, total: int) -> None:

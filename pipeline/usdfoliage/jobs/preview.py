@@ -23,7 +23,6 @@ from usdfoliage.jobs.recorder import run_recorder
 
 logger = logging.getLogger(__name__)
 
-USD_SUFFIXES = (".usda", ".usdc", ".usd", ".usdz")
 
 COMPLEXITIES: Mapping[str, float] = MappingProxyType({"low": 1.0, "medium": 1.1, "high": 1.2, "veryhigh": 1.3})
 PURPOSES = ("default", "render", "proxy", "guide")
@@ -104,25 +103,6 @@ def check_size(width_px: int, height_px: int) -> None:
         raise ValueError(f"a side must have {MIN_SIDE_PX} to {MAX_SIDE_PX} pixels, not {width_px} x {height_px}")
     if width_px * height_px > MAX_PIXELS:
         raise ValueError(f"{width_px} x {height_px} are more than {MAX_PIXELS} pixels; use smaller sides")
-
-
-def find_asset_file(asset: Path) -> Path:
-    """The USD file that an asset folder or a file name means.
-
-    Raises:
-        PreviewError: There is none, or several.
-    """
-    if asset.is_dir():
-        files = sorted(p for p in asset.iterdir() if p.suffix in USD_SUFFIXES and p.is_file())
-        if len(files) != 1:
-            found = ", ".join(p.name for p in files) or "none"
-            raise PreviewError(f"an asset folder has exactly one USD file at its top, here: {found} ({asset})")
-        return files[0]
-    if not asset.exists():
-        raise PreviewError(f"no such file or folder ({asset})")
-    if asset.suffix not in USD_SUFFIXES:
-        raise PreviewError(f"not a USD file, which ends in {', '.join(USD_SUFFIXES)} ({asset})")
-    return asset
 
 
 def render_views(
