@@ -313,7 +313,10 @@ def test_an_interrupt_at_any_moment_ends_the_run_and_leaves_the_old_asset(captur
     _, complaint = process.communicate(timeout=60)
 
     assert process.returncode in (130, -signal.SIGINT)
-    assert "Traceback" not in complaint or after_s == 0.1  # Python itself may still be starting
+    # On a slow machine Python itself may still be starting, and says so in its own way.
+    assert "Traceback" not in complaint or not any(
+        f"usdfoliage/{part}/" in complaint for part in ("cli", "jobs", "asset")
+    )
     assert files(out) == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["oak"]
 
