@@ -42,7 +42,6 @@ class CrownSettings:
     copies: int = 1
     seed: int = 0
     threads: int = 0
-    grid: int | None = None  # cells of the base surface; None: from size
 
     def __post_init__(self) -> None:
         if not MIN_SIZE <= self.size <= MAX_SIZE:
@@ -63,7 +62,7 @@ class CrownSettings:
     @property
     def surface_settings(self) -> SurfaceSettings:
         # Finer than the cubemap the surface is not seen, and the thin plate is smooth: its detail is its silhouette.
-        return SurfaceSettings(grid=self.grid or min(max(self.size, 128), 320), tangent=self.tangent)
+        return SurfaceSettings(grid=min(max(self.size, 128), 320), tangent=self.tangent)
 
     @property
     def color_map_settings(self) -> ColorMapSettings:
