@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from usdfoliage.crown import color_map
 from usdfoliage.crown.color_map import (
     ColorMapSettings,
-    ColorStatistics,
     build_color_map,
     cut_strip,
-    measure_color_statistics,
 )
+from usdfoliage.crown.tone import ColorStatistics, measure_color_statistics
 from usdfoliage.errors import FoliageError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.geometry.cubemap import FACES, face_directions, sample_cubemap, share_borders, texel_identity

@@ -19,11 +19,9 @@ from scipy.ndimage import binary_erosion
 
 from usdfoliage.crown.seam import cut_seam
 from usdfoliage.crown.texture import TextureSettings, synthesize_texture
-from usdfoliage.crown.tone import ColorStatistics, ToneSettings, blend_tone, match_statistics, measure_color_statistics
+from usdfoliage.crown.tone import ColorStatistics, ToneSettings, blend_tone, match_statistics
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.cubemap import FACES, share_borders
-
-__all__ = ["ColorMapSettings", "ColorStatistics", "build_color_map", "cut_strip", "measure_color_statistics"]
 
 Progress = Callable[[int, int], None]
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.crown.color_map import ColorMapSettings, build_color_map, measure_color_statistics
+from usdfoliage.crown.color_map import ColorMapSettings, build_color_map
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.projection import make_exemplar, project_photo
 from usdfoliage.crown.radius import RadiusSettings, front_outline, render_radius, within_outline
@@ -17,6 +17,7 @@ from usdfoliage.crown.relief import ReliefSettings, displace_radius, fit_relief
 from usdfoliage.crown.silhouette import SilhouetteSettings, StarSilhouette, fit_star_silhouette
 from usdfoliage.crown.surface import SurfaceSettings, inflate_silhouette
 from usdfoliage.crown.texture import TextureSettings
+from usdfoliage.crown.tone import measure_color_statistics
 from usdfoliage.geometry.cubemap import FACES, face_directions, sample_cubemap, share_borders
 
 # Says which step runs and how far it is, in [0, 1].
