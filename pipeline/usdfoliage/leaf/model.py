@@ -1,0 +1,89 @@
+"""Leaves: what all the rest of the system knows of them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+# Rows of the parameters of a leaf, three numbers each. silhouette_i is (v, x, z): the parameter on the axis, the
+# distance from it, the height above the leaf's plane.
+PARAMETERS = ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "inner", "outer")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Leaves:
+    """Leaves of a plant: 21 parameters each, and where each one is.
+
+    Leaf space: base (0, 0, 0), apex (0, 1, 0), width along x, height along z; its unit is the length of the leaf, the
+    distance from base to apex.
+
+    Source:
+        Chaurasia and Beardsley, Editable Parametric Dense Foliage from 3D Capture, section 3.
+    """
+
+    parameters: NDArray[np.float64]  # (N, 7, 3), rows in the order of PARAMETERS
+    base_m: NDArray[np.float64]  # (N, 3), in the asset's frame
+    orientation: NDArray[np.float64]  # (N, 4), unit quaternions (x, y, z, w), asset from leaf
+    length_m: NDArray[np.float64]  # (N,), above 0
+    phase: NDArray[
+        np.float64
+    ]  # (N,), where on the jitter's wave each leaf begins, in cycles (leaf.jitter.spread_phases)
+    confidence: NDArray[np.float64] | None = None  # (N,), 0 guessed to 1 seen whole
+    residual_m: NDArray[np.float64] | None = None  # (N,), root mean square distance of the captured points
+    view: NDArray[np.int32] | None = None  # (N,), number of the photograph, -1 for none
+
+    def __post_init__(self) -> None:
+        count = len(self.parameters)
+        shapes: tuple[tuple[str, NDArray[np.generic] | None, tuple[int, ...]], ...] = (
+            ("parameters", self.parameters, (count, 7, 3)),
+            ("base_m", self.base_m, (count, 3)),
+            ("orientation", self.orientation, (count, 4)),
+            ("length_m", self.length_m, (count,)),
+            ("phase", self.phase, (count,)),
+            ("confidence", self.confidence, (count,)),
+            ("residual_m", self.residual_m, (count,)),
+            ("view", self.view, (count,)),
+        )
+        for name, array, shape in shapes:
+            if array is not None and array.shape != shape:
+                raise ValueError(f"{name} must be {shape}, not {array.shape}")
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def asset_from_leaf(self) -> NDArray[np.float64]:
+        """(N, 3, 4) float64: turn, scale by the length and move, for column vectors."""
+        x, y, z, w = np.moveaxis(np.asarray(self.orientation, np.float64), -1, 0)
+        norm = x * x + y * y + z * z + w * w
+        scale = np.asarray(self.length_m, np.float64) / np.where(norm > 0, norm, 1.0)
+        rows = np.array(
+            [
+                [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+            ]
+        )
+        matrix = np.empty((len(self), 3, 4))
+        matrix[:, :, :3] = np.moveaxis(rows, -1, 0) * scale[:, None, None]
+        matrix[:, :, 3] = self.base_m
+        return matrix
+
+    def take(self, chosen: ArrayLike) -> "Leaves":
+        """The leaves of these numbers, or of this mask, in this order."""
+        index = np.asarray(chosen)
+        fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return replace(self, **{name: array[index] for name, array in fields.items() if array is not None})
+
+
+def mean_leaf(parameters: NDArray[np.floating], weights: NDArray[np.floating] | None = None) -> NDArray[np.float64]:
+    """The average leaf of a set: (7, 3) float64 from (N, 7, 3) and weights (N,), all alike by default.
+
+    Raises:
+        ValueError: There is no leaf, or the weights do not sum to more than 0.
+    """
+    if len(parameters) == 0:
+        raise ValueError("no leaves to average")
+    total = float(np.sum(weights)) if weights is not None else float(len(parameters))
+    if not total > 0:
+        raise ValueError(f"the weights must sum to more than 0, not {total}")
+    return np.asarray(np.average(np.asarray(parameters, np.float64), axis=0, weights=weights))
