@@ -72,6 +72,13 @@ PROPERTIES: dict[str, tuple[tuple[str, str, str, str, str], ...]] = {
         ("primvars:leaf:edit:width", "float", "none", "0 or more", ""),
         ("primvars:leaf:inner", "float3[]", "leaf lengths", "finite", "one element a leaf"),
         ("primvars:leaf:outer", "float3[]", "leaf lengths", "finite", "one element a leaf"),
+        (
+            "primvars:leaf:phase",
+            "float[]",
+            "cycles",
+            "0 to 64",
+            "one element a leaf, or not authored for 0",
+        ),
         ("primvars:leaf:residual", "float[]", "metres", "0 or more", "one element a leaf, or not authored"),
         (
             "primvars:leaf:silhouette1",
