@@ -9,6 +9,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdfoliage.asset.cubemap_exr import write_color_cubemap, write_radius_cubemap
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
+from usdfoliage.asset.materials import CROWN_MATERIAL
 from usdfoliage.asset.plant import CROWN
 from usdfoliage.asset.schema import CROWN_API
 from usdfoliage.crown.model import CrownModel
@@ -76,7 +77,7 @@ def write_crown_layer(path: Path, name: str, crown: CrownPrim) -> None:
     crown_path = Sdf.Path(f"/{name}/{CROWN}")
     author_scopes(stage, crown_path.GetParentPath())
     author_crown(stage, crown_path, crown)
-    author_crown_binding(stage, crown_path, Sdf.Path(f"/{name}/mtl/Crown"))
+    author_crown_binding(stage, crown_path, Sdf.Path(f"/{name}/{CROWN_MATERIAL}"))
     export_layer(stage, path)
 
 

@@ -8,12 +8,12 @@ from pxr import Sdf, Usd
 from usdfoliage.asset.layer import export_layer, new_layer
 from usdfoliage.asset.plant import Plant, author_plant
 from usdfoliage.asset.provenance import author_provenance
-from usdfoliage.asset.variants import VariantLayers, author_variant_references, author_variant_sets
+from usdfoliage.asset.variants import VariantSet, author_variant_references, author_variant_sets
 
 PAYLOAD = "./payload/payload.usda"  # from the interface layer
 
 
-def write_interface_layer(path: Path, name: str, plant: Plant, variants: VariantLayers) -> None:
+def write_interface_layer(path: Path, name: str, plant: Plant, variants: Sequence[VariantSet]) -> None:
     """Write what an application reads before it loads the asset: the root prim and nothing below it."""
     stage = new_layer(path, name)
     root = Sdf.Path(f"/{name}")
@@ -24,7 +24,7 @@ def write_interface_layer(path: Path, name: str, plant: Plant, variants: Variant
     export_layer(stage, path)
 
 
-def write_payload_layer(path: Path, name: str, shared: Sequence[str], variants: VariantLayers) -> None:
+def write_payload_layer(path: Path, name: str, shared: Sequence[str], variants: Sequence[VariantSet]) -> None:
     """Write what the payload brings: layers that every variant shares, and those of each variant."""
     stage = new_layer(path, name)
     root = Sdf.Path(f"/{name}")

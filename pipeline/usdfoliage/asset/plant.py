@@ -1,6 +1,7 @@
 """The plant itself: the root prim of an asset, as the interface layer describes it."""
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,11 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.schema import PLANT_API
 
-CROWN = "geo/proxy/Crown"  # below the root prim
+# Below the root prim.
+LEAVES = "geo/render/Leaves"  # in every representation
+CROWN = "geo/proxy/Crown"
+
+_RELATIONSHIPS: Mapping[str, str] = {LEAVES: "foliage:leaves", CROWN: "foliage:crown"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -20,7 +25,7 @@ class Plant:
     provenance: Provenance
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors
     extent_m: NDArray[np.float64]  # (2, 3), smallest and largest corner of everything below
-    has_crown: bool
+    parts: Sequence[str]  # what the asset holds, LEAVES or CROWN
     version: str  # of the asset
 
 
@@ -62,6 +67,6 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
     )
     for attribute, value_type, value in facts:
         prim.CreateAttribute(attribute, value_type, custom=False).Set(value)
-    if plant.has_crown:
-        prim.CreateRelationship("foliage:crown", custom=False).SetTargets([path.AppendPath(CROWN)])
+    for part in plant.parts:
+        prim.CreateRelationship(_RELATIONSHIPS[part], custom=False).SetTargets([path.AppendPath(part)])
     return prim

@@ -1,0 +1,103 @@
+"""The crown's material: UsdPreviewSurface and MaterialX for any renderer, glslfx for Storm."""
+
+from dataclasses import dataclass
+
+from pxr import Gf, Sdf, Usd, UsdShade
+
+CROWN_SHADER = "usdFoliageCrown.glslfx"
+LEAF_ROUGHNESS = 0.8  # a crown scatters light; single leaves shine, their sum does not
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrownMaterial:
+    """What the crown's material needs to know; paths as seen from the layer's folder."""
+
+    color_map: str
+    radius_map: str
+    shader: str  # the glslfx source
+    face_size: int  # texels along an edge of the cubemaps
+    center_m: tuple[float, float, float]
+    radius_range_m: tuple[float, float]
+
+
+def author_crown_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial) -> UsdShade.Material:
+    """Define a material that shows the colour cubemap by the mesh's st, for three kinds of renderer."""
+    material = UsdShade.Material.Define(stage, path)
+    texture = _author_preview_texture(stage, path.AppendChild("ColorMap"), crown.color_map)
+    texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), texture)
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    surface = _author_mtlx_surface(stage, path, crown)
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+    radius = _author_preview_texture(stage, path.AppendChild("RadiusMap"), crown.radius_map)
+    radius.CreateOutput("r", Sdf.ValueTypeNames.Float)
+    surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, texture, radius)
+    material.CreateSurfaceOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "surface")
+    return material
+
+
+def _author_preview_texture(stage: Usd.Stage, path: Sdf.Path, file: str) -> UsdShade.Shader:
+    reader = UsdShade.Shader.Define(stage, path.GetParentPath().AppendChild("St"))
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+    reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+
+    texture = UsdShade.Shader.Define(stage, path)
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("raw")  # linear already, or no colour
+    for wrap in ("wrapS", "wrapT"):
+        texture.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("clamp")
+    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+    return texture
+
+
+def _author_preview_surface(stage: Usd.Stage, path: Sdf.Path, texture: UsdShade.Shader) -> UsdShade.Shader:
+    surface = UsdShade.Shader.Define(stage, path)
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(texture.ConnectableAPI(), "rgb")
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(LEAF_ROUGHNESS)
+    surface.CreateInput("ior", Sdf.ValueTypeNames.Float).Set(1.3)
+    surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    return surface
+
+
+def _author_mtlx_surface(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial) -> UsdShade.Shader:
+    reader = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSt"))
+    reader.CreateIdAttr("ND_geompropvalue_vector2")
+    reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
+    reader.CreateOutput("out", Sdf.ValueTypeNames.Float2)
+
+    image = UsdShade.Shader.Define(stage, path.AppendChild("MtlxColorMap"))
+    image.CreateIdAttr("ND_image_color3")
+    file = image.CreateInput("file", Sdf.ValueTypeNames.Asset)
+    file.Set(Sdf.AssetPath(crown.color_map))
+    file.GetAttr().SetColorSpace("lin_rec709")
+    for mode in ("uaddressmode", "vaddressmode"):
+        image.CreateInput(mode, Sdf.ValueTypeNames.String).Set("clamp")
+    image.CreateInput("texcoord", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "out")
+    image.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+
+    surface = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSurface"))
+    surface.CreateIdAttr("ND_standard_surface_surfaceshader")
+    surface.CreateInput("base", Sdf.ValueTypeNames.Float).Set(1.0)
+    surface.CreateInput("base_color", Sdf.ValueTypeNames.Color3f).ConnectToSource(image.ConnectableAPI(), "out")
+    surface.CreateInput("specular", Sdf.ValueTypeNames.Float).Set(0.3)
+    surface.CreateInput("specular_roughness", Sdf.ValueTypeNames.Float).Set(LEAF_ROUGHNESS)
+    surface.CreateOutput("out", Sdf.ValueTypeNames.Token)
+    return surface
+
+
+def _author_storm_surface(
+    stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial, color: UsdShade.Shader, radius: UsdShade.Shader
+) -> UsdShade.Shader:
+    surface = UsdShade.Shader.Define(stage, path)
+    surface.SetSourceAsset(Sdf.AssetPath(crown.shader), "glslfx")
+    # The types are those that Storm's parser derives from the shader's defaults: three numbers are a colour to it.
+    surface.CreateInput("colorMap", Sdf.ValueTypeNames.Color3f).ConnectToSource(color.ConnectableAPI(), "rgb")
+    surface.CreateInput("radiusMap", Sdf.ValueTypeNames.Float).ConnectToSource(radius.ConnectableAPI(), "r")
+    surface.CreateInput("center", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*crown.center_m, 1.0))
+    surface.CreateInput("radiusRange", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*crown.radius_range_m))
+    surface.CreateInput("faceSize", Sdf.ValueTypeNames.Float).Set(float(crown.face_size))
+    surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    return surface
