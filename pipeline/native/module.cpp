@@ -10,4 +10,5 @@ NB_MODULE(_native, m) {
     bind_radius_map(m);
     bind_grid_cut(m);
     bind_texture_synthesis(m);
+    bind_leaf(m);
 }

@@ -66,3 +66,52 @@ def refine_sources(
     threads: int,
 ) -> None:
     """One pass over source (H, W, 2) and color (H, W, 4), in place, towards neighbourhoods of the exemplar."""
+
+def leaf_nets(leaves: NDArray[np.float64], nets: NDArray[np.float64], threads: int) -> None:
+    """Fill control nets (N, 5, 7, 3) of leaves (N, 7, 3)."""
+
+def leaf_axes(
+    leaves: NDArray[np.float64],
+    v: NDArray[np.float64],
+    alike: bool,
+    points: NDArray[np.float64] | None,
+    normals: NDArray[np.float64] | None,
+    threads: int,
+) -> None:
+    """Fill points and normals (N, P, 3) of the axes at v (N, P), or (1, P) for all alike."""
+
+def leaf_samples(
+    leaves: NDArray[np.float64],
+    uv: NDArray[np.float64],
+    alike: bool,
+    amplitude: float,
+    frequency: float,
+    waves: NDArray[np.float64],
+    map: NDArray[np.float64] | None,
+    phases: NDArray[np.float64] | None,
+    placements: NDArray[np.float64] | None,
+    points: NDArray[np.float32] | NDArray[np.float64] | None,
+    tangents_u: NDArray[np.float32] | NDArray[np.float64] | None,
+    tangents_v: NDArray[np.float32] | NDArray[np.float64] | None,
+    normals: NDArray[np.float32] | NDArray[np.float64] | None,
+    areas: NDArray[np.float32] | NDArray[np.float64] | None,
+    threads: int,
+) -> None:
+    """Fill the outputs that are given, all of one type: leaves (N, 7, 3) at uv (N, P, 2), or (1, P, 2) for all alike.
+
+    Args:
+        waves: (K, 2) cycles a unit and weight of the procedural jitter, used without a map.
+        placements: (N, 3, 4); leaf space without.
+        points: (N, P, 3), as tangents and normals.
+        areas: (N, P) lengths of the cross product of the tangents.
+    """
+
+def leaf_jacobians(
+    leaves: NDArray[np.float64],
+    uv: NDArray[np.float64],
+    alike: bool,
+    points: NDArray[np.float64],
+    jacobians: NDArray[np.float64],
+    threads: int,
+) -> None:
+    """Fill points (N, P, 3) and their derivatives (N, P, 3, 21) by the parameters."""
