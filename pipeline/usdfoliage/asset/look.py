@@ -1,0 +1,274 @@
+"""Looks: layers that edit the leaves of an asset wherever a scene refers to it.
+
+A look holds opinions of the class that the asset's root inherits, so that it needs no path of the scene: sublayered
+into a scene it reaches every placement of the asset, instances too, and muted it is as if it were not there. It brings
+no plant of its own and does not touch the asset. What it says stands in the class's variant bezier of the set
+representation, for the other representations have other prims at the same paths.
+"""
+
+import logging
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from pxr import Sdf, Usd, UsdGeom, UsdUtils
+
+from usdfoliage.asset.leaf_primvars import EDITS, author_edit, read_edits
+from usdfoliage.asset.locate import (
+    REPRESENTATION,
+    find_interface,
+    find_leaves,
+    find_plants,
+    open_layer,
+    require_leaves,
+    select_representation,
+    try_layer,
+)
+from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
+from usdfoliage.asset.schema import PLANT_API, require_schemas
+from usdfoliage.errors import AssetError
+from usdfoliage.leaf.edits import LeafEdits
+
+logger = logging.getLogger(__name__)
+
+BEZIER = "bezier"
+_LOOK_OF = "lookOf"  # of a look's record: the asset's interface layer, as seen from the look
+_LOOK_PRIM = "lookPrim"  # the one placement that it is for
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """What a look says of itself."""
+
+    path: Path
+    asset: Path  # the interface layer of the asset that it edits
+    prim_path: str  # the one placement that it is for, empty for all
+
+
+def open_asset(asset: Path, load: Usd.Stage.InitialLoadSet = Usd.Stage.LoadAll) -> Usd.Stage:
+    """Open an asset's folder, its interface layer, a look, or any scene that has plants.
+
+    A look is shown over its asset, on a stage of its own that is saved nowhere; the plant has the path that it has in
+    the asset, or that of the placement that the look is for.
+
+    Raises:
+        AssetError: There is nothing of that name; it is no USD, truncated or damaged, or something that a plant needs
+            is; it is a look whose asset is missing; it has neither a plant nor leaves.
+    """
+    require_schemas()
+    path = find_interface(asset)
+    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()  # USD would print them
+    stage = Usd.Stage.Open(open_root_layer(path), load)
+    for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
+        logger.info("USD: %s", diagnostic.commentary)
+    plants = find_plants(stage)
+    for error in stage.GetCompositionErrors():
+        if not plants or any(error.rootSite.path.HasPrefix(plant.GetPath()) for plant in plants):
+            raise AssetError(f"{path} cannot be put together: {error}; write the asset again")
+    if not plants and not find_leaves(stage):
+        raise AssetError(
+            f"{path} holds no plant: none of its prims has {PLANT_API}; name an asset's folder, its .usda or a look"
+        )
+    return stage
+
+
+def open_root_layer(path: Path) -> Sdf.Layer:
+    """The layer at path; for a look one in memory that shows it over its asset.
+
+    Raises:
+        AssetError: It cannot be read as USD, or it is a look whose asset is missing.
+    """
+    layer = open_layer(path)
+    look = read_look(layer)
+    if look is None:
+        return layer
+    interface = open_layer(look.asset)
+    # The asset is referred to, not sublayered: opinions of the asset's root would be stronger than the class's.
+    root = Sdf.Layer.CreateAnonymous(f"{path.stem}.usda")
+    root.subLayerPaths.append(layer.identifier)
+    stage = Usd.Stage.Open(root, Usd.Stage.LoadNone)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    plant = stage.DefinePrim(look.prim_path or f"/{interface.defaultPrim}")
+    plant.GetReferences().AddReference(str(look.asset))
+    stage.SetDefaultPrim(stage.GetPrimAtPath(plant.GetPath().GetPrefixes()[0]))
+    return root
+
+
+def read_look(layer: Sdf.Layer) -> Look | None:
+    """What a look says of itself, None for any other layer.
+
+    Raises:
+        AssetError: Its asset is missing.
+    """
+    record = layer.customLayerData.get(CUSTOM_DATA_KEY)
+    if not isinstance(record, dict) or _LOOK_OF not in record:
+        return None
+    path, said = Path(layer.realPath), str(record[_LOOK_OF])
+    for folder in (path.parent, path.resolve().parent):
+        asset = Path(os.path.normpath(folder / said))
+        if asset.is_file():
+            return Look(path=path, asset=asset, prim_path=str(record.get(_LOOK_PRIM, "")))
+    raise AssetError(f"{path} is a look of {said}, which is not there; put the asset there or write the look again")
+
+
+def write_look_layer(
+    path: Path,
+    asset: Path,
+    edits: LeafEdits,
+    jitter_map: Path | None = None,
+    prim_path: str | None = None,
+    *,
+    force: bool = False,
+) -> Path:
+    """Write a look that gives the leaves of an asset these edits; it appears whole or not at all.
+
+    Besides the edits it authors the wider extents that they need.
+
+    Args:
+        path: The .usda to write; an earlier look there is replaced.
+        asset: The asset's folder or interface layer, or a look: then the new one is a look of that look's asset, keeps
+            its jitter map, and does not need it.
+        edits: The edits as the leaves shall have them in the end; what the asset itself has already is not authored.
+        jitter_map: An image for the jitter (usdfoliage.capture.jitter_map), referred to where it is, not copied.
+        prim_path: Edit only the placement at this prim of a scene, the prim that refers to the asset.
+        force: Replace a file that is no look of ours too.
+
+    Returns:
+        path.
+
+    Raises:
+        AssetError: The asset cannot be read or has no leaves; path is no .usda, lies in the asset's folder, is a folder
+            or somebody else's file, or cannot be written.
+        CaptureError: The jitter map cannot be used.
+    """
+    named = open_layer(find_interface(asset))
+    look = read_look(named)
+    interface = look.asset if look else Path(named.realPath)
+    target = Path(os.path.realpath(path))
+    _check_output(path, target, interface, force)
+    stage = open_asset(interface)
+    plant = _the_plant(stage, interface)
+    if REPRESENTATION in plant.GetVariantSets().GetNames():
+        select_representation(stage, BEZIER)
+    class_path = _class_path(plant, interface, prim_path)
+
+    overs = _new_look(plant, class_path, _relative(interface, path), prim_path)
+    with _variant_context(overs.GetPrimAtPath(class_path), plant):
+        for leaves in require_leaves(stage, interface):
+            at = leaves.GetPath().ReplacePrefix(plant.GetPath(), class_path)
+            _author_edits(overs, at, edits, read_edits(leaves))
+    _replace(target, overs.GetRootLayer().ExportToString())
+    return path
+
+
+def _new_look(plant: Usd.Prim, class_path: Sdf.Path, look_of: str, prim_path: str | None) -> Usd.Stage:
+    """A look that says nothing yet but what it is for."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.documentation = f"A look of {plant.GetName()}: sublayer it into a scene that has this asset."
+    stage = Usd.Stage.Open(layer)
+    for prefix in class_path.GetPrefixes():
+        stage.CreateClassPrim(prefix)
+    record = {_LOOK_OF: look_of}
+    if prim_path:
+        record[_LOOK_PRIM] = prim_path
+        stage.OverridePrim(prim_path).GetInherits().AddInherit(class_path)
+    layer.customLayerData = {CUSTOM_DATA_KEY: record}
+    return stage
+
+
+@contextmanager
+def _variant_context(prim: Usd.Prim, plant: Usd.Prim) -> Iterator[None]:
+    """Author below prim in the variant of the leaves that have edits, if the plant has variants of them at all."""
+    if REPRESENTATION not in plant.GetVariantSets().GetNames():
+        yield
+        return
+    variants = prim.GetVariantSets().AddVariantSet(REPRESENTATION)
+    variants.AddVariant(BEZIER)
+    variants.SetVariantSelection(BEZIER)
+    with variants.GetVariantEditContext():
+        yield
+    variants.ClearVariantSelection()  # which one is shown, the scene says
+
+
+def _author_edits(stage: Usd.Stage, path: Sdf.Path, edits: LeafEdits, held: LeafEdits) -> None:
+    for field, name in EDITS.items():
+        if getattr(edits, field) != getattr(held, field):
+            author_edit(stage.OverridePrim(path), name, getattr(edits, field))
+
+
+def _the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:
+    plant = stage.GetDefaultPrim()
+    if not plant or PLANT_API not in plant.GetAppliedSchemas():
+        raise AssetError(f"{interface} is no asset: its default prim has no {PLANT_API}; name the asset, not the scene")
+    return plant
+
+
+def _class_path(plant: Usd.Prim, interface: Path, prim_path: str | None) -> Sdf.Path:
+    """The class whose opinions reach every placement, or one of its own for one placement."""
+    classes = [path for path in plant.GetInherits().GetAllDirectInherits() if not path.HasPrefix(plant.GetPath())]
+    if not classes:
+        raise AssetError(f"{interface}: <{plant.GetPath()}> inherits no class, so no look can reach it; write it again")
+    if prim_path is None:
+        return classes[0]
+    valid, _ = Sdf.Path.IsValidPathString(prim_path)
+    path = Sdf.Path(prim_path) if valid else Sdf.Path.emptyPath
+    if not path.IsAbsoluteRootOrPrimPath() or path == Sdf.Path.absoluteRootPath:
+        raise AssetError(f"{prim_path!r} is no path of a prim; write it like /World/plant_1")
+    # An inherited class reaches into an instance, where opinions of the placement itself do not.
+    placements = classes[0].GetParentPath().AppendChild(f"{classes[0].name}_placements")
+    return path.ReplacePrefix(Sdf.Path.absoluteRootPath, placements)
+
+
+def _relative(target: Path, look: Path) -> str:
+    """The way from the look's folder to target, beginning with ./ or ../."""
+    folder, there = (os.path.normpath(path.absolute()) for path in (look.parent, target))
+    # USD goes up by the names; the system, from where a symbolic link leads to.
+    for written, meant in ((folder, look.parent), (there, target)):
+        if os.path.realpath(written) != os.path.realpath(meant):
+            folder, there = os.path.realpath(look.parent), os.path.realpath(target)
+            break
+    way = os.path.relpath(there, folder)
+    return way if way.startswith("..") else f"./{way}"
+
+
+def _check_output(path: Path, target: Path, interface: Path, force: bool) -> None:
+    if path.suffix != ".usda":
+        raise AssetError(f"{path} cannot be a look: its name must end with .usda")
+    folder = Path(os.path.realpath(interface)).parent
+    if target.is_relative_to(folder):
+        raise AssetError(
+            f"{path} lies in the asset's folder {folder}, which a look leaves as it is; write it elsewhere"
+        )
+    if target.is_dir():
+        raise AssetError(f"{path} is a folder; name the .usda to write")
+    if target.exists() and not force:
+        layer, _ = try_layer(target)
+        record = layer.customLayerData.get(CUSTOM_DATA_KEY) if layer is not None else None
+        if not isinstance(record, dict) or _LOOK_OF not in record:
+            raise AssetError(
+                f"{path} is there already and no look of usdfoliage; name another, or use --force to lose it"
+            )
+
+
+def _replace(target: Path, text: str) -> None:
+    """Put text where target is, in one step."""
+    new = target.with_name(f".{target.stem}.{uuid.uuid4().hex[:12]}.usdfoliage-new")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with new.open("x", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            new.replace(target)
+        finally:
+            new.unlink(missing_ok=True)
+    except OSError as error:
+        raise AssetError(f"{target} was not written: {error.strerror}; what was there is unchanged") from error
+    opened = Sdf.Layer.Find(str(target))
+    if opened:
+        opened.Reload(force=True)
