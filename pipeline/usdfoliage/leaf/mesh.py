@@ -1,0 +1,149 @@
+"""Meshes of leaves at a chosen resolution."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.errors import AssetError
+from usdfoliage.leaf.jitter import NO_JITTER, Jitter
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.surface import evaluate_grid
+from usdfoliage.leaf.topology import LeafTopology, leaf_topology
+
+SEGMENTS_A_CYCLE = 16  # of the silhouette, so that chords cut less than 2 % of the jitter's amplitude
+SEGMENTS_A_TEXEL = 2
+MOST_SEGMENTS = 512  # beyond it, a jitter map is finer than a leaf is ever drawn
+LEFT_OF_AXIS = -1e-12  # u at which the left half's tangents hold, and no coordinate differs
+BLOCK = 512  # leaves evaluated at once, so that temporaries stay small
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafMeshSettings:
+    """How finely each leaf is divided."""
+
+    across: int = 8  # cells from silhouette to silhouette, even
+    along: int = 16  # rows from base to apex
+    silhouette: int | None = None  # segments of either silhouette; as many as the jitter needs, or the rows, by default
+
+    def __post_init__(self) -> None:
+        leaf_topology(self.across, self.along, self.silhouette or self.along)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrototypeSettings:
+    """How finely the leaf that an instancer repeats is divided: coarse within, fine along the silhouette."""
+
+    across: int = 6
+    along: int = 16
+    silhouette: int = 64
+
+    def __post_init__(self) -> None:
+        leaf_topology(self.across, self.along, self.silhouette)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeafMesh:
+    """Leaves as one mesh, leaf after leaf; a flat leaf is counter-clockwise seen from its upper side."""
+
+    points_m: NDArray[np.float32]  # (V, 3), in the asset's frame; in leaf space for a prototype
+    normals: NDArray[np.float32]  # (V, 3), unit
+    st: NDArray[np.float32]  # (V, 2), ((u + 1) / 2, v)
+    face_counts: NDArray[np.int32]  # (F,)
+    face_vertices: NDArray[np.int32]  # (sum of face_counts,), indices of points_m
+
+
+def build_leaf_mesh(
+    leaves: Leaves, settings: LeafMeshSettings = LeafMeshSettings(), jitter: Jitter = NO_JITTER
+) -> LeafMesh:
+    """All leaves in one mesh, every vertex on its leaf; jitter is part of the shape.
+
+    Normals are those of the surface; on the axis the mean of both halves', at base and apex the mean over the leaf's
+    width.
+
+    Raises:
+        AssetError: The vertices are more than a mesh can number.
+    """
+    topology = leaf_topology(settings.across, settings.along, _silhouette_segments(settings, jitter))
+    count, vertices = len(leaves), topology.vertex_count
+    if count * len(topology.face_vertices) > np.iinfo(np.int32).max:
+        raise AssetError(
+            f"{count} leaves of {vertices} vertices are too many for one mesh; choose fewer cells across and along"
+        )
+    points_m = np.empty((count, vertices, 3), np.float32)
+    normals = np.empty((count, vertices, 3), np.float32)
+    for first in range(0, count, BLOCK):
+        block = slice(first, first + BLOCK)
+        points, facing = _evaluate(leaves.parameters[block], topology, jitter, leaves.phase[block])
+        matrix = leaves.take(np.arange(count)[block]).asset_from_leaf()
+        turn = matrix[:, :, :3].transpose(0, 2, 1)
+        points_m[block] = points @ turn + matrix[:, None, :, 3]
+        facing = facing @ turn
+        normals[block] = facing / np.linalg.norm(facing, axis=-1, keepdims=True)
+    offsets = vertices * np.arange(count, dtype=np.int32)[:, None]
+    return LeafMesh(
+        points_m=points_m.reshape(-1, 3),
+        normals=normals.reshape(-1, 3),
+        st=np.tile(topology.st.astype(np.float32), (count, 1)),
+        face_counts=np.tile(topology.face_counts, count),
+        face_vertices=(topology.face_vertices + offsets).reshape(-1),
+    )
+
+
+def build_prototype(parameters: NDArray[np.floating], settings: PrototypeSettings = PrototypeSettings()) -> LeafMesh:
+    """One leaf (7, 3), in leaf space, for an instancer; st says where each vertex lies on any leaf.
+
+    Raises:
+        ValueError: parameters are not (7, 3).
+    """
+    if np.shape(parameters) != (7, 3):
+        raise ValueError(f"parameters must be (7, 3), not {np.shape(parameters)}")
+    topology = leaf_topology(settings.across, settings.along, settings.silhouette)
+    points, normals = _evaluate(np.asarray(parameters)[None], topology, NO_JITTER, np.zeros(1))
+    return LeafMesh(
+        points_m=points[0].astype(np.float32),
+        normals=normals[0].astype(np.float32),
+        st=topology.st.astype(np.float32),
+        face_counts=topology.face_counts,
+        face_vertices=topology.face_vertices,
+    )
+
+
+def _silhouette_segments(settings: LeafMeshSettings, jitter: Jitter) -> int:
+    if settings.silhouette is not None:
+        return settings.silhouette
+    needed = 0.0
+    if jitter.amplitude:
+        texels = jitter.map
+        a_cycle = SEGMENTS_A_CYCLE if texels is None else SEGMENTS_A_TEXEL * len(texels)
+        needed = min(jitter.frequency * a_cycle, MOST_SEGMENTS)
+    return settings.along * max(1, math.ceil(needed / settings.along))
+
+
+def _evaluate(
+    parameters: NDArray[np.floating], topology: LeafTopology, jitter: Jitter, phase: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points and unit normals (N, P, 3) of the topology's vertices, in leaf space."""
+    count, columns = len(parameters), len(topology.inner_u)
+    axis = columns // 2
+    u = np.concatenate([[-1], topology.inner_u, [1, LEFT_OF_AXIS]])
+    inner = evaluate_grid(parameters, u, np.concatenate([[0], topology.inner_v, [1]]), jitter, phase)
+    outside = evaluate_grid(parameters, np.array([-1.0, 1.0]), topology.silhouette_v, jitter, phase)
+
+    facing = inner.normals[:, :, :-1]  # at base and apex, the limits along each column
+    facing[:, :, axis + 1] += inner.normals[:, :, -1]
+    facing[:, :, axis + 1] = _unit(facing[:, :, axis + 1])
+    ends = _unit(facing[:, [0, -1]].mean(axis=2))
+
+    points = [inner.points[:, [0, -1], 0], inner.points[:, 1:-1, 1 : columns + 1].reshape(count, -1, 3)]
+    normals = [ends, facing[:, 1:-1, 1 : columns + 1].reshape(count, -1, 3)]
+    points += [outside.points[:, :, side] for side in (0, 1)]
+    normals += [outside.normals[:, :, side] for side in (0, 1)]
+    return np.concatenate(points, axis=1), np.concatenate(normals, axis=1)
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of length 1; towards +z where they vanish."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(length > 1e-9, vectors / np.maximum(length, 1e-9), np.array([0.0, 0.0, 1.0]))

@@ -1,0 +1,106 @@
+"""The division of a leaf into faces, the same for every leaf: coarse within, fine along the silhouette."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Share of the cosine spacing in the rows: rows lie closer to base and apex, where silhouettes turn most.
+TOWARDS_ENDS = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeafTopology:
+    """Vertices in (u, v) and faces of one leaf; counter-clockwise where u runs to the right and v up.
+
+    The vertices are the base, the apex, the inner ones row by row from base to apex, and the left and the right
+    silhouette from base to apex.
+    """
+
+    inner_u: NDArray[np.float64]  # (across - 1,)
+    inner_v: NDArray[np.float64]  # (along - 1,)
+    silhouette_v: NDArray[np.float64]  # (silhouette - 1,)
+    st: NDArray[np.float64]  # (P, 2), ((u + 1) / 2, v)
+    face_counts: NDArray[np.int32]  # (F,)
+    face_vertices: NDArray[np.int32]  # (sum of face_counts,)
+
+    @property
+    def vertex_count(self) -> int:
+        """Vertices of one leaf."""
+        return len(self.st)
+
+
+@cache
+def leaf_topology(across: int, along: int, silhouette: int) -> LeafTopology:
+    """Divide a leaf into cells.
+
+    Base and apex are one vertex each, with triangles around them. Where the silhouette is finer than the rows, the
+    cells beside it are triangles that meet it edge by edge, without T-junctions.
+
+    Args:
+        across: cells from silhouette to silhouette, even, 4 or more, so that the axis is an edge.
+        along: rows of cells from base to apex, 2 or more.
+        silhouette: segments of either silhouette, a multiple of along.
+
+    Raises:
+        ValueError: A number is not of this kind.
+    """
+    if across < 4 or across % 2:
+        raise ValueError(f"across must be even and 4 or more, not {across}")
+    if along < 2:
+        raise ValueError(f"along must be 2 or more, not {along}")
+    if silhouette < along or silhouette % along:
+        raise ValueError(f"silhouette must be a multiple of along, {along}, not {silhouette}")
+    columns, rows, steps = across - 1, along - 1, silhouette // along
+    inner_u = np.arange(1 - across // 2, across // 2) / (across // 2)
+    inner_v, silhouette_v = row_parameters(along)[1:-1], row_parameters(silhouette)[1:-1]
+
+    inner = 2 + np.arange(rows * columns).reshape(rows, columns)
+    base, apex = np.full((1, columns), 0), np.full((1, columns), 1)
+    inner = np.concatenate([base, inner, apex])
+    left = np.concatenate([[0], 2 + rows * columns + np.arange(silhouette - 1), [1]])
+    right = np.concatenate([[0], left[-2] + 1 + np.arange(silhouette - 1), [1]])
+
+    faces: list[tuple[int, ...]] = []
+    for row in range(along):
+        low, high = inner[row].tolist(), inner[row + 1].tolist()
+        outside = slice(row * steps, (row + 1) * steps + 1)
+        # Mirrored, so that the left half is the right one's mirror image; its faces are then turned over.
+        faces += [face[::-1] for face in _beside_silhouette(low[0], high[0], left[outside].tolist())]
+        for column in range(columns - 1):
+            faces.append((low[column], low[column + 1], high[column + 1], high[column]))
+        faces += _beside_silhouette(low[-1], high[-1], right[outside].tolist())
+    faces = [tuple(dict.fromkeys(face)) for face in faces]  # at base and apex quads are triangles
+
+    across_v, across_u = np.meshgrid(inner_v, inner_u, indexing="ij")
+    ends = np.ones(silhouette - 1)
+    u = np.concatenate([[0, 0], across_u.reshape(-1), -ends, ends])
+    v = np.concatenate([[0, 1], across_v.reshape(-1), silhouette_v, silhouette_v])
+    return LeafTopology(
+        inner_u=inner_u,
+        inner_v=inner_v,
+        silhouette_v=silhouette_v,
+        st=np.column_stack([(u + 1) / 2, v]),
+        face_counts=np.array([len(face) for face in faces], np.int32),
+        face_vertices=np.array([vertex for face in faces for vertex in face], np.int32),
+    )
+
+
+def row_parameters(count: int) -> NDArray[np.float64]:
+    """v of count + 1 rows from base to apex, closer to each other towards both; every k-th of k n rows is one of n."""
+    t = np.linspace(0, 1, count + 1)
+    return (1 - TOWARDS_ENDS) * t + TOWARDS_ENDS * (1 - np.cos(np.pi * t)) / 2
+
+
+def _beside_silhouette(low: int, high: int, outside: list[int]) -> list[tuple[int, ...]]:
+    """Faces of a cell at the right silhouette, whose vertices there are these from bottom to top."""
+    steps = len(outside) - 1
+    if steps == 1:
+        return [(low, outside[0], outside[1], high)]
+    # Triangles around the lower inner vertex, then around the upper one; at base and apex around the other alone.
+    turn = 0 if low == outside[0] else steps if high == outside[-1] else (steps + 1) // 2
+    around_low = [(low, outside[k], outside[k + 1]) for k in range(turn)]
+    between = [] if turn in (0, steps) else [(low, outside[turn], high)]
+    around_high = [(high, outside[k], outside[k + 1]) for k in range(turn, steps)]
+    return [*around_low, *between, *around_high]
