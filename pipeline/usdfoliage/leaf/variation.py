@@ -5,21 +5,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-LIMIT = 2.5  # standard deviations: what lies beyond is drawn in to it, so that no leaf is out of the ordinary
-# The share of a silhouette's height at the inner curve, at the outer curve and at the silhouette itself.
-EVENLY = np.array([1 / 3, 2 / 3, 1.0])
+LIMIT = 2.5  # standard deviations; what is drawn beyond is taken in to it, so that no leaf is a monster
+MAX_SHIFT = 0.24  # below 1/4 the shift of v along the axis keeps every order
+ON_INNER, ON_OUTER = 1 / 3, 2 / 3  # of what lifts the silhouette of a half that stays straight across
 
 
 @dataclass(frozen=True, kw_only=True)
 class VariationSettings:
     """How much leaves differ: standard deviations, in leaf lengths where no other unit is named."""
 
-    amount: float = 1.0  # factor on all of them: 0 all alike, 1 as on a plant
-    width: float = 0.10  # of the logarithm of the width
-    outline: float = 0.025  # how far the widest place lies nearer to the base or to the apex
-    asymmetry: float = 0.030  # sideways, of the axis points
-    arch: float = 0.045  # upwards, of the axis points
-    curl: float = 0.030  # upwards, of the silhouette
+    amount: float = 1.0  # factor on all that follow: 0 all alike, 1 as on a plant
+    width: float = 0.11  # of the logarithm of the width
+    outline: float = 0.025  # along the axis, of the widest place
+    fullness: float = 0.15  # of the logarithm of the width near the base and near the apex
+    asymmetry: float = 0.035  # sideways, of the axis
+    arch: float = 0.05  # upwards, of the axis
+    fold: float = 0.25  # of the height to the width, of the halves
+    roll: float = 0.07  # likewise, of the silhouettes alone
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
@@ -33,12 +35,12 @@ def default_leaf() -> NDArray[np.float64]:
     return np.array(
         [
             [0.0, 0.33, 0.07],
-            [0.0, 0.68, 0.08],
-            [0.08, 0.245, 0.045],
-            [0.40, 0.345, 0.055],
-            [0.80, 0.055, 0.005],
-            [0.022, 0.025, 0.003],
-            [0.040, 0.046, 0.005],
+            [0.0, 0.68, 0.085],
+            [0.06, 0.17, 0.03],
+            [0.43, 0.485, 0.085],
+            [0.82, 0.05, 0.008],
+            [0.013, 0.040, 0.004],
+            [0.025, 0.075, 0.007],
         ]
     )
 
@@ -49,24 +51,66 @@ def vary_leaves(
     settings: VariationSettings = VariationSettings(),
     mean: NDArray[np.floating] | None = None,
 ) -> NDArray[np.float64]:
-    """Leaves (count, 7, 3) around a mean leaf (7, 3), that of default_leaf without one."""
+    """Leaves (count, 7, 3) around a mean leaf (7, 3), that of default_leaf without one.
+
+    What a leaf does as a whole varies, not number by number: a narrow leaf has its halves closer together, one that
+    arches more also folds them more. The silhouette points keep their order and their side.
+
+    Raises:
+        ValueError: count is below 0, or the mean is not (7, 3) finite numbers.
+    """
     leaf = default_leaf() if mean is None else np.asarray(mean, np.float64)
-    draw = np.clip(rng.standard_normal((count, 9)), -LIMIT, LIMIT) * settings.amount
+    if count < 0:
+        raise ValueError(f"the number of leaves must be 0 or more, not {count}")
+    if leaf.shape != (7, 3) or not np.isfinite(leaf).all():
+        raise ValueError(f"the mean leaf must be (7, 3) finite numbers, not {leaf.shape}")
+    draw = np.clip(rng.standard_normal((11, count)), -LIMIT, LIMIT) * settings.amount
+    width, shift, full_base, full_apex, bend, sway, age, arch, wave, fold, roll = draw
     leaves = np.empty((count, 7, 3))
     leaves[:] = leaf
-    bend = settings.asymmetry * draw[:, 0]
-    sway = 0.5 * settings.asymmetry * draw[:, 1]
-    arch = settings.arch * draw[:, 2]
-    wave = 0.4 * settings.arch * draw[:, 3]
-    leaves[:, 0, 0] += bend + sway
-    leaves[:, 1, 0] += bend - sway
-    leaves[:, 0, 2] += arch + wave
-    leaves[:, 1, 2] += arch - wave
-    leaves[:, 2:5, 1] *= np.exp(settings.width * draw[:, 4])[:, None]
-    leaves[:, 2:5, 0] += settings.outline * draw[:, 5, None] * np.array([0.6, 1.0, 0.6])
-    height = settings.curl * draw[:, 6, None] * np.array([0.8, 1.0, 0.4])
-    roll = 0.4 * settings.curl * draw[:, 7, None] * np.array([0.8, 1.0, 0.4])
-    leaves[:, 5] += EVENLY[0] * height
-    leaves[:, 6] += EVENLY[1] * height + roll / 3
-    leaves[:, 2:5, 2] += EVENLY[2] * height + roll
+    _bend_axes(leaves, settings, bend, sway, 0.7 * age + 0.7 * arch, wave)
+    _shape_outlines(leaves, settings, width, shift, full_base, full_apex)
+    _lift_halves(leaves, settings, 0.6 * age + 0.7 * fold - 0.4 * width, roll)
     return leaves
+
+
+def _bend_axes(
+    leaves: NDArray[np.float64],
+    settings: VariationSettings,
+    bend: NDArray[np.float64],
+    sway: NDArray[np.float64],
+    arch: NDArray[np.float64],
+    wave: NDArray[np.float64],
+) -> None:
+    """Bend axes to a side or sway them to both; one that also waves upwards is a screw and twists the leaf a little."""
+    leaves[:, 0, 0] += settings.asymmetry * (bend + 0.7 * sway)
+    leaves[:, 1, 0] += settings.asymmetry * (bend - 0.7 * sway)
+    leaves[:, 0, 2] += settings.arch * (0.8 * arch + 0.5 * wave)
+    leaves[:, 1, 2] += settings.arch * (arch - 0.5 * wave)
+
+
+def _shape_outlines(
+    leaves: NDArray[np.float64],
+    settings: VariationSettings,
+    width: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    full_base: NDArray[np.float64],
+    full_apex: NDArray[np.float64],
+) -> None:
+    v = np.clip(leaves[:, 2:5, 0], 0, 1)
+    leaves[:, 2:5, 0] += np.clip(settings.outline * shift, -MAX_SHIFT, MAX_SHIFT)[:, None] * 4 * v * (1 - v)
+    lateral = settings.width * width
+    leaves[:, 2, 1] *= np.exp(lateral + settings.fullness * full_base)
+    leaves[:, 3, 1] *= np.exp(lateral)
+    leaves[:, 4, 1] *= np.exp(lateral + 2 * settings.fullness * full_apex)
+
+
+def _lift_halves(
+    leaves: NDArray[np.float64], settings: VariationSettings, fold: NDArray[np.float64], roll: NDArray[np.float64]
+) -> None:
+    """Fold the halves up as a whole, in proportion to their width, and roll their silhouettes up or down."""
+    height = settings.fold * fold[:, None] * leaves[:, 2:5, 1]
+    rolled = settings.roll * roll[:, None] * leaves[:, 2:5, 1]
+    leaves[:, 5] += ON_INNER * height
+    leaves[:, 6] += ON_OUTER * height + rolled / 4
+    leaves[:, 2:5, 2] += height + rolled
