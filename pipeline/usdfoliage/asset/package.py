@@ -1,23 +1,39 @@
 """A whole asset: every layer, map and shader of its folder."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Sdf
 
 from usdfoliage.asset.crown import crown_prim, write_crown_layer, write_crown_maps
 from usdfoliage.asset.crown_material import CROWN_SHADER, CrownMaterial
 from usdfoliage.asset.interface import write_interface_layer, write_payload_layer
+from usdfoliage.asset.jitter_map import read_jitter_map
+from usdfoliage.asset.leaf_material import LEAF_COLOR, LEAF_SHADERS, LeafMaterial
+from usdfoliage.asset.leaves import leaves_prim, write_leaves_layer
 from usdfoliage.asset.materials import copy_shaders, write_materials_layer
-from usdfoliage.asset.plant import CROWN, Plant
+from usdfoliage.asset.plant import CROWN, LEAVES, Plant
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
+from usdfoliage.errors import AssetError
+from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
+from usdfoliage.leaf.jitter import Jitter
+from usdfoliage.leaf.mesh import PrototypeSettings
+from usdfoliage.leaf.model import Leaves
 
 SHADERS = "../shaders"  # from the payload's folder
 MAPS = "../maps"
+REPRESENTATIONS: Mapping[str, str] = {  # and the layer of each, in the payload's folder
+    "bezier": "leaves.usdc",
+    "nurbs": "leaves_nurbs.usdc",
+    "subdiv": "leaves_subdiv.usdc",
+    "mesh": "leaves_mesh.usdc",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +46,32 @@ class AssetSettings:
     def __post_init__(self) -> None:
         if self.crown_mesh_size < 2:
             raise ValueError(f"crown_mesh_size must be at least 2, not {self.crown_mesh_size}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafAssetSettings:
+    """How an asset of leaves is written."""
+
+    representations: Sequence[str] = ("bezier",)  # the first one is selected
+    prototype: PrototypeSettings = field(default_factory=PrototypeSettings)
+    version: str = "1"  # assetInfo
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.representations if name not in REPRESENTATIONS]
+        if unknown or not self.representations or len(set(self.representations)) < len(self.representations):
+            raise ValueError(
+                f"representations must be one or more of {', '.join(REPRESENTATIONS)}, each once, "
+                f"not {', '.join(self.representations) or 'none'}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafLook:
+    """What all leaves of an asset look alike in."""
+
+    color: tuple[float, float, float] = LEAF_COLOR  # linear Rec.709
+    texture: Path | None = None  # picture of a leaf in its st, with opacity; takes the place of the colour
+    jitter_map: Path | None = None  # image whose first row is one cycle of the jitter
 
 
 def write_crown_asset(
@@ -85,6 +127,76 @@ def write_crown_asset(
     write_materials_layer(payload / "materials.usda", name, crown=material)
     write_crown_layer(payload / "crown.usdc", name, prim)
     return _finish(folder, name, plant, [VariantSet(name="lod", variants={"crown": ["./crown.usdc"]})])
+
+
+def write_leaf_asset(
+    folder: Path,
+    name: str,
+    leaves: Leaves,
+    provenance: Provenance,
+    settings: LeafAssetSettings = LeafAssetSettings(),
+    edits: LeafEdits = NEUTRAL,
+    look: LeafLook = LeafLook(),
+    asset_from_capture: NDArray[np.float64] | None = None,
+) -> Path:
+    """Write an asset that has leaves and nothing else, inside publish_folder as write_crown_asset.
+
+    Args:
+        folder: An existing folder; the asset's files are written into it.
+        name: Name of the root prim and of the interface layer, an identifier (usdfoliage.asset.plant.asset_name).
+        leaves: What to write; none is a valid asset.
+        provenance: The run that made it.
+        settings: Which representations, and how fine.
+        edits: Those of all leaves: opinions in bezier, applied in the others.
+        look: Colour and pictures, which are copied.
+        asset_from_capture: (4, 4) for column vectors; the identity by default.
+
+    Returns:
+        The interface layer, folder/<name>.usda.
+
+    Raises:
+        ValueError: name is no identifier, or the leaves have numbers that are no leaves.
+        AssetError: A picture cannot be read, or a file cannot be written.
+    """
+    payload = _begin(folder, name)
+    texture = _copy_map(folder, f"{name}_leaf", look.texture)
+    jitter_map = _copy_map(folder, f"{name}_leaf_jitter", look.jitter_map)
+    jitter = Jitter(
+        amplitude=edits.jitter_amplitude,
+        frequency=edits.jitter_frequency,
+        map=read_jitter_map(look.jitter_map) if look.jitter_map is not None else None,
+    )
+    prim = leaves_prim(leaves, edits, jitter, look.color, jitter_map, settings.prototype)
+    plant = Plant(
+        provenance=provenance,
+        asset_from_capture=np.eye(4) if asset_from_capture is None else asset_from_capture,
+        extent_m=prim.extent_m,
+        parts=(LEAVES,),
+        version=settings.version,
+    )
+    write_leaves_layer(payload / REPRESENTATIONS["bezier"], name, prim)
+    copy_shaders(folder / "shaders", LEAF_SHADERS)
+    material = LeafMaterial(shaders=SHADERS, texture=texture or None, jitter_map=jitter_map or None)
+    write_materials_layer(payload / "materials.usda", name, leaf=material)
+    chosen = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in settings.representations}
+    variants = [
+        VariantSet(name="lod", variants={"leaves": []}),
+        VariantSet(name="representation", variants=chosen, inside=["leaves"]),
+    ]
+    return _finish(folder, name, plant, variants)
+
+
+def _copy_map(folder: Path, name: str, source: Path | None) -> str:
+    """Copy a picture into the asset's maps; returns its path from the payload's folder, empty without a picture."""
+    if source is None:
+        return ""
+    target = folder / "maps" / f"{name}{source.suffix.lower()}"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        shutil.copyfile(source, target)
+    except OSError as error:
+        raise AssetError(f"{source} cannot be copied into the asset: {error.strerror}") from error
+    return f"{MAPS}/{target.name}"
 
 
 def _begin(folder: Path, name: str) -> Path:

@@ -1,0 +1,185 @@
+"""The primvars of FoliageLeafAPI, on an instancer of many leaves as on the patch of one.
+
+What they mean is said in schemas/usdFoliage/schema.usda.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+from usdfoliage.errors import AssetError
+from usdfoliage.leaf.edits import LeafEdits
+from usdfoliage.leaf.model import PARAMETERS, Leaves
+
+JITTER_MAP = "foliage:leaf:jitterMap"
+
+# What LeafEdits calls an edit, and its primvar.
+EDITS: Mapping[str, str] = {
+    "width": "leaf:edit:width",
+    "axis1": "leaf:edit:axis1",
+    "axis2": "leaf:edit:axis2",
+    "silhouette1": "leaf:edit:silhouette1",
+    "silhouette2": "leaf:edit:silhouette2",
+    "silhouette3": "leaf:edit:silhouette3",
+    "curl": "leaf:edit:curl",
+    "jitter_amplitude": "leaf:edit:jitterAmplitude",
+    "jitter_frequency": "leaf:edit:jitterFrequency",
+}
+
+# What else may be known of each leaf: field of Leaves, primvar.
+_FACTS = (
+    ("phase", "leaf:phase"),
+    ("confidence", "leaf:confidence"),
+    ("residual_m", "leaf:residual"),
+    ("view", "leaf:view"),
+)
+
+Array = NDArray[np.float32 | np.int32]
+
+
+def leaf_arrays(leaves: Leaves) -> dict[str, Array]:
+    """The primvars of leaves, one element a leaf: (N, 3) or (N,) float32, (N,) int32 for the view."""
+    arrays: dict[str, Array] = {}
+    for row, name in enumerate(PARAMETERS):
+        arrays[f"leaf:{name}"] = np.ascontiguousarray(leaves.parameters[:, row], np.float32)
+    for field, name in _FACTS:
+        held = getattr(leaves, field)
+        if held is not None:
+            kind: type[np.int32 | np.float32] = np.int32 if field == "view" else np.float32
+            arrays[name] = np.ascontiguousarray(held, kind)
+    return arrays
+
+
+def usd_array(array: Array) -> Vt.Vec3fArray | Vt.FloatArray | Vt.IntArray:
+    """The same numbers as USD holds them."""
+    return _usd_types(array)[1].FromNumpy(array)
+
+
+def author_leaf_primvars(prim: Usd.Prim, leaves: Leaves, interpolation: str) -> None:
+    """The parameters, the phase and the facts of leaves, one element a leaf."""
+    for name, array in leaf_arrays(leaves).items():
+        _author(prim, name, _usd_types(array)[0], usd_array(array), interpolation)
+
+
+def author_edits(prim: Usd.Prim, edits: LeafEdits) -> None:
+    """Every edit, the neutral ones too: a fallback of the schema does not reach a shader."""
+    for field, name in EDITS.items():
+        author_edit(prim, name, getattr(edits, field))
+
+
+def author_edit(prim: Usd.Prim, name: str, value: float | tuple[float, float, float]) -> None:
+    """One edit, by the name of its primvar (EDITS)."""
+    if isinstance(value, tuple):
+        _author(prim, name, Sdf.ValueTypeNames.Float3, Gf.Vec3f(*map(float, value)), UsdGeom.Tokens.constant)
+    else:
+        _author(prim, name, Sdf.ValueTypeNames.Float, float(value), UsdGeom.Tokens.constant)
+
+
+def author_jitter_map(prim: Usd.Prim, path: str) -> None:
+    """The map of the jitter, as seen from the layer's folder."""
+    prim.CreateAttribute(JITTER_MAP, Sdf.ValueTypeNames.Asset, custom=False).Set(Sdf.AssetPath(path))
+
+
+def read_leaf_primvars(prim: Usd.Prim, count: int) -> dict[str, NDArray[Any]]:
+    """The fields of Leaves that are primvars: parameters, phase, and what is there of the facts.
+
+    Raises:
+        AssetError: A parameter is missing, an array is not of count elements, or has a number that is not finite.
+    """
+    parameters = np.empty((count, len(PARAMETERS), 3))
+    for row, name in enumerate(PARAMETERS):
+        parameters[:, row] = read_array(prim, f"primvars:leaf:{name}", (count, 3))
+    found: dict[str, NDArray[Any]] = {"parameters": parameters, "phase": np.zeros(count)}
+    for field, name in _FACTS:
+        attribute = prim.GetAttribute(f"primvars:{name}")
+        if attribute and attribute.HasAuthoredValue():
+            found[field] = read_array(prim, f"primvars:{name}", (count,))
+    if "view" in found:
+        found["view"] = found["view"].astype(np.int32)
+    return found
+
+
+def read_edits(prim: Usd.Prim) -> LeafEdits:
+    """The edits as composed; neutral where none is authored.
+
+    Raises:
+        AssetError: An edit is not finite, or out of its range.
+    """
+    held: dict[str, Any] = {}
+    for field, name in EDITS.items():
+        attribute = prim.GetAttribute(f"primvars:{name}")
+        if not attribute or not attribute.HasAuthoredValue():
+            continue
+        value = attribute.Get(Usd.TimeCode.EarliestTime())
+        held[field] = tuple(map(float, value)) if isinstance(value, Gf.Vec3f) else float(value)
+    try:
+        return LeafEdits(**held)
+    except ValueError as error:
+        raise AssetError(f"{error} ({place(prim)}); set the edit again") from error
+
+
+def read_jitter_map_path(prim: Usd.Prim) -> Path | None:
+    """The file of the jitter's map, None where the jitter is procedural.
+
+    Raises:
+        AssetError: The file is missing.
+    """
+    attribute = prim.GetAttribute(JITTER_MAP)
+    held = attribute.Get() if attribute and attribute.HasAuthoredValue() else None
+    if held is None or not held.path:
+        return None
+    if not held.resolvedPath or not Path(held.resolvedPath).is_file():
+        raise AssetError(f"the jitter map {held.path} is missing ({place(prim)}); put the file there or block the map")
+    return Path(held.resolvedPath)
+
+
+def read_array(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """An attribute's numbers, float64 of that shape; an indexed primvar is flattened.
+
+    Raises:
+        AssetError: It is missing, of another length, or has a number that is not finite.
+    """
+    attribute = prim.GetAttribute(name)
+    time = Usd.TimeCode.EarliestTime()
+    held = None
+    if attribute and attribute.HasAuthoredValue():
+        primvar = UsdGeom.Primvar(attribute)
+        held = primvar.ComputeFlattened(time) if primvar and primvar.IsIndexed() else attribute.Get(time)
+    if held is None:
+        raise AssetError(f"{name} is missing ({place(prim)}); {shape[0]} elements are needed, one a leaf")
+    values = np.asarray(held)
+    if values.shape != shape:
+        raise AssetError(
+            f"{name} has {len(values)} elements where {shape[0]} are needed, one a leaf ({place(prim)}); "
+            "write the leaves again, or drop the layer that changed them"
+        )
+    finite = np.isfinite(values)
+    if not finite.all():
+        wrong = np.flatnonzero(~finite.reshape(len(values), -1).all(axis=1))
+        raise AssetError(
+            f"{name} is not finite in {len(wrong)} of {len(values)} leaves, the first is leaf {wrong[0]} "
+            f"({place(prim)}); drop these leaves or fit them again"
+        )
+    return values.astype(np.float64)
+
+
+def place(prim: Usd.Prim) -> str:
+    """Where a prim is, for a message: the file that was opened and the prim's path."""
+    layer = prim.GetStage().GetRootLayer()
+    return f"{layer.realPath or layer.identifier} <{prim.GetPath()}>"
+
+
+def _usd_types(array: Array) -> tuple[Sdf.ValueTypeName, Any]:
+    if array.ndim == 2:
+        return Sdf.ValueTypeNames.Float3Array, Vt.Vec3fArray
+    if array.dtype == np.int32:
+        return Sdf.ValueTypeNames.IntArray, Vt.IntArray
+    return Sdf.ValueTypeNames.FloatArray, Vt.FloatArray
+
+
+def _author(prim: Usd.Prim, name: str, value_type: Sdf.ValueTypeName, value: object, interpolation: str) -> None:
+    UsdGeom.PrimvarsAPI(prim).CreatePrimvar(name, value_type, interpolation).Set(value)

@@ -1,0 +1,243 @@
+"""Leaves in USD: one PointInstancer with FoliageLeafAPI, and back."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
+from usdfoliage.asset.leaf_primvars import (
+    author_edits,
+    author_jitter_map,
+    author_leaf_primvars,
+    place,
+    read_array,
+    read_edits,
+    read_jitter_map_path,
+    read_leaf_primvars,
+)
+from usdfoliage.asset.materials import LEAF_MATERIAL
+from usdfoliage.asset.plant import LEAVES
+from usdfoliage.asset.schema import LEAF_API
+from usdfoliage.errors import AssetError
+from usdfoliage.leaf.bounds import leaf_bounds, leaf_bounds_m
+from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits
+from usdfoliage.leaf.jitter import Jitter
+from usdfoliage.leaf.mesh import LeafMesh, PrototypeSettings, build_prototype
+from usdfoliage.leaf.model import Leaves, mean_leaf
+from usdfoliage.leaf.variation import default_leaf
+
+PROTOTYPE = "Prototypes/Leaf"  # below the instancer
+_UNIT = 1e-6  # a quaternion this near to length 1 is written as it is
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeavesPrim:
+    """All that is authored of leaves in the representation bezier."""
+
+    leaves: Leaves
+    prototype: LeafMesh  # what a renderer without our shader shows in place of every leaf, in leaf space
+    prototype_extent: NDArray[np.float64]  # (2, 3), of all leaves as they are drawn, in leaf space
+    extent_m: NDArray[np.float64]  # (2, 3), of the same, in the asset's frame
+    color: tuple[float, float, float]  # linear Rec.709
+    edits: LeafEdits = NEUTRAL
+    jitter_map: str = ""  # as seen from the layer's folder
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReadLeaves:
+    """Leaves as an asset has them; the edits are not applied."""
+
+    leaves: Leaves
+    edits: LeafEdits
+    jitter_map: Path | None
+
+
+def leaves_prim(
+    leaves: Leaves,
+    edits: LeafEdits,
+    jitter: Jitter,
+    color: tuple[float, float, float],
+    jitter_map: str,
+    settings: PrototypeSettings,
+) -> LeavesPrim:
+    """What the layer payload/leaves.usdc holds: the leaves as they are, with bounds of them as they are drawn.
+
+    Args:
+        leaves: Before the edits.
+        jitter: Of the edits, with the map in jitter_map.
+    """
+    mean = mean_leaf(leaves.parameters) if len(leaves) else default_leaf()
+    prototype = build_prototype(mean, settings)
+    corners = [prototype.points_m.min(axis=0), prototype.points_m.max(axis=0)]
+    drawn = replace(leaves, parameters=apply_edits(leaves.parameters, edits))
+    if len(leaves):
+        bounds = leaf_bounds(drawn.parameters, jitter)
+        corners = [np.minimum(corners[0], bounds[:, 0].min(axis=0)), np.maximum(corners[1], bounds[:, 1].max(axis=0))]
+    return LeavesPrim(
+        leaves=leaves,
+        prototype=prototype,
+        prototype_extent=np.stack(corners).astype(np.float64),
+        extent_m=leaf_bounds_m(drawn, jitter),
+        color=color,
+        edits=edits,
+        jitter_map=jitter_map,
+    )
+
+
+def author_leaves(stage: Usd.Stage, path: Sdf.Path, prim: LeavesPrim) -> UsdGeom.PointInstancer:
+    """Define the leaves at path, and the prototype below it.
+
+    Raises:
+        ValueError: A number is not finite, a length not above 0, or a quaternion has length 0.
+    """
+    leaves = prim.leaves
+    check_leaves(leaves)
+    instancer = UsdGeom.PointInstancer.Define(stage, path)
+    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(leaves.base_m, np.float32)))
+    scales = np.repeat(np.asarray(leaves.length_m, np.float32)[:, None], 3, axis=1)
+    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
+    turns = unit_quaternions(leaves.orientation).astype(np.float32)
+    instancer.CreateOrientationsfAttr(Vt.QuatfArray.FromNumpy(turns))  # takes precedence
+    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(turns.astype(np.float16)))
+    instancer.CreateProtoIndicesAttr(Vt.IntArray(len(leaves), 0))
+    instancer.CreateExtentAttr(_corners(prim.extent_m))
+
+    prototype = path.AppendPath(PROTOTYPE)
+    UsdGeom.Scope.Define(stage, prototype.GetParentPath())
+    author_leaf_mesh(stage, prototype, prim.prototype, prim.color, prim.prototype_extent)
+    instancer.CreatePrototypesRel().SetTargets([prototype])
+
+    instancer.GetPrim().AddAppliedSchema(LEAF_API)
+    author_leaf_primvars(instancer.GetPrim(), leaves, UsdGeom.Tokens.varying)
+    author_edits(instancer.GetPrim(), prim.edits)
+    if prim.jitter_map:
+        author_jitter_map(instancer.GetPrim(), prim.jitter_map)
+    return instancer
+
+
+def write_leaves_layer(path: Path, name: str, prim: LeavesPrim) -> None:
+    """Write the leaves alone: a layer with the instancer at /name/geo/render/Leaves."""
+    stage = new_layer(path, name)
+    leaves = Sdf.Path(f"/{name}/{LEAVES}")
+    author_scopes(stage, leaves.GetParentPath())
+    author_leaves(stage, leaves, prim)
+    author_leaf_binding(stage, leaves.AppendPath(PROTOTYPE), Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
+    export_layer(stage, path)
+
+
+def author_leaf_mesh(
+    stage: Usd.Stage,
+    path: Sdf.Path,
+    leaf: LeafMesh,
+    color: tuple[float, float, float],
+    extent: NDArray[np.floating] | None = None,
+) -> UsdGeom.Mesh:
+    """Define a mesh of leaves at path; its extent is that of its points unless another (2, 3) is given."""
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    points = Vt.Vec3fArray.FromNumpy(leaf.points_m)
+    mesh.CreatePointsAttr(points)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(leaf.face_counts))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(leaf.face_vertices))
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(leaf.normals))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points) if extent is None else _corners(extent))
+    author_leaf_gprim(mesh, color)
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
+    st.Set(Vt.Vec2fArray.FromNumpy(leaf.st))
+    return mesh
+
+
+def author_leaf_gprim(gprim: UsdGeom.Gprim, color: tuple[float, float, float]) -> None:
+    """What every gprim of leaves has, whatever its type: both sides, one colour."""
+    gprim.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
+    gprim.CreateDoubleSidedAttr(True)
+    display = UsdGeom.PrimvarsAPI(gprim).CreatePrimvar(
+        "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.constant
+    )
+    display.Set([Gf.Vec3f(*map(float, color))])
+
+
+def author_leaf_binding(stage: Usd.Stage, path: Sdf.Path, material: Sdf.Path) -> None:
+    """Bind the material, which another layer may hold, on the gprim at path."""
+    binding = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path))
+    binding.Bind(UsdShade.Material(stage.OverridePrim(material)))
+
+
+def read_leaves(prim: Usd.Prim) -> ReadLeaves:
+    """The leaves of an instancer that author_leaves wrote, with the opinions of stronger layers.
+
+    Leaves that are hidden by their number (inactiveIds, invisibleIds) are left out.
+
+    Raises:
+        AssetError: The prim is no instancer of leaves, an array is missing, of another length than the others or not
+            finite, a scale is not above 0 or not the same for all axes, or the map of the jitter is missing.
+    """
+    instancer = UsdGeom.PointInstancer(prim)
+    if not instancer or LEAF_API not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+        what = f"a {prim.GetTypeName() or 'prim without type'}" if prim else "no prim"
+        raise AssetError(
+            f"no leaves: {what} where a PointInstancer with {LEAF_API} is needed"
+            f"{f' ({place(prim)})' if prim else ''}; choose the representation bezier"
+        )
+    time = Usd.TimeCode.EarliestTime()
+    positions = instancer.GetPositionsAttr().Get(time)
+    count = 0 if positions is None else len(positions)
+    base_m = read_array(prim, "positions", (count, 3))
+    scales = read_array(prim, "scales", (count, 3))
+    uneven = (np.ptp(scales, axis=1) > 1e-5 * np.abs(scales).max(axis=1)) | (scales <= 0).any(axis=1)
+    if uneven.any():
+        raise AssetError(
+            f"scales is not above 0 and the same for all axes in {np.count_nonzero(uneven)} of {count} leaves, the "
+            f"first is leaf {np.flatnonzero(uneven)[0]} ({place(prim)}); a scale is the leaf's length in metres"
+        )
+    # An application that knows only the older attribute may have written that alone.
+    exact = prim.GetAttribute("orientationsf").HasAuthoredValue()
+    leaves = Leaves(
+        base_m=base_m,
+        length_m=scales[:, 0],
+        orientation=read_array(prim, "orientationsf" if exact else "orientations", (count, 4)),
+        **read_leaf_primvars(prim, count),
+    )
+    shown = instancer.ComputeMaskAtTime(time)
+    return ReadLeaves(
+        leaves=leaves.take(np.array(shown, bool)) if len(shown) else leaves,
+        edits=read_edits(prim),
+        jitter_map=read_jitter_map_path(prim),
+    )
+
+
+def check_leaves(leaves: Leaves) -> None:
+    """ValueError unless every number is finite and every length above 0."""
+    for name, array in (
+        ("parameters", leaves.parameters),
+        ("base_m", leaves.base_m),
+        ("orientation", leaves.orientation),
+        ("length_m", leaves.length_m),
+        ("phase", leaves.phase),
+        ("confidence", leaves.confidence),
+        ("residual_m", leaves.residual_m),
+    ):
+        if array is not None and not np.isfinite(array).all():
+            wrong = np.count_nonzero(~np.isfinite(array).reshape(len(leaves), -1).all(axis=1))
+            raise ValueError(f"{name} is not finite in {wrong} of {len(leaves)} leaves")
+    if (leaves.length_m <= 0).any():
+        raise ValueError(f"length_m must be above 0, not {leaves.length_m.min():g}")
+
+
+def unit_quaternions(turns: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Quaternions (N, 4) made unit where they are not; the others keep their bits."""
+    length = np.linalg.norm(turns, axis=1, keepdims=True)
+    if (length == 0).any():
+        raise ValueError(f"{np.count_nonzero(length == 0)} of {len(turns)} orientations are (0, 0, 0, 0)")
+    return np.where(np.abs(length - 1) <= _UNIT, turns, turns / length)
+
+
+def _corners(extent: NDArray[np.floating]) -> list[Gf.Vec3f]:
+    """Two corners as USD wants them, rounded outwards."""
+    low = np.nextafter(np.asarray(extent[0], np.float32), np.float32(-np.inf))
+    high = np.nextafter(np.asarray(extent[1], np.float32), np.float32(np.inf))
+    return [Gf.Vec3f(*map(float, low)), Gf.Vec3f(*map(float, high))]
