@@ -69,22 +69,29 @@ def leaves_prim(
         leaves: Before the edits.
         jitter: Of the edits, with the map in jitter_map.
     """
-    mean = mean_leaf(leaves.parameters) if len(leaves) else default_leaf()
-    prototype = build_prototype(mean, settings)
-    corners = [prototype.points_m.min(axis=0), prototype.points_m.max(axis=0)]
-    drawn = replace(leaves, parameters=apply_edits(leaves.parameters, edits))
-    if len(leaves):
-        bounds = leaf_bounds(drawn.parameters, jitter)
-        corners = [np.minimum(corners[0], bounds[:, 0].min(axis=0)), np.maximum(corners[1], bounds[:, 1].max(axis=0))]
+    check_leaves(leaves)
+    prototype = build_prototype(mean_leaf(leaves.parameters) if len(leaves) else default_leaf(), settings)
+    drawn = edited_leaves(leaves, edits)
+    bounds = leaf_bounds(drawn.parameters, jitter)
     return LeavesPrim(
         leaves=leaves,
         prototype=prototype,
-        prototype_extent=np.stack(corners).astype(np.float64),
+        prototype_extent=np.stack(
+            [
+                np.minimum(prototype.points_m.min(axis=0), bounds[:, 0].min(axis=0, initial=np.inf)),
+                np.maximum(prototype.points_m.max(axis=0), bounds[:, 1].max(axis=0, initial=-np.inf)),
+            ]
+        ),
         extent_m=leaf_bounds_m(drawn, jitter),
         color=color,
         edits=edits,
         jitter_map=jitter_map,
     )
+
+
+def edited_leaves(leaves: Leaves, edits: LeafEdits) -> Leaves:
+    """The leaves that a renderer shows of those that author_leaves writes: their float32 parameters, edited."""
+    return replace(leaves, parameters=apply_edits(np.asarray(leaves.parameters, np.float32), edits))
 
 
 def author_leaves(stage: Usd.Stage, path: Sdf.Path, prim: LeavesPrim) -> UsdGeom.PointInstancer:
@@ -238,6 +245,7 @@ def unit_quaternions(turns: NDArray[np.floating]) -> NDArray[np.floating]:
 
 def _corners(extent: NDArray[np.floating]) -> list[Gf.Vec3f]:
     """Two corners as USD wants them, rounded outwards."""
-    low = np.nextafter(np.asarray(extent[0], np.float32), np.float32(-np.inf))
-    high = np.nextafter(np.asarray(extent[1], np.float32), np.float32(np.inf))
+    low, high = np.asarray(extent, np.float32)
+    low = np.where(low > extent[0], np.nextafter(low, np.float32(-np.inf)), low)
+    high = np.where(high < extent[1], np.nextafter(high, np.float32(np.inf)), high)
     return [Gf.Vec3f(*map(float, low)), Gf.Vec3f(*map(float, high))]
