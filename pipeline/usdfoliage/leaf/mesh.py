@@ -12,7 +12,8 @@ from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.surface import evaluate_grid
 from usdfoliage.leaf.topology import LeafTopology, leaf_topology
 
-SEGMENTS_A_CYCLE = 16  # of the silhouette, so that chords cut less than 2 % of the jitter's amplitude
+SEGMENTS_A_ROW = 2  # of the silhouette: with 16 rows it keeps 998 of 1000 pixels of the leaf, with one a row 994
+SEGMENTS_A_CYCLE = 16  # of the silhouette, so that chords cut some 2 % of the jitter's amplitude at most
 SEGMENTS_A_TEXEL = 2
 MOST_SEGMENTS = 512  # beyond it, a jitter map is finer than a leaf is ever drawn
 LEFT_OF_AXIS = -1e-12  # u at which the left half's tangents hold, and no coordinate differs
@@ -25,10 +26,10 @@ class LeafMeshSettings:
 
     across: int = 8  # cells from silhouette to silhouette, even
     along: int = 16  # rows from base to apex
-    silhouette: int | None = None  # segments of either silhouette; as many as the jitter needs, or the rows, by default
+    silhouette: int | None = None  # segments of either silhouette; by default two a row, more where jitter needs them
 
     def __post_init__(self) -> None:
-        leaf_topology(self.across, self.along, self.silhouette or self.along)
+        leaf_topology(self.across, self.along, self.along if self.silhouette is None else self.silhouette)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +38,7 @@ class PrototypeSettings:
 
     across: int = 6
     along: int = 16
-    silhouette: int = 64
+    silhouette: int = 128  # so that jitter of 8 cycles keeps 998 of 1000 pixels of the leaf
 
     def __post_init__(self) -> None:
         leaf_topology(self.across, self.along, self.silhouette)
@@ -113,12 +114,12 @@ def build_prototype(parameters: NDArray[np.floating], settings: PrototypeSetting
 def _silhouette_segments(settings: LeafMeshSettings, jitter: Jitter) -> int:
     if settings.silhouette is not None:
         return settings.silhouette
-    needed = 0.0
+    needed = float(SEGMENTS_A_ROW * settings.along)
     if jitter.amplitude:
         texels = jitter.map
         a_cycle = SEGMENTS_A_CYCLE if texels is None else SEGMENTS_A_TEXEL * len(texels)
-        needed = min(jitter.frequency * a_cycle, MOST_SEGMENTS)
-    return settings.along * max(1, math.ceil(needed / settings.along))
+        needed = max(needed, min(jitter.frequency * a_cycle, MOST_SEGMENTS))
+    return math.ceil(needed)
 
 
 def _evaluate(

@@ -6,8 +6,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-# Share of the cosine spacing in the rows: rows lie closer to base and apex, where silhouettes turn most.
-TOWARDS_ENDS = 0.5
+# Shares of cosine spacing: silhouettes turn most at base and apex, and there the cells beside them are narrow.
+SILHOUETTE_TOWARDS_ENDS = 0.25
+ROWS_TOWARDS_ENDS = 0.6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +42,7 @@ def leaf_topology(across: int, along: int, silhouette: int) -> LeafTopology:
     Args:
         across: cells from silhouette to silhouette, even, 4 or more, so that the axis is an edge.
         along: rows of cells from base to apex, 2 or more.
-        silhouette: segments of either silhouette, a multiple of along.
+        silhouette: segments of either silhouette, along or more.
 
     Raises:
         ValueError: A number is not of this kind.
@@ -50,11 +51,13 @@ def leaf_topology(across: int, along: int, silhouette: int) -> LeafTopology:
         raise ValueError(f"across must be even and 4 or more, not {across}")
     if along < 2:
         raise ValueError(f"along must be 2 or more, not {along}")
-    if silhouette < along or silhouette % along:
-        raise ValueError(f"silhouette must be a multiple of along, {along}, not {silhouette}")
-    columns, rows, steps = across - 1, along - 1, silhouette // along
+    if silhouette < along:
+        raise ValueError(f"silhouette must be {along}, the number of rows, or more, not {silhouette}")
+    columns, rows = across - 1, along - 1
     inner_u = np.arange(1 - across // 2, across // 2) / (across // 2)
-    inner_v, silhouette_v = row_parameters(along)[1:-1], row_parameters(silhouette)[1:-1]
+    silhouette_v = spread(silhouette, SILHOUETTE_TOWARDS_ENDS)
+    row_steps = _rows_among(along, silhouette)  # each row ends at vertices of the silhouettes
+    inner_v, silhouette_v = silhouette_v[row_steps[1:-1]], silhouette_v[1:-1]
 
     inner = 2 + np.arange(rows * columns).reshape(rows, columns)
     base, apex = np.full((1, columns), 0), np.full((1, columns), 1)
@@ -65,7 +68,7 @@ def leaf_topology(across: int, along: int, silhouette: int) -> LeafTopology:
     faces: list[tuple[int, ...]] = []
     for row in range(along):
         low, high = inner[row].tolist(), inner[row + 1].tolist()
-        outside = slice(row * steps, (row + 1) * steps + 1)
+        outside = slice(row_steps[row], row_steps[row + 1] + 1)
         # Mirrored, so that the left half is the right one's mirror image; its faces are then turned over.
         faces += [face[::-1] for face in _beside_silhouette(low[0], high[0], left[outside].tolist())]
         for column in range(columns - 1):
@@ -87,10 +90,17 @@ def leaf_topology(across: int, along: int, silhouette: int) -> LeafTopology:
     )
 
 
-def row_parameters(count: int) -> NDArray[np.float64]:
-    """v of count + 1 rows from base to apex, closer to each other towards both; every k-th of k n rows is one of n."""
-    t = np.linspace(0, 1, count + 1)
-    return (1 - TOWARDS_ENDS) * t + TOWARDS_ENDS * (1 - np.cos(np.pi * t)) / 2
+def spread(count: int, towards_ends: float) -> NDArray[np.float64]:
+    """count + 1 numbers from 0 to 1, evenly spaced, or closer towards both ends by this share of cosine spacing."""
+    t = np.arange(count + 1) / count
+    return (1 - towards_ends) * t + towards_ends * (1 - np.cos(np.pi * t)) / 2
+
+
+def _rows_among(along: int, silhouette: int) -> NDArray[np.intp]:
+    """Which of the silhouette's vertices the along + 1 ends of the rows are; no two of them are the same."""
+    row = np.arange(along + 1)
+    nearest = np.rint(spread(along, ROWS_TOWARDS_ENDS) * silhouette).astype(np.intp)
+    return np.minimum(np.maximum.accumulate(nearest - row) + row, silhouette - along + row)
 
 
 def _beside_silhouette(low: int, high: int, outside: list[int]) -> list[tuple[int, ...]]:
