@@ -6,9 +6,7 @@ After a change that is meant, write the golden values anew and read the differen
     git diff tests/golden
 """
 
-import hashlib
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
+from usd_values import compare_with_golden, composed, hashes
 from usdfoliage.asset.cubemap_exr import read_cubemap
 from usdfoliage.asset.package import AssetSettings, write_crown_asset
 from usdfoliage.asset.plant import asset_name
@@ -60,48 +59,9 @@ def oak(tmp_path):
     return write_oak(tmp_path / "oak")
 
 
-def composed(stage):
-    """Every prim and property of a stage as lines of text, in the order of their paths."""
-    lines = []
-    for prim in sorted(stage.TraverseAll(), key=lambda prim: prim.GetPath()):
-        schemas = " ".join(prim.GetAppliedSchemas())
-        lines.append(f"{prim.GetPath()} {prim.GetSpecifier()} {prim.GetTypeName() or '-'} [{schemas}]")
-        for prop in sorted(prim.GetAuthoredProperties(), key=lambda prop: prop.GetName()):
-            head = f"{prop.GetPath()}"
-            if isinstance(prop, Usd.Relationship):
-                lines.append(f"{head} rel {[str(path) for path in prop.GetForwardedTargets()]}")
-                continue
-            value = prop.Get()
-            if isinstance(value, Sdf.AssetPath):
-                value = value.path
-            connections = [str(path) for path in prop.GetConnections()]
-            lines.append(
-                f"{head} {prop.GetVariability()} {prop.GetTypeName()} {prop.GetMetadata('interpolation') or ''}"
-                f" = {connections if connections else value}"
-            )
-    return lines
-
-
-NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
-
-
 def test_golden(oak):
     stage = Usd.Stage.Open(str(write_oak(oak.parent.with_name("golden"), mesh_size=3)))
-    lines = composed(stage)
-    if os.environ.get("USDFOLIAGE_UPDATE_GOLDEN"):
-        GOLDEN.parent.mkdir(parents=True, exist_ok=True)
-        GOLDEN.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    wanted = GOLDEN.read_text(encoding="utf-8").splitlines()
-    assert [line.split(" ")[0] for line in lines] == [line.split(" ")[0] for line in wanted]
-    for found, golden in zip(lines, wanted, strict=True):
-        assert NUMBER.sub("#", found) == NUMBER.sub("#", golden)
-        np.testing.assert_allclose(
-            [float(n) for n in NUMBER.findall(found)],
-            [float(n) for n in NUMBER.findall(golden)],
-            rtol=1e-5,
-            atol=1e-6,
-            err_msg=golden[:200],
-        )
+    compare_with_golden(composed(stage), GOLDEN)
 
 
 def test_layout(oak):
@@ -278,16 +238,12 @@ def test_usd_validators_find_only_shaders_of_other_applications(oak):
 WRITE_AND_HASH = """
 import sys
 from pathlib import Path
-sys.path.insert(0, {tests!r})
-from test_crown_asset import hashes, write_oak
+sys.path[:0] = [{tests!r}, {folder!r}]
+from test_crown_asset import write_oak
+from usd_values import hashes
 write_oak(Path(sys.argv[1]))
 print(hashes(Path(sys.argv[1])))
 """
-
-
-def hashes(folder):
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return [(str(path.relative_to(folder)), hashlib.sha256(path.read_bytes()).hexdigest()) for path in files]
 
 
 def test_same_inputs_give_the_same_bytes(oak, tmp_path):
@@ -296,7 +252,8 @@ def test_same_inputs_give_the_same_bytes(oak, tmp_path):
     keep_open = Usd.Stage.Open(str(oak))
     assert hashes(write_oak(oak.parent).parent) == again  # over itself, while it is open
     assert keep_open
-    program = WRITE_AND_HASH.format(tests=str(Path(__file__).parent))
+    folder = Path(__file__).parent
+    program = WRITE_AND_HASH.format(tests=str(folder.parent), folder=str(folder))
     for seed in ("1", "2"):
         done = subprocess.run(
             [sys.executable, "-c", program, str(tmp_path / f"process {seed}")],
