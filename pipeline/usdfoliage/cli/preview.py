@@ -1,7 +1,7 @@
 """Draw an asset in Hydra Storm: one picture, or a turntable.
 
-ASSET is an asset folder or any USD file. It is framed by its bounds and lit like a turntable of a lookdev department,
-unless the file brings lights of its own. No display and no GPU are needed.
+ASSET is an asset folder, a look, which is shown over its asset, or any USD file. It is framed by its bounds and lit like
+a turntable of a lookdev department, unless the file brings lights of its own. No display and no GPU are needed.
 """
 
 import argparse
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("asset", metavar="ASSET", type=Path, help="asset folder, or a USD file")
+    parser.add_argument("asset", metavar="ASSET", type=Path, help="asset folder, look, or a USD file")
     parser.add_argument("-o", "--output", metavar="PNG", type=Path, required=True, help="the picture to write")
     parser.add_argument(
         "--turntable",

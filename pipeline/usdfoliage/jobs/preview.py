@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.asset.locate import try_layer
+from usdfoliage.asset.look import open_root_layer, read_look
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.jobs.recorder import run_recorder
@@ -177,12 +179,13 @@ def draw_views(
 
     Raises:
         PreviewError: As render_views.
+        AssetError: It is a look whose asset is missing.
     """
     if not usd_file.is_file():
         raise PreviewError(f"no such file ({usd_file})")
     with tempfile.TemporaryDirectory(prefix="usdfoliage-preview-") as name:
         work = Path(name)
-        request = _build_request(usd_file, views, settings, work)
+        request = _build_request(_file_to_draw(usd_file, work), views, settings, work)
         started = time.monotonic()
         result = run_recorder(request, work, settings.stall_timeout_s, progress)
         logger.info(
@@ -255,6 +258,16 @@ def _write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     finally:
         for temporary in written:
             temporary.unlink(missing_ok=True)
+
+
+def _file_to_draw(usd_file: Path, work: Path) -> Path:
+    """A look shows nothing by itself: for one, a layer in work that shows it over its asset."""
+    layer, _ = try_layer(usd_file)
+    if layer is None or read_look(layer) is None:  # the recorder says what is wrong with a file that is no USD
+        return usd_file
+    shown = work / f"{usd_file.stem}.usda"
+    open_root_layer(usd_file).Export(str(shown))
+    return shown
 
 
 def _build_request(

@@ -1,0 +1,251 @@
+"""What an asset holds, as its layers say it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
+
+from usdfoliage.asset.leaf_primvars import place
+from usdfoliage.asset.locate import REPRESENTATION, find_interface, find_plants, open_layer
+from usdfoliage.asset.look import Look, read_look
+from usdfoliage.asset.package import LeafLook
+from usdfoliage.asset.plant import CROWN, LEAVES
+from usdfoliage.asset.provenance import CUSTOM_DATA_KEY, Provenance
+from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API
+from usdfoliage.errors import AssetError
+
+_FOLIAGE = "Foliage"  # begins the names of our schemas
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssetFile:
+    """One file of an asset."""
+
+    path: str  # from the folder of the interface layer
+    size_bytes: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrownFacts:
+    """What a crown says of itself."""
+
+    center_m: tuple[float, float, float]
+    radius_range_m: tuple[float, float]
+    relief_weight: float
+    radius_map: Path | None  # None where the file is missing
+    color_map: Path | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlantFacts:
+    """What the root prim says, and how it is put together."""
+
+    name: str
+    asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors
+    version: str
+    variants: Mapping[str, Sequence[str]]  # names by variant set
+    selections: Mapping[str, str]
+    provenance: Provenance
+    extent: NDArray[np.float64] | None  # (2, 3), in the stage's unit; None where no extentsHint is authored
+    up_axis: str
+    meters_per_unit: float
+    schemas: Mapping[str, Sequence[str]]  # ours, by prim path
+
+
+def require_plant(stage: Usd.Stage, path: Path) -> Usd.Prim:
+    """The one plant of a stage; path is what the user calls it.
+
+    Raises:
+        AssetError: The stage is not ours, or has several.
+    """
+    plants = find_plants(stage)
+    if len(plants) == 1:
+        return plants[0]
+    if plants:
+        names = ", ".join(f"<{plant.GetPath()}>" for plant in plants[:3])
+        more = f" and {len(plants) - 3} more" if len(plants) > 3 else ""
+        raise AssetError(f"{path} holds {len(plants)} plants ({names}{more}); name the asset of one of them")
+    raise AssetError(
+        f"{path} is no asset of usdfoliage: none of its prims has {PLANT_API}; "
+        "name an asset's folder, its .usda, or a look"
+    )
+
+
+def representations(plant: Usd.Prim) -> list[str]:
+    """The variants that show the leaves, in the asset's order; empty where there is nothing to choose."""
+    sets = plant.GetVariantSets()
+    return list(sets.GetVariantSet(REPRESENTATION).GetVariantNames()) if REPRESENTATION in sets.GetNames() else []
+
+
+def find_crown(plant: Usd.Prim) -> Usd.Prim | None:
+    """The prim of the crown in the selected variants, None where the plant has none."""
+    held = plant.GetRelationship("foliage:crown")
+    targets = held.GetForwardedTargets() if held else []
+    prim = plant.GetStage().GetPrimAtPath(targets[0] if targets else plant.GetPath().AppendPath(CROWN))
+    return prim if prim and prim.HasAPI(CROWN_API) else None
+
+
+def read_plant_facts(plant: Usd.Prim, interface: Path) -> PlantFacts:
+    """What the root prim says, and the record in the interface layer."""
+    stage = plant.GetStage()
+    sets = plant.GetVariantSets()
+    names = list(sets.GetNames())
+    hint = UsdGeom.ModelAPI(plant).GetExtentsHint()
+    corners = np.array(hint, np.float64).reshape(-1, 2, 3) if hint else np.zeros((0, 2, 3))
+    held = corners[(corners[:, 0] <= corners[:, 1]).all(axis=1)]  # an empty purpose has its corners swapped
+    matrix = plant.GetAttribute("foliage:captureToAsset").Get()
+    return PlantFacts(
+        name=plant.GetName(),
+        asset_from_capture=np.eye(4) if matrix is None else np.array(matrix).T,
+        version=str(Usd.ModelAPI(plant).GetAssetVersion() or ""),
+        provenance=_read_provenance(plant, interface),
+        variants={name: tuple(sets.GetVariantSet(name).GetVariantNames()) for name in names},
+        selections={name: sets.GetVariantSet(name).GetVariantSelection() for name in names},
+        extent=np.stack([held[:, 0].min(axis=0), held[:, 1].max(axis=0)]) if len(held) else None,
+        up_axis=str(UsdGeom.GetStageUpAxis(stage)),
+        meters_per_unit=float(UsdGeom.GetStageMetersPerUnit(stage)),
+        schemas=_schemas(plant),
+    )
+
+
+def interface_of(asset: Path) -> tuple[Path, Look | None]:
+    """The interface layer of an asset's folder, of itself, or of a look; and the look.
+
+    Raises:
+        AssetError: There is nothing of that name, it cannot be read, or it is a look whose asset is missing.
+    """
+    layer = open_layer(find_interface(asset))
+    look = read_look(layer)
+    return (look.asset if look else Path(layer.realPath)), look
+
+
+def matrix_in_plant(prim: Usd.Prim, plant: Usd.Prim) -> NDArray[np.float64]:
+    """From prim's frame to the plant's, (4, 4) for column vectors; what stands above the plant is left out."""
+    cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
+    matrix, _ = cache.ComputeRelativeTransform(prim, plant)
+    return np.array(matrix).T
+
+
+def read_leaf_look(leaves: Usd.Prim, jitter_map: Path | None) -> LeafLook:
+    """What the leaves of an instancer look alike in: the colour of its prototype, the texture of its material.
+
+    Raises:
+        AssetError: The texture is missing.
+    """
+    targets = UsdGeom.PointInstancer(leaves).GetPrototypesRel().GetForwardedTargets()
+    prototype = leaves.GetStage().GetPrimAtPath(targets[0]) if targets else None
+    if not prototype:
+        return LeafLook(jitter_map=jitter_map)
+    color = LeafLook().color
+    display = UsdGeom.Gprim(prototype).GetDisplayColorAttr() if prototype.IsA(UsdGeom.Gprim) else None
+    held = display.Get() if display else None
+    if held is not None and len(held) == 1:
+        red, green, blue = map(float, held[0])
+        color = (red, green, blue)
+    return LeafLook(color=color, texture=_read_texture(prototype), jitter_map=jitter_map)
+
+
+def read_crown_facts(prim: Usd.Prim) -> CrownFacts:
+    """What the crown at prim says.
+
+    Raises:
+        AssetError: A fact is missing.
+    """
+    held = {}
+    for name in ("center", "radiusRange", "reliefWeight", "radiusMap", "colorMap"):
+        value = prim.GetAttribute(f"foliage:crown:{name}").Get()
+        if value is None:
+            raise AssetError(f"foliage:crown:{name} is missing ({place(prim)}); write the asset again")
+        held[name] = value
+    x, y, z = map(float, held["center"])
+    low, high = map(float, held["radiusRange"])
+    return CrownFacts(
+        center_m=(x, y, z),
+        radius_range_m=(low, high),
+        relief_weight=float(held["reliefWeight"]),
+        radius_map=_file(held["radiusMap"]),
+        color_map=_file(held["colorMap"]),
+    )
+
+
+def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[str]]:
+    """Layers, other files and missing files that an asset needs in any variant, the interface layer first.
+
+    Raises:
+        AssetError: A layer cannot be read.
+    """
+    folder = interface.absolute().parent
+    try:
+        layers, others, missing = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(interface.absolute())))
+    except Tf.ErrorException as error:
+        raise AssetError(f"{interface} cannot be read: {str(error).splitlines()[0]}") from error
+    first, *rest = [_file_of(Path(layer.realPath), folder) for layer in layers] or [
+        _file_of(interface.absolute(), folder)
+    ]
+    return (
+        [first, *sorted(rest, key=lambda file: file.path)],
+        sorted((_file_of(Path(str(path)), folder) for path in others), key=lambda file: file.path),
+        sorted(str(path) for path in missing),
+    )
+
+
+def _schemas(plant: Usd.Prim) -> dict[str, tuple[str, ...]]:
+    found: dict[str, tuple[str, ...]] = {}
+    walk = iter(Usd.PrimRange(plant))
+    for prim in walk:
+        ours = tuple(name for name in prim.GetAppliedSchemas() if name.startswith(_FOLIAGE))
+        if ours:
+            found[str(prim.GetPath())] = ours
+        if LEAF_API in ours or (prim.GetPath() == plant.GetPath().AppendPath(LEAVES)):
+            walk.PruneChildren()  # one patch a leaf in the representation nurbs
+    return found
+
+
+def _read_provenance(plant: Usd.Prim, interface: Path) -> Provenance:
+    """The run that made the asset; what a plant made by other means does not record is empty."""
+    record = open_layer(interface).customLayerData.get(CUSTOM_DATA_KEY)
+    held = record if isinstance(record, dict) else {}
+    settings = held.get("settings")
+    seed = held.get("seed")
+    return Provenance(
+        species=_text(plant, "foliage:species"),
+        capture=_text(plant, "foliage:capture").replace("\\", "/").rsplit("/", 1)[-1],
+        generator=_text(plant, "foliage:generator"),
+        seed=seed if isinstance(seed, int) else 0,
+        settings={str(key): str(value) for key, value in settings.items()} if isinstance(settings, dict) else {},
+        input_sha256=str(held.get("inputSha256", "")),
+    )
+
+
+def _read_texture(gprim: Usd.Prim) -> Path | None:
+    """The picture that gives the bound UsdPreviewSurface its colour."""
+    material, _ = UsdShade.MaterialBindingAPI(gprim).ComputeBoundMaterial()
+    surface = material.ComputeSurfaceSource()[0] if material else None
+    color = surface.GetInput("diffuseColor") if surface else None
+    sources, _ = color.GetConnectedSources() if color else ((), ())
+    file = UsdShade.Shader(sources[0].source.GetPrim()).GetInput("file") if sources else None
+    held = file.Get() if file else None
+    if not isinstance(held, Sdf.AssetPath) or not held.path:
+        return None
+    path = _file(held)
+    if path is None:
+        raise AssetError(f"the texture {held.path} is missing ({place(gprim)}); put the file there")
+    return path
+
+
+def _text(prim: Usd.Prim, name: str) -> str:
+    value = prim.GetAttribute(name).Get()
+    return value if isinstance(value, str) else ""
+
+
+def _file(held: Sdf.AssetPath) -> Path | None:
+    path = held.resolvedPath or Ar.GetResolver().Resolve(held.path)
+    return Path(str(path)) if str(path) and Path(str(path)).is_file() else None
+
+
+def _file_of(path: Path, folder: Path) -> AssetFile:
+    shown = path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+    return AssetFile(path=shown, size_bytes=path.stat().st_size)

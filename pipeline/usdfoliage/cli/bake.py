@@ -1,0 +1,46 @@
+"""Make a new asset whose leaves are as ASSET shows them: its edits become part of the 21 parameters of each leaf.
+
+Every representation of the new asset then holds the same leaves. Jitter is no parameter: it stays an edit, which the
+mesh carries exactly, subdiv approximately and nurbs not. DIR may be the folder of ASSET, which is replaced.
+"""
+
+import argparse
+from pathlib import Path
+
+from usdfoliage.cli.leaf_options import add_representation, add_resolution, add_writing
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("asset", metavar="ASSET", type=Path, help="asset folder, its .usda, or a look")
+    parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="the new asset's folder")
+    parser.add_argument("--name", help="name of the new asset (ASSET's)")
+    add_representation(parser, "those that ASSET has")
+    add_resolution(parser)
+    parser.add_argument(
+        "--from",
+        dest="source",
+        choices=("bezier", "nurbs"),
+        default="bezier",
+        help="where the leaves come from: nurbs fits them to patches that a modeller changed (%(default)s)",
+    )
+    add_writing(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.progress import StepBar
+    from usdfoliage.jobs.leaf_bake import BakeRequest, bake_asset, plan_bake
+
+    handle_interrupts()
+    request = BakeRequest.from_options(options)
+    if options.dry_run:
+        print(plan_bake(request))
+        return 0
+    with StepBar() as bar:
+        made = bake_asset(request, bar.show)
+    for note in made.notes:
+        print(f"note: {note}")
+    for line in made.lines:
+        print(line)
+    print(f"asset: {made.asset}")
+    return 0

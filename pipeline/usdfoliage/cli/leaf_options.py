@@ -1,0 +1,37 @@
+"""Options that the leaf commands share."""
+
+import argparse
+import re
+
+REPRESENTATIONS = ("bezier", "nurbs", "subdiv", "mesh")
+_NEGATIVE_NUMBER = re.compile(r"-\.?\d")
+
+
+def add_representation(parser: argparse.ArgumentParser, default: str) -> None:
+    parser.add_argument(
+        "--representation",
+        metavar="NAME",
+        nargs="+",
+        help=f"which to write: {', '.join(REPRESENTATIONS)} ({default}); bezier is always there",
+    )
+
+
+def add_resolution(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--resolution",
+        metavar=("ACROSS", "ALONG"),
+        type=int,
+        nargs=2,
+        help="faces of a leaf of the mesh, across and along it, and of the subdiv cage where that gets coarser",
+    )
+
+
+def add_writing(parser: argparse.ArgumentParser) -> None:
+    """What every command has that writes."""
+    parser.add_argument("--force", action="store_true", help="replace what is there though it is not ours")
+    parser.add_argument("--dry-run", action="store_true", help="check the input, say what would be done, write nothing")
+
+
+def accept_negative_numbers(parser: argparse.ArgumentParser) -> None:
+    """Let option values be any negative number: argparse takes -1e-3 for an option before Python 3.14."""
+    parser._negative_number_matcher = _NEGATIVE_NUMBER

@@ -1,0 +1,53 @@
+"""Make an asset of a random spray of leaves, for tests and demonstrations.
+
+Every leaf is a variation of one natural leaf, on twigs that grow from the origin. The same options and seed give the
+same bytes.
+"""
+
+import argparse
+from pathlib import Path
+
+from usdfoliage.cli.leaf_options import add_representation, add_resolution, add_writing
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("-n", "--count", metavar="N", type=int, required=True, help="how many leaves, 0 or more")
+    parser.add_argument("-o", "--output", metavar="OUT", type=Path, required=True, help="the asset's folder")
+    parser.add_argument("--name", help="name of the asset (OUT's basename)")
+    parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
+    parser.add_argument("--length", metavar="METRES", type=float, default=0.08, help="of a leaf (%(default)s)")
+    parser.add_argument(
+        "--variation",
+        metavar="SHARE",
+        type=float,
+        default=1.0,
+        help="how much the leaves differ: 0 all alike, 1 as on a plant (%(default)s)",
+    )
+    add_representation(parser, "all four up to 2000 leaves, beyond that bezier")
+    add_resolution(parser)
+    parser.add_argument("--texture", metavar="FILE", type=Path, help="picture of a leaf, its alpha cuts it out")
+    parser.add_argument(
+        "--jitter-map", metavar="FILE", type=Path, help="image whose first row is one cycle of a jittered silhouette"
+    )
+    parser.add_argument("--color", metavar=("R", "G", "B"), type=float, nargs=3, help="of a leaf, linear, 0 to 1")
+    add_writing(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.progress import StepBar
+    from usdfoliage.jobs.leaf_asset import ScatterRequest, plan_spray, scatter_asset
+
+    handle_interrupts()
+    request = ScatterRequest.from_options(options)
+    if options.dry_run:
+        print(plan_spray(request))
+        return 0
+    with StepBar() as bar:
+        made = scatter_asset(request, bar.show)
+    for note in made.notes:
+        print(f"note: {note}")
+    print(f"leaves: {made.count:,}")
+    print(f"representations: {', '.join(made.representations) or 'none'}")
+    print(f"asset: {made.asset}")
+    return 0

@@ -1,0 +1,304 @@
+"""From an asset with edits to one whose leaves are as the edits make them."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from usdfoliage import __version__
+from usdfoliage.asset.contents import (
+    PlantFacts,
+    find_crown,
+    interface_of,
+    matrix_in_plant,
+    read_leaf_look,
+    read_plant_facts,
+    representations,
+    require_plant,
+)
+from usdfoliage.asset.hero_leaf import read_hero_leaf
+from usdfoliage.asset.leaf_primvars import read_leaf_primvars
+from usdfoliage.asset.leaves import ReadLeaves, read_leaves
+from usdfoliage.asset.locate import find_leaves, require_leaves, select_representation
+from usdfoliage.asset.look import open_asset
+from usdfoliage.asset.package import LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.publish import publish_folder
+from usdfoliage.errors import AssetError, FitError
+from usdfoliage.jobs.leaf_edit import changed_edits, show_value
+from usdfoliage.jobs.leaf_settings import read_representations, read_settings
+from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits
+from usdfoliage.leaf.model import Leaves
+
+StepProgress = Callable[[str, float], None]
+RIGID = 1e-4  # how far a matrix may be from a turn and a scale alike for all axes, of its scale
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakeRequest:
+    """What the user asked for, checked."""
+
+    asset: Path
+    output: Path
+    name: str | None
+    representations: tuple[str, ...] | None  # None: those that the asset has
+    resolution: tuple[int, int] | None
+    source: str  # the representation that is read, bezier or nurbs
+    force: bool = False
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "BakeRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        chosen = read_representations(options.representation) if options.representation else None
+        resolution = (options.resolution[0], options.resolution[1]) if options.resolution else None
+        read_settings(chosen or ("bezier",), resolution)
+        return cls(
+            asset=options.asset,
+            output=options.output,
+            name=options.name,
+            representations=chosen,
+            resolution=resolution,
+            source=options.source,
+            force=options.force,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BakeInput:
+    """What is baked."""
+
+    plant: PlantFacts
+    interface: Path
+    leaves: Leaves  # as ASSET stores them
+    edits: LeafEdits
+    look: LeafLook
+    settings: LeafAssetSettings
+    name: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakedAsset:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    lines: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> BakedAsset:
+    """Write the asset of the edited leaves; what was there stays until the new one is whole.
+
+    Raises:
+        FoliageError: The asset cannot be read or has no leaves, or the output cannot be written; nothing was changed.
+    """
+    with publish_folder(request.output, force=request.force) as folder:
+        given = read_bake_input(request, progress)
+        if progress:
+            progress("write", 0.5)
+        interface = write_leaf_asset(
+            folder,
+            given.name,
+            bake_leaves(given.leaves, given.edits),
+            replace(
+                given.plant.provenance,
+                generator=f"usdfoliage {__version__}",
+                settings={**given.plant.provenance.settings, **describe_settings(request, given)},
+            ),
+            given.settings,
+            edits=remaining_edits(given.edits),
+            look=given.look,
+            asset_from_capture=given.plant.asset_from_capture,
+        )
+    return BakedAsset(asset=request.output / interface.name, lines=tuple(_lines(request, given)), notes=given.notes)
+
+
+def plan_bake(request: BakeRequest) -> str:
+    """What bake_asset would do, in lines, after reading the asset; writes nothing."""
+    given = read_bake_input(request)
+    lines = [
+        *_lines(request, given),
+        *(f"note: {note}" for note in given.notes),
+        f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{given.name}.usda'}",
+    ]
+    return "\n".join(lines)
+
+
+def bake_leaves(leaves: Leaves, edits: LeafEdits) -> Leaves:
+    """Leaves whose parameters have the edits in them; the jitter is no parameter."""
+    return replace(leaves, parameters=apply_edits(leaves.parameters, edits))
+
+
+def remaining_edits(edits: LeafEdits) -> LeafEdits:
+    """What no parameter can carry."""
+    return replace(NEUTRAL, jitter_amplitude=edits.jitter_amplitude, jitter_frequency=edits.jitter_frequency)
+
+
+def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) -> BakeInput:
+    """Read what is to be baked.
+
+    Raises:
+        AssetError: The asset cannot be read, has no leaves, several plants or a crown besides, or lacks the
+            representation that is to be read; its leaves have been bent out of shape by a matrix.
+    """
+    interface, look = interface_of(request.asset)
+    stage = open_asset(request.asset)
+    plant = require_plant(stage, request.asset)
+    facts = read_plant_facts(plant, interface)
+    if find_crown(plant) is not None:
+        raise AssetError(
+            f"{request.asset} has a crown besides its leaves, which bake would lose; bake the leaves' asset"
+        )
+    held = representations(plant)
+    if held:
+        select_representation(stage, "bezier")
+    prim = require_leaves(stage, request.asset)[0]
+    read = read_leaves(prim)
+    leaf_look = read_leaf_look(prim, read.jitter_map)
+    notes = []
+    hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
+    if hidden:
+        notes.append(f"{hidden:,} leaves are hidden and left out")
+    leaves, edits = _moved(read.leaves, matrix_in_plant(prim, plant)), read.edits
+    if request.source == "nurbs":
+        select_representation(stage, "nurbs")
+        patches = read_patches(find_leaves(stage), plant, progress)
+        leaves, edits = patches.leaves, patches.edits
+        notes += patches.notes
+        if look is not None:
+            notes.append(f"the edits of {look.path} act on bezier alone and were left out")
+    settings = read_settings(request.representations or held or ("bezier",), request.resolution)
+    in_place = request.output.resolve() == interface.resolve().parent
+    if in_place and look is not None and request.source == "bezier":
+        notes.append(f"{look.path} still holds these edits: take it out of your scenes, or they act twice")
+    notes += _jitter_notes(edits, settings.representations)
+    usual = facts.name if in_place else request.output.resolve().name
+    return BakeInput(
+        plant=facts,
+        interface=interface,
+        leaves=leaves,
+        edits=edits,
+        look=leaf_look,
+        settings=replace(settings, version=facts.version or settings.version),
+        name=asset_name(request.name or usual),
+        notes=tuple(notes),
+    )
+
+
+def describe_settings(request: BakeRequest, given: BakeInput) -> dict[str, str]:
+    """Every setting that decides the result, by the name of its option."""
+    return {
+        "bake-from": request.source,
+        "bake-edits": "; ".join(_shown(given.edits)) or "none",
+        "representation": " ".join(given.settings.representations),
+        "resolution": f"{given.settings.mesh.across} {given.settings.mesh.along}",
+    }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PatchLeaves:
+    """The leaves of patches, in their order."""
+
+    leaves: Leaves
+    edits: LeafEdits
+    notes: tuple[str, ...]
+
+
+def read_patches(prims: Sequence[Any], plant: Any, progress: StepProgress | None = None) -> PatchLeaves:
+    """Read the leaves of the representation nurbs; a patch that is near to no leaf is left out.
+
+    Raises:
+        AssetError: There is no patch, none is a leaf, or one has lost what makes it one.
+    """
+    read: list[Leaves] = []
+    failed: list[str] = []
+    residuals_m: list[float] = []
+    edits = NEUTRAL
+    for number, prim in enumerate(prims):
+        if progress and number % 64 == 0:
+            progress("patches", 0.5 * number / len(prims))
+        try:
+            one: ReadLeaves = read_hero_leaf(prim)
+        except FitError as error:
+            failed.append(f"{prim.GetPath()}: {error}")
+            continue
+        edits = remaining_edits(one.edits)
+        leaf = _moved(bake_leaves(one.leaves, one.edits), matrix_in_plant(prim.GetParent(), plant))
+        if not np.array_equal(one.leaves.parameters, read_leaf_primvars(prim, 1)["parameters"]):
+            residuals_m += [] if leaf.residual_m is None else [float(leaf.residual_m[0])]
+        read.append(leaf)
+    if not read:
+        if failed:
+            raise AssetError(f"none of {len(failed)} patches is near to a leaf, the first is {failed[0]}")
+        raise AssetError(f"<{plant.GetPath()}> has no patches in its representation nurbs; bake from bezier")
+    notes = [f"{len(residuals_m):,} of {len(prims):,} patches were changed and fitted"]
+    if residuals_m:
+        notes[0] += (
+            f", root mean square distance {1000 * float(np.median(residuals_m)):.3g} mm (median), "
+            f"{1000 * max(residuals_m):.3g} mm (largest)"
+        )
+    if failed:
+        notes.append(
+            f"{len(failed):,} of {len(prims):,} patches are no leaves and were left out, the first is {failed[0]}"
+        )
+    return PatchLeaves(leaves=_join(read), edits=edits, notes=tuple(notes))
+
+
+def _join(parts: Sequence[Leaves]) -> Leaves:
+    """All leaves one after another; a fact that some lack is unknown of all."""
+    fields: dict[str, Any] = {}
+    for name in Leaves.__dataclass_fields__:
+        held = [getattr(part, name) for part in parts]
+        fields[name] = np.concatenate(held) if all(array is not None for array in held) else None
+    return Leaves(**fields)
+
+
+def _moved(leaves: Leaves, matrix: NDArray[np.float64]) -> Leaves:
+    """Leaves moved, turned and scaled by a matrix (4, 4) for column vectors.
+
+    Raises:
+        AssetError: The matrix shears, mirrors, or scales the axes differently.
+    """
+    if np.array_equal(matrix, np.eye(4)):
+        return leaves
+    scale = float(np.cbrt(np.linalg.det(matrix[:3, :3])))
+    turn = matrix[:3, :3] / scale if scale > 0 else np.zeros((3, 3))
+    if scale <= 0 or np.abs(turn @ turn.T - np.eye(3)).max() > RIGID:
+        raise AssetError(
+            "the leaves stand under a matrix that shears, mirrors or stretches them; undo it and bake again"
+        )
+    if not len(leaves):
+        return leaves
+    orientation = (Rotation.from_matrix(turn) * Rotation.from_quat(leaves.orientation)).as_quat()
+    return replace(
+        leaves,
+        base_m=leaves.base_m @ matrix[:3, :3].T + matrix[:3, 3],
+        orientation=orientation,
+        length_m=leaves.length_m * scale,
+    )
+
+
+def _lines(request: BakeRequest, given: BakeInput) -> list[str]:
+    baked = [words for words in _shown(given.edits) if not words.startswith("jitter")]
+    return [
+        f"leaves: {len(given.leaves):,}, from {request.source}",
+        f"baked edits: {'; '.join(baked) or 'none'}",
+        f"representations: {', '.join(given.settings.representations)}",
+    ]
+
+
+def _shown(edits: LeafEdits) -> list[str]:
+    return [f"{name} {show_value(value)}" for name, value in changed_edits(edits).items()]
+
+
+def _jitter_notes(edits: LeafEdits, chosen: Sequence[str]) -> list[str]:
+    if not edits.jitter_amplitude:
+        return []
+    carried = {"nurbs": "not", "subdiv": "approximately", "mesh": "exactly"}
+    said = [f"{name} has it {how}" for name, how in carried.items() if name in chosen]
+    return [f"the jitter stays an edit{': ' if said else ''}{', '.join(said)}"]
