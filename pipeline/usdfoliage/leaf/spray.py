@@ -1,35 +1,41 @@
-"""A random spray of leaves on twigs, for tests and demonstrations."""
+"""A random spray of leaves on twigs, for tests and demonstrations.
 
-from dataclasses import dataclass, field
+Our own sketch of a plant, not a growth model: orders of arching shoots, of which the last carries the leaves.
+"""
+
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from usdfoliage.leaf.jitter import spread_phases
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.variation import VariationSettings, vary_leaves
+from usdfoliage.leaf.variation import LIMIT, VariationSettings, vary_leaves
 
 GOLDEN_ANGLE_RAD = np.pi * (3 - 5**0.5)  # 137.5°, from a leaf to the next on a spiral
+SHOOTS_PER_SHOOT = 10.0  # at most, but for rounding
+LEADER = 0.85  # how long a shoot is that carries others, to one that fills its room alone
+CHUNK = 1 << 16  # leaves placed at a time, so that a million need little memory besides their own
 UP = np.array([0.0, 1.0, 0.0])
-CHUNK = 1 << 16  # leaves at a time, so that a million fit into little memory
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpraySettings:
-    """How leaves stand on twigs, and twigs in the spray."""
+    """How leaves stand on twigs; the spray grows with their number and with their length."""
 
     length_m: float = 0.08  # of a leaf, on average
     length_variation: float = 0.15  # standard deviation of its logarithm
-    leaves_per_twig: int = 12
-    internode_m: float = 0.035  # from a leaf to the next
-    divergence_rad: float = np.pi  # from a leaf to the next around the twig: half a turn, or GOLDEN_ANGLE_RAD
-    light: tuple[float, float, float] = (0.0, 0.9, 0.45)  # where blades turn to
+    leaves_per_twig: int = 12  # at most
+    internode: float = 0.42  # from a leaf to the next along the twig, in leaf lengths
+    divergence_rad: float = np.pi  # from a leaf to the next around the twig: two rows; a spiral by GOLDEN_ANGLE_RAD
+    light: tuple[float, float, float] = (0.0, 0.9, 0.45)  # where blades turn to, in any length
     variation: VariationSettings = field(default_factory=VariationSettings)
 
     def __post_init__(self) -> None:
-        for name in ("length_m", "leaves_per_twig", "internode_m"):
+        for name in ("length_m", "leaves_per_twig", "internode"):
             number = getattr(self, name)
             if not (np.isfinite(number) and number > 0):
                 raise ValueError(f"{name} must be above 0, not {number}")
@@ -43,37 +49,44 @@ class SpraySettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shoots:
-    """Quadratic arcs: begin, direction there, direction at the tip, length."""
+    """Quadratic arcs."""
 
     base_m: Array  # (S, 3)
-    start: Array  # (S, 3), unit
-    end: Array  # (S, 3), unit
-    length_m: Array  # (S,)
+    start: Array  # (S, 3), unit direction at the base
+    end: Array  # (S, 3), unit direction at the tip
+    length_m: Array  # (S,), of the arc were it straight
+
+    def __len__(self) -> int:
+        return len(self.base_m)
 
     def at(self, shoot: NDArray[np.int64], t: Array) -> tuple[Array, Array]:
         """Points and unit tangents (K, 3) at t (K,) in [0, 1] of shoots (K,)."""
-        start, end, t = self.start[shoot], self.end[shoot], t[:, None]
-        point = self.base_m[shoot] + self.length_m[shoot, None] * (start * (t - t * t / 2) + end * (t * t / 2))
-        return point, _unit(start * (1 - t) + end * t)
+        start, end, along = self.start[shoot], self.end[shoot], t[:, None]
+        reach = start * (along - along * along / 2) + end * (along * along / 2)
+        return self.base_m[shoot] + self.length_m[shoot, None] * reach, _unit(start + (end - start) * along)
 
 
 def scatter_spray(count: int, rng: np.random.Generator, settings: SpraySettings = SpraySettings()) -> Leaves:
-    """A spray of count leaves with its root at the origin, Y up, its leaves turned up and towards +Z."""
-    if count < 0:
-        raise ValueError(f"the number of leaves must be 0 or more, not {count}")
+    """A spray of leaves on twigs that arch from a root at the origin, Y up, the blades turned up and towards +Z.
+
+    A few leaves are one twig, some hundreds a bough, more of them a plant as large as they fill. Leaves of one twig
+    follow each other from its base to its tip.
+
+    Raises:
+        ValueError: count is below 0.
+    """
     parameters = vary_leaves(count, rng, settings.variation)
     base_m, orientation, length_m = np.empty((count, 3)), np.empty((count, 4)), np.empty(count)
     if count:
-        shoots = _grow_shoots(count, rng, settings)
-        share = np.cumsum(shoots.length_m) / shoots.length_m.sum()
-        first = np.concatenate([[0], np.round(share * count)]).astype(np.int64)
+        twigs = _grow_twigs(count, rng, settings)
+        share = np.cumsum(twigs.length_m) / np.sum(twigs.length_m)
+        first = np.round(count * np.concatenate([[0.0], share])).astype(np.int64)
         for begin in range(0, count, CHUNK):
             number = np.arange(begin, min(begin + CHUNK, count))
-            chunk = slice(number[0], number[-1] + 1)
-            shoot = np.searchsorted(first, number, side="right") - 1
-            rank, total = number - first[shoot], (first[shoot + 1] - first[shoot])
-            base_m[chunk], orientation[chunk], length_m[chunk] = _place_leaves(
-                shoots, shoot, rank, (rank + 1.0) / total, rng, settings
+            twig = np.searchsorted(first, number, side="right") - 1
+            rank, total = number - first[twig], first[twig + 1] - first[twig]
+            base_m[number], orientation[number], length_m[number] = _place_leaves(
+                twigs, twig, rank, total, rng, settings
             )
     return Leaves(
         parameters=parameters,
@@ -84,98 +97,91 @@ def scatter_spray(count: int, rng: np.random.Generator, settings: SpraySettings 
     )
 
 
-def _grow_shoots(count: int, rng: np.random.Generator, settings: SpraySettings) -> _Shoots:
-    """The twigs that carry the leaves: the last order of a branching system of which each order is like the last."""
-    twigs = -(-count // settings.leaves_per_twig)
-    orders = int(np.ceil(np.log(max(twigs, 1)) / np.log(12.0))) if twigs > 1 else 0
-    ratio = twigs ** (1 / max(orders, 1))
-    twig_m = settings.leaves_per_twig * settings.internode_m
+def _grow_twigs(count: int, rng: np.random.Generator, settings: SpraySettings) -> _Shoots:
+    """The twigs for this many leaves: the last two orders of shoots, as long as the leaves need."""
+    wanted = -(-count // settings.leaves_per_twig)
+    orders = int(np.ceil(np.log(wanted) / np.log(SHOOTS_PER_SHOOT) - 1e-9))
+    ratio = wanted ** (1 / max(orders, 1))
     shoots = _Shoots(
         base_m=np.zeros((1, 3)),
-        start=np.array([[0.0, 1.0, 0.0]]),
-        end=_unit(np.array([[0.25, 1.0, 0.15]])),
-        length_m=np.array([twig_m * 1.15 * ratio ** (orders / 3)]),
+        start=_unit(UP + rng.normal(0, 0.05, (1, 3))),
+        end=_unit(np.array([0.25, 1.0, 0.25]) + rng.normal(0, 0.1, (1, 3))),
+        # In units of a twig, and as many more twigs need as much more room: lengths grow with the third root.
+        length_m=np.array([LEADER * ratio ** (orders / 3) if orders else 1.0]),
     )
-    for order in range(1, orders + 1):
-        wanted = twigs if order == orders else int(np.ceil(ratio**order))
-        shoots = _branch(shoots, wanted, twig_m * 1.15 * ratio ** ((orders - order) / 3), rng)
-    return shoots
+    for order in range(1, orders):
+        number = int(np.ceil(ratio**order))
+        shoots = _branch_shoots(shoots, number, LEADER * ratio ** ((orders - order) / 3), rng, leading=True)
+    if orders:
+        side = _branch_shoots(shoots, wanted, 1.0, rng, leading=False)
+        shoots = _Shoots(
+            base_m=np.concatenate([shoots.base_m, side.base_m]),
+            start=np.concatenate([shoots.start, side.start]),
+            end=np.concatenate([shoots.end, side.end]),
+            length_m=np.concatenate([shoots.length_m, side.length_m]),
+        )
+    scale = count * settings.internode * settings.length_m / np.sum(shoots.length_m)
+    return replace(shoots, base_m=scale * shoots.base_m, length_m=scale * shoots.length_m)
 
 
-def _branch(parents: _Shoots, count: int, length_m: float, rng: np.random.Generator) -> _Shoots:
-    edges = np.round(np.linspace(0, count, len(parents.length_m) + 1)).astype(np.int64)
+def _branch_shoots(
+    parents: _Shoots, count: int, length_m: float, rng: np.random.Generator, *, leading: bool
+) -> _Shoots:
+    """The next order, on a spiral around its parents; if leading, one of each parent goes on from its tip."""
+    first = np.arange(len(parents) + 1) * count // len(parents)
     number = np.arange(count)
-    parent = np.searchsorted(edges, number, side="right") - 1
-    rank, total = number - edges[parent], edges[parent + 1] - edges[parent]
-    t = 0.15 + 0.85 * (rank + rng.uniform(0.2, 0.8, count)) / total
-    last = rank == total - 1
-    t[last] = 1.0
-    base, tangent = parents.at(parent, t)
-    across, above = _frame(tangent)
-    turn = rank * GOLDEN_ANGLE_RAD + parent * 2.4 + rng.normal(0, 0.25, count)
-    angle = np.where(last, 0.15, 0.95 + rng.normal(0, 0.12, count))[:, None]
-    side = np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * above
-    start = _unit(np.cos(angle) * tangent + np.sin(angle) * side + 0.1 * UP)
-    end = _unit(start + 0.15 * UP + rng.normal(0, 0.12, (count, 3)))
-    length = length_m * (1.15 - 0.5 * t) * np.exp(rng.normal(0, 0.12, count))
-    return _Shoots(base_m=base, start=start, end=end, length_m=length)
+    parent = np.searchsorted(first, number, side="right") - 1
+    rank, total = number - first[parent], first[parent + 1] - first[parent]
+    leads = leading & (rank == total - 1)
+    t = np.where(leads, 1.0, (rank + rng.uniform(0.5, 0.9, count)) / total)
+    base_m, tangent = parents.at(parent, t)
+    level = 1 - tangent[:, 1] ** 2  # 0 for an upright parent; around others shoots lie flatter
+    across = _across(tangent, UP)
+    turn = rank * GOLDEN_ANGLE_RAD + rng.uniform(0, 2 * np.pi, len(parents))[parent] + rng.normal(0, 0.2, count)
+    flat = (1 - 0.4 * level) * np.sin(turn)
+    side = np.cos(turn)[:, None] * across + flat[:, None] * np.cross(across, tangent)
+    angle = np.where(leads, 0.2, 1.0 + rng.normal(0, 0.12, count))[:, None]
+    start = _unit(np.cos(angle) * tangent + np.sin(angle) * side + 0.2 * UP)
+    sag = 0.35 * (1 - start[:, 1:2] ** 2) - 0.05
+    end = _unit(start - sag * UP + rng.normal(0, 0.15, (count, 3)))
+    length = length_m * (1.2 - 0.4 * t) * np.exp(0.12 * np.clip(rng.standard_normal(count), -LIMIT, LIMIT))
+    return _Shoots(base_m=base_m, start=start, end=end, length_m=length)
 
 
 def _place_leaves(
     shoots: _Shoots,
     shoot: NDArray[np.int64],
     rank: NDArray[np.int64],
-    t: Array,
+    total: NDArray[np.int64],
     rng: np.random.Generator,
     settings: SpraySettings,
 ) -> tuple[Array, Array, Array]:
+    """Base points (K, 3), orientations (K, 4) and lengths (K,) of leaves on shoots (K,), the rank-th of total (K,)."""
     count = len(shoot)
-    base, tangent = shoots.at(shoot, 0.1 + 0.9 * t)
+    t = (rank + 1.0) / total
+    base_m, tangent = shoots.at(shoot, t)
     light = _unit(np.asarray(settings.light, np.float64))
-    across = _unit(np.cross(tangent, light) + 1e-9)
-    above = np.cross(across, tangent)
-    turn = rank * settings.divergence_rad + rng.normal(0, 0.15, count)
-    side = np.cos(turn)[:, None] * across + 0.5 * np.sin(turn)[:, None] * above
-    angle = (1.05 - 0.35 * t + rng.normal(0, 0.1, count))[:, None]
-    droop = np.abs(rng.normal(0.25, 0.12, count))[:, None]
+    across = _across(tangent, light)
+    turn = rank * settings.divergence_rad + rng.normal(0, 0.2, count)
+    side = np.cos(turn)[:, None] * across + 0.6 * np.sin(turn)[:, None] * np.cross(across, tangent)
+    angle = np.where(rank == total - 1, 0.15, 1.1 - 0.4 * t)[:, None] + rng.normal(0, 0.12, (count, 1))
+    droop = np.abs(rng.normal(0.25, 0.15, (count, 1)))
     y = _unit(np.cos(angle) * tangent + np.sin(angle) * side - droop * UP)
-    z = light + 0.35 * tangent + rng.normal(0, 0.2, (count, 3))
-    x = _unit(np.cross(y, z) + 1e-9)
-    z = np.cross(x, y)
-    length = (
-        settings.length_m
-        * (0.8 + 0.25 * np.sin(np.pi * t))
-        * np.exp(settings.length_variation * np.clip(rng.standard_normal(count), -2.5, 2.5))
-    )
-    return base, _quaternions(x, y, z), length
+    towards = light + 0.4 * tangent + rng.normal(0, 0.22, (count, 3))
+    x = _across(y, towards)
+    orientation = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1)).as_quat(canonical=True)
+    size = 0.84 + 0.25 * np.sin(np.pi * t)  # a twig's largest leaves are in its middle; 1 on average
+    spread = np.exp(settings.length_variation * np.clip(rng.standard_normal(count), -LIMIT, LIMIT))
+    return base_m, orientation, settings.length_m * size * spread
+
+
+def _across(along: Array, towards: Array) -> Array:
+    """Unit vectors (K, 3) at right angles to unit vectors along and, where they are not parallel to it, towards."""
+    across = np.cross(along, towards)
+    lost = np.linalg.norm(across, axis=-1) < 1e-6
+    across[lost] = np.cross(along[lost], np.eye(3)[np.argmin(np.abs(along[lost]), axis=-1)])
+    return _unit(across)
 
 
 def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))
-
-
-def _frame(tangent: Array) -> tuple[Array, Array]:
-    helper = np.where(np.abs(tangent[:, 1:2]) < 0.9, [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]])
-    across = _unit(np.cross(tangent, helper))
-    return across, np.cross(across, tangent)
-
-
-def _quaternions(x: Array, y: Array, z: Array) -> Array:
-    """Unit quaternions (N, 4) as x, y, z, w of the rotations whose columns are x, y and z, w not below 0."""
-    xx, yy, zz = x[:, 0], y[:, 1], z[:, 2]
-    squares = np.stack([1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz], axis=-1)
-    a, b, c = y[:, 2] - z[:, 1], z[:, 0] - x[:, 2], x[:, 1] - y[:, 0]
-    d, e, f = y[:, 0] + x[:, 1], z[:, 0] + x[:, 2], z[:, 1] + y[:, 2]
-    # Four times the outer product of the quaternion with itself: each row is the quaternion, the longest the safest.
-    outer = np.stack(
-        [
-            np.stack([squares[:, 0], d, e, a], axis=-1),
-            np.stack([d, squares[:, 1], f, b], axis=-1),
-            np.stack([e, f, squares[:, 2], c], axis=-1),
-            np.stack([a, b, c, squares[:, 3]], axis=-1),
-        ],
-        axis=1,
-    )
-    best = outer[np.arange(len(x)), np.argmax(squares, axis=-1)]
-    best *= np.where(best[:, 3:] < 0, -1.0, 1.0)
-    return _unit(best)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
