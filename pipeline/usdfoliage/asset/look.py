@@ -14,9 +14,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdUtils
 
-from usdfoliage.asset.leaf_primvars import EDITS, author_edit, read_edits
+from usdfoliage.asset.jitter_map import read_jitter_map
+from usdfoliage.asset.leaf_primvars import EDITS, author_edit, author_jitter_map, read_jitter_map_path
+from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import (
     REPRESENTATION,
     find_interface,
@@ -27,6 +30,7 @@ from usdfoliage.asset.locate import (
     select_representation,
     try_layer,
 )
+from usdfoliage.asset.look_extents import author_wider_extents
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
 from usdfoliage.asset.schema import PLANT_API, require_schemas
 from usdfoliage.errors import AssetError
@@ -126,43 +130,59 @@ def write_look_layer(
 ) -> Path:
     """Write a look that gives the leaves of an asset these edits; it appears whole or not at all.
 
-    Besides the edits it authors the wider extents that they need.
+    Besides the edits it authors the wider extents that they need. A jitter map is referred to where it is, not copied.
 
     Args:
         path: The .usda to write; an earlier look there is replaced.
-        asset: The asset's folder or interface layer, or a look: then the new one is a look of that look's asset, keeps
-            its jitter map, and does not need it.
+        asset: The asset's folder or interface layer, or a look: then the new one is a look of that look's asset, and
+            does not need the other.
         edits: The edits as the leaves shall have them in the end; what the asset itself has already is not authored.
-        jitter_map: An image for the jitter (usdfoliage.capture.jitter_map), referred to where it is, not copied.
-        prim_path: Edit only the placement at this prim of a scene, the prim that refers to the asset.
+        jitter_map: An image for the jitter (usdfoliage.asset.jitter_map); that of asset stays without.
+        prim_path: Edit only the placement at this prim of a scene, the prim that refers to the asset; without, the one
+            that asset is a look for, else all.
         force: Replace a file that is no look of ours too.
 
     Returns:
         path.
 
     Raises:
-        AssetError: The asset cannot be read or has no leaves; path is no .usda, lies in the asset's folder, is a folder
-            or somebody else's file, or cannot be written.
-        CaptureError: The jitter map cannot be used.
+        AssetError: The asset or the jitter map cannot be read, or there are no leaves; path is no .usda, lies in the
+            asset's folder, is a folder or somebody else's file, or cannot be written.
     """
     named = open_layer(find_interface(asset))
     look = read_look(named)
     interface = look.asset if look else Path(named.realPath)
     target = Path(os.path.realpath(path))
     _check_output(path, target, interface, force)
-    stage = open_asset(interface)
+    if look is not None:
+        prim_path = prim_path or look.prim_path or None
+        if jitter_map is None:
+            jitter_map = read_jitter_map_path(require_leaves(_open_bezier(asset), asset)[0])
+    stage = _open_bezier(interface)
     plant = _the_plant(stage, interface)
-    if REPRESENTATION in plant.GetVariantSets().GetNames():
-        select_representation(stage, BEZIER)
     class_path = _class_path(plant, interface, prim_path)
 
     overs = _new_look(plant, class_path, _relative(interface, path), prim_path)
     with _variant_context(overs.GetPrimAtPath(class_path), plant):
         for leaves in require_leaves(stage, interface):
             at = leaves.GetPath().ReplacePrefix(plant.GetPath(), class_path)
-            _author_edits(overs, at, edits, read_edits(leaves))
+            held = read_leaves(leaves)
+            _author_edits(overs, at, edits, held.edits)
+            drawn_map = jitter_map or held.jitter_map
+            wave = read_jitter_map(drawn_map) if drawn_map else None
+            if jitter_map and jitter_map != held.jitter_map:
+                author_jitter_map(overs.OverridePrim(at), _relative(jitter_map, path))
+            author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
     _replace(target, overs.GetRootLayer().ExportToString())
     return path
+
+
+def _open_bezier(asset: Path) -> Usd.Stage:
+    """The asset as its leaves can be edited."""
+    stage = open_asset(asset)
+    if any(REPRESENTATION in plant.GetVariantSets().GetNames() for plant in find_plants(stage)):
+        select_representation(stage, BEZIER)
+    return stage
 
 
 def _new_look(plant: Usd.Prim, class_path: Sdf.Path, look_of: str, prim_path: str | None) -> Usd.Stage:
@@ -196,8 +216,9 @@ def _variant_context(prim: Usd.Prim, plant: Usd.Prim) -> Iterator[None]:
 
 def _author_edits(stage: Usd.Stage, path: Sdf.Path, edits: LeafEdits, held: LeafEdits) -> None:
     for field, name in EDITS.items():
-        if getattr(edits, field) != getattr(held, field):
-            author_edit(stage.OverridePrim(path), name, getattr(edits, field))
+        wanted = getattr(edits, field)
+        if not np.array_equal(np.float32(wanted), np.float32(getattr(held, field))):
+            author_edit(stage.OverridePrim(path), name, wanted)
 
 
 def _the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:

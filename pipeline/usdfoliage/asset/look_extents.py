@@ -1,0 +1,105 @@
+"""Extents in a look: edited leaves may reach further than the asset says, and what an extent lacks is culled."""
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+from usdfoliage.asset.leaves import ReadLeaves
+from usdfoliage.leaf.bounds import leaf_bounds, leaf_bounds_m
+from usdfoliage.leaf.edits import LeafEdits, apply_edits
+from usdfoliage.leaf.jitter import Jitter
+from usdfoliage.leaf.model import Leaves
+
+_SHOWN = 2  # of extentsHint's pairs of corners, a pair a purpose: the first two, default and render, may hold leaves
+
+
+def author_wider_extents(
+    stage: Usd.Stage,
+    path: Sdf.Path,
+    plant: Usd.Prim,
+    instancer: Usd.Prim,
+    held: ReadLeaves,
+    edits: LeafEdits,
+    jitter_map: NDArray[np.float64] | None,
+) -> None:
+    """Author the extents that edited leaves outgrow: of the prototypes, of the instancer, of the plant.
+
+    None becomes smaller than the asset has it, for a renderer without our shader draws leaves without the edits.
+
+    Args:
+        stage: Of the look.
+        path: What stands in the look for the plant.
+        plant: Of the asset, composed.
+        instancer: Its leaves.
+        held: What the asset has of them.
+        edits: What the look makes of its edits.
+        jitter_map: (M,), None for procedural jitter.
+    """
+    if not len(held.leaves):
+        return
+    jitter = Jitter(amplitude=edits.jitter_amplitude, frequency=edits.jitter_frequency, map=jitter_map)
+    edited = apply_edits(held.leaves.parameters, edits)
+    each = leaf_bounds(edited, jitter)
+    in_leaf_space = np.stack([each[:, 0].min(axis=0), each[:, 1].max(axis=0)])
+    for target in UsdGeom.PointInstancer(instancer).GetPrototypesRel().GetForwardedTargets():
+        prototype = instancer.GetStage().GetPrimAtPath(target)
+        for gprim in Usd.PrimRange(prototype) if prototype else ():
+            if UsdGeom.Gprim(gprim):
+                _widen(stage, path, plant, UsdGeom.Gprim(gprim), in_leaf_space)
+
+    leaves = Leaves(
+        parameters=edited,
+        base_m=held.leaves.base_m,
+        orientation=held.leaves.orientation,
+        length_m=held.leaves.length_m,
+        phase=held.leaves.phase,
+    )
+    bounds_m = leaf_bounds_m(leaves, jitter)
+    _widen(stage, path, plant, UsdGeom.Boundable(instancer), bounds_m)
+    matrix, _ = UsdGeom.XformCache().ComputeRelativeTransform(instancer, plant)
+    placed = Gf.BBox3d(Gf.Range3d(Gf.Vec3d(*bounds_m[0]), Gf.Vec3d(*bounds_m[1])), matrix).ComputeAlignedRange()
+    _widen_hint(stage, path, plant, np.array([placed.min, placed.max]))
+
+
+def _widen(
+    stage: Usd.Stage, path: Sdf.Path, plant: Usd.Prim, boundable: UsdGeom.Boundable, needed: NDArray[np.float64]
+) -> None:
+    extent = np.asarray(boundable.GetExtentAttr().Get() or needed, np.float64)
+    if _contains(extent, needed):
+        return
+    over = stage.OverridePrim(boundable.GetPath().ReplacePrefix(plant.GetPath(), path))
+    UsdGeom.Boundable(over).CreateExtentAttr(_corners(_union(extent, needed)))
+
+
+def _widen_hint(stage: Usd.Stage, path: Sdf.Path, plant: Usd.Prim, needed: NDArray[np.float64]) -> None:
+    attribute = UsdGeom.ModelAPI(plant).GetExtentsHintAttr()
+    hint = np.asarray(attribute.Get() if attribute and attribute.HasAuthoredValue() else (), np.float64)
+    pairs = hint.reshape(-1, 2, 3)
+    wider = [
+        _corners(_union(pair, needed)) if number < _SHOWN and (pair[0] <= pair[1]).all() else _exactly(pair)
+        for number, pair in enumerate(pairs)
+    ]
+    if all((pair[0] > pair[1]).any() or _contains(pair, needed) for pair in pairs[:_SHOWN]):
+        return
+    over = stage.OverridePrim(path)
+    attribute = over.CreateAttribute("extentsHint", Sdf.ValueTypeNames.Float3Array, custom=False)
+    attribute.Set([corner for pair in wider for corner in pair])
+
+
+def _contains(extent: NDArray[np.float64], needed: NDArray[np.float64]) -> bool:
+    return bool((extent[0] <= needed[0]).all() and (extent[1] >= needed[1]).all())
+
+
+def _union(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([np.minimum(first[0], second[0]), np.maximum(first[1], second[1])])
+
+
+def _corners(extent: NDArray[np.float64]) -> list[Gf.Vec3f]:
+    """Two corners as USD wants them, rounded outwards."""
+    low = np.nextafter(extent[0].astype(np.float32), np.float32(-np.inf))
+    high = np.nextafter(extent[1].astype(np.float32), np.float32(np.inf))
+    return [Gf.Vec3f(*map(float, low)), Gf.Vec3f(*map(float, high))]
+
+
+def _exactly(extent: NDArray[np.float64]) -> list[Gf.Vec3f]:
+    return [Gf.Vec3f(*map(float, corner)) for corner in extent]
