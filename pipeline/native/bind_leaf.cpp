@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "bindings.h"
+#include "leaf_bounds.h"
 #include "leaf_curves.h"
 #include "leaf_jacobian.h"
 #include "leaf_surface.h"
@@ -59,6 +60,12 @@ void jacobians(const LeafInput& leaves, const Input<nb::shape<-1, -1, 2>>& uv, b
     usdfoliage::leaf_jacobians(leaves.data(), leaves.shape(0), uv.data(), uv.shape(1), alike, points.data(), out.data(), threads);
 }
 
+void bounds(const LeafInput& leaves, const std::optional<Input<nb::shape<-1, 3, 4>>>& placements, double reach,
+            std::size_t group, const Output<double>& out, int threads) {
+    nb::gil_scoped_release unlocked;
+    usdfoliage::leaf_bounds(leaves.data(), leaves.shape(0), data_of(placements), reach, group, out.data(), threads);
+}
+
 // Outputs are written in place: a converted copy of one would be lost.
 template <typename Real>
 void bind_outputs(nb::module_& m) {
@@ -78,6 +85,8 @@ void bind_leaf(nb::module_& m) {
           "Fill control nets (N, 5, 7, 3) of leaves (N, 7, 3). Arguments are trusted.");
     m.def("leaf_axes", &axes, "leaves"_a, "v"_a, "alike"_a, "points"_a.none().noconvert(), "normals"_a.none().noconvert(),
           "threads"_a, "Fill points and normals (N, P, 3) of the axes at v (N, P), or (1, P) for all alike.");
+    m.def("leaf_bounds", &bounds, "leaves"_a, "placements"_a.none(), "reach"_a, "group"_a, "bounds"_a.noconvert(), "threads"_a,
+          "Fill boxes (ceil(N / group), 2, 3), least and greatest, around groups of leaves that jitter moves by up to reach.");
     bind_outputs<double>(m);
     bind_outputs<float>(m);
 }

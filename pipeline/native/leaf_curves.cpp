@@ -14,7 +14,9 @@ void for_each_leaf(std::size_t n, int threads, const Fn& fn) {
     });
 }
 
-void write_net(const double* leaf, double* net) {
+}  // namespace
+
+void leaf_net(const double* leaf, double* net) {
     const LeafCurves curves = leaf_curves(leaf);
     const auto at = [net](int row, int column) { return net + 3 * (7 * row + column); };
     for (int column = 0; column < 7; ++column) {
@@ -36,10 +38,8 @@ void write_net(const double* leaf, double* net) {
     }
 }
 
-}  // namespace
-
 void leaf_nets(const double* leaves, std::size_t n, double* nets, int threads) {
-    for_each_leaf(n, threads, [&](std::size_t i) { write_net(leaves + kLeafNumbers * i, nets + 105 * i); });
+    for_each_leaf(n, threads, [&](std::size_t i) { leaf_net(leaves + kLeafNumbers * i, nets + 105 * i); });
 }
 
 void leaf_axes(const double* leaves, std::size_t n, const double* v, std::size_t p, bool alike, double* points, double* normals,

@@ -156,6 +156,7 @@ inline void leaf_point(const LeafRow& row, const Across& across, double* point) 
 //
 // @param leaves  n * 21
 // @param nets    n * 5 * 7 * 3, written
+void leaf_net(const double* leaf, double* net);
 void leaf_nets(const double* leaves, std::size_t n, double* nets, int threads);
 
 // The axis and its normals in the leaf's plane.

@@ -115,3 +115,18 @@ def leaf_jacobians(
     threads: int,
 ) -> None:
     """Fill points (N, P, 3) and their derivatives (N, P, 3, 21) by the parameters."""
+
+def leaf_bounds(
+    leaves: NDArray[np.float64],
+    placements: NDArray[np.float64] | None,
+    reach: float,
+    group: int,
+    bounds: NDArray[np.float64],
+    threads: int,
+) -> None:
+    """Fill boxes (ceil(N / group), 2, 3), least and greatest, around leaves (N, 7, 3).
+
+    Args:
+        reach: how far jitter may move a silhouette, in leaf lengths.
+        group: leaves that follow each other and share a box.
+    """

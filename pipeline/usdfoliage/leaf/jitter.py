@@ -26,6 +26,12 @@ class Jitter:
         if self.map is not None and (self.map.ndim != 1 or not len(self.map) or not np.isfinite(self.map).all()):
             raise ValueError(f"the map must be (M,) finite numbers, not {self.map.shape}")
 
+    @property
+    def reach(self) -> float:
+        """How far a silhouette may be moved, in leaf lengths, whatever the phase."""
+        most = sum(weight for _, weight in WAVES) if self.map is None else float(np.abs(self.map).max())
+        return self.amplitude * most
+
 
 NO_JITTER = Jitter()
 

@@ -32,7 +32,7 @@ class LeafGrid:
 
 def axis_points(parameters: NDArray[np.floating], v: ArrayLike, *, threads: int = 0) -> NDArray[np.float64]:
     """A(v): (N, P, 3) from parameters (N, 7, 3) and v (P,) or (N, P)."""
-    leaves, places = _leaves(parameters), _axis_places(parameters, v)
+    leaves, places = checked_leaves(parameters), _axis_places(parameters, v)
     points = np.empty((len(leaves), places.shape[1], 3))
     _native.leaf_axes(leaves, places, np.ndim(v) == 1, points, None, threads)
     return points
@@ -40,7 +40,7 @@ def axis_points(parameters: NDArray[np.floating], v: ArrayLike, *, threads: int 
 
 def axis_normals(parameters: NDArray[np.floating], v: ArrayLike, *, threads: int = 0) -> NDArray[np.float64]:
     """n(v): unit normals of the axis in the leaf's plane, +x for a straight axis; (0, 0, 0) where it stands upright."""
-    leaves, places = _leaves(parameters), _axis_places(parameters, v)
+    leaves, places = checked_leaves(parameters), _axis_places(parameters, v)
     normals = np.empty((len(leaves), places.shape[1], 3))
     _native.leaf_axes(leaves, places, np.ndim(v) == 1, None, normals, threads)
     return normals
@@ -53,7 +53,7 @@ def leaf_nets(parameters: NDArray[np.floating], *, threads: int = 0) -> NDArray[
     the left half, the axis raised to degree four, and those of the right half. The surface is a cubic in |u| over the
     columns of either half.
     """
-    leaves = _leaves(parameters)
+    leaves = checked_leaves(parameters)
     nets = np.empty((len(leaves), 5, 7, 3))
     _native.leaf_nets(leaves, nets, threads)
     return nets
@@ -84,7 +84,7 @@ def evaluate_grid(
     Raises:
         ValueError: A shape is wrong.
     """
-    leaves, places = _leaves(parameters), grid_places(u, v)
+    leaves, places = checked_leaves(parameters), grid_places(u, v)
     shape = (len(leaves), np.size(v), np.size(u), 3)
     points, tangents_u, tangents_v, normals = (np.empty(shape) for _ in range(4))
     outputs = (points, tangents_u, tangents_v, normals, None)
@@ -138,7 +138,7 @@ def evaluate_points(
     Raises:
         ValueError: A shape is wrong.
     """
-    leaves, places = _leaves(parameters), np.asarray(uv, np.float64)
+    leaves, places = checked_leaves(parameters), np.asarray(uv, np.float64)
     points = np.empty((len(leaves), *places.shape[-2:-1], 3), dtype)
     _fill_samples(leaves, places, jitter, phase, placements, (points, None, None, None, None), threads)
     return points
@@ -183,7 +183,7 @@ def evaluate_normals(
 
     Normals look towards +z for a flat leaf; at base and apex they are the limit.
     """
-    leaves, places = _leaves(parameters), np.asarray(uv, np.float64)
+    leaves, places = checked_leaves(parameters), np.asarray(uv, np.float64)
     points, normals = (np.empty((len(leaves), *places.shape[-2:-1], 3), dtype) for _ in range(2))
     _fill_samples(leaves, places, jitter, phase, placements, (points, None, None, normals, None), threads)
     return points, normals
@@ -191,10 +191,18 @@ def evaluate_normals(
 
 def evaluate_area_elements(parameters: NDArray[np.floating], uv: ArrayLike, *, threads: int = 0) -> NDArray[np.float64]:
     """|dL/du x dL/dv|, area a unit of (u, v): (N, P) of leaves (N, 7, 3) at uv (P, 2) or (N, P, 2)."""
-    leaves, places = _leaves(parameters), np.asarray(uv, np.float64)
+    leaves, places = checked_leaves(parameters), np.asarray(uv, np.float64)
     areas = np.empty((len(leaves), *places.shape[-2:-1]))
     _fill_samples(leaves, places, NO_JITTER, None, None, (None, None, None, None, areas), threads)
     return areas
+
+
+def evaluate_speeds(parameters: NDArray[np.floating], uv: ArrayLike, *, threads: int = 0) -> NDArray[np.float64]:
+    """|dL/dv|, length a unit of v: (N, P) of leaves (N, 7, 3) at uv (P, 2) or (N, P, 2)."""
+    leaves, places = checked_leaves(parameters), np.asarray(uv, np.float64)
+    tangents = np.empty((len(leaves), *places.shape[-2:-1], 3))
+    _fill_samples(leaves, places, NO_JITTER, None, None, (None, None, tangents, None, None), threads)
+    return np.asarray(np.linalg.norm(tangents, axis=-1))
 
 
 def evaluate_jacobian(
@@ -211,12 +219,40 @@ def evaluate_jacobian(
     Raises:
         ValueError: A shape is wrong.
     """
-    leaves = _leaves(parameters)
+    leaves = checked_leaves(parameters)
     places = _places(leaves, np.asarray(uv, np.float64))
     points = np.empty((len(leaves), places.shape[1], 3))
     jacobian = np.empty((len(leaves), places.shape[1], 3, 21))
     _native.leaf_jacobians(leaves, places, np.ndim(uv) == 2, points, jacobian, threads)
     return points, jacobian
+
+
+def checked_leaves(parameters: NDArray[np.floating]) -> NDArray[np.float64]:
+    """The parameters as the native functions take them.
+
+    Raises:
+        ValueError: They are not (N, 7, 3).
+    """
+    leaves = np.ascontiguousarray(parameters, np.float64)
+    if leaves.ndim != 3 or leaves.shape[1:] != (7, 3):
+        raise ValueError(f"parameters must be (N, 7, 3), not {leaves.shape}")
+    return leaves
+
+
+def checked_placements(
+    leaves: NDArray[np.float64], placements: NDArray[np.floating] | None
+) -> NDArray[np.float64] | None:
+    """The placements of these leaves as the native functions take them.
+
+    Raises:
+        ValueError: They are not (N, 3, 4).
+    """
+    if placements is None:
+        return None
+    matrices = np.ascontiguousarray(placements, np.float64)
+    if matrices.shape != (len(leaves), 3, 4):
+        raise ValueError(f"placements must be ({len(leaves)}, 3, 4), not {matrices.shape}")
+    return matrices
 
 
 _Output = NDArray[np.float32] | NDArray[np.float64] | None
@@ -235,9 +271,7 @@ def _fill_samples(
     phases = None if phase is None else np.ascontiguousarray(phase, np.float64)
     if phases is not None and phases.shape != (len(leaves),):
         raise ValueError(f"phase must be ({len(leaves)},), not {phases.shape}")
-    matrices = None if placements is None else np.ascontiguousarray(placements, np.float64)
-    if matrices is not None and matrices.shape != (len(leaves), 3, 4):
-        raise ValueError(f"placements must be ({len(leaves)}, 3, 4), not {matrices.shape}")
+    matrices = checked_placements(leaves, placements)
     wave = None if jitter.map is None else np.ascontiguousarray(jitter.map, np.float64)
     uv, alike = _places(leaves, places), places.ndim == 2
     _native.leaf_samples(
@@ -253,13 +287,6 @@ def _fill_samples(
         *outputs,
         threads,
     )
-
-
-def _leaves(parameters: NDArray[np.floating]) -> NDArray[np.float64]:
-    leaves = np.ascontiguousarray(parameters, np.float64)
-    if leaves.ndim != 3 or leaves.shape[1:] != (7, 3):
-        raise ValueError(f"parameters must be (N, 7, 3), not {leaves.shape}")
-    return leaves
 
 
 def _places(leaves: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
