@@ -12,31 +12,36 @@ from scipy.special import comb
 from usdfoliage.leaf.surface import leaf_nets
 
 HALVINGS = 8  # so that what turns over in less than a 256th of u and v may stay unseen
-TOLERANCE = 1e-9  # share of the greatest coefficient that counts as nothing
+DEPTH = 0.01  # narrow tips on a bent axis turn over by less, where nobody sees it
+BLOCK = 8192  # leaves looked at together, so that a million need no more memory
 
 
-def find_folds(parameters: NDArray[np.floating]) -> NDArray[np.bool_]:
+def find_folds(parameters: NDArray[np.floating], depth: float = DEPTH) -> NDArray[np.bool_]:
     """Whether the map to (x, y) turns over inside either half: (N,) from parameters (N, 7, 3).
 
     A leaf that is turned over as a whole, as one of negative width is, does not fold.
 
+    Args:
+        depth: How far the determinant must go to either side of 0 to count, as a share of its greatest coefficient.
+
     Raises:
         ValueError: A shape is wrong.
     """
-    net = leaf_nets(parameters)[..., :2]
-    right, left = _determinants(net[:, :, 3:]), _determinants(net[:, :, 3::-1])
-    return _changes_sign(right) | _changes_sign(left)
+    blocks = []
+    for start in range(0, max(len(parameters), 1), BLOCK):
+        net = leaf_nets(parameters[start : start + BLOCK])[..., :2]
+        right, left = _determinants(net[:, :, 3:]), _determinants(net[:, :, 3::-1])
+        blocks.append(_changes_sign(right, depth) | _changes_sign(left, depth))
+    return np.concatenate(blocks)
 
 
 def _determinants(half: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bezier coefficients (N, 6, 6), along v and across, of the determinant over v (1 - v), where it vanishes anyway.
+    """Bezier coefficients (N, 8, 6), along v and across, of the determinant.
 
     Args:
         half: (N, 5, 4, 2), control points of one half, columns from the axis to the silhouette.
     """
-    by_u = 3 * np.diff(half, axis=2)[:, 1:4]  # all columns meet in the first and in the last row
-    by_u *= (np.array([4.0, 6.0, 4.0]) / np.array([1.0, 2.0, 1.0]))[:, None, None]  # divided by v (1 - v)
-    by_v = 4 * np.diff(half, axis=1)
+    by_u, by_v = 3 * np.diff(half, axis=2), 4 * np.diff(half, axis=1)
     return _product(by_u[..., 0], by_v[..., 1]) - _product(by_u[..., 1], by_v[..., 0])
 
 
@@ -58,21 +63,23 @@ def _binomials(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.outer(comb(rows - 1, np.arange(rows)), comb(columns - 1, np.arange(columns)))
 
 
-def _changes_sign(coefficients: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether polynomials (N, K, C) have values of both signs on the unit square."""
+def _changes_sign(coefficients: NDArray[np.float64], depth: float) -> NDArray[np.bool_]:
+    """Whether polynomials (N, K, C) go beyond depth on both sides of 0 on the unit square."""
     count = len(coefficients)
     positive, negative = np.zeros(count, bool), np.zeros(count, bool)
     scale = np.abs(coefficients).max(axis=(1, 2), initial=0.0)
     cells = coefficients / np.where(scale > 0, scale, 1.0)[:, None, None]
     leaf = np.arange(count)
+    middle = _binomials(cells) / 2.0 ** (sum(cells.shape[1:]) - 2)
     for _ in range(HALVINGS + 1):
         corners = cells[:, :: cells.shape[1] - 1, :: cells.shape[2] - 1].reshape(-1, 4)
-        least, greatest = cells.min(axis=(1, 2)), cells.max(axis=(1, 2))
-        # One sign all over a cell is that of its inside, whatever the corners are.
-        np.logical_or.at(positive, leaf, (corners > TOLERANCE).any(axis=1) | ((least >= 0) & (greatest > TOLERANCE)))
-        np.logical_or.at(negative, leaf, (corners < -TOLERANCE).any(axis=1) | ((greatest <= 0) & (least < -TOLERANCE)))
-        open_cells = (least < -TOLERANCE) & (greatest > TOLERANCE) & ~(positive & negative)[leaf]
-        cells, leaf = cells[open_cells], leaf[open_cells]
+        values = np.column_stack([corners, np.einsum("nkc,kc->n", cells, middle)])
+        positive[leaf[(values > depth).any(axis=1)]] = True
+        negative[leaf[(values < -depth).any(axis=1)]] = True
+        may_be_positive = (cells.max(axis=(1, 2), initial=-np.inf) > depth) & ~positive[leaf]
+        may_be_negative = (cells.min(axis=(1, 2), initial=np.inf) < -depth) & ~negative[leaf]
+        undecided = may_be_positive | may_be_negative
+        cells, leaf = cells[undecided], leaf[undecided]
         for axis in (1, 2):
             cells = np.concatenate(_halves(cells, axis))
             leaf = np.tile(leaf, 2)
