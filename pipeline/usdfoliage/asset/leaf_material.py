@@ -2,46 +2,237 @@
 
 from dataclasses import dataclass
 
-from pxr import Sdf, Usd, UsdShade
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-# Everything that Storm needs; an asset's shaders/ gets all of it, so that a look can choose another.
-LEAF_SHADERS = ("usdFoliageLeaf.glslfx",)
+from usdfoliage.leaf.jitter import PERIOD
+from usdfoliage.leaf.model import Leaves
+
+LEAF_SHADERS = ("usdFoliageLeaf.glslfx",)  # what an asset's shaders/ needs for its leaves
 LEAF_COLOR = (0.06, 0.14, 0.03)  # linear Rec.709, of a full-grown leaf of a broad-leaved tree
+_IOR = 1.45  # of the cuticle, a wax
+
+# What Storm reads of each leaf beside its axis and its silhouette: inner and outer in 1/16384, the phase in 1/512.
+PACKED = "leaf:packed"
+_PACKED_COUNT = 7
+_HEIGHT_UNIT = 1 / 16384
+_PHASE_UNIT = 1 / 512
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeafMaterial:
-    """What the leaves' material needs to know; paths as seen from the layer's folder."""
+    """What the leaves' material needs to know; paths as seen from the layer's folder.
+
+    The numbers are those of the shader's parameters, which say more of each.
+    """
 
     shaders: str  # the folder with LEAF_SHADERS
     texture: str | None = None  # picture of a leaf in its st, with opacity; takes the place of displayColor
     jitter_map: str | None = None  # one cycle of the silhouette's jitter, see FoliageLeafAPI
-    roughness: float = 0.5
-    translucency: float = 0.4  # share of the light that a leaf returns that leaves it on the other side
+    color: tuple[float, float, float] = LEAF_COLOR  # where a gprim has no displayColor
+    translucency: float = 0.8  # light that shines through, as a part of what is scattered back
+    transmission_tint: tuple[float, float, float] = (1.5, 1.15, 0.4)  # factor on the colour of that light
+    roughness: float = 0.45
+    specular: float = 1.0
+    underside: float = 0.35  # how much paler and duller it is
+    veins: float = 0.6  # how much they differ from the blade
+    vein_pairs: float = 9.0
+    relief: float = 0.5  # how much the veins press the surface
+    mottling: float = 0.12
 
     def __post_init__(self) -> None:
-        for name in ("roughness", "translucency"):
+        for name in ("roughness", "underside", "veins", "relief", "mottling"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} must be 0 to 1, not {getattr(self, name)}")
+        for name in ("translucency", "specular"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
+        if not 1 <= self.vein_pairs < np.inf:
+            raise ValueError(f"vein_pairs must be 1 or more, not {self.vein_pairs}")
+        for name in ("color", "transmission_tint"):
+            if len(getattr(self, name)) != 3 or not all(0 <= c < np.inf for c in getattr(self, name)):
+                raise ValueError(f"{name} must be three numbers of 0 or more, not {getattr(self, name)}")
 
 
 def author_leaf_material(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Material:
     """Define a material that shows leaves in their displayColor or their texture, for three kinds of renderer."""
     material = UsdShade.Material.Define(stage, path)
-    surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), leaf)
+    texture = _author_texture(stage, path.AppendChild("Texture"), leaf.texture) if leaf.texture else None
+    surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), leaf, texture)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    surface = _author_mtlx_surface(stage, path, leaf)
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+    surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), leaf, texture)
+    material.CreateSurfaceOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "surface")
+    material.CreateDisplacementOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "displacement")
+    if leaf.jitter_map:
+        author_jitter_texture(material, leaf.jitter_map)
     return material
 
 
-def _author_preview_surface(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Shader:
-    reader = UsdShade.Shader.Define(stage, path.GetParentPath().AppendChild("Color"))
-    reader.CreateIdAttr("UsdPrimvarReader_float3")
-    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
-    reader.CreateInput("fallback", Sdf.ValueTypeNames.Float3).Set(LEAF_COLOR)
-    reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+def author_jitter_texture(material: UsdShade.Material, file: str) -> None:
+    """Let Storm jitter the leaves of a material by a map: the opinions that a look adds to it.
+
+    Args:
+        material: What author_leaf_material defined, or an over of it.
+        file: The map, as seen from the layer's folder.
+    """
+    stage, path = material.GetPrim().GetStage(), material.GetPath()
+    texture = UsdShade.Shader.Define(stage, path.AppendChild("JitterMap"))
+    _set_texture(texture, file, "raw", "repeat")
+    texture.CreateOutput("r", Sdf.ValueTypeNames.Float)
+    surface = UsdShade.Shader(stage.OverridePrim(path.AppendChild("StormSurface")))
+    surface.CreateInput("jitterMap", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "r")
+
+
+def pack_leaves(leaves: Leaves) -> NDArray[np.float32]:
+    """What Storm reads of leaves beside their axes and silhouettes: (7 N,) float32, whole numbers."""
+    packed = np.empty((len(leaves), _PACKED_COUNT), np.float32)
+    packed[:, :6] = np.round(leaves.parameters[:, 5:7].reshape(-1, 6) / _HEIGHT_UNIT)
+    packed[:, 6] = np.round((leaves.phase % PERIOD) / _PHASE_UNIT)
+    return packed.ravel()
+
+
+def author_packed_leaves(instancer: UsdGeom.PointInstancer, leaves: Leaves) -> None:
+    """Give Storm the inner and outer curves and the phases of an instancer's leaves.
+
+    Storm binds a storage buffer for each primvar of an instancer, and OpenGL often has 16 in all. A constant array that
+    the prototype inherits needs none. (It must be of single floats: Storm packs float3 more tightly than its shaders
+    read.) Whole numbers because crate files compress those.
+    """
+    primvar = UsdGeom.PrimvarsAPI(instancer).CreatePrimvar(
+        PACKED, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.constant, _PACKED_COUNT
+    )
+    primvar.Set(Vt.FloatArray.FromNumpy(pack_leaves(leaves)))
+
+
+def _author_st(stage: Usd.Stage, path: Sdf.Path) -> UsdShade.Shader:
+    reader = UsdShade.Shader.Define(stage, path)
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+    reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+    return reader
+
+
+def _set_texture(texture: UsdShade.Shader, file: str, color_space: str, wrap: str) -> None:
+    reader = _author_st(texture.GetPrim().GetStage(), texture.GetPath().GetParentPath().AppendChild("St"))
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(color_space)
+    for direction in ("wrapS", "wrapT"):
+        texture.CreateInput(direction, Sdf.ValueTypeNames.Token).Set(wrap)
+    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+
+
+def _author_texture(stage: Usd.Stage, path: Sdf.Path, file: str) -> UsdShade.Shader:
+    texture = UsdShade.Shader.Define(stage, path)
+    _set_texture(texture, file, "auto", "clamp")
+    texture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*LEAF_COLOR, 1.0))
+    texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    texture.CreateOutput("a", Sdf.ValueTypeNames.Float)
+    return texture
+
+
+def _author_preview_surface(
+    stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, texture: UsdShade.Shader | None
+) -> UsdShade.Shader:
     surface = UsdShade.Shader.Define(stage, path)
     surface.CreateIdAttr("UsdPreviewSurface")
-    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(reader.ConnectableAPI(), "result")
+    color = surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+    if texture is None:
+        reader = UsdShade.Shader.Define(stage, path.GetParentPath().AppendChild("Color"))
+        reader.CreateIdAttr("UsdPrimvarReader_float3")
+        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+        reader.CreateInput("fallback", Sdf.ValueTypeNames.Float3).Set(Gf.Vec3f(*leaf.color))
+        reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+        color.ConnectToSource(reader.ConnectableAPI(), "result")
+    else:
+        color.ConnectToSource(texture.ConnectableAPI(), "rgb")
+        surface.CreateInput("opacity", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "a")
+        surface.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(0.5)
     surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(leaf.roughness)
+    surface.CreateInput("ior", Sdf.ValueTypeNames.Float).Set(_IOR)
     surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    return surface
+
+
+def _author_mtlx_surface(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Shader:
+    """A thin sheet whose subsurface light is what shines through."""
+    surface = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSurface"))
+    surface.CreateIdAttr("ND_standard_surface_surfaceshader")
+    color = _author_mtlx_color(stage, path, leaf)
+    # The node mixes what is scattered back and what shines through; scaled up, each has the strength it has in Storm.
+    whole = 1 + leaf.translucency
+    scattered = _author_mtlx_product(stage, path.AppendChild("MtlxScattered"), color, Gf.Vec3f(whole))
+    tint = whole * Gf.Vec3f(*leaf.transmission_tint)
+    through = _author_mtlx_product(stage, path.AppendChild("MtlxTransmitted"), color, tint)
+    surface.CreateInput("base", Sdf.ValueTypeNames.Float).Set(1.0)
+    surface.CreateInput("base_color", Sdf.ValueTypeNames.Color3f).ConnectToSource(scattered.ConnectableAPI(), "out")
+    surface.CreateInput("subsurface", Sdf.ValueTypeNames.Float).Set(leaf.translucency / whole)
+    surface.CreateInput("subsurface_color", Sdf.ValueTypeNames.Color3f).ConnectToSource(through.ConnectableAPI(), "out")
+    surface.CreateInput("thin_walled", Sdf.ValueTypeNames.Bool).Set(True)
+    surface.CreateInput("specular", Sdf.ValueTypeNames.Float).Set(leaf.specular)
+    surface.CreateInput("specular_IOR", Sdf.ValueTypeNames.Float).Set(_IOR)
+    surface.CreateInput("specular_roughness", Sdf.ValueTypeNames.Float).Set(leaf.roughness)
+    surface.CreateOutput("out", Sdf.ValueTypeNames.Token)
+    return surface
+
+
+def _author_mtlx_product(stage: Usd.Stage, path: Sdf.Path, color: UsdShade.Shader, factor: Gf.Vec3f) -> UsdShade.Shader:
+    product = UsdShade.Shader.Define(stage, path)
+    product.CreateIdAttr("ND_multiply_color3")
+    product.CreateInput("in1", Sdf.ValueTypeNames.Color3f).ConnectToSource(color.ConnectableAPI(), "out")
+    product.CreateInput("in2", Sdf.ValueTypeNames.Color3f).Set(factor)
+    product.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+    return product
+
+
+def _author_mtlx_color(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Shader:
+    color = UsdShade.Shader.Define(stage, path.AppendChild("MtlxColor"))
+    if leaf.texture is None:
+        color.CreateIdAttr("ND_geompropvalue_color3")
+        color.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("displayColor")
+        color.CreateInput("default", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*leaf.color))
+    else:
+        reader = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSt"))
+        reader.CreateIdAttr("ND_geompropvalue_vector2")
+        reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
+        reader.CreateOutput("out", Sdf.ValueTypeNames.Float2)
+        color.CreateIdAttr("ND_image_color3")
+        file = color.CreateInput("file", Sdf.ValueTypeNames.Asset)
+        file.Set(Sdf.AssetPath(leaf.texture))
+        linear = leaf.texture.lower().endswith((".exr", ".hdr", ".pfm"))
+        file.GetAttr().SetColorSpace("lin_rec709" if linear else "srgb_texture")
+        for mode in ("uaddressmode", "vaddressmode"):
+            color.CreateInput(mode, Sdf.ValueTypeNames.String).Set("clamp")
+        color.CreateInput("texcoord", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "out")
+    color.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+    return color
+
+
+def _author_storm_surface(
+    stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, texture: UsdShade.Shader | None
+) -> UsdShade.Shader:
+    surface = UsdShade.Shader.Define(stage, path)
+    surface.SetSourceAsset(Sdf.AssetPath(f"{leaf.shaders}/{LEAF_SHADERS[0]}"), "glslfx")
+    # The types are those that Storm's parser derives from the shader's defaults: three numbers are a colour to it.
+    for name, value in (
+        ("translucency", leaf.translucency),
+        ("roughness", leaf.roughness),
+        ("specular", leaf.specular),
+        ("underside", leaf.underside),
+        ("veins", leaf.veins),
+        ("veinPairs", leaf.vein_pairs),
+        ("relief", leaf.relief),
+        ("mottling", leaf.mottling),
+    ):
+        surface.CreateInput(name, Sdf.ValueTypeNames.Float).Set(value)
+    surface.CreateInput("transmissionTint", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*leaf.transmission_tint))
+    if texture is not None:
+        source = texture.ConnectableAPI()
+        surface.CreateInput("leafTexture", Sdf.ValueTypeNames.Color3f).ConnectToSource(source, "rgb")
+        surface.CreateInput("leafOpacity", Sdf.ValueTypeNames.Float).ConnectToSource(source, "a")
+    surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    surface.CreateOutput("displacement", Sdf.ValueTypeNames.Token)
     return surface
