@@ -1,6 +1,6 @@
 """A random spray of leaves on twigs, for tests and demonstrations.
 
-Our own sketch of a plant, not a growth model: orders of arching shoots, of which the last carries the leaves.
+Our own sketch of a plant, not a growth model: orders of arching shoots, of which the last two carry leaves.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,6 +17,7 @@ GOLDEN_ANGLE_RAD = np.pi * (3 - 5**0.5)  # 137.5°, from a leaf to the next on a
 SHOOTS_PER_SHOOT = 10.0  # at most, but for rounding
 LEADER = 0.85  # how long a shoot is that carries others, to one that fills its room alone
 CHUNK = 1 << 16  # leaves placed at a time, so that a million need little memory besides their own
+BARE = 0.12  # share of a shoot, from its base, that carries no shoots but twigs
 UP = np.array([0.0, 1.0, 0.0])
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ class SpraySettings:
 
     length_m: float = 0.08  # of a leaf, on average
     length_variation: float = 0.15  # standard deviation of its logarithm
-    leaves_per_twig: int = 12  # at most
+    leaves_per_twig: int = 12  # about
     internode: float = 0.42  # from a leaf to the next along the twig, in leaf lengths
     divergence_rad: float = np.pi  # from a leaf to the next around the twig: two rows; a spiral by GOLDEN_ANGLE_RAD
     light: tuple[float, float, float] = (0.0, 0.9, 0.45)  # where blades turn to, in any length
@@ -133,7 +134,8 @@ def _branch_shoots(
     parent = np.searchsorted(first, number, side="right") - 1
     rank, total = number - first[parent], first[parent + 1] - first[parent]
     leads = leading & (rank == total - 1)
-    t = np.where(leads, 1.0, (rank + rng.uniform(0.5, 0.9, count)) / total)
+    bare = BARE if leading else 0.0
+    t = np.where(leads, 1.0, bare + (1 - bare) * (rank + rng.uniform(0.5, 0.9, count)) / total)
     base_m, tangent = parents.at(parent, t)
     level = 1 - tangent[:, 1] ** 2  # 0 for an upright parent; around others shoots lie flatter
     across = _across(tangent, UP)
@@ -165,7 +167,7 @@ def _place_leaves(
     turn = rank * settings.divergence_rad + rng.normal(0, 0.2, count)
     side = np.cos(turn)[:, None] * across + 0.6 * np.sin(turn)[:, None] * np.cross(across, tangent)
     angle = np.where(rank == total - 1, 0.15, 1.1 - 0.4 * t)[:, None] + rng.normal(0, 0.12, (count, 1))
-    droop = np.abs(rng.normal(0.25, 0.15, (count, 1)))
+    droop = np.clip(rng.normal(0.25, 0.15, (count, 1)), 0, 0.5)
     y = _unit(np.cos(angle) * tangent + np.sin(angle) * side - droop * UP)
     towards = light + 0.4 * tangent + rng.normal(0, 0.22, (count, 3))
     x = _across(y, towards)

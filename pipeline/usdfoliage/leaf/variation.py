@@ -5,8 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.leaf.fold import find_folds
+from usdfoliage.leaf.surface import leaf_nets
+
 LIMIT = 2.5  # standard deviations; what is drawn beyond is taken in to it, so that no leaf is a monster
 MAX_SHIFT = 0.24  # below 1/4 the shift of v along the axis keeps every order
+STEPS_BACK = 6  # halvings of what a leaf differs from the mean, before it becomes the mean
+BLOCK = 1 << 15  # leaves checked together, so that a million need little memory besides their own
 ON_INNER, ON_OUTER = 1 / 3, 2 / 3  # of what lifts the silhouette of a half that stays straight across
 
 
@@ -36,11 +41,11 @@ def default_leaf() -> NDArray[np.float64]:
         [
             [0.0, 0.33, 0.07],
             [0.0, 0.68, 0.085],
-            [0.06, 0.17, 0.03],
-            [0.43, 0.485, 0.085],
-            [0.82, 0.05, 0.008],
-            [0.013, 0.040, 0.004],
-            [0.025, 0.075, 0.007],
+            [0.06, 0.17, 0.042],
+            [0.43, 0.485, 0.122],
+            [0.81, 0.065, 0.014],
+            [0.018, 0.054, 0.006],
+            [0.034, 0.100, 0.011],
         ]
     )
 
@@ -54,7 +59,8 @@ def vary_leaves(
     """Leaves (count, 7, 3) around a mean leaf (7, 3), that of default_leaf without one.
 
     What a leaf does as a whole varies, not number by number: a narrow leaf has its halves closer together, one that
-    arches more also folds them more. The silhouette points keep their order and their side.
+    arches more also folds them up more. The silhouette points keep their order and their side. A leaf that would fold
+    over itself is taken back towards the mean until it does not, unless the mean does.
 
     Raises:
         ValueError: count is below 0, or the mean is not (7, 3) finite numbers.
@@ -71,6 +77,9 @@ def vary_leaves(
     _bend_axes(leaves, settings, bend, sway, 0.7 * age + 0.7 * arch, wave)
     _shape_outlines(leaves, settings, width, shift, full_base, full_apex)
     _lift_halves(leaves, settings, 0.6 * age + 0.7 * fold - 0.4 * width, roll)
+    unusual = mean is not None or _is_unusual(settings)
+    for begin in range(0, count, BLOCK):
+        _take_back_folded(leaves[begin : begin + BLOCK], leaf, unusual)
     return leaves
 
 
@@ -83,8 +92,8 @@ def _bend_axes(
     wave: NDArray[np.float64],
 ) -> None:
     """Bend axes to a side or sway them to both; one that also waves upwards is a screw and twists the leaf a little."""
-    leaves[:, 0, 0] += settings.asymmetry * (bend + 0.7 * sway)
-    leaves[:, 1, 0] += settings.asymmetry * (bend - 0.7 * sway)
+    leaves[:, 0, 0] += settings.asymmetry * (0.9 * bend + 0.5 * sway)
+    leaves[:, 1, 0] += settings.asymmetry * (0.9 * bend - 0.5 * sway)
     leaves[:, 0, 2] += settings.arch * (0.8 * arch + 0.5 * wave)
     leaves[:, 1, 2] += settings.arch * (arch - 0.5 * wave)
 
@@ -102,7 +111,7 @@ def _shape_outlines(
     lateral = settings.width * width
     leaves[:, 2, 1] *= np.exp(lateral + settings.fullness * full_base)
     leaves[:, 3, 1] *= np.exp(lateral)
-    leaves[:, 4, 1] *= np.exp(lateral + 2 * settings.fullness * full_apex)
+    leaves[:, 4, 1] *= np.exp(lateral + settings.fullness * full_apex)
 
 
 def _lift_halves(
@@ -114,3 +123,38 @@ def _lift_halves(
     leaves[:, 5] += ON_INNER * height
     leaves[:, 6] += ON_OUTER * height + rolled / 4
     leaves[:, 2:5, 2] += height + rolled
+
+
+def _is_unusual(settings: VariationSettings) -> bool:
+    """Whether leaves may fold elsewhere than at base and apex: not with the usual settings, as the tests show."""
+    usual = VariationSettings()
+    scales = [name for name in usual.__dataclass_fields__ if name != "amount"]
+    return any(settings.amount * getattr(settings, name) > getattr(usual, name) for name in scales)
+
+
+def _take_back_folded(leaves: NDArray[np.float64], mean: NDArray[np.float64], anywhere: bool) -> None:
+    """Bring leaves that fold, at base and apex or anywhere, nearer to the mean, in place."""
+
+    def fold(some: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return _cross_at_ends(some) | find_folds(some) if anywhere else _cross_at_ends(some)
+
+    if fold(mean[None])[0]:
+        return
+    folded = np.flatnonzero(fold(leaves))
+    for _ in range(STEPS_BACK):
+        leaves[folded] = (leaves[folded] + mean) / 2
+        folded = folded[fold(leaves[folded])]
+    leaves[folded] = mean
+
+
+def _cross_at_ends(leaves: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether the curves of a leaf leave its base or reach its apex in another order than left to right: (N,)."""
+    net = leaf_nets(leaves)[..., :2]
+    from_base, from_apex = net[:, 1] - net[:, 0], net[:, 3] - net[:, 4]
+    return ~np.all(np.concatenate([_turns(from_base) < 0, _turns(from_apex) > 0], axis=1), axis=1)
+
+
+def _turns(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Above 0 where the next of the directions (N, K, 2) lies to the left: (N, K - 1)."""
+    first, second = directions[:, :-1], directions[:, 1:]
+    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
