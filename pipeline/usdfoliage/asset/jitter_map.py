@@ -6,7 +6,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from usdfoliage.errors import AssetError
+from usdfoliage.errors import CaptureError
 
 MOST_TEXELS = 16_384  # what OpenGL takes in one row
 
@@ -15,28 +15,28 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
     """One cycle of the jitter (M,), -1 inwards to 1 outwards: the first row of the image's first channel, 0 to 1.
 
     Raises:
-        AssetError: The file is missing, is no image, is wider than MOST_TEXELS, or has values outside 0 to 1.
+        CaptureError: The file is missing, is no image, is wider than MOST_TEXELS, or has values outside 0 to 1.
     """
     if not path.is_file():
-        raise AssetError(f"{path} is missing; name an image whose first row is one cycle of the jitter")
+        raise CaptureError(f"{path} is missing; name an image whose first row is one cycle of the jitter")
     source = oiio.ImageInput.open(str(path))
     if source is None:
         reason = oiio.geterror() or "no reason given"
-        raise AssetError(f"{path} is not an image that can be read ({reason.splitlines()[0]}); use PNG, TIFF or EXR")
+        raise CaptureError(f"{path} is not an image that can be read ({reason.splitlines()[0]}); use PNG, TIFF or EXR")
     try:
         spec = source.spec()
         if spec.width > MOST_TEXELS:
-            raise AssetError(f"{path} is {spec.width} pixels wide, {MOST_TEXELS} are allowed; scale it down")
+            raise CaptureError(f"{path} is {spec.width} pixels wide, {MOST_TEXELS} are allowed; scale it down")
         pixels = source.read_image(0, 0, 0, 1, oiio.FLOAT)
         reason = source.geterror()
     finally:
         source.close()
     if pixels is None:
         why = reason.splitlines()[0] if reason else "no reason given"
-        raise AssetError(f"{path} cannot be read to its end ({why}); write it again")
+        raise CaptureError(f"{path} cannot be read to its end ({why}); write it again")
     row = np.asarray(pixels, np.float64).reshape(spec.height, spec.width, -1)[0, :, 0]
     if not ((row >= 0) & (row <= 1)).all():  # false for NaN too
-        raise AssetError(
+        raise CaptureError(
             f"{path} has values from {row.min():g} to {row.max():g}; 0 (inwards) to 1 (outwards) are needed"
         )
     return 2 * row - 1

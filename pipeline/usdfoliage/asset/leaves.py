@@ -114,7 +114,7 @@ def author_leaves(stage: Usd.Stage, path: Sdf.Path, prim: LeavesPrim) -> UsdGeom
 
     prototype = path.AppendPath(PROTOTYPE)
     UsdGeom.Scope.Define(stage, prototype.GetParentPath())
-    author_leaf_mesh(stage, prototype, prim.prototype, prim.color, prim.prototype_extent)
+    author_leaf_mesh(stage, prototype, prim.prototype, prim.color, extent=prim.prototype_extent)
     instancer.CreatePrototypesRel().SetTargets([prototype])
 
     instancer.GetPrim().AddAppliedSchema(LEAF_API)
@@ -125,14 +125,15 @@ def author_leaves(stage: Usd.Stage, path: Sdf.Path, prim: LeavesPrim) -> UsdGeom
     return instancer
 
 
-def write_leaves_layer(path: Path, name: str, prim: LeavesPrim) -> None:
-    """Write the leaves alone: a layer with the instancer at /name/geo/render/Leaves."""
+def write_leaves_layer(path: Path, name: str, prim: LeavesPrim) -> NDArray[np.float64]:
+    """Write the leaves alone: a layer with the instancer at /name/geo/render/Leaves; returns its bounds (2, 3)."""
     stage = new_layer(path, name)
     leaves = Sdf.Path(f"/{name}/{LEAVES}")
     author_scopes(stage, leaves.GetParentPath())
     author_leaves(stage, leaves, prim)
     author_leaf_binding(stage, leaves.AppendPath(PROTOTYPE), Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
     export_layer(stage, path)
+    return prim.extent_m
 
 
 def author_leaf_mesh(
@@ -140,9 +141,16 @@ def author_leaf_mesh(
     path: Sdf.Path,
     leaf: LeafMesh,
     color: tuple[float, float, float],
+    *,
+    count: int = 1,
     extent: NDArray[np.floating] | None = None,
 ) -> UsdGeom.Mesh:
-    """Define a mesh of leaves at path; its extent is that of its points unless another (2, 3) is given."""
+    """Define a mesh of leaves at path.
+
+    Args:
+        count: How many leaves it has, divided alike.
+        extent: (2, 3); that of the points without it.
+    """
     mesh = UsdGeom.Mesh.Define(stage, path)
     points = Vt.Vec3fArray.FromNumpy(leaf.points_m)
     mesh.CreatePointsAttr(points)
@@ -153,9 +161,17 @@ def author_leaf_mesh(
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points) if extent is None else _corners(extent))
     author_leaf_gprim(mesh, color)
-    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
-    st.Set(Vt.Vec2fArray.FromNumpy(leaf.st))
+    author_st(mesh, leaf.st, count)
     return mesh
+
+
+def author_st(gprim: UsdGeom.Gprim, st: NDArray[np.float32], count: int) -> None:
+    """Where on a leaf every point is, (P, 2), kept once for leaves that are divided alike."""
+    primvar = UsdGeom.PrimvarsAPI(gprim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
+    of_one = len(st) // count
+    primvar.Set(Vt.Vec2fArray.FromNumpy(st[:of_one]))
+    if count > 1:
+        primvar.SetIndices(Vt.IntArray.FromNumpy(np.tile(np.arange(of_one, dtype=np.int32), count)))
 
 
 def author_leaf_gprim(gprim: UsdGeom.Gprim, color: tuple[float, float, float]) -> None:

@@ -13,8 +13,9 @@ from usdfoliage.asset.crown import crown_prim, write_crown_layer, write_crown_ma
 from usdfoliage.asset.crown_material import CROWN_SHADER, CrownMaterial
 from usdfoliage.asset.interface import write_interface_layer, write_payload_layer
 from usdfoliage.asset.jitter_map import read_jitter_map
+from usdfoliage.asset.leaf_fallbacks import write_mesh_layer, write_patches_layer
 from usdfoliage.asset.leaf_material import LEAF_COLOR, LEAF_SHADERS, LeafMaterial
-from usdfoliage.asset.leaves import leaves_prim, write_leaves_layer
+from usdfoliage.asset.leaves import edited_leaves, leaves_prim, write_leaves_layer
 from usdfoliage.asset.materials import copy_shaders, write_materials_layer
 from usdfoliage.asset.plant import CROWN, LEAVES, Plant
 from usdfoliage.asset.provenance import Provenance
@@ -23,7 +24,7 @@ from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.jitter import Jitter
-from usdfoliage.leaf.mesh import PrototypeSettings
+from usdfoliage.leaf.mesh import LeafMeshSettings, PrototypeSettings, build_leaf_mesh
 from usdfoliage.leaf.model import Leaves
 
 SHADERS = "../shaders"  # from the payload's folder
@@ -31,7 +32,6 @@ MAPS = "../maps"
 REPRESENTATIONS: Mapping[str, str] = {  # and the layer of each, in the payload's folder
     "bezier": "leaves.usdc",
     "nurbs": "leaves_nurbs.usdc",
-    "subdiv": "leaves_subdiv.usdc",
     "mesh": "leaves_mesh.usdc",
 }
 
@@ -52,8 +52,9 @@ class AssetSettings:
 class LeafAssetSettings:
     """How an asset of leaves is written."""
 
-    representations: Sequence[str] = ("bezier",)  # the first one is selected
+    representations: Sequence[str] = tuple(REPRESENTATIONS)  # the first one is selected
     prototype: PrototypeSettings = field(default_factory=PrototypeSettings)
+    mesh: LeafMeshSettings = field(default_factory=LeafMeshSettings)
     version: str = "1"  # assetInfo
 
     def __post_init__(self) -> None:
@@ -156,25 +157,25 @@ def write_leaf_asset(
 
     Raises:
         ValueError: name is no identifier, or the leaves have numbers that are no leaves.
-        AssetError: A picture cannot be read, or a file cannot be written.
+        CaptureError: The jitter map cannot be used.
+        AssetError: A picture cannot be copied, or a file cannot be written.
     """
     payload = _begin(folder, name)
-    texture = _copy_map(folder, f"{name}_leaf", look.texture)
-    jitter_map = _copy_map(folder, f"{name}_leaf_jitter", look.jitter_map)
     jitter = Jitter(
         amplitude=edits.jitter_amplitude,
         frequency=edits.jitter_frequency,
         map=read_jitter_map(look.jitter_map) if look.jitter_map is not None else None,
     )
-    prim = leaves_prim(leaves, edits, jitter, look.color, jitter_map, settings.prototype)
+    texture = _copy_map(folder, f"{name}_leaf", look.texture)
+    jitter_map = _copy_map(folder, f"{name}_leaf_jitter", look.jitter_map)
+    bounds = _write_leaves(payload, name, leaves, edits, jitter, look.color, jitter_map, settings)
     plant = Plant(
         provenance=provenance,
         asset_from_capture=np.eye(4) if asset_from_capture is None else asset_from_capture,
-        extent_m=prim.extent_m,
+        extent_m=np.stack([np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]]),
         parts=(LEAVES,),
         version=settings.version,
     )
-    write_leaves_layer(payload / REPRESENTATIONS["bezier"], name, prim)
     copy_shaders(folder / "shaders", LEAF_SHADERS)
     material = LeafMaterial(shaders=SHADERS, texture=texture or None, jitter_map=jitter_map or None)
     write_materials_layer(payload / "materials.usda", name, leaf=material)
@@ -184,6 +185,32 @@ def write_leaf_asset(
         VariantSet(name="representation", variants=chosen, inside=["leaves"]),
     ]
     return _finish(folder, name, plant, variants)
+
+
+def _write_leaves(
+    payload: Path,
+    name: str,
+    leaves: Leaves,
+    edits: LeafEdits,
+    jitter: Jitter,
+    color: tuple[float, float, float],
+    jitter_map: str,
+    settings: LeafAssetSettings,
+) -> list[NDArray[np.float64]]:
+    """The layers of the representations; returns the bounds (2, 3) of each."""
+    drawn = edited_leaves(leaves, edits)
+    bounds = []
+    for representation in settings.representations:
+        path = payload / REPRESENTATIONS[representation]
+        if representation == "bezier":
+            prim = leaves_prim(leaves, edits, jitter, color, jitter_map, settings.prototype)
+            bounds.append(write_leaves_layer(path, name, prim))
+        elif representation == "nurbs":
+            bounds.append(write_patches_layer(path, name, drawn, jitter, color, jitter_map))
+        else:
+            mesh = build_leaf_mesh(drawn, settings.mesh, jitter)
+            bounds.append(write_mesh_layer(path, name, mesh, len(leaves), color))
+    return bounds
 
 
 def _copy_map(folder: Path, name: str, source: Path | None) -> str:
