@@ -1,5 +1,6 @@
 """A natural leaf, and leaves that differ from it as those of one plant do."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,18 +134,18 @@ def _is_unusual(settings: VariationSettings) -> bool:
 
 
 def _take_back_folded(leaves: NDArray[np.float64], mean: NDArray[np.float64], anywhere: bool) -> None:
-    """Bring leaves that fold, at base and apex or anywhere, nearer to the mean, in place."""
-
-    def fold(some: NDArray[np.float64]) -> NDArray[np.bool_]:
-        return _cross_at_ends(some) | find_folds(some) if anywhere else _cross_at_ends(some)
-
-    if fold(mean[None])[0]:
-        return
-    folded = np.flatnonzero(fold(leaves))
-    for _ in range(STEPS_BACK):
-        leaves[folded] = (leaves[folded] + mean) / 2
-        folded = folded[fold(leaves[folded])]
-    leaves[folded] = mean
+    """Bring leaves that fold, at base and apex or anywhere, nearer to the mean, in place; not where the mean does."""
+    checks: list[Callable[[NDArray[np.float64]], NDArray[np.bool_]]] = [_cross_at_ends]
+    if anywhere:
+        checks.append(find_folds)
+    for check in checks:
+        if check(mean[None])[0]:
+            continue
+        folded = np.flatnonzero(check(leaves))
+        for _ in range(STEPS_BACK):
+            leaves[folded] = (leaves[folded] + mean) / 2
+            folded = folded[check(leaves[folded])]
+        leaves[folded] = mean
 
 
 def _cross_at_ends(leaves: NDArray[np.float64]) -> NDArray[np.bool_]:
