@@ -30,7 +30,7 @@ def build_leaves(stage: Usd.Stage, path: str = "/Leaves") -> Usd.Prim:
 
 
 def author_leaf_arrays(prim: Usd.Prim, leaves: int, interpolation: str) -> None:
-    """The seven parameters and the three facts of a flat elliptic leaf, and neutral edits."""
+    """The seven parameters, the phase and the three facts of a flat elliptic leaf, and neutral edits."""
     shape = {
         "axis1": (0, 1 / 3, 0),
         "axis2": (0, 2 / 3, 0),
@@ -42,6 +42,7 @@ def author_leaf_arrays(prim: Usd.Prim, leaves: int, interpolation: str) -> None:
     }
     for name, number in shape.items():
         _primvar(prim, name, Sdf.ValueTypeNames.Float3Array, [Gf.Vec3f(*number)] * leaves, interpolation)
+    _primvar(prim, "phase", Sdf.ValueTypeNames.FloatArray, [7.5] * leaves, interpolation)
     _primvar(prim, "confidence", Sdf.ValueTypeNames.FloatArray, [0.5] * leaves, interpolation)
     _primvar(prim, "residual", Sdf.ValueTypeNames.FloatArray, [0.001] * leaves, interpolation)
     _primvar(prim, "view", Sdf.ValueTypeNames.IntArray, [-1] * leaves, interpolation)
@@ -53,7 +54,21 @@ def author_leaf_arrays(prim: Usd.Prim, leaves: int, interpolation: str) -> None:
 
 def build_hero_leaf(stage: Usd.Stage, path: str = "/Hero") -> Usd.Prim:
     """One leaf as a NurbsPatch."""
-    prim = UsdGeom.NurbsPatch.Define(stage, path).GetPrim()
+    patch = UsdGeom.NurbsPatch.Define(stage, path)
+    patch.CreateUVertexCountAttr(7)
+    patch.CreateVVertexCountAttr(5)
+    patch.CreateUOrderAttr(4)
+    patch.CreateVOrderAttr(5)
+    patch.CreateUKnotsAttr([-1.0] * 4 + [0.0] * 3 + [1.0] * 4)
+    patch.CreateVKnotsAttr([0.0] * 5 + [1.0] * 5)
+    points = [
+        Gf.Vec3f(x * width, y, 0)
+        for y, width in ((0, 0), (0.2, 0.2), (0.5, 0.35), (0.8, 0.2), (1, 0))
+        for x in (-1, -2 / 3, -1 / 3, 0, 1 / 3, 2 / 3, 1)
+    ]
+    patch.CreatePointsAttr(points)
+    patch.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+    prim = patch.GetPrim()
     prim.ApplyAPI("FoliageLeafAPI")
     author_leaf_arrays(prim, 1, "constant")
     return prim

@@ -18,6 +18,9 @@ VALIDATORS = {
     "LeafArrays",
     "LeafOrientations",
     "LeafPrototype",
+    "LeafPatch",
+    "LeafEdits",
+    "LeafShape",
     "LobedLeaf",
     "Skeleton",
     "Crown",
@@ -133,24 +136,43 @@ LEAF = [
     ("LeafArrays", "LeafArrayLength", "primvars:leaf:view", put("primvars:leaf:view", [1])),
     ("LeafArrays", "LeafFactRange", "primvars:leaf:confidence", put("primvars:leaf:confidence", [0, 0.5, 1.5])),
     ("LeafArrays", "LeafFactRange", "primvars:leaf:residual", put("primvars:leaf:residual", [0, -1, 0])),
-    ("LeafArrays", "LeafFactRange", "primvars:leaf:view", put("primvars:leaf:view", [0, -2, 0])),
+    ("LeafArrays", "LeafArrayLength", "primvars:leaf:phase", put("primvars:leaf:phase", [0.0, 1.0])),
+    ("LeafArrays", "LeafFactRange", "primvars:leaf:phase", put("primvars:leaf:phase", [0.0, float("nan"), 1.0])),
+    ("LeafArrays", "LeafFactRange", "primvars:leaf:phase", put("primvars:leaf:phase", [0.0, 65.0, 1.0])),
     (
         "LeafArrays",
+        "LeafArrayInterpolation",
+        "primvars:leaf:phase",
+        interpolate("primvars:leaf:phase", "constant"),
+    ),
+    ("LeafArrays", "LeafFactRange", "primvars:leaf:view", put("primvars:leaf:view", [0, -2, 0])),
+    (
+        "LeafEdits",
         "EditNotFinite",
         "primvars:leaf:edit:curl",
         put("primvars:leaf:edit:curl", Gf.Vec3f(0, float("inf"), 0)),
     ),
-    ("LeafArrays", "EditRange", "primvars:leaf:edit:width", put("primvars:leaf:edit:width", -1.0)),
-    ("LeafArrays", "EditRange", "primvars:leaf:edit:jitterFrequency", put("primvars:leaf:edit:jitterFrequency", 0.0)),
+    ("LeafEdits", "EditRange", "primvars:leaf:edit:width", put("primvars:leaf:edit:width", -1.0)),
+    ("LeafEdits", "EditRange", "primvars:leaf:edit:jitterFrequency", put("primvars:leaf:edit:jitterFrequency", 0.0)),
     (
-        "LeafArrays",
+        "LeafEdits",
         "EditInterpolation",
         "primvars:leaf:edit:curl",
         interpolate("primvars:leaf:edit:curl", "varying"),
     ),
+    ("LeafEdits", "EditRange", "primvars:leaf:edit:jitterAmplitude", put("primvars:leaf:edit:jitterAmplitude", -0.1)),
+    ("LeafEdits", "EditRange", "primvars:leaf:edit:width", put("primvars:leaf:edit:width", float("nan"))),
+    (
+        "LeafEdits",
+        "JitterMapMissing",
+        "foliage:leaf:jitterMap",
+        put("foliage:leaf:jitterMap", Sdf.AssetPath("./no.exr")),
+    ),
     ("LeafArrays", "PositionsNotFinite", "positions", put("positions", vectors((0, 0, 0), (0, 0, 0), (0, 1e39, 0)))),
     ("LeafArrays", "ScalesLength", "scales", put("scales", vectors((1, 1, 1)))),
     ("LeafArrays", "ScalesNotPositive", "scales", put("scales", vectors((1, 1, 1), (0, 0, 0), (1, 1, 1)))),
+    ("LeafArrays", "ScalesNotPositive", "scales", put("scales", vectors((1, 1, 1), (-1, -1, -1), (1, 1, 1)))),
+    ("LeafArrays", "ScalesNotPositive", "scales", put("scales", vectors((1, 1, 1), (float("nan"),) * 3, (1, 1, 1)))),
     ("LeafArrays", "ScalesNotUniform", "scales", put("scales", vectors((1, 1, 1), (1, 2, 1), (1, 1, 1)))),
     ("LeafOrientations", "OrientationsMissing", "orientations", drop("orientations")),
     ("LeafOrientations", "OrientationsMissing", "orientationsf", drop("orientationsf")),
@@ -172,6 +194,7 @@ def test_only_the_width_is_a_warning() -> None:
     stage = Usd.Stage.CreateInMemory()
     prim = stages.build_leaves(stage)
     put("primvars:leaf:silhouette1", vectors(*[(0.2, 3, 0)] * 3))(prim)
+    stage.GetPrimAtPath("/Leaves/Prototypes/Leaf").GetAttribute("extent").Set([Gf.Vec3f(-4), Gf.Vec3f(4)])
     (problem,) = UsdValidation.ValidationContext(keywords=["usdFoliage"]).Validate(stage)
     assert problem.GetType() == WARN
     assert "3 of 3 leaves (the first is 0)" in problem.GetMessage()
@@ -190,14 +213,16 @@ def test_opposite_quaternions_are_the_same_rotation() -> None:
     assert findings(stage) == []
 
 
-def test_no_leaf_at_all_is_a_good_set_of_leaves() -> None:
+@pytest.mark.parametrize("prototype", [True, False])
+def test_no_leaf_at_all_is_a_good_set_of_leaves(prototype: bool) -> None:
     stage = Usd.Stage.CreateInMemory()
     prim = stages.build_leaves(stage)
     for attribute in prim.GetAttributes():
         if attribute.HasAuthoredValue() and attribute.GetTypeName().isArray:
             attribute.Set(attribute.GetTypeName().defaultValue)
-    found = findings(stage)
-    assert {name for _, name, _ in found} == {"OrientationsMissing"}  # an empty array cannot be told from none
+    if not prototype:
+        _no_prototypes(prim)
+    assert findings(stage) == []
 
 
 @pytest.mark.parametrize(
@@ -241,6 +266,33 @@ def _empty_prototype(prim: Usd.Prim) -> None:
     UsdGeom.Xform.Define(prim.GetStage(), "/Leaves/Prototypes/Leaf")
 
 
+HERO = [
+    ("PatchShape", "uVertexCount", put("uVertexCount", 5)),
+    ("PatchShape", "vOrder", put("vOrder", 4)),
+    ("PatchKnots", "uKnots", put("uKnots", [0.0] * 4 + [0.5] * 3 + [1.0] * 4)),
+    ("PatchKnots", "vKnots", put("vKnots", [0.0] * 5)),
+    ("PatchPoints", "points", put("points", vectors(*[(0, 0, 0)] * 34))),
+    ("PatchPoints", "points", put("points", vectors(*[(0, float("nan"), 0)] * 35))),
+    ("PatchExtent", "extent", put("extent", vectors((0, 0, 0), (0.35, 1, 0)))),
+    ("PatchExtent", "extent", drop("extent")),
+]
+
+
+@pytest.mark.parametrize(("name", "place", "break_it"), HERO)
+def test_broken_patch(name: str, place: str, break_it: Break) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    break_it(stages.build_hero_leaf(stage))
+    assert findings(stage) == [("LeafPatch", name, f"/Hero.{place}")]
+
+
+def test_hero_leaf_needs_no_edits() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    prim = stages.build_hero_leaf(stage)
+    for name in [name for name in prim.GetPropertyNames() if ":edit:" in name]:
+        prim.RemoveProperty(name)
+    assert findings(stage) == []
+
+
 def _nested(prim: Usd.Prim) -> None:
     UsdGeom.PointInstancer.Define(prim.GetStage(), "/Leaves/Prototypes/Leaf/More")
 
@@ -260,7 +312,118 @@ def _nested(prim: Usd.Prim) -> None:
 def test_broken_prototype(name: str, path: str, break_it: Break) -> None:
     stage = Usd.Stage.CreateInMemory()
     break_it(stages.build_leaves(stage))
-    assert findings(stage) == [("LeafPrototype", name, path)]
+    assert [found for found in findings(stage) if found[0] != "LeafShape"] == [("LeafPrototype", name, path)]
+
+
+def problems_of_shape(stage: Usd.Stage) -> list[UsdValidation.ValidationError]:
+    found = UsdValidation.ValidationContext(keywords=["usdFoliage"]).Validate(stage)
+    return [problem for problem in found if problem.GetValidator().GetMetadata().name.endswith(":LeafShape")]
+
+
+FOLDED = [
+    ("primvars:leaf:silhouette2", vectors((0.5, 0.35, 0), (0.5, 0.35, 0), (1.5, 0.35, 0))),
+    ("primvars:leaf:axis1", vectors((0, 1 / 3, 0), (0, 1 / 3, 0), (1.5, 2, 0))),
+]
+
+
+def _room(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/Leaves/Prototypes/Leaf").GetAttribute("extent").Set([Gf.Vec3f(-9), Gf.Vec3f(9)])
+
+
+@pytest.mark.parametrize(("name", "held"), FOLDED)
+def test_leaf_that_folds_over_itself_is_a_warning(name: str, held: list[Gf.Vec3f]) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    put(name, held)(stages.build_leaves(stage))
+    _room(stage)
+    (problem,) = problems_of_shape(stage)
+    assert (problem.GetName(), problem.GetType()) == ("LeafFolds", WARN)
+    assert "fold over themselves: 1 of 3 leaves (2)" in problem.GetMessage()
+
+
+def test_edit_that_folds_leaves_is_a_warning_that_names_it() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    prim = stages.build_leaves(stage)
+    _room(stage)
+    put("primvars:leaf:edit:silhouette2", Gf.Vec3f(1, 0, 0))(prim)
+    found = {problem.GetName(): problem for problem in problems_of_shape(stage)}
+    assert set(found) == {"EditedSilhouetteOrder", "LeafFolds"}
+    assert all(problem.GetType() == WARN for problem in found.values())
+    place = found["EditedSilhouetteOrder"].GetSites()[0].GetProperty().GetPath()
+    assert place == "/Leaves.primvars:leaf:edit:silhouette2"
+    assert "(0, 1 and 2)" in found["LeafFolds"].GetMessage()
+
+
+SHAPE = [
+    ("EditedSilhouetteOrder", "primvars:leaf:edit:silhouette1", Gf.Vec3f(-0.2, 0, 0)),
+    ("EditedSilhouetteOrder", "primvars:leaf:edit:silhouette3", Gf.Vec3f(0.3, 0, 0)),
+    ("EditedSilhouetteWidth", "primvars:leaf:edit:silhouette1", Gf.Vec3f(0, -0.25, 0)),
+    ("EditedSilhouetteWidth", "primvars:leaf:edit:width", 0.0),
+]
+
+
+@pytest.mark.parametrize(("name", "place", "held"), SHAPE)
+def test_edit_that_takes_silhouettes_out_of_order(name: str, place: str, held: object) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    put(place, held)(stages.build_leaves(stage))
+    _room(stage)
+    found = [problem for problem in problems_of_shape(stage) if problem.GetName() == name]
+    assert {str(problem.GetSites()[0].GetProperty().GetPath()) for problem in found} == {f"/Leaves.{place}"}
+    assert all("3 of 3 leaves (the first is 0)" in problem.GetMessage() for problem in found)
+
+
+@pytest.mark.parametrize(
+    ("edit", "held"),
+    [
+        ("width", 3.0),
+        ("curl", Gf.Vec3f(0, 0, 0.5)),
+        ("axis1", Gf.Vec3f(3, 0, 0)),
+        ("jitterAmplitude", 0.5),
+    ],
+)
+def test_extent_that_does_not_hold_the_edited_leaves(edit: str, held: object) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    prim = stages.build_leaves(stage)
+    UsdGeom.PointInstancer(prim).CreateExtentAttr([Gf.Vec3f(-0.1, 0.9, -0.1), Gf.Vec3f(2.1, 1.1, 0.1)])
+    assert findings(stage) == []
+    put(f"primvars:leaf:edit:{edit}", held)(prim)
+    (problem,) = [problem for problem in problems_of_shape(stage) if problem.GetName() == "DisplacedExtent"]
+    assert problem.GetType() == ERROR
+    assert problem.GetSites()[0].GetProperty().GetPath() == "/Leaves/Prototypes/Leaf.extent"
+    _room(stage)
+    assert findings(stage) in ([], [("LeafShape", "LeafFolds", "/Leaves")])
+    put("extent", [Gf.Vec3f(-0.1, 0.9, -0.1), Gf.Vec3f(2.0, 1.1, 0.1)])(prim)
+    assert ("LeafShape", "LeavesExtent", "/Leaves.extent") in findings(stage)
+
+
+def test_jitter_map_that_cannot_be_used(tmp_path: Path) -> None:
+    (tmp_path / "map.png").write_text("no image")
+    stage = Usd.Stage.CreateNew(str(tmp_path / "leaves.usda"))
+    put("foliage:leaf:jitterMap", Sdf.AssetPath("./map.png"))(stages.build_leaves(stage))
+    assert findings(stage) == [("LeafShape", "JitterMapUnusable", "/Leaves.foliage:leaf:jitterMap")]
+
+
+def test_leaves_are_not_looked_at_as_drawn_where_usdfoliage_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    stages.build_leaves(stage)
+    monkeypatch.setitem(sys.modules, "usdfoliage.leaf.fold", None)
+    (problem,) = UsdValidation.ValidationContext(keywords=["usdFoliage"]).Validate(stage)
+    assert (problem.GetName(), problem.GetType()) == ("LeafShapeNotChecked", WARN)
+    assert "usdfoliage.leaf.fold" in problem.GetMessage()
+
+
+def test_hundred_thousand_leaves_take_seconds() -> None:
+    import time
+
+    count = 100_000
+    stage = Usd.Stage.CreateInMemory()
+    prim = stages.build_leaves(stage)
+    for attribute in prim.GetAttributes():
+        held = attribute.Get()
+        if attribute.HasAuthoredValue() and attribute.GetTypeName().isArray and attribute.GetName() != "extent":
+            attribute.Set(type(held)(count, held[0]))
+    start = time.perf_counter()
+    assert findings(stage) == []
+    assert time.perf_counter() - start < 10
 
 
 def _moved_child(prim: Usd.Prim) -> None:

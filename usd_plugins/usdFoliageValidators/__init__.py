@@ -13,7 +13,11 @@ from usdFoliageValidators.asset import (
 )
 from usdFoliageValidators.crown import check_crown, check_crown_files
 from usdFoliageValidators.forest import check_forest
-from usdFoliageValidators.leaf import check_leaf_arrays, check_leaf_orientations, check_leaf_prototype
+from usdFoliageValidators.leaf import check_leaf_arrays, check_leaf_orientations
+from usdFoliageValidators.leaf_edits import check_leaf_edits
+from usdFoliageValidators.leaf_patch import check_leaf_patch
+from usdFoliageValidators.leaf_prototype import check_leaf_prototype
+from usdFoliageValidators.leaf_shape import check_leaf_shape
 from usdFoliageValidators.lobed import check_lobed_leaf
 from usdFoliageValidators.plant import check_plant
 from usdFoliageValidators.skeleton import check_skeleton
@@ -23,6 +27,9 @@ PRIM_VALIDATORS = {
     "LeafArrays": check_leaf_arrays,
     "LeafOrientations": check_leaf_orientations,
     "LeafPrototype": check_leaf_prototype,
+    "LeafPatch": check_leaf_patch,
+    "LeafEdits": check_leaf_edits,
+    "LeafShape": check_leaf_shape,
     "LobedLeaf": check_lobed_leaf,
     "Skeleton": check_skeleton,
     "Crown": check_crown,

@@ -24,6 +24,15 @@ def count(wrong: NDArray[np.bool_], what: str) -> str:
     return f"{np.count_nonzero(wrong)} of {len(wrong)} {what} (the first is {int(np.argmax(wrong))})"
 
 
+def which(wrong: NDArray[np.bool_], what: str, most: int = 10) -> str:
+    """ "3 of 200 leaves (17, 20 and 31)" for the elements that are True."""
+    numbers = [str(number) for number in np.flatnonzero(wrong)]
+    if len(numbers) > most:
+        numbers = [*numbers[:most], f"{len(numbers) - most} more"]
+    listed = " and ".join([", ".join(numbers[:-1]), numbers[-1]] if len(numbers) > 1 else numbers)
+    return f"{np.count_nonzero(wrong)} of {len(wrong)} {what} ({listed})"
+
+
 def wrong_prim_type(prim: Usd.Prim, schema: str, allowed: Sequence[str]) -> Findings:
     """The finding where a schema was put on a prim that it is not for; USD itself does not look when it composes."""
     if prim.GetTypeName() in allowed:

@@ -1,4 +1,4 @@
-"""Validators of FoliageLeafAPI: the arrays, the two forms of the orientations, the prototype."""
+"""Validators of FoliageLeafAPI: the arrays, and the two forms of the orientations."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +8,20 @@ from usdFoliageValidators import values
 from usdFoliageValidators.findings import Findings, count, error, warning, wrong_prim_type
 
 PARAMETERS = ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "inner", "outer")
-VECTOR_EDITS = ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "curl")
 WIDEST = 2.0  # leaf lengths from axis to silhouette; a leaf four times as wide as long is a slip
 ORIENTATION_TOLERANCE = 2e-3  # a half of magnitude up to 1 is within 5e-4
 
+# What may be known of a leaf besides its shape: least and greatest value, what to do about another.
+FACTS = (
+    ("phase", 0.0, 64.0, "author where on the wave each leaf begins, in cycles"),
+    ("confidence", 0.0, 1.0, "measure it again"),
+    ("residual", 0.0, np.inf, "measure it again"),
+    ("view", -1.0, np.inf, "author the number of the photograph, -1 for none"),
+)
+
 
 def check_leaf_arrays(prim: Usd.Prim, _time: object) -> Findings:
-    """The seven parameters are there, one element a leaf, finite, and make a leaf; so are the facts and edits."""
+    """The seven parameters are there, one element a leaf, finite, and make a leaf; so are phase and facts."""
     findings = wrong_prim_type(prim, "FoliageLeafAPI", ("PointInstancer", "NurbsPatch"))
     if findings:
         return findings
@@ -48,7 +55,6 @@ def check_leaf_arrays(prim: Usd.Prim, _time: object) -> Findings:
                 parameters[name] = array
     findings += _check_silhouette(prim, parameters)
     findings += _check_facts(prim, leaves, interpolation)
-    findings += _check_edits(prim)
     return findings
 
 
@@ -58,6 +64,8 @@ def check_leaf_orientations(prim: Usd.Prim, _time: object) -> Findings:
         return []
     findings: Findings = []
     positions = values.numbers(prim, "positions", 3)
+    if positions is not None and not len(positions):
+        return []
     arrays: dict[str, NDArray[np.float64]] = {}
     for name in ("orientations", "orientationsf"):
         array = values.numbers(prim, name, 4)
@@ -84,33 +92,6 @@ def check_leaf_orientations(prim: Usd.Prim, _time: object) -> Findings:
                 f"{ORIENTATION_TOLERANCE:g} allowed; write both from the same rotations"
             )
             findings.append(error(prim, "OrientationsDiffer", text, "orientations"))
-    return findings
-
-
-def check_leaf_prototype(prim: Usd.Prim, _time: object) -> Findings:
-    """Every prototype exists below the instancer, is used rightly, and its gprims have an extent."""
-    instancer = UsdGeom.PointInstancer(prim)
-    if not instancer:
-        return []
-    targets = instancer.GetPrototypesRel().GetForwardedTargets()
-    if not targets:
-        text = "has no prototype; point the relationship prototypes at a leaf mesh below the instancer"
-        return [error(prim, "PrototypeMissing", text, "prototypes")]
-    findings: Findings = []
-    for target in targets:
-        prototype = prim.GetStage().GetPrimAtPath(target)
-        if not prototype:
-            text = f"targets <{target}>, which does not exist; point it at a leaf mesh below the instancer"
-            findings.append(error(prim, "PrototypeMissing", text, "prototypes"))
-            continue
-        if not target.HasPrefix(prim.GetPath()):
-            text = f"targets <{target}>, which is not below the instancer and so misses its edits; move it below"
-            findings.append(error(prim, "PrototypeElsewhere", text, "prototypes"))
-        findings += _check_extents(prototype)
-    used = values.indices(prim, "protoIndices")
-    if used is None or (len(used) and not (used.min() >= 0 and used.max() < len(targets))):
-        text = f"must name one of the {len(targets)} prototypes, 0 to {len(targets) - 1}, for each leaf"
-        findings.append(error(prim, "PrototypeIndex", text, "protoIndices"))
     return findings
 
 
@@ -173,7 +154,7 @@ def _check_silhouette(prim: Usd.Prim, parameters: dict[str, NDArray[np.float64]]
 
 def _check_facts(prim: Usd.Prim, leaves: int, interpolation: str) -> Findings:
     findings: Findings = []
-    for name, least, greatest in (("confidence", 0.0, 1.0), ("residual", 0.0, np.inf), ("view", -1.0, np.inf)):
+    for name, least, greatest, remedy in FACTS:
         primvar = f"primvars:leaf:{name}"
         if not values.is_authored(prim, primvar):
             continue
@@ -187,58 +168,6 @@ def _check_facts(prim: Usd.Prim, leaves: int, interpolation: str) -> Findings:
         wrong = ~((array >= least) & (array <= greatest) & np.isfinite(array))
         if wrong.any():
             bound = f"{least:g} to {greatest:g}" if np.isfinite(greatest) else f"{least:g} or more"
-            text = f"is not {bound} in {count(wrong, 'leaves')}; measure it again"
+            text = f"is not {bound} in {count(wrong, 'leaves')}; {remedy}"
             findings.append(error(prim, "LeafFactRange", text, primvar))
-    return findings
-
-
-def _check_edits(prim: Usd.Prim) -> Findings:
-    findings: Findings = []
-    for name in VECTOR_EDITS:
-        primvar = f"primvars:leaf:edit:{name}"
-        vector = values.tuple_of(prim, primvar, 3)
-        if values.is_authored(prim, primvar) and (vector is None or not np.isfinite(vector).all()):
-            findings.append(error(prim, "EditNotFinite", "must be three finite numbers; (0, 0, 0) is neutral", primvar))
-    for name, above_zero in (("width", False), ("jitterAmplitude", False), ("jitterFrequency", True)):
-        primvar = f"primvars:leaf:edit:{name}"
-        if not values.is_authored(prim, primvar):
-            continue
-        number = values.number(prim, primvar)
-        if number is None or not np.isfinite(number) or number < 0 or (above_zero and number == 0):
-            needed = "above 0" if above_zero else "0 or more"
-            findings.append(error(prim, "EditRange", f"is {number}; it must be {needed}", primvar))
-    for name in (*VECTOR_EDITS, "width", "jitterAmplitude", "jitterFrequency"):
-        primvar = f"primvars:leaf:edit:{name}"
-        if values.is_authored(prim, primvar):
-            held = UsdGeom.Primvar(prim.GetAttribute(primvar)).GetInterpolation()
-            if held != UsdGeom.Tokens.constant:
-                text = f"has interpolation {held}; an edit is one value for all leaves, constant"
-                findings.append(error(prim, "EditInterpolation", text, primvar))
-    return findings
-
-
-def _check_extents(prototype: Usd.Prim) -> Findings:
-    findings: Findings = []
-    drawn = 0
-    for prim in Usd.PrimRange(prototype):
-        if UsdGeom.PointInstancer(prim):
-            text = "is a PointInstancer inside a prototype; leaves have one level of instancing, flatten it"
-            findings.append(error(prim, "NestedInstancer", text))
-        if not UsdGeom.Gprim(prim):
-            continue
-        drawn += 1
-        extent = values.numbers(prim, "extent", 3) if values.is_authored(prim, "extent") else None
-        if extent is None or len(extent) != 2:
-            text = "is not authored; a leaf is culled or never framed without it: author the displaced leaf's bounds"
-            findings.append(error(prim, "PrototypeExtent", text, "extent"))
-            continue
-        points = values.numbers(prim, "points", 3)
-        if points is not None and len(points):
-            slack = 1e-5 * max(1.0, float(np.abs(points).max()))
-            if (points.min(axis=0) < extent[0] - slack).any() or (points.max(axis=0) > extent[1] + slack).any():
-                text = "does not contain the prim's own points; author the displaced leaf's bounds"
-                findings.append(error(prim, "PrototypeExtent", text, "extent"))
-    if not drawn:
-        text = "is a prototype with nothing to draw; put a leaf mesh below it"
-        findings.append(error(prototype, "PrototypeEmpty", text))
     return findings

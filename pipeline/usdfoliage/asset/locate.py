@@ -1,5 +1,6 @@
 """Which file an asset is, and which prims of a stage are plants and leaves."""
 
+import os
 from pathlib import Path
 
 from pxr import Sdf, Tf, Usd
@@ -61,13 +62,22 @@ def try_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
             if path.suffix.lower() != ".usdz" and not file.read(8).startswith(b"PXR-USDC"):
                 file.seek(0)
                 file.read().decode("utf-8")  # USD reads on where it is not, and fails where the text reaches Python
-        return Sdf.Layer.FindOrOpen(str(path.absolute())), "unknown format"
+        return Sdf.Layer.FindOrOpen(usd_path(path)), "unknown format"
     except UnicodeDecodeError as error:
         return None, f"byte {error.start} is no UTF-8"
     except OSError as error:
         return None, error.strerror or "unreadable"
     except Tf.ErrorException as error:
         return None, first_reason(error)
+
+
+def usd_path(path: Path) -> str:
+    """The absolute path by which USD finds the file that the system finds at path.
+
+    For ".." USD goes up by the names, the system from where a symbolic link leads to.
+    """
+    written, meant = os.path.normpath(path.absolute()), os.path.realpath(path)
+    return written if os.path.realpath(written) == meant else meant
 
 
 def first_reason(error: Exception) -> str:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdUtils
 
 from usdfoliage.asset.jitter_map import read_jitter_map
@@ -29,6 +30,7 @@ from usdfoliage.asset.locate import (
     require_leaves,
     select_representation,
     try_layer,
+    usd_path,
 )
 from usdfoliage.asset.look_extents import author_wider_extents
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
@@ -152,14 +154,15 @@ def write_look_layer(
     named = open_layer(find_interface(asset))
     look = read_look(named)
     interface = look.asset if look else Path(named.realPath)
+    stage = _open_bezier(interface)
+    plant = _the_plant(stage, interface)
     target = Path(os.path.realpath(path))
     _check_output(path, target, interface, force)
     if look is not None:
         prim_path = prim_path or look.prim_path or None
         if jitter_map is None:
-            jitter_map = read_jitter_map_path(require_leaves(_open_bezier(asset), asset)[0])
-    stage = _open_bezier(interface)
-    plant = _the_plant(stage, interface)
+            shown = _open_bezier(asset)
+            jitter_map = read_jitter_map_path(require_leaves(shown, asset)[0])
     class_path = _class_path(plant, interface, prim_path)
 
     overs = _new_look(plant, class_path, _relative(interface, path), prim_path)
@@ -169,12 +172,19 @@ def write_look_layer(
             held = read_leaves(leaves)
             _author_edits(overs, at, edits, held.edits)
             drawn_map = jitter_map or held.jitter_map
-            wave = read_jitter_map(drawn_map) if drawn_map else None
+            wave = _read_wave(drawn_map) if drawn_map else None
             if jitter_map and jitter_map != held.jitter_map:
                 author_jitter_map(overs.OverridePrim(at), _relative(jitter_map, path))
             author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
     _replace(target, overs.GetRootLayer().ExportToString())
     return path
+
+
+def _read_wave(jitter_map: Path) -> NDArray[np.float64]:
+    wave = read_jitter_map(jitter_map)
+    if len(wave) < 2:
+        raise AssetError(f"{jitter_map} is {len(wave)} pixel wide; a wave needs 2 or more")
+    return wave
 
 
 def _open_bezier(asset: Path) -> Usd.Stage:
@@ -237,7 +247,7 @@ def _class_path(plant: Usd.Prim, interface: Path, prim_path: str | None) -> Sdf.
         return classes[0]
     valid, _ = Sdf.Path.IsValidPathString(prim_path)
     path = Sdf.Path(prim_path) if valid else Sdf.Path.emptyPath
-    if not path.IsAbsoluteRootOrPrimPath() or path == Sdf.Path.absoluteRootPath:
+    if not (path.IsAbsolutePath() and path.IsPrimPath()):
         raise AssetError(f"{prim_path!r} is no path of a prim; write it like /World/plant_1")
     # An inherited class reaches into an instance, where opinions of the placement itself do not.
     placements = classes[0].GetParentPath().AppendChild(f"{classes[0].name}_placements")
@@ -246,13 +256,7 @@ def _class_path(plant: Usd.Prim, interface: Path, prim_path: str | None) -> Sdf.
 
 def _relative(target: Path, look: Path) -> str:
     """The way from the look's folder to target, beginning with ./ or ../."""
-    folder, there = (os.path.normpath(path.absolute()) for path in (look.parent, target))
-    # USD goes up by the names; the system, from where a symbolic link leads to.
-    for written, meant in ((folder, look.parent), (there, target)):
-        if os.path.realpath(written) != os.path.realpath(meant):
-            folder, there = os.path.realpath(look.parent), os.path.realpath(target)
-            break
-    way = os.path.relpath(there, folder)
+    way = os.path.relpath(usd_path(target), usd_path(look.parent))
     return way if way.startswith("..") else f"./{way}"
 
 

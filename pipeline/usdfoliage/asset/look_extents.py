@@ -11,6 +11,7 @@ from usdfoliage.leaf.jitter import Jitter
 from usdfoliage.leaf.model import Leaves
 
 _SHOWN = 2  # of extentsHint's pairs of corners, a pair a purpose: the first two, default and render, may hold leaves
+_SLACK = 1e-5  # of the size: what edits and parameters lose as float32
 
 
 def author_wider_extents(
@@ -87,7 +88,8 @@ def _widen_hint(stage: Usd.Stage, path: Sdf.Path, plant: Usd.Prim, needed: NDArr
 
 
 def _contains(extent: NDArray[np.float64], needed: NDArray[np.float64]) -> bool:
-    return bool((extent[0] <= needed[0]).all() and (extent[1] >= needed[1]).all())
+    slack = _SLACK * float(np.ptp(needed, axis=0).max())
+    return bool((extent[0] <= needed[0] + slack).all() and (extent[1] >= needed[1] - slack).all())
 
 
 def _union(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:

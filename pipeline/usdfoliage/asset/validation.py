@@ -16,7 +16,8 @@ from typing import Any
 from pxr import Plug, Sdf, Tf, Usd, UsdUtils, UsdValidation
 
 from usdfoliage.asset.findings import SEVERITIES, Acceptance, Finding
-from usdfoliage.asset.locate import find_interface
+from usdfoliage.asset.locate import find_interface, first_reason, try_layer
+from usdfoliage.asset.look import open_root_layer
 from usdfoliage.asset.schema import PLANT_API, require_schemas
 from usdfoliage.errors import AssetError
 
@@ -50,7 +51,7 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
     """Run every validator on an asset.
 
     Args:
-        asset: Its folder or its interface layer.
+        asset: Its folder or its interface layer, or a look, which is validated over its asset.
         profile: Warnings to mark as accepted.
 
     Raises:
@@ -71,7 +72,8 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
                 findings.setdefault(finding, []).append(_label(selection))
         for finding in _run_usd_validators(root, (), Usd.Stage.LoadNone):
             findings.setdefault(finding, []).append("unloaded")
-        nvidia, more = _run_nvidia(path)
+        # A look is no stage by itself, and NVIDIA's package takes files.
+        nvidia, more = ("", []) if root.anonymous else _run_nvidia(path)
         said = {(finding.severity, finding.message) for finding in findings}
         # NVIDIA's package runs some of USD's validators again.
         findings |= {finding: [] for finding in more if (finding.severity, finding.message) not in said}
@@ -94,9 +96,9 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
 
 
 def _open_interface(path: Path) -> Sdf.Layer:
-    layer, reason = _open_layer(path)
-    if layer is None:
-        raise AssetError(f"{path} cannot be read as USD ({reason}); write the asset again")
+    layer = open_root_layer(path)
+    if layer.anonymous:  # a look over its asset
+        return layer
     for spec in layer.rootPrims:
         applied = spec.GetInfo("apiSchemas")
         if applied and PLANT_API in applied.GetAppliedItems():
@@ -114,7 +116,7 @@ def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
             if str(path) in seen or not path.is_file():
                 continue
             seen.add(str(path))
-            opened, reason = _open_layer(path)
+            opened, reason = try_layer(path)
             if opened is not None:
                 waiting.append(opened)
                 continue
@@ -125,22 +127,6 @@ def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
                 path=str(path.relative_to(folder) if path.is_relative_to(folder) else path),
                 message=f"cannot be read as USD ({reason}); write the asset again. No validator was run",
             )
-
-
-def _open_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
-    """The layer, or None and the reason why it cannot be read."""
-    try:
-        with path.open("rb") as file:
-            if not file.read(8).startswith(b"PXR-USDC"):
-                file.seek(0)
-                file.read().decode("utf-8")  # USD reads on where it is not, and fails where the text reaches Python
-        return Sdf.Layer.FindOrOpen(str(path)), "unknown format"
-    except UnicodeDecodeError as error:
-        return None, f"byte {error.start} is no UTF-8"
-    except OSError as error:
-        return None, error.strerror or "unreadable"
-    except Tf.ErrorException as error:
-        return None, _first_reason(error)
 
 
 def _selections(root: Sdf.Layer) -> list[Selection]:
@@ -183,7 +169,7 @@ def _run_usd_validators(root: Sdf.Layer, selection: Selection, load: Usd.Stage.I
         try:
             problems = UsdValidation.ValidationContext(validators=[validator]).Validate(stage, predicate)
         except (Tf.ErrorException, UnicodeDecodeError) as error:
-            message = f"could not finish ({_first_reason(error)}); is a layer damaged? write the asset again"
+            message = f"could not finish ({first_reason(error)}); is a layer damaged? write the asset again"
             findings.append(Finding(severity="error", validator=name, error="Stopped", path="/", message=message))
             continue
         for problem in problems:
@@ -260,14 +246,6 @@ def _without_parser(finding: Finding) -> Finding:
             message = f"{finding.message} (cannot be told here: this USD has no plug-in {plugin})"
             return replace(finding, severity="warning", message=message)
     return finding
-
-
-def _first_reason(error: Exception) -> str:
-    """The first of USD's messages, without the source line that raised it."""
-    text = " ".join(str(error).split())
-    _, _, reason = text.partition(" : '")
-    reason = (reason or text).split("' Error in '", 1)[0]
-    return reason.rstrip("'") or "no reason given"
 
 
 def _one_line(message: str, place: str) -> str:
