@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.jitter import NO_JITTER, Jitter
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.surface import evaluate_grid
+from usdfoliage.leaf.surface import evaluate_normals, grid_places
 from usdfoliage.leaf.topology import LeafTopology, leaf_topology
 
 SEGMENTS_A_ROW = 2  # of the silhouette: with 16 rows it keeps 998 of 1000 pixels of the leaf, with one a row 994
@@ -17,6 +17,7 @@ SEGMENTS_A_CYCLE = 16  # of the silhouette, so that chords cut some 2 % of the j
 SEGMENTS_A_TEXEL = 2
 MOST_SEGMENTS = 512  # beyond it, a jitter map is finer than a leaf is ever drawn
 LEFT_OF_AXIS = -1e-12  # u at which the left half's tangents hold, and no coordinate differs
+LEAST_MEAN = np.float32(1e-4)  # below it, normals cancel: the leaf is folded flat
 BLOCK = 512  # leaves evaluated at once, so that temporaries stay small
 
 
@@ -75,13 +76,11 @@ def build_leaf_mesh(
     points_m = np.empty((count, vertices, 3), np.float32)
     normals = np.empty((count, vertices, 3), np.float32)
     for first in range(0, count, BLOCK):
-        block = slice(first, first + BLOCK)
-        points, facing = _evaluate(leaves.parameters[block], topology, jitter, leaves.phase[block])
-        matrix = leaves.take(np.arange(count)[block]).asset_from_leaf()
-        turn = matrix[:, :, :3].transpose(0, 2, 1)
-        points_m[block] = points @ turn + matrix[:, None, :, 3]
-        facing = facing @ turn
-        normals[block] = facing / np.linalg.norm(facing, axis=-1, keepdims=True)
+        chosen = np.arange(first, min(first + BLOCK, count))
+        block = leaves.take(chosen)
+        points_m[chosen], normals[chosen] = _evaluate(
+            block.parameters, topology, jitter, block.phase, block.asset_from_leaf()
+        )
     offsets = vertices * np.arange(count, dtype=np.int32)[:, None]
     return LeafMesh(
         points_m=points_m.reshape(-1, 3),
@@ -101,10 +100,10 @@ def build_prototype(parameters: NDArray[np.floating], settings: PrototypeSetting
     if np.shape(parameters) != (7, 3):
         raise ValueError(f"parameters must be (7, 3), not {np.shape(parameters)}")
     topology = leaf_topology(settings.across, settings.along, settings.silhouette)
-    points, normals = _evaluate(np.asarray(parameters)[None], topology, NO_JITTER, np.zeros(1))
+    points, normals = _evaluate(np.asarray(parameters)[None], topology)
     return LeafMesh(
-        points_m=points[0].astype(np.float32),
-        normals=normals[0].astype(np.float32),
+        points_m=points[0],
+        normals=normals[0],
         st=topology.st.astype(np.float32),
         face_counts=topology.face_counts,
         face_vertices=topology.face_vertices,
@@ -123,28 +122,30 @@ def _silhouette_segments(settings: LeafMeshSettings, jitter: Jitter) -> int:
 
 
 def _evaluate(
-    parameters: NDArray[np.floating], topology: LeafTopology, jitter: Jitter, phase: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points and unit normals (N, P, 3) of the topology's vertices, in leaf space."""
-    count, columns = len(parameters), len(topology.inner_u)
-    axis = columns // 2
-    u = np.concatenate([[-1], topology.inner_u, [1, LEFT_OF_AXIS]])
-    inner = evaluate_grid(parameters, u, np.concatenate([[0], topology.inner_v, [1]]), jitter, phase)
-    outside = evaluate_grid(parameters, np.array([-1.0, 1.0]), topology.silhouette_v, jitter, phase)
+    parameters: NDArray[np.floating],
+    topology: LeafTopology,
+    jitter: Jitter = NO_JITTER,
+    phase: NDArray[np.float64] | None = None,
+    placements: NDArray[np.float64] | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Points and unit normals (N, P, 3) of the topology's vertices."""
+    uv = topology.uv
+    count = len(uv)
+    on_axis = np.flatnonzero((uv[:, 0] == 0) & (uv[:, 1] > 0) & (uv[:, 1] < 1))
+    columns = np.unique(uv[:, 0])
+    # Where normals are means: the left half at the axis, and every column's limit at base and apex.
+    beside_axis = uv[on_axis] + (LEFT_OF_AXIS, 0)
+    places = np.concatenate([uv, beside_axis, grid_places(columns, np.array([0.0, 1.0]))])
+    points, facing = evaluate_normals(parameters, places, jitter, phase, placements=placements, dtype=np.float32)
+    normals = facing[:, :count]
+    halves = np.stack([normals[:, on_axis], facing[:, count : count + len(on_axis)]], axis=2)
+    normals[:, on_axis] = _mean_direction(halves)
+    normals[:, :2] = _mean_direction(facing[:, count + len(on_axis) :].reshape(-1, 2, len(columns), 3))
+    return points[:, :count], normals
 
-    facing = inner.normals[:, :, :-1]  # at base and apex, the limits along each column
-    facing[:, :, axis + 1] += inner.normals[:, :, -1]
-    facing[:, :, axis + 1] = _unit(facing[:, :, axis + 1])
-    ends = _unit(facing[:, [0, -1]].mean(axis=2))
 
-    points = [inner.points[:, [0, -1], 0], inner.points[:, 1:-1, 1 : columns + 1].reshape(count, -1, 3)]
-    normals = [ends, facing[:, 1:-1, 1 : columns + 1].reshape(count, -1, 3)]
-    points += [outside.points[:, :, side] for side in (0, 1)]
-    normals += [outside.normals[:, :, side] for side in (0, 1)]
-    return np.concatenate(points, axis=1), np.concatenate(normals, axis=1)
-
-
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of length 1; towards +z where they vanish."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.where(length > 1e-9, vectors / np.maximum(length, 1e-9), np.array([0.0, 0.0, 1.0]))
+def _mean_direction(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Unit means (N, P, 3) of normals (N, P, K, 3); the first where they cancel each other."""
+    mean = normals.mean(axis=2)
+    length = np.linalg.norm(mean, axis=-1, keepdims=True)
+    return np.where(length > LEAST_MEAN, mean / np.maximum(length, LEAST_MEAN), normals[:, :, 0])

@@ -6,6 +6,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.leaf.surface import grid_places
+
 # Shares of cosine spacing: silhouettes turn most at base and apex, and there the cells beside them are narrow.
 SILHOUETTE_TOWARDS_ENDS = 0.25
 ROWS_TOWARDS_ENDS = 0.6
@@ -15,21 +17,23 @@ ROWS_TOWARDS_ENDS = 0.6
 class LeafTopology:
     """Vertices in (u, v) and faces of one leaf; counter-clockwise where u runs to the right and v up.
 
-    The vertices are the base, the apex, the inner ones row by row from base to apex, and the left and the right
-    silhouette from base to apex.
+    The vertices are the base, the apex, the inner ones row by row from base to apex, and those of the silhouettes from
+    base to apex, left and right by turns.
     """
 
-    inner_u: NDArray[np.float64]  # (across - 1,)
-    inner_v: NDArray[np.float64]  # (along - 1,)
-    silhouette_v: NDArray[np.float64]  # (silhouette - 1,)
-    st: NDArray[np.float64]  # (P, 2), ((u + 1) / 2, v)
+    uv: NDArray[np.float64]  # (P, 2), u from -1 left to 1 right, v from 0 at the base to 1 at the apex
     face_counts: NDArray[np.int32]  # (F,)
     face_vertices: NDArray[np.int32]  # (sum of face_counts,)
 
     @property
     def vertex_count(self) -> int:
         """Vertices of one leaf."""
-        return len(self.st)
+        return len(self.uv)
+
+    @property
+    def st(self) -> NDArray[np.float64]:
+        """Texture coordinates (P, 2) of the vertices: ((u + 1) / 2, v)."""
+        return np.column_stack([(self.uv[:, 0] + 1) / 2, self.uv[:, 1]])
 
 
 @cache
@@ -55,51 +59,45 @@ def leaf_topology(across: int, along: int, silhouette: int) -> LeafTopology:
         raise ValueError(f"silhouette must be {along}, the number of rows, or more, not {silhouette}")
     columns, rows = across - 1, along - 1
     inner_u = np.arange(1 - across // 2, across // 2) / (across // 2)
-    silhouette_v = spread(silhouette, SILHOUETTE_TOWARDS_ENDS)
+    silhouette_v = towards_ends(np.arange(silhouette + 1) / silhouette, SILHOUETTE_TOWARDS_ENDS)
     row_steps = _rows_among(along, silhouette)  # each row ends at vertices of the silhouettes
     inner_v, silhouette_v = silhouette_v[row_steps[1:-1]], silhouette_v[1:-1]
 
     inner = 2 + np.arange(rows * columns).reshape(rows, columns)
     base, apex = np.full((1, columns), 0), np.full((1, columns), 1)
     inner = np.concatenate([base, inner, apex])
-    left = np.concatenate([[0], 2 + rows * columns + np.arange(silhouette - 1), [1]])
-    right = np.concatenate([[0], left[-2] + 1 + np.arange(silhouette - 1), [1]])
+    outside = 2 + rows * columns + 2 * np.arange(silhouette - 1)
+    left, right = (np.concatenate([[0], outside + side, [1]]) for side in (0, 1))
 
     faces: list[tuple[int, ...]] = []
     for row in range(along):
         low, high = inner[row].tolist(), inner[row + 1].tolist()
-        outside = slice(row_steps[row], row_steps[row + 1] + 1)
+        beside = slice(row_steps[row], row_steps[row + 1] + 1)
         # Mirrored, so that the left half is the right one's mirror image; its faces are then turned over.
-        faces += [face[::-1] for face in _beside_silhouette(low[0], high[0], left[outside].tolist())]
+        faces += [face[::-1] for face in _beside_silhouette(low[0], high[0], left[beside].tolist())]
         for column in range(columns - 1):
             faces.append((low[column], low[column + 1], high[column + 1], high[column]))
-        faces += _beside_silhouette(low[-1], high[-1], right[outside].tolist())
+        faces += _beside_silhouette(low[-1], high[-1], right[beside].tolist())
     faces = [tuple(dict.fromkeys(face)) for face in faces]  # at base and apex quads are triangles
 
-    across_v, across_u = np.meshgrid(inner_v, inner_u, indexing="ij")
-    ends = np.ones(silhouette - 1)
-    u = np.concatenate([[0, 0], across_u.reshape(-1), -ends, ends])
-    v = np.concatenate([[0, 1], across_v.reshape(-1), silhouette_v, silhouette_v])
     return LeafTopology(
-        inner_u=inner_u,
-        inner_v=inner_v,
-        silhouette_v=silhouette_v,
-        st=np.column_stack([(u + 1) / 2, v]),
+        uv=np.concatenate(
+            [[(0, 0), (0, 1)], grid_places(inner_u, inner_v), grid_places(np.array([-1.0, 1.0]), silhouette_v)]
+        ),
         face_counts=np.array([len(face) for face in faces], np.int32),
         face_vertices=np.array([vertex for face in faces for vertex in face], np.int32),
     )
 
 
-def spread(count: int, towards_ends: float) -> NDArray[np.float64]:
-    """count + 1 numbers from 0 to 1, evenly spaced, or closer towards both ends by this share of cosine spacing."""
-    t = np.arange(count + 1) / count
-    return (1 - towards_ends) * t + towards_ends * (1 - np.cos(np.pi * t)) / 2
+def towards_ends(t: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    """Rows evenly spaced in t, 0 to 1, drawn towards both ends by this share of cosine spacing."""
+    return (1 - share) * t + share * (1 - np.cos(np.pi * t)) / 2
 
 
 def _rows_among(along: int, silhouette: int) -> NDArray[np.intp]:
     """Which of the silhouette's vertices the along + 1 ends of the rows are; no two of them are the same."""
     row = np.arange(along + 1)
-    nearest = np.rint(spread(along, ROWS_TOWARDS_ENDS) * silhouette).astype(np.intp)
+    nearest = np.rint(towards_ends(row / along, ROWS_TOWARDS_ENDS) * silhouette).astype(np.intp)
     return np.minimum(np.maximum.accumulate(nearest - row) + row, silhouette - along + row)
 
 
