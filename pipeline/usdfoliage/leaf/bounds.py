@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import _native
+from usdfoliage.leaf.inputs import checked_leaves, checked_placements
 from usdfoliage.leaf.jitter import NO_JITTER, Jitter
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.surface import checked_leaves, checked_placements
 
 GROUP = 1024  # leaves that share a box on the way to the box of all
 

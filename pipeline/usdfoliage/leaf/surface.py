@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdfoliage import _native
+from usdfoliage.leaf.inputs import checked_axis_places, checked_leaves, checked_placements, checked_places
 from usdfoliage.leaf.jitter import NO_JITTER, WAVES, Jitter
 
 Real = TypeVar("Real", np.float32, np.float64)
@@ -32,7 +33,7 @@ class LeafGrid:
 
 def axis_points(parameters: NDArray[np.floating], v: ArrayLike, *, threads: int = 0) -> NDArray[np.float64]:
     """A(v): (N, P, 3) from parameters (N, 7, 3) and v (P,) or (N, P)."""
-    leaves, places = checked_leaves(parameters), _axis_places(parameters, v)
+    leaves, places = checked_leaves(parameters), checked_axis_places(parameters, v)
     points = np.empty((len(leaves), places.shape[1], 3))
     _native.leaf_axes(leaves, places, np.ndim(v) == 1, points, None, threads)
     return points
@@ -40,7 +41,7 @@ def axis_points(parameters: NDArray[np.floating], v: ArrayLike, *, threads: int 
 
 def axis_normals(parameters: NDArray[np.floating], v: ArrayLike, *, threads: int = 0) -> NDArray[np.float64]:
     """n(v): unit normals of the axis in the leaf's plane, +x for a straight axis; (0, 0, 0) where it stands upright."""
-    leaves, places = checked_leaves(parameters), _axis_places(parameters, v)
+    leaves, places = checked_leaves(parameters), checked_axis_places(parameters, v)
     normals = np.empty((len(leaves), places.shape[1], 3))
     _native.leaf_axes(leaves, places, np.ndim(v) == 1, None, normals, threads)
     return normals
@@ -220,39 +221,11 @@ def evaluate_jacobian(
         ValueError: A shape is wrong.
     """
     leaves = checked_leaves(parameters)
-    places = _places(leaves, np.asarray(uv, np.float64))
+    places = checked_places(leaves, np.asarray(uv, np.float64))
     points = np.empty((len(leaves), places.shape[1], 3))
     jacobian = np.empty((len(leaves), places.shape[1], 3, 21))
     _native.leaf_jacobians(leaves, places, np.ndim(uv) == 2, points, jacobian, threads)
     return points, jacobian
-
-
-def checked_leaves(parameters: NDArray[np.floating]) -> NDArray[np.float64]:
-    """The parameters as the native functions take them.
-
-    Raises:
-        ValueError: They are not (N, 7, 3).
-    """
-    leaves = np.ascontiguousarray(parameters, np.float64)
-    if leaves.ndim != 3 or leaves.shape[1:] != (7, 3):
-        raise ValueError(f"parameters must be (N, 7, 3), not {leaves.shape}")
-    return leaves
-
-
-def checked_placements(
-    leaves: NDArray[np.float64], placements: NDArray[np.floating] | None
-) -> NDArray[np.float64] | None:
-    """The placements of these leaves as the native functions take them.
-
-    Raises:
-        ValueError: They are not (N, 3, 4).
-    """
-    if placements is None:
-        return None
-    matrices = np.ascontiguousarray(placements, np.float64)
-    if matrices.shape != (len(leaves), 3, 4):
-        raise ValueError(f"placements must be ({len(leaves)}, 3, 4), not {matrices.shape}")
-    return matrices
 
 
 _Output = NDArray[np.float32] | NDArray[np.float64] | None
@@ -273,7 +246,7 @@ def _fill_samples(
         raise ValueError(f"phase must be ({len(leaves)},), not {phases.shape}")
     matrices = checked_placements(leaves, placements)
     wave = None if jitter.map is None else np.ascontiguousarray(jitter.map, np.float64)
-    uv, alike = _places(leaves, places), places.ndim == 2
+    uv, alike = checked_places(leaves, places), places.ndim == 2
     _native.leaf_samples(
         leaves,
         uv,
@@ -287,18 +260,3 @@ def _fill_samples(
         *outputs,
         threads,
     )
-
-
-def _places(leaves: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
-    """uv as (N, P, 2), or as (1, P, 2) for all leaves alike."""
-    if uv.ndim not in (2, 3) or uv.shape[-1] != 2 or (uv.ndim == 3 and len(uv) != len(leaves)):
-        raise ValueError(f"uv must be (P, 2) or ({len(leaves)}, P, 2), not {uv.shape}")
-    return np.ascontiguousarray(uv if uv.ndim == 3 else uv[None])
-
-
-def _axis_places(parameters: NDArray[np.floating], v: ArrayLike) -> NDArray[np.float64]:
-    """v as (N, P), or as (1, P) for all leaves alike."""
-    places = np.asarray(v, np.float64)
-    if places.ndim not in (1, 2) or (places.ndim == 2 and len(places) != len(parameters)):
-        raise ValueError(f"v must be (P,) or ({len(parameters)}, P), not {places.shape}")
-    return np.ascontiguousarray(places if places.ndim == 2 else places[None])
