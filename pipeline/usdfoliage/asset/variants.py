@@ -31,21 +31,23 @@ def author_variant_references(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[V
     A set inside variants of the one before it is filled within each of them, so that where they are not selected none
     of its layers is opened.
     """
-    prim = stage.GetPrimAtPath(path)
+    # Specs, not the stage's prims: to author in a variant these must select it, and with that open all its layers.
+    prim = stage.GetEditTarget().GetLayer().GetPrimAtPath(path)
     for number, held in enumerate(sets):
         if not held.inside:
-            _fill(prim, held, [inner for inner in sets[number + 1 : number + 2] if inner.inside])
+            _fill(prim, prim, held, [inner for inner in sets[number + 1 : number + 2] if inner.inside])
 
 
-def _fill(prim: Usd.Prim, held: VariantSet, inner: Sequence[VariantSet]) -> None:
-    variant_set = prim.GetVariantSets().AddVariantSet(held.name)
+def _fill(
+    owner: Sdf.PrimSpec | Sdf.VariantSpec, prim: Sdf.PrimSpec, held: VariantSet, inner: Sequence[VariantSet]
+) -> None:
+    """Fill a set of owner, the prim or a variant of it; prim is what owner says of the prim."""
+    prim.variantSetNameList.prependedItems.append(held.name)
+    variant_set = Sdf.VariantSetSpec(owner, held.name)
     for member, layers in held.variants.items():
-        variant_set.AddVariant(member)
-        variant_set.SetVariantSelection(member)
-        with variant_set.GetVariantEditContext():
-            for layer in layers:
-                prim.GetReferences().AddReference(layer)
-            for nested in inner:
-                if member in nested.inside:
-                    _fill(prim, nested, ())
-    variant_set.ClearVariantSelection()
+        variant = Sdf.VariantSpec(variant_set, member)
+        for layer in layers:
+            variant.primSpec.referenceList.prependedItems.append(Sdf.Reference(layer))
+        for nested in inner:
+            if member in nested.inside:
+                _fill(variant, variant.primSpec, nested, ())
