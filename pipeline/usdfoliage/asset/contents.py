@@ -11,7 +11,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 from usdfoliage.asset.leaf_primvars import place
 from usdfoliage.asset.locate import REPRESENTATION, find_interface, find_plants, open_layer
 from usdfoliage.asset.look import Look, read_look
-from usdfoliage.asset.package import LeafLook
+from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
 from usdfoliage.asset.plant import CROWN, LEAVES
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY, Provenance
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API
@@ -75,9 +75,9 @@ def require_plant(stage: Usd.Stage, path: Path) -> Usd.Prim:
 
 
 def representations(plant: Usd.Prim) -> list[str]:
-    """The variants that show the leaves, in the asset's order; empty where there is nothing to choose."""
+    """The variants that show the leaves, those of usdfoliage first; empty where there is nothing to choose."""
     sets = plant.GetVariantSets()
-    return list(sets.GetVariantSet(REPRESENTATION).GetVariantNames()) if REPRESENTATION in sets.GetNames() else []
+    return _variant_names(plant, REPRESENTATION) if REPRESENTATION in sets.GetNames() else []
 
 
 def find_crown(plant: Usd.Prim) -> Usd.Prim | None:
@@ -102,7 +102,7 @@ def read_plant_facts(plant: Usd.Prim, interface: Path) -> PlantFacts:
         asset_from_capture=np.eye(4) if matrix is None else np.array(matrix).T,
         version=str(Usd.ModelAPI(plant).GetAssetVersion() or ""),
         provenance=_read_provenance(plant, interface),
-        variants={name: tuple(sets.GetVariantSet(name).GetVariantNames()) for name in names},
+        variants={name: tuple(_variant_names(plant, name)) for name in names},
         selections={name: sets.GetVariantSet(name).GetVariantSelection() for name in names},
         extent=np.stack([held[:, 0].min(axis=0), held[:, 1].max(axis=0)]) if len(held) else None,
         up_axis=str(UsdGeom.GetStageUpAxis(stage)),
@@ -190,6 +190,13 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
         sorted((_file_of(Path(str(path)), folder) for path in others), key=lambda file: file.path),
         sorted(str(path) for path in missing),
     )
+
+
+def _variant_names(plant: Usd.Prim, variant_set: str) -> list[str]:
+    """In the order of usdfoliage where it has one; USD sorts them by name."""
+    order = {name: number for number, name in enumerate(REPRESENTATIONS)}
+    names = plant.GetVariantSets().GetVariantSet(variant_set).GetVariantNames()
+    return sorted(names, key=lambda name: (order.get(name, len(order)), name))
 
 
 def _schemas(plant: Usd.Prim) -> dict[str, tuple[str, ...]]:

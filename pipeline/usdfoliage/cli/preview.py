@@ -1,7 +1,7 @@
 """Draw an asset in Hydra Storm: one picture, or a turntable.
 
-ASSET is an asset folder, a look, which is shown over its asset, or any USD file. It is framed by its bounds and lit like
-a turntable of a lookdev department, unless the file brings lights of its own. No display and no GPU are needed.
+ASSET is an asset folder, a look, which is shown over its asset, or any USD file. It is framed by its bounds and lit
+like a turntable of a lookdev department, unless the file brings lights of its own. No display and no GPU are needed.
 """
 
 import argparse

@@ -20,6 +20,8 @@ from usdfoliage.leaf.variation import VariationSettings
 MOST_LEAVES = 10_000_000
 MOST_LEAVES_OF_ALL = 2000  # up to here every representation is written unless others are asked for
 MOST_PATCHES = 100_000  # one prim a leaf: beyond it no application opens the representation nurbs
+LENGTHS_M = (1e-6, 1e3)
+MOST_VARIATION = 10.0  # there leaves are a dozen times as wide as others
 BYTES_A_LEAF = 2300  # of memory that writing needs, measured with a million
 
 StepProgress = Callable[[str, float], None]
@@ -153,15 +155,16 @@ def read_color(numbers: Sequence[float]) -> tuple[float, float, float]:
 
 def read_spray(length_m: float, variation: float) -> SpraySettings:
     """Leaves of this length that differ by this share of what they do on a plant."""
-    usual = SpraySettings()
-    try:
-        return SpraySettings(
-            length_m=length_m,
-            length_variation=usual.length_variation * variation,
-            variation=VariationSettings(amount=variation),
-        )
-    except ValueError as error:
-        raise FoliageError(str(error)) from error
+    shortest_m, longest_m = LENGTHS_M
+    if not shortest_m <= length_m <= longest_m:  # true for NaN too
+        raise FoliageError(f"--length must be {shortest_m:g} to {longest_m:g} metres, not {length_m:g}")
+    if not 0 <= variation <= MOST_VARIATION:
+        raise FoliageError(f"--variation must be 0 to {MOST_VARIATION:g}, not {variation:g}")
+    return SpraySettings(
+        length_m=length_m,
+        length_variation=SpraySettings().length_variation * variation,
+        variation=VariationSettings(amount=variation),
+    )
 
 
 def _notes(request: ScatterRequest) -> list[str]:

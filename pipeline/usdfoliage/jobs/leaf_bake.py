@@ -26,7 +26,7 @@ from usdfoliage.asset.leaf_primvars import read_leaf_primvars
 from usdfoliage.asset.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.locate import find_leaves, require_leaves, select_representation
 from usdfoliage.asset.look import open_asset
-from usdfoliage.asset.package import LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import AssetError, FitError
@@ -130,8 +130,8 @@ def plan_bake(request: BakeRequest) -> str:
 
 
 def bake_leaves(leaves: Leaves, edits: LeafEdits) -> Leaves:
-    """Leaves whose parameters have the edits in them; the jitter is no parameter."""
-    return replace(leaves, parameters=apply_edits(leaves.parameters, edits))
+    """Leaves whose parameters have the edits in them, rounded as they are stored; the jitter is no parameter."""
+    return replace(leaves, parameters=apply_edits(leaves.parameters, edits).astype(np.float32).astype(np.float64))
 
 
 def remaining_edits(edits: LeafEdits) -> LeafEdits:
@@ -163,8 +163,8 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
     notes = []
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:
-        notes.append(f"{hidden:,} leaves are hidden and left out")
-    leaves, edits = _moved(read.leaves, matrix_in_plant(prim, plant)), read.edits
+        notes.append(f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out")
+    leaves, edits = move_leaves(read.leaves, matrix_in_plant(prim, plant)), read.edits
     if request.source == "nurbs":
         select_representation(stage, "nurbs")
         patches = read_patches(find_leaves(stage), plant, progress)
@@ -172,7 +172,11 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         notes += patches.notes
         if look is not None:
             notes.append(f"the edits of {look.path} act on bezier alone and were left out")
-    settings = read_settings(request.representations or held or ("bezier",), request.resolution)
+    known = read_representations([name for name in held if name in REPRESENTATIONS])
+    lost = [name for name in held if name not in known]
+    if lost:
+        notes.append(f"representation {', '.join(lost)} is not ours and was left out")
+    settings = read_settings(request.representations or known, request.resolution)
     in_place = request.output.resolve() == interface.resolve().parent
     if in_place and look is not None and request.source == "bezier":
         notes.append(f"{look.path} still holds these edits: take it out of your scenes, or they act twice")
@@ -228,7 +232,7 @@ def read_patches(prims: Sequence[Any], plant: Any, progress: StepProgress | None
             failed.append(f"{prim.GetPath()}: {error}")
             continue
         edits = remaining_edits(one.edits)
-        leaf = _moved(bake_leaves(one.leaves, one.edits), matrix_in_plant(prim.GetParent(), plant))
+        leaf = move_leaves(bake_leaves(one.leaves, one.edits), matrix_in_plant(prim.GetParent(), plant))
         if not np.array_equal(one.leaves.parameters, read_leaf_primvars(prim, 1)["parameters"]):
             residuals_m += [] if leaf.residual_m is None else [float(leaf.residual_m[0])]
         read.append(leaf)
@@ -258,7 +262,7 @@ def _join(parts: Sequence[Leaves]) -> Leaves:
     return Leaves(**fields)
 
 
-def _moved(leaves: Leaves, matrix: NDArray[np.float64]) -> Leaves:
+def move_leaves(leaves: Leaves, matrix: NDArray[np.float64]) -> Leaves:
     """Leaves moved, turned and scaled by a matrix (4, 4) for column vectors.
 
     Raises:

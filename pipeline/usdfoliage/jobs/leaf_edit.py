@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from usdfoliage.asset.contents import representations, require_plant
+from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.asset.leaf_primvars import read_edits
 from usdfoliage.asset.locate import find_interface, open_layer, require_leaves, select_representation
 from usdfoliage.asset.look import open_asset, read_look, write_look_layer
-from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.errors import FoliageError
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, Vector, compose_edits, jitter_silhouette
 
 Value = float | Vector
 
+MOST = 1e3  # of any number of an edit
 EDIT_OPTIONS = ("width", "asymmetry", "axis1", "axis2", "bend", "silhouette", "curl", "jitter", "jitter_map")
 
 
@@ -100,6 +101,7 @@ def plan_look(request: EditRequest) -> PlannedLook:
             else (before.jitter_amplitude, before.jitter_frequency)
         ),
     )
+    _check_range(after)
     changes = tuple(
         Change(name=name, before=getattr(before, name), after=value)
         for name, value in changed_edits(after, before).items()
@@ -126,6 +128,14 @@ def write_look(request: EditRequest) -> PlannedLook:
     return planned
 
 
+def _check_range(edits: LeafEdits) -> None:
+    for name, value in changed_edits(edits).items():
+        if np.abs(value).max() > MOST:
+            raise FoliageError(
+                f"{name} would be {show_value(value)}, {MOST:g} is the most; numbers are leaf lengths, usually below 1"
+            )
+
+
 def changed_edits(edits: LeafEdits, start: LeafEdits = NEUTRAL) -> dict[str, Value]:
     """The edits that differ from start, by the names of LeafEdits."""
     return {
@@ -146,20 +156,15 @@ def parse_edits(options: argparse.Namespace) -> LeafEdits:
     Raises:
         FoliageError: A number is not finite or out of range, or a silhouette point is named wrongly or twice.
     """
-    axis1, axis2 = np.zeros(3), np.zeros(3)
-    if options.asymmetry is not None:
-        axis1[:2] += options.asymmetry
-        axis2[:2] += options.asymmetry
-    if options.bend is not None:
-        if len(options.bend) > 2:
-            raise FoliageError(f"--bend takes Z, or Z1 and Z2 of the two axis points, not {len(options.bend)} numbers")
-        axis1[2] += options.bend[0]
-        axis2[2] += options.bend[-1]
-    if options.axis1 is not None:
-        axis1 += options.axis1
-    if options.axis2 is not None:
-        axis2 += options.axis2
-    changed: dict[str, Any] = {"axis1": _vector(axis1), "axis2": _vector(axis2)}
+    if options.bend is not None and len(options.bend) > 2:
+        raise FoliageError(f"--bend takes Z, or Z1 and Z2 of the two axis points, not {len(options.bend)} numbers")
+    x, y = options.asymmetry or (0.0, 0.0)
+    heights = options.bend or (0.0,)
+    points = ((heights[0], options.axis1), (heights[-1], options.axis2))
+    axis1, axis2 = (
+        _vector([a + b for a, b in zip((x, y, z), own or (0.0, 0.0, 0.0), strict=True)]) for z, own in points
+    )
+    changed: dict[str, Any] = {"axis1": axis1, "axis2": axis2}
     if options.width is not None:
         changed["width"] = options.width
     changed |= _read_silhouette(options.silhouette or ())
@@ -188,6 +193,6 @@ def _read_silhouette(given: Sequence[Sequence[float]]) -> dict[str, Vector]:
     return points
 
 
-def _vector(numbers: Sequence[float] | np.ndarray[Any, Any]) -> Vector:
-    x, y, z = (float(number) for number in numbers)
+def _vector(numbers: Sequence[float]) -> Vector:
+    x, y, z = numbers
     return x, y, z

@@ -4,8 +4,8 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings
 from usdfoliage.asset.jitter_map import read_jitter_map
+from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.leaf.mesh import LeafMeshSettings
 
