@@ -1,6 +1,7 @@
 """Validator of FoliagePlantAPI: what made the plant, where it came from, which prims carry its parts."""
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,19 +61,29 @@ def _check_part(prim: Usd.Prim, name: str, schemas: tuple[str, ...]) -> Findings
             continue
         if not prim.IsLoaded():
             continue  # the part is behind the payload
-        part = prim.GetStage().GetPrimAtPath(target)
-        applied = part.GetPrimTypeInfo().GetAppliedAPISchemas() if part else _applied_in_a_variant(prim, target)
-        if applied is None:
-            text = f"targets <{target}>, which exists in no variant; correct the path or drop the target"
-            findings.append(error(prim, "RelationshipTargetMissing", text, name))
-        elif not set(schemas) & set(applied):
-            text = f"targets <{target}>, which has no {' or '.join(schemas)}; target the prim that has it"
-            findings.append(error(prim, "RelationshipTargetKind", text, name))
+        exists = False
+        for applied in _applied_in_variants(prim, target):
+            exists = True
+            if set(schemas) & set(applied):
+                break
+        else:
+            if exists:
+                text = f"targets <{target}>, which has no {' or '.join(schemas)}; target the prim that has it"
+                findings.append(error(prim, "RelationshipTargetKind", text, name))
+            else:
+                text = f"targets <{target}>, which exists in no variant; correct the path or drop the target"
+                findings.append(error(prim, "RelationshipTargetMissing", text, name))
     return findings
 
 
-def _applied_in_a_variant(prim: Usd.Prim, target: Sdf.Path) -> list[str] | None:
-    """The schemas of a prim below the plant in the first variant selection that has it, None where none does."""
+def _applied_in_variants(prim: Usd.Prim, target: Sdf.Path) -> Iterator[list[str]]:
+    """The schemas of a prim below the plant as it is, then in every variant selection that has it.
+
+    Leaves are a mesh at the same path where the representation mesh is selected, and no prim in the lod crown.
+    """
+    part = prim.GetStage().GetPrimAtPath(target)
+    if part:
+        yield list(part.GetPrimTypeInfo().GetAppliedAPISchemas())
     sets = prim.GetVariantSets()
     names = sets.GetNames()
     selections = itertools.product(*(sets.GetVariantSet(name).GetVariantNames() for name in names))
@@ -85,5 +96,4 @@ def _applied_in_a_variant(prim: Usd.Prim, target: Sdf.Path) -> list[str] | None:
         other = Usd.Stage.OpenMasked(prim.GetStage().GetRootLayer(), session, mask)
         part = other.GetPrimAtPath(target)
         if part:
-            return list(part.GetPrimTypeInfo().GetAppliedAPISchemas())
-    return None
+            yield list(part.GetPrimTypeInfo().GetAppliedAPISchemas())

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pxr import Plug, Sdf, Tf, Usd, UsdUtils, UsdValidation
+from pxr import Plug, Sdf, Tf, Usd, UsdGeom, UsdUtils, UsdValidation
 
 from usdfoliage.asset.findings import SEVERITIES, Acceptance, Finding
 from usdfoliage.asset.locate import find_interface, first_reason, try_layer
 from usdfoliage.asset.look import open_root_layer
-from usdfoliage.asset.schema import PLANT_API, require_schemas
+from usdfoliage.asset.schema import LEAF_API, PLANT_API, require_schemas
 from usdfoliage.errors import AssetError
 
 logger = logging.getLogger(__name__)
@@ -206,6 +206,7 @@ def _run_nvidia(path: Path) -> tuple[str, list[Finding]]:
     package = importlib.import_module(NVIDIA_PACKAGE)
     severities = package.IssueSeverity
     known = {severities.ERROR: "error", severities.FAILURE: "error", severities.WARNING: "warning"}
+    stage = Usd.Stage.Open(str(path))
     findings = []
     for issue in package.ValidationEngine(variants=True).validate(str(path)).issues():
         if issue.severity == severities.NONE:
@@ -220,8 +221,33 @@ def _run_nvidia(path: Path) -> tuple[str, list[Finding]]:
                 path=name,
                 message=_one_line(issue.message or "", name),
             )
-            findings.append(_without_parser(finding))
+            findings.append(_with_our_rules(_without_parser(finding), stage))
     return str(package.__version__), list(dict.fromkeys(findings))
+
+
+def _with_our_rules(finding: Finding, stage: Usd.Stage) -> Finding:
+    """The same finding, a warning where NVIDIA's rule does not hold for leaves and one of ours takes its place.
+
+    A prototype that is displaced has an extent wider than its points, which the rule demands to be equal; an array of
+    no elements it takes for one with wrong indices.
+    """
+    prim = stage.GetPrimAtPath(Sdf.Path(finding.path).GetPrimPath() if finding.path.startswith("/") else "/")
+    leaves = next((p for p in _ancestors(prim) if LEAF_API in p.GetPrimTypeInfo().GetAppliedAPISchemas()), None)
+    if finding.severity != "error" or leaves is None or not leaves.IsA(UsdGeom.PointInstancer):
+        return finding
+    if finding.validator == "nvidia:ExtentsChecker" and prim != leaves:
+        ours = "leaves are displaced beyond the points; LeafShape tells whether the extent contains them"
+    elif finding.validator == "nvidia:IndexedPrimvarChecker" and not UsdGeom.PointInstancer(leaves).GetInstanceCount():
+        ours = "an asset of no leaves has empty arrays; LeafArrays tells whether they are right"
+    else:
+        return finding
+    return replace(finding, severity="warning", message=f"{finding.message} ({ours})")
+
+
+def _ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    while prim:
+        yield prim
+        prim = prim.GetParent()
 
 
 def _nvidia_place(place: Any) -> str:
