@@ -1,4 +1,7 @@
-"""What is measured of leaves: lengths, widths, areas, all in leaf space, where the length from base to apex is 1."""
+"""What is measured of leaves: lengths, widths, areas, all in leaf space, where the length from base to apex is 1.
+
+Of natural leaves they are right to 2e-6; of leaves that fold, whose integrands have corners, to 1 %.
+"""
 
 from collections.abc import Callable
 
@@ -40,7 +43,7 @@ def leaf_area(parameters: NDArray[np.floating]) -> NDArray[np.float64]:
 def leaf_width(parameters: NDArray[np.floating]) -> NDArray[np.float64]:
     """Greatest distance from the left to the right silhouette at one v: (N,) from parameters (N, 7, 3).
 
-    The greatest of WIDTH_SAMPLES distances, made finer by the parabola through it and its neighbours: right to 1e-5.
+    The greatest of WIDTH_SAMPLES distances, made finer by the parabola through it and its neighbours.
     """
     places = grid_places((-1.0, 1.0), np.linspace(0.0, 1.0, WIDTH_SAMPLES))
 
