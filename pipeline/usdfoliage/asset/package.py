@@ -173,7 +173,7 @@ def write_leaf_asset(
         provenance=provenance,
         asset_from_capture=np.eye(4) if asset_from_capture is None else asset_from_capture,
         extent_m=np.stack([np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]]),
-        parts=(LEAVES,),
+        parts=(LEAVES,) if "bezier" in settings.representations else (),  # of the others none has FoliageLeafAPI there
         version=settings.version,
     )
     copy_shaders(folder / "shaders", LEAF_SHADERS)
