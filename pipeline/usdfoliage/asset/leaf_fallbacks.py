@@ -9,9 +9,10 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from usdfoliage.asset.hero_leaf import author_hero_leaf, patch_matrices, patch_nets
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.leaf_primvars import leaf_arrays, usd_array
-from usdfoliage.asset.leaves import author_leaf_binding, author_leaf_mesh, check_leaves
+from usdfoliage.asset.leaves import author_leaf_binding, author_leaf_gprim, author_leaf_mesh, author_st, check_leaves
 from usdfoliage.asset.materials import LEAF_MATERIAL
 from usdfoliage.asset.plant import LEAVES
+from usdfoliage.leaf.cage import LeafCage
 from usdfoliage.leaf.jitter import Jitter
 from usdfoliage.leaf.mesh import LeafMesh
 from usdfoliage.leaf.model import Leaves
@@ -22,6 +23,10 @@ Extent = NDArray[np.float64]  # (2, 3), smallest and largest corner
 _PATCHES = (
     "Every leaf as an exact NURBS patch, in the order of the instancer. A jitter of the silhouettes is carried only "
     "approximately: of its waves a patch has what its few control points can follow."
+)
+_CAGE = (
+    "Every leaf as a Catmull-Clark surface, within 0.5 % of its length. A jitter of the silhouettes is carried only "
+    "approximately: of its waves the surface has what the points of its cage can follow."
 )
 _MESH = "Every leaf as polygons; a jitter of the silhouettes is in the points."
 
@@ -76,6 +81,36 @@ def author_patches(
             held["xformOp:transform"].default = places[number]
             for name, array in arrays.items():
                 held[name].default = usd_array(array[number : number + 1])
+
+
+def write_cage_layer(path: Path, name: str, cage: LeafCage, count: int, color: Color) -> Extent:
+    """Write count leaves as one subdivision surface at /name/geo/render/Leaves; returns its bounds."""
+    stage = new_layer(path, name)
+    leaves = _define_above(stage, name)
+    if count:
+        author_cage(stage, leaves, cage, count, color)
+        author_leaf_binding(stage, leaves, Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
+    return _finish_surface(stage, leaves, path, _CAGE)
+
+
+def author_cage(stage: Usd.Stage, path: Sdf.Path, cage: LeafCage, count: int, color: Color) -> UsdGeom.Mesh:
+    """Define the control mesh of a Catmull-Clark surface of count leaves at path."""
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    points = Vt.Vec3fArray.FromNumpy(cage.points_m)
+    mesh.CreatePointsAttr(points)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(cage.face_counts))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(cage.face_vertices))
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.catmullClark)
+    mesh.CreateInterpolateBoundaryAttr(UsdGeom.Tokens.edgeAndCorner)
+    mesh.CreateCreaseIndicesAttr(Vt.IntArray.FromNumpy(cage.crease_indices))
+    mesh.CreateCreaseLengthsAttr(Vt.IntArray.FromNumpy(cage.crease_lengths))
+    mesh.CreateCreaseSharpnessesAttr(Vt.FloatArray.FromNumpy(cage.crease_sharpnesses))
+    mesh.CreateCornerIndicesAttr(Vt.IntArray.FromNumpy(cage.corner_indices))
+    mesh.CreateCornerSharpnessesAttr(Vt.FloatArray.FromNumpy(cage.corner_sharpnesses))
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+    author_st(mesh, cage.st, count)
+    author_leaf_gprim(mesh, color)
+    return mesh
 
 
 def write_mesh_layer(path: Path, name: str, mesh: LeafMesh, count: int, color: Color) -> Extent:

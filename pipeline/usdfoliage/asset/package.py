@@ -13,7 +13,7 @@ from usdfoliage.asset.crown import crown_prim, write_crown_layer, write_crown_ma
 from usdfoliage.asset.crown_material import CROWN_SHADER, CrownMaterial
 from usdfoliage.asset.interface import write_interface_layer, write_payload_layer
 from usdfoliage.asset.jitter_map import read_jitter_map
-from usdfoliage.asset.leaf_fallbacks import write_mesh_layer, write_patches_layer
+from usdfoliage.asset.leaf_fallbacks import write_cage_layer, write_mesh_layer, write_patches_layer
 from usdfoliage.asset.leaf_material import LEAF_COLOR, LEAF_SHADERS, LeafMaterial
 from usdfoliage.asset.leaves import edited_leaves, leaves_prim, write_leaves_layer
 from usdfoliage.asset.materials import copy_shaders, write_materials_layer
@@ -22,6 +22,7 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
+from usdfoliage.leaf.cage import LeafCageSettings, build_leaf_cage
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.jitter import Jitter
 from usdfoliage.leaf.mesh import LeafMeshSettings, PrototypeSettings, build_leaf_mesh
@@ -32,6 +33,7 @@ MAPS = "../maps"
 REPRESENTATIONS: Mapping[str, str] = {  # and the layer of each, in the payload's folder
     "bezier": "leaves.usdc",
     "nurbs": "leaves_nurbs.usdc",
+    "subdiv": "leaves_subdiv.usdc",
     "mesh": "leaves_mesh.usdc",
 }
 
@@ -54,6 +56,7 @@ class LeafAssetSettings:
 
     representations: Sequence[str] = tuple(REPRESENTATIONS)  # the first one is selected
     prototype: PrototypeSettings = field(default_factory=PrototypeSettings)
+    cage: LeafCageSettings = field(default_factory=LeafCageSettings)
     mesh: LeafMeshSettings = field(default_factory=LeafMeshSettings)
     version: str = "1"  # assetInfo
 
@@ -207,6 +210,9 @@ def _write_leaves(
             bounds.append(write_leaves_layer(path, name, prim))
         elif representation == "nurbs":
             bounds.append(write_patches_layer(path, name, drawn, jitter, color, jitter_map))
+        elif representation == "subdiv":
+            cage = build_leaf_cage(drawn, settings.cage, jitter)
+            bounds.append(write_cage_layer(path, name, cage, len(leaves), color))
         else:
             mesh = build_leaf_mesh(drawn, settings.mesh, jitter)
             bounds.append(write_mesh_layer(path, name, mesh, len(leaves), color))
