@@ -44,7 +44,7 @@ class LeafCage:
     """Cages of leaves as one mesh for a subdivision surface, leaf after leaf; borders are "edgeAndCorner"."""
 
     points_m: NDArray[np.float32]  # (V, 3), in the asset's frame
-    st: NDArray[np.float32]  # (V, 2), to be subdivided as the points are: ((u + 1) / 2, v) but for s near base and apex
+    st: NDArray[np.float32]  # (V, 2), ((u + 1) / 2, v) nearly, when subdivided as the points are
     face_counts: NDArray[np.int32]  # (F,)
     face_vertices: NDArray[np.int32]  # (sum of face_counts,), indices of points_m
     crease_indices: NDArray[np.int32]  # (sum of crease_lengths,), the axis of each creased leaf
