@@ -51,7 +51,8 @@ def attribute(asset: Path, representation: str, name: str) -> NDArray[np.generic
     return np.array(stage.GetDefaultPrim().GetPrimAtPath("geo/render/Leaves").GetAttribute(name).Get())
 
 
-def patch_count(asset: Path) -> int:
+def patch_count(asset: Path, representation: str = "nurbs") -> int:
+    """How many prims stand below that of the leaves."""
     stage = open_asset(asset)
-    select_representation(stage, "nurbs")
+    select_representation(stage, representation)
     return len(stage.GetDefaultPrim().GetPrimAtPath("geo/render/Leaves").GetChildren())

@@ -258,6 +258,15 @@ class TestBadInput:
             assert "scales" in line if damage == "scale" else "leaf:inner" in line
         assert sorted(p.name for p in tmp_path.iterdir()) == ["bad oak"]
 
+    def test_places_that_would_harm_the_source(self, source, tmp_path, capsys):
+        asset = tmp_path / "assets" / "spray"
+        shutil.copytree(source / "spray", asset)
+        before = files(tmp_path)
+        for place in (asset / "baked", asset / "payload", asset.parent, tmp_path):
+            line = refused(capsys, "bake", asset / "spray.usda", "-o", place, "--force")
+            assert "the asset" in line
+        assert files(tmp_path) == before
+
     def test_no_such_variant_to_read(self, source, tmp_path, capsys):
         assert run("bake", source / "spray", "-o", tmp_path / "a", "--representation", "mesh") == 0
         line = refused(capsys, "bake", tmp_path / "a", "--from", "nurbs", "-o", tmp_path / "b")

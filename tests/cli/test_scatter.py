@@ -56,9 +56,8 @@ def test_the_same_run_gives_the_same_bytes_another_seed_others(tmp_path):
 def test_no_leaves_are_a_valid_asset(tmp_path, capsys):
     assert "leaves: 0" in printed(capsys, "scatter", "-n", 0, "-o", tmp_path / "bare")
     assert len(read(tmp_path / "bare").leaves) == 0
-    assert patch_count(tmp_path / "bare") == 0
-    for representation in ("subdiv", "mesh"):
-        assert len(attribute(tmp_path / "bare", representation, "points")) == 0
+    for representation in ("nurbs", "subdiv", "mesh"):
+        assert patch_count(tmp_path / "bare", representation) == 0
     assert run("info", tmp_path / "bare") == 0
     assert run("edit", tmp_path / "bare", "--width", 2, "-o", tmp_path / "look.usda") == 0
     assert run("bake", tmp_path / "look.usda", "-o", tmp_path / "baked") == 0
@@ -116,6 +115,7 @@ def test_the_help_states_the_defaults_of_the_settings():
     parser = argparse.ArgumentParser()
     scatter.add_arguments(parser)
     assert parser.get_default("length") == SpraySettings().length_m
+    assert f"({LeafMeshSettings().across} {LeafMeshSettings().along})" in parser.format_help()
     assert parser.get_default("variation") == SpraySettings().variation.amount
 
 
@@ -134,6 +134,11 @@ class TestBadInput:
             (("-n", 3, "--seed", -1), "seed"),
             (("-n", 3, "--resolution", 3, 5), "across"),
             (("-n", 3, "--resolution", 0, 0), "across"),
+            (("-n", 3, "--resolution", 8, 100_000), "512 cells"),
+            (
+                ("-n", 5_000_000, "--representation", "mesh", "--resolution", 512, 512),
+                "GiB of memory, this machine has",
+            ),
             (("-n", 3, "--representation", "voxels"), "bezier, nurbs, subdiv, mesh"),
             (("-n", 3, "--color", 1, 2, 3), "0 to 1"),
             (("-n", 3, "--color", "nan", 0, 0), "0 to 1"),

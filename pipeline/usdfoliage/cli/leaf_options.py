@@ -22,7 +22,7 @@ def add_resolution(parser: argparse.ArgumentParser) -> None:
         metavar=("ACROSS", "ALONG"),
         type=int,
         nargs=2,
-        help="faces of a leaf of the mesh, across and along it, and of the subdiv cage where that gets coarser",
+        help="cells of a leaf of the mesh, across it, an even number, and along it (8 16)",
     )
 
 

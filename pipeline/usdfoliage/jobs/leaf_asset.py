@@ -13,7 +13,14 @@ from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.leaf_settings import check_pictures, fingerprint, read_representations, read_settings
+from usdfoliage.jobs.leaf_settings import (
+    check_memory,
+    check_pictures,
+    fingerprint,
+    needed_memory,
+    read_representations,
+    read_settings,
+)
 from usdfoliage.leaf.spray import SpraySettings, scatter_spray
 from usdfoliage.leaf.variation import VariationSettings
 
@@ -22,7 +29,6 @@ MOST_LEAVES_OF_ALL = 2000  # up to here every representation is written unless o
 MOST_PATCHES = 100_000  # one prim a leaf: beyond it no application opens the representation nurbs
 LENGTHS_M = (1e-6, 1e3)
 MOST_VARIATION = 10.0  # there leaves are a dozen times as wide as others
-BYTES_A_LEAF = 2300  # of memory that writing needs, measured with a million
 
 StepProgress = Callable[[str, float], None]
 
@@ -55,13 +61,15 @@ class ScatterRequest:
             jitter_map=options.jitter_map,
         )
         check_pictures(look.texture, look.jitter_map)
+        settings = read_settings(representations, options.resolution)
+        check_memory(options.count, settings)
         return cls(
             count=options.count,
             output=options.output,
             name=asset_name(options.name or options.output.resolve().name),
             seed=options.seed,
             spray=read_spray(options.length, options.variation),
-            settings=read_settings(representations, options.resolution),
+            settings=settings,
             look=look,
             chosen=options.representation is not None,
             force=options.force,
@@ -139,8 +147,9 @@ def check_count(count: int) -> None:
     if count < 0:
         raise FoliageError(f"the number of leaves must be 0 or more, not {count}")
     if count > MOST_LEAVES:
+        gib = needed_memory(count, LeafAssetSettings(representations=("bezier",))) / 2**30
         raise FoliageError(
-            f"{count:,} leaves would need about {count * BYTES_A_LEAF / 2**30:,.0f} GiB of memory; "
+            f"{count:,} leaves would need about {gib:,.0f} GiB of memory; "
             f"an asset takes at most {MOST_LEAVES:,}, so make several"
         )
 

@@ -31,7 +31,7 @@ from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.jobs.leaf_edit import changed_edits, show_value
-from usdfoliage.jobs.leaf_settings import read_representations, read_settings
+from usdfoliage.jobs.leaf_settings import check_memory, read_representations, read_settings
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits
 from usdfoliage.leaf.model import Leaves
 
@@ -147,6 +147,7 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
             representation that is to be read; its leaves have been bent out of shape by a matrix.
     """
     interface, look = interface_of(request.asset)
+    _check_place(request.output, interface)
     stage = open_asset(request.asset)
     plant = require_plant(stage, request.asset)
     facts = read_plant_facts(plant, interface)
@@ -164,6 +165,8 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:
         notes.append(f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out")
+    if prim.GetAttribute("primvars:displayColor").HasAuthoredValue():
+        notes.append("colours of single leaves are left out; all get that of the asset")
     leaves, edits = move_leaves(read.leaves, matrix_in_plant(prim, plant)), read.edits
     if request.source == "nurbs":
         select_representation(stage, "nurbs")
@@ -177,6 +180,7 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
     if lost:
         notes.append(f"representation {', '.join(lost)} is not ours and was left out")
     settings = read_settings(request.representations or known, request.resolution)
+    check_memory(len(leaves), settings)
     in_place = request.output.resolve() == interface.resolve().parent
     if in_place and look is not None and request.source == "bezier":
         notes.append(f"{look.path} still holds these edits: take it out of your scenes, or they act twice")
@@ -192,6 +196,17 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         name=asset_name(request.name or usual),
         notes=tuple(notes),
     )
+
+
+def _check_place(output: Path, interface: Path) -> None:
+    """Raises AssetError for an output that would change or lose the asset that is read."""
+    target, folder = output.resolve(), interface.resolve().parent
+    if target != folder and target.is_relative_to(folder):
+        raise AssetError(
+            f"{output} lies in the asset's folder {folder}; name a folder beside it, or that folder itself"
+        )
+    if target != folder and folder.is_relative_to(target):
+        raise AssetError(f"{output} holds the asset that is read, {folder}, and would lose it; name another folder")
 
 
 def describe_settings(request: BakeRequest, given: BakeInput) -> dict[str, str]:
