@@ -183,6 +183,8 @@ def write_leaf_asset(
     material = LeafMaterial(shaders=SHADERS, texture=texture or None, jitter_map=jitter_map or None)
     write_materials_layer(payload / "materials.usda", name, leaf=material)
     chosen = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in settings.representations}
+    # With a crown besides: the lods leaves, both and crown, the representation inside the first two, and the purposes
+    # in a layer of both.
     variants = [
         VariantSet(name="lod", variants={"leaves": []}),
         VariantSet(name="representation", variants=chosen, inside=["leaves"]),
