@@ -143,6 +143,16 @@ def test_refresh_in_place(source, tmp_path, capsys):
     assert not (asset / "notes.txt").exists()
 
 
+def test_a_look_of_one_placement_is_baked_under_the_assets_name(source, tmp_path, capsys):
+    asset = tmp_path / "spray"
+    shutil.copytree(source / "spray", asset)
+    assert run("edit", asset, "--width", 2, "--prim", "/World/hedge", "-o", tmp_path / "look.usda") == 0
+    wide = read(tmp_path / "look.usda")
+    assert wide.edits.width == 2
+    assert f"asset: {asset / 'spray.usda'}" in printed(capsys, "bake", tmp_path / "look.usda", "-o", asset)
+    np.testing.assert_allclose(read(asset).leaves.parameters[:, 2:5, 1], 2 * wide.leaves.parameters[:, 2:5, 1])
+
+
 def test_patches_that_a_modeller_changed_come_back(source, tmp_path, capsys):
     asset = tmp_path / "spray"
     assert run("bake", source / "spray", "-o", asset) == 0  # so that the patches know the facts of each leaf too
@@ -292,3 +302,9 @@ class TestBadInput:
             if picture.read_bytes() == (source / "leaf.png").read_bytes():
                 picture.unlink()
         assert "texture" in refused(capsys, "bake", asset, "-o", tmp_path / "a")
+
+    def test_a_full_disk(self, source, small_disk, capsys):
+        line = refused(capsys, "bake", source / "look.usda", "-o", small_disk / "oak", "--resolution", 64, 128)
+        assert "oak" in line
+        assert "No space left" in line or "full" in line
+        assert list(small_disk.iterdir()) == []

@@ -1,6 +1,7 @@
 """Looks from the command line: what they say, what they do to the leaves, and what is refused."""
 
 import os
+import shutil
 from pathlib import Path
 
 import cv2
@@ -249,3 +250,14 @@ class TestBadInput:
             assert "look.usda" in line
         assert "look.usda" in refused(capsys, "info", tmp_path / "look.usda")
         assert "look.usda" in refused(capsys, "preview", tmp_path / "look.usda", "-o", tmp_path / "a.png")
+
+    def test_a_full_disk(self, spray, small_disk, capsys):
+        look = small_disk / "look.usda"
+        assert run("edit", spray, "--width", 2, "-o", look) == 0
+        before = files(small_disk)
+        (small_disk / "filling").write_bytes(bytes(shutil.disk_usage(small_disk).free))
+        line = refused(capsys, "edit", spray, "--width", 3, "--bend", 1, "-o", look)
+        assert "look.usda" in line
+        assert "No space left" in line
+        (small_disk / "filling").unlink()
+        assert files(small_disk) == before

@@ -28,18 +28,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     edits.add_argument("--axis2", metavar=("X", "Y", "Z"), type=float, nargs=3, help="move the one nearer to the apex")
     edits.add_argument(
         "--bend",
-        metavar="Z",
+        metavar=("Z1", "Z2"),
         type=float,
         nargs="+",
-        help="raise both control points of the axis by Z, or each by its own",
+        help="raise both control points of the axis by Z1, or the second by Z2",
     )
     edits.add_argument(
         "--silhouette",
-        metavar="N",
+        metavar=("POINT", "V X Z"),
         type=float,
         nargs="+",
         action="append",
-        help="POINT V X [Z]: move silhouette point 1, 2 or 3 along the axis, away from it, up; for each point once",
+        help="move silhouette point 1, 2 or 3 by V along the axis, X away from it, Z up, if given; once for each point",
     )
     edits.add_argument(
         "--curl",

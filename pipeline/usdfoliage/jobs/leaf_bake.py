@@ -28,7 +28,7 @@ from usdfoliage.asset.locate import find_leaves, require_leaves, select_represen
 from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
-from usdfoliage.asset.publish import publish_folder
+from usdfoliage.asset.publish import is_asset_folder, publish_folder
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.jobs.leaf_edit import changed_edits, show_value
 from usdfoliage.jobs.leaf_settings import check_memory, read_representations, read_settings
@@ -185,7 +185,7 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
     if in_place and look is not None and request.source == "bezier":
         notes.append(f"{look.path} still holds these edits: take it out of your scenes, or they act twice")
     notes += _jitter_notes(edits, settings.representations)
-    usual = facts.name if in_place else request.output.resolve().name
+    usual = interface.stem if in_place else request.output.resolve().name
     return BakeInput(
         plant=facts,
         interface=interface,
@@ -201,6 +201,8 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
 def _check_place(output: Path, interface: Path) -> None:
     """Raises AssetError for an output that would change or lose the asset that is read."""
     target, folder = output.resolve(), interface.resolve().parent
+    if not is_asset_folder(folder):
+        return  # a scene that has a plant
     if target != folder and target.is_relative_to(folder):
         raise AssetError(
             f"{output} lies in the asset's folder {folder}; name a folder beside it, or that folder itself"
