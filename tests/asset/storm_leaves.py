@@ -85,7 +85,11 @@ def new_stage(path: Path) -> Usd.Stage:
 
 
 def author_instancer(
-    stage, path, scene: Scene, material: UsdShade.Material, prototype: PrototypeSettings = PrototypeSettings(across=12, along=64, silhouette=512)
+    stage,
+    path,
+    scene: Scene,
+    material: UsdShade.Material,
+    prototype: PrototypeSettings = PrototypeSettings(across=12, along=64, silhouette=512),
 ) -> UsdGeom.PointInstancer:
     """The representation bezier, as an asset has it."""
     wave = "" if scene.jitter_map is None else str(scene.jitter_map)

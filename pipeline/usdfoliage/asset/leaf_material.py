@@ -31,14 +31,14 @@ class LeafMaterial:
     texture: str | None = None  # picture of a leaf in its st, with opacity; takes the place of displayColor
     jitter_map: str | None = None  # one cycle of the silhouette's jitter, see FoliageLeafAPI
     color: tuple[float, float, float] = LEAF_COLOR  # where a gprim has no displayColor
-    translucency: float = 0.8  # light that shines through, as a part of what is scattered back
-    transmission_tint: tuple[float, float, float] = (1.5, 1.15, 0.4)  # factor on the colour of that light
+    translucency: float = 0.7  # light that shines through, as a part of what is scattered back
+    transmission_tint: tuple[float, float, float] = (1.8, 1.3, 0.3)  # factor on the colour of that light
     roughness: float = 0.45
-    specular: float = 1.0
+    specular: float = 0.8
     underside: float = 0.35  # how much paler and duller it is
     veins: float = 0.6  # how much they differ from the blade
     vein_pairs: float = 9.0
-    relief: float = 0.5  # how much the veins press the surface
+    relief: float = 0.4  # how much the veins press the surface
     mottling: float = 0.12
 
     def __post_init__(self) -> None:
@@ -58,7 +58,7 @@ class LeafMaterial:
 def author_leaf_material(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Material:
     """Define a material that shows leaves in their displayColor or their texture, for three kinds of renderer."""
     material = UsdShade.Material.Define(stage, path)
-    texture = _author_texture(stage, path.AppendChild("Texture"), leaf.texture) if leaf.texture else None
+    texture = _author_texture(stage, path, leaf.texture, leaf.color) if leaf.texture else None
     surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), leaf, texture)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
     surface = _author_mtlx_surface(stage, path, leaf)
@@ -81,6 +81,7 @@ def author_jitter_texture(material: UsdShade.Material, file: str) -> None:
     stage, path = material.GetPrim().GetStage(), material.GetPath()
     texture = UsdShade.Shader.Define(stage, path.AppendChild("JitterMap"))
     _set_texture(texture, file, "raw", "repeat")
+    texture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(0.5))
     texture.CreateOutput("r", Sdf.ValueTypeNames.Float)
     surface = UsdShade.Shader(stage.OverridePrim(path.AppendChild("StormSurface")))
     surface.CreateInput("jitterMap", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "r")
@@ -125,17 +126,28 @@ def _set_texture(texture: UsdShade.Shader, file: str, color_space: str, wrap: st
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
 
 
-def _author_texture(stage: Usd.Stage, path: Sdf.Path, file: str) -> UsdShade.Shader:
-    texture = UsdShade.Shader.Define(stage, path)
-    _set_texture(texture, file, "auto", "clamp")
-    texture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*LEAF_COLOR, 1.0))
-    texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
-    texture.CreateOutput("a", Sdf.ValueTypeNames.Float)
-    return texture
+@dataclass(frozen=True, kw_only=True)
+class _Texture:
+    """One file, read twice: where it is missing, Storm takes the first number of the fallback for the opacity."""
+
+    color: UsdShade.Shader
+    opacity: UsdShade.Shader
+
+
+def _author_texture(stage: Usd.Stage, path: Sdf.Path, file: str, fallback: tuple[float, float, float]) -> _Texture:
+    color = UsdShade.Shader.Define(stage, path.AppendChild("Texture"))
+    _set_texture(color, file, "auto", "clamp")
+    color.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*fallback, 1.0))
+    color.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    opacity = UsdShade.Shader.Define(stage, path.AppendChild("TextureOpacity"))
+    _set_texture(opacity, file, "auto", "clamp")
+    opacity.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(1.0))
+    opacity.CreateOutput("a", Sdf.ValueTypeNames.Float)
+    return _Texture(color=color, opacity=opacity)
 
 
 def _author_preview_surface(
-    stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, texture: UsdShade.Shader | None
+    stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, texture: _Texture | None
 ) -> UsdShade.Shader:
     surface = UsdShade.Shader.Define(stage, path)
     surface.CreateIdAttr("UsdPreviewSurface")
@@ -148,8 +160,9 @@ def _author_preview_surface(
         reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
         color.ConnectToSource(reader.ConnectableAPI(), "result")
     else:
-        color.ConnectToSource(texture.ConnectableAPI(), "rgb")
-        surface.CreateInput("opacity", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "a")
+        color.ConnectToSource(texture.color.ConnectableAPI(), "rgb")
+        opacity = surface.CreateInput("opacity", Sdf.ValueTypeNames.Float)
+        opacity.ConnectToSource(texture.opacity.ConnectableAPI(), "a")
         surface.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(0.5)
     surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(leaf.roughness)
     surface.CreateInput("ior", Sdf.ValueTypeNames.Float).Set(_IOR)
@@ -212,7 +225,7 @@ def _author_mtlx_color(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> 
 
 
 def _author_storm_surface(
-    stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, texture: UsdShade.Shader | None
+    stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, texture: _Texture | None
 ) -> UsdShade.Shader:
     surface = UsdShade.Shader.Define(stage, path)
     surface.SetSourceAsset(Sdf.AssetPath(f"{leaf.shaders}/{LEAF_SHADERS[0]}"), "glslfx")
@@ -230,9 +243,10 @@ def _author_storm_surface(
         surface.CreateInput(name, Sdf.ValueTypeNames.Float).Set(value)
     surface.CreateInput("transmissionTint", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*leaf.transmission_tint))
     if texture is not None:
-        source = texture.ConnectableAPI()
-        surface.CreateInput("leafTexture", Sdf.ValueTypeNames.Color3f).ConnectToSource(source, "rgb")
-        surface.CreateInput("leafOpacity", Sdf.ValueTypeNames.Float).ConnectToSource(source, "a")
+        color = surface.CreateInput("leafTexture", Sdf.ValueTypeNames.Color3f)
+        color.ConnectToSource(texture.color.ConnectableAPI(), "rgb")
+        opacity = surface.CreateInput("leafOpacity", Sdf.ValueTypeNames.Float)
+        opacity.ConnectToSource(texture.opacity.ConnectableAPI(), "a")
     surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     surface.CreateOutput("displacement", Sdf.ValueTypeNames.Token)
     return surface
