@@ -272,8 +272,9 @@ def test_wrong_arguments_are_refused(tmp_path):
         (replace(leaves, base_m=leaves.base_m * np.nan), "base_m is not finite in 2 of 2"),
         (replace(leaves, orientation=leaves.orientation * [[1], [0]]), "1 of 2 orientations"),
     ):
-        with pytest.raises(ValueError, match=message):
-            write_spray(tmp_path, wrong)
+        for representation in ("bezier", "nurbs", "subdiv", "mesh"):
+            with pytest.raises(ValueError, match=message):
+                write_spray(tmp_path, wrong, representations=(representation,))
     for names in ((), ("bezier", "bezier"), ("polygons",)):
         with pytest.raises(ValueError, match="representations must be one or more of bezier, nurbs, subdiv, mesh"):
             LeafAssetSettings(representations=names)

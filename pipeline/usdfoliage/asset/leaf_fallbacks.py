@@ -9,7 +9,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from usdfoliage.asset.hero_leaf import author_hero_leaf, patch_matrices, patch_nets
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.leaf_primvars import leaf_arrays, usd_array
-from usdfoliage.asset.leaves import author_leaf_binding, author_leaf_gprim, author_leaf_mesh, author_st, check_leaves
+from usdfoliage.asset.leaves import author_leaf_binding, author_leaf_gprim, author_leaf_mesh, author_st
 from usdfoliage.asset.materials import LEAF_MATERIAL
 from usdfoliage.asset.plant import LEAVES
 from usdfoliage.leaf.cage import LeafCage
@@ -60,7 +60,6 @@ def author_patches(
     """Define one hero leaf a leaf below path: leaf_0, leaf_1, with as many digits as the last one needs."""
     if not len(leaves):
         return
-    check_leaves(leaves)
     digits = len(str(len(leaves) - 1))
     paths = [path.AppendChild(f"leaf_{number:0{digits}}") for number in range(len(leaves))]
     author_hero_leaf(stage, paths[0], leaves, 0, color=color, jitter=jitter, jitter_map=jitter_map)

@@ -234,7 +234,7 @@ def read_leaves(prim: Usd.Prim) -> ReadLeaves:
 
 
 def check_leaves(leaves: Leaves) -> None:
-    """ValueError unless every number is finite and every length above 0."""
+    """ValueError unless every number is finite, every length above 0 and every orientation a rotation."""
     for name, array in (
         ("parameters", leaves.parameters),
         ("base_m", leaves.base_m),
@@ -249,13 +249,14 @@ def check_leaves(leaves: Leaves) -> None:
             raise ValueError(f"{name} is not finite in {wrong} of {len(leaves)} leaves")
     if (leaves.length_m <= 0).any():
         raise ValueError(f"length_m must be above 0, not {leaves.length_m.min():g}")
+    nothing = ~np.any(leaves.orientation, axis=1)
+    if nothing.any():
+        raise ValueError(f"{np.count_nonzero(nothing)} of {len(leaves)} orientations are (0, 0, 0, 0)")
 
 
 def unit_quaternions(turns: NDArray[np.floating]) -> NDArray[np.floating]:
     """Quaternions (N, 4) made unit where they are not; the others keep their bits."""
     length = np.linalg.norm(turns, axis=1, keepdims=True)
-    if (length == 0).any():
-        raise ValueError(f"{np.count_nonzero(length == 0)} of {len(turns)} orientations are (0, 0, 0, 0)")
     return np.where(np.abs(length - 1) <= _UNIT, turns, turns / length)
 
 

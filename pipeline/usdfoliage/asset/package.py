@@ -15,7 +15,7 @@ from usdfoliage.asset.interface import write_interface_layer, write_payload_laye
 from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.asset.leaf_fallbacks import write_cage_layer, write_mesh_layer, write_patches_layer
 from usdfoliage.asset.leaf_material import LEAF_COLOR, LEAF_SHADERS, LeafMaterial
-from usdfoliage.asset.leaves import edited_leaves, leaves_prim, write_leaves_layer
+from usdfoliage.asset.leaves import check_leaves, edited_leaves, leaves_prim, write_leaves_layer
 from usdfoliage.asset.materials import copy_shaders, write_materials_layer
 from usdfoliage.asset.plant import CROWN, LEAVES, Plant
 from usdfoliage.asset.provenance import Provenance
@@ -163,6 +163,7 @@ def write_leaf_asset(
         CaptureError: The jitter map cannot be used.
         AssetError: A picture cannot be copied, or a file cannot be written.
     """
+    check_leaves(leaves)
     payload = _begin(folder, name)
     jitter = Jitter(
         amplitude=edits.jitter_amplitude,
