@@ -340,6 +340,17 @@ def test_leaf_that_folds_over_itself_is_a_warning(name: str, held: list[Gf.Vec3f
     assert "fold over themselves: 1 of 3 leaves (2)" in problem.GetMessage()
 
 
+def test_patches_that_fold_are_one_warning() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    for number in range(20):
+        prim = stages.build_hero_leaf(stage, f"/Leaves/leaf_{number}")
+        if number % 4 == 1:
+            put("primvars:leaf:axis1", vectors((1.5, 2, 0)))(prim)
+    (problem,) = problems_of_shape(stage)
+    assert (problem.GetName(), problem.GetType()) == ("LeafFolds", WARN)
+    assert "5 of 20 patches (leaf_1, leaf_5, leaf_9, leaf_13 and leaf_17)" in problem.GetMessage()
+
+
 def test_edit_that_folds_leaves_is_a_warning_that_names_it() -> None:
     stage = Usd.Stage.CreateInMemory()
     prim = stages.build_leaves(stage)

@@ -29,7 +29,6 @@ PRIM_VALIDATORS = {
     "LeafPrototype": check_leaf_prototype,
     "LeafPatch": check_leaf_patch,
     "LeafEdits": check_leaf_edits,
-    "LeafShape": check_leaf_shape,
     "LobedLeaf": check_lobed_leaf,
     "Skeleton": check_skeleton,
     "Crown": check_crown,
@@ -37,6 +36,7 @@ PRIM_VALIDATORS = {
     "Forest": check_forest,
 }
 STAGE_VALIDATORS = {
+    "LeafShape": check_leaf_shape,
     "AssetInterface": check_asset_interface,
     "AssetPaths": check_asset_paths,
     "AssetBounds": check_asset_bounds,

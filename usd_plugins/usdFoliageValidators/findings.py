@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdValidation
 
 Findings = list[UsdValidation.ValidationError]
+MOST_LISTED = 10
 
 
 def error(prim: Usd.Prim, name: str, text: str, property_name: str = "") -> UsdValidation.ValidationError:
@@ -24,13 +25,13 @@ def count(wrong: NDArray[np.bool_], what: str) -> str:
     return f"{np.count_nonzero(wrong)} of {len(wrong)} {what} (the first is {int(np.argmax(wrong))})"
 
 
-def which(wrong: NDArray[np.bool_], what: str, most: int = 10) -> str:
-    """ "3 of 200 leaves (17, 20 and 31)" for the elements that are True."""
-    numbers = [str(number) for number in np.flatnonzero(wrong)]
-    if len(numbers) > most:
-        numbers = [*numbers[:most], f"{len(numbers) - most} more"]
-    listed = " and ".join([", ".join(numbers[:-1]), numbers[-1]] if len(numbers) > 1 else numbers)
-    return f"{np.count_nonzero(wrong)} of {len(wrong)} {what} ({listed})"
+def which(wrong: NDArray[np.bool_], what: str, names: Sequence[str] | None = None) -> str:
+    """ "3 of 200 leaves (17, 20 and 31)" for the elements that are True, by their numbers or their names."""
+    listed = [names[number] if names else str(number) for number in np.flatnonzero(wrong)]
+    if len(listed) > MOST_LISTED:
+        listed = [*listed[:MOST_LISTED], f"{len(listed) - MOST_LISTED} more"]
+    text = " and ".join([", ".join(listed[:-1]), listed[-1]] if len(listed) > 1 else listed)
+    return f"{np.count_nonzero(wrong)} of {len(wrong)} {what} ({text})"
 
 
 def wrong_prim_type(prim: Usd.Prim, schema: str, allowed: Sequence[str]) -> Findings:

@@ -5,6 +5,7 @@ It computes with usdfoliage, which knows the surface; where that cannot be impor
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from usdfoliage.leaf.edits import LeafEdits
     from usdfoliage.leaf.jitter import Jitter
 
+LEAF_API = "FoliageLeafAPI"
 SLACK = 2e-3  # leaf lengths; bounds contain the surface and stand off a little from it
+FOLDS = "has leaves that fold over themselves: {}; they are drawn as they are"
 SILHOUETTE = slice(2, 5)  # rows of the parameters
 
 
@@ -30,56 +33,62 @@ SILHOUETTE = slice(2, 5)  # rows of the parameters
 class DrawnLeaves:
     """The leaves of a prim with their edits."""
 
+    prim: Usd.Prim
     plain: NDArray[np.float64]  # (N, 7, 3)
     edited: NDArray[np.float64]  # (N, 7, 3)
     edits: LeafEdits
-    jitter: Jitter
 
 
-def check_leaf_shape(prim: Usd.Prim, _time: object) -> Findings:
-    """The edits leave the silhouettes in order, no leaf folds over itself, and the extents contain what is drawn."""
+def check_leaf_shape(stage: Usd.Stage, _time: object) -> Findings:
+    """The edits leave the silhouettes in order, no leaf folds over itself, and the extents contain what is drawn.
+
+    It looks at a whole stage, for leaves as patches are quick to look at together and slow one by one.
+    """
+    prims = [prim for prim in stage.Traverse() if LEAF_API in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
+    if not prims:
+        return []
     try:
-        from usdfoliage.errors import FoliageError
         from usdfoliage.leaf.fold import find_folds
     except ImportError as missing:
         text = f"was not looked at as it is drawn: {missing}; install usdfoliage for the Python of this USD"
-        return [warning(prim, "LeafShapeNotChecked", text)]
-    try:
-        leaves = _read_drawn_leaves(prim)
-    except FoliageError as wrong:
-        return [error(prim, "JitterMapUnusable", f"cannot be used: {wrong}", JITTER_MAP)]
-    if leaves is None or not len(leaves.plain):
-        return []  # what is wrong with the arrays or the edits, the other validators say
-    findings = _check_edited_silhouettes(prim, leaves)
-    folds = find_folds(leaves.edited)
-    if folds.any():
-        text = f"has leaves that fold over themselves: {which(folds, 'leaves')}; they are drawn as they are"
-        findings.append(warning(prim, "LeafFolds", text))
-    instancer = UsdGeom.PointInstancer(prim)
-    return findings + _check_extents(instancer, leaves) if instancer else findings
+        return [warning(prims[0], "LeafShapeNotChecked", text)]
+    # What is wrong with the arrays or the edits, the other validators say.
+    drawn = [leaves for leaves in map(_read_drawn_leaves, prims) if leaves is not None and len(leaves.plain)]
+    findings: Findings = []
+    patches = []
+    for leaves in drawn:
+        findings += _check_edited_silhouettes(leaves)
+        if not UsdGeom.PointInstancer(leaves.prim):
+            patches.append(leaves)
+            continue
+        findings += _check_extents(leaves)
+        folds = find_folds(leaves.edited)
+        if folds.any():
+            findings.append(warning(leaves.prim, "LeafFolds", FOLDS.format(which(folds, "leaves"))))
+    for _, group in itertools.groupby(patches, lambda leaves: leaves.prim.GetParent().GetPath()):
+        together = list(group)
+        folds = find_folds(np.concatenate([leaves.edited for leaves in together]))
+        if folds.any():
+            names = which(folds, "patches", [leaves.prim.GetName() for leaves in together])
+            findings.append(warning(together[int(np.argmax(folds))].prim, "LeafFolds", FOLDS.format(names)))
+    return findings
 
 
 def _read_drawn_leaves(prim: Usd.Prim) -> DrawnLeaves | None:
-    """None where an array or an edit is not what it must be; FoliageError where the jitter's map cannot be used."""
+    """None where an array or an edit is not what it must be."""
     from usdfoliage.leaf.edits import apply_edits
-    from usdfoliage.leaf.jitter import Jitter
 
     arrays = [values.numbers(prim, f"primvars:leaf:{name}", 3) for name in PARAMETERS]
     held = [array for array in arrays if array is not None]
     if len(held) < len(PARAMETERS) or len({len(array) for array in held}) > 1:
         return None
+    if not UsdGeom.PointInstancer(prim) and len(held[0]) != 1:
+        return None
     plain = np.stack(held, axis=1)
     edits = _read_edits(prim)
     if edits is None or not np.isfinite(plain).all():
         return None
-    jitter_map = None
-    asset = values.asset_path(prim, JITTER_MAP)
-    if asset is not None and asset.resolvedPath:
-        from usdfoliage.asset.jitter_map import read_jitter_map
-
-        jitter_map = read_jitter_map(Path(asset.resolvedPath))
-    jitter = Jitter(amplitude=edits.jitter_amplitude, frequency=edits.jitter_frequency, map=jitter_map)
-    return DrawnLeaves(plain=plain, edited=apply_edits(plain, edits), edits=edits, jitter=jitter)
+    return DrawnLeaves(prim=prim, plain=plain, edited=apply_edits(plain, edits), edits=edits)
 
 
 def _read_edits(prim: Usd.Prim) -> LeafEdits | None:
@@ -104,8 +113,9 @@ def _read_edits(prim: Usd.Prim) -> LeafEdits | None:
         return None
 
 
-def _check_edited_silhouettes(prim: Usd.Prim, leaves: DrawnLeaves) -> Findings:
+def _check_edited_silhouettes(leaves: DrawnLeaves) -> Findings:
     """What an edit makes of silhouettes that were in order before it."""
+    prim = leaves.prim
     findings: Findings = []
     plain, edited = leaves.plain[:, SILHOUETTE], leaves.edited[:, SILHOUETTE]
     before, after = _in_order(plain[..., 0]), _in_order(edited[..., 0])
@@ -137,17 +147,22 @@ def _in_order(v: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(np.diff(whole, axis=1) > 0)
 
 
-def _check_extents(instancer: UsdGeom.PointInstancer, leaves: DrawnLeaves) -> Findings:
+def _check_extents(leaves: DrawnLeaves) -> Findings:
     """GPU culling drops what an extent does not contain."""
+    from usdfoliage.errors import FoliageError
     from usdfoliage.leaf.bounds import leaf_bounds
 
-    prim = instancer.GetPrim()
+    prim = leaves.prim
+    try:
+        jitter = _read_jitter(leaves)
+    except FoliageError as wrong:
+        return [error(prim, "JitterMapUnusable", f"cannot be used: {wrong}", JITTER_MAP)]
     findings: Findings = []
-    bounds = leaf_bounds(leaves.edited, leaves.jitter)
+    bounds = leaf_bounds(leaves.edited, jitter)
     used = values.indices(prim, "protoIndices")
     if used is None or len(used) != len(bounds):
         return findings
-    for number, target in enumerate(instancer.GetPrototypesRel().GetForwardedTargets()):
+    for number, target in enumerate(UsdGeom.PointInstancer(prim).GetPrototypesRel().GetForwardedTargets()):
         prototype, drawn = prim.GetStage().GetPrimAtPath(target), bounds[used == number]
         if not prototype or not len(drawn):
             continue
@@ -158,9 +173,23 @@ def _check_extents(instancer: UsdGeom.PointInstancer, leaves: DrawnLeaves) -> Fi
         placements = _placements(prim, len(bounds))
         if placements is not None:
             slack = SLACK * float(np.linalg.norm(placements[:, :, 0], axis=1).max())
-            placed = leaf_bounds(leaves.edited, leaves.jitter, placements=placements)
+            placed = leaf_bounds(leaves.edited, jitter, placements=placements)
             findings += _check_extent(prim, placed, slack, "LeavesExtent", "its leaves")
     return findings
+
+
+def _read_jitter(leaves: DrawnLeaves) -> Jitter:
+    """FoliageError where the map cannot be used; one that is missing LeafEdits reports."""
+    from usdfoliage.leaf.jitter import Jitter
+
+    jitter_map = None
+    asset = values.asset_path(leaves.prim, JITTER_MAP)
+    if asset is not None and asset.resolvedPath:
+        from usdfoliage.asset.jitter_map import read_jitter_map
+
+        jitter_map = read_jitter_map(Path(asset.resolvedPath))
+    edits = leaves.edits
+    return Jitter(amplitude=edits.jitter_amplitude, frequency=edits.jitter_frequency, map=jitter_map)
 
 
 def _check_extent(prim: Usd.Prim, bounds: NDArray[np.float64], slack: float, name: str, what: str) -> Findings:

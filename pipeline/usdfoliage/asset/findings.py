@@ -43,6 +43,11 @@ class Acceptance:
         )
 
 
+def one_line(message: str, place: str) -> str:
+    """A validator's message without line breaks, and without the place where it begins with that."""
+    return " ".join(message.split()).removeprefix(f"<{place}> ")
+
+
 def default_profile() -> Path:
     """The profile that is shipped with usdfoliage."""
     return resource_folder("usd_plugins/usdFoliageValidators") / "studio_profile.toml"

@@ -4,27 +4,26 @@ The validators are those of USD's registry, ours and a studio's among them, and 
 is installed.
 """
 
-import importlib
-import importlib.util
 import itertools
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pxr import Plug, Sdf, Tf, Usd, UsdGeom, UsdUtils, UsdValidation
+from pxr import Sdf, Tf, Usd, UsdUtils, UsdValidation
 
-from usdfoliage.asset.findings import SEVERITIES, Acceptance, Finding
+from usdfoliage.asset.findings import SEVERITIES, Acceptance, Finding, one_line
 from usdfoliage.asset.locate import find_interface, first_reason, try_layer
 from usdfoliage.asset.look import open_root_layer
-from usdfoliage.asset.schema import LEAF_API, PLANT_API, require_schemas
+from usdfoliage.asset.nvidia_rules import nvidia_version, run_nvidia_rules
+from usdfoliage.asset.schema import PLANT_API, require_schemas
+from usdfoliage.asset.shader_parsers import without_parser
 from usdfoliage.errors import AssetError
 
 logger = logging.getLogger(__name__)
 
 MOST_SELECTIONS = 64  # beyond it the variants of one set are tried while the others stay as they are
-NVIDIA_PACKAGE = "usd_validation_nvidia"
 
 Selection = tuple[tuple[Sdf.Path, str, str], ...]  # prim, variant set, variant
 
@@ -64,19 +63,20 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
     root = _open_interface(path)
     findings: dict[Finding, list[str]] = {finding: [] for finding in _unreadable_layers(root, path.parent)}
     selections: list[Selection] = []
-    nvidia = ""
     if not findings:  # with a damaged layer neither USD nor its validators get far
         selections = _selections(root)
+        more: dict[Finding, list[str]] = {}
         for selection in selections:
-            for finding in _run_usd_validators(root, selection, Usd.Stage.LoadAll):
+            stage = _compose(root, selection, Usd.Stage.LoadAll)
+            for finding in _run_usd_validators(stage):
                 findings.setdefault(finding, []).append(_label(selection))
-        for finding in _run_usd_validators(root, (), Usd.Stage.LoadNone):
+            for finding in run_nvidia_rules(stage):
+                more.setdefault(finding, []).append(_label(selection))
+        for finding in _run_usd_validators(_compose(root, (), Usd.Stage.LoadNone)):
             findings.setdefault(finding, []).append("unloaded")
-        # A look is no stage by itself, and NVIDIA's package takes files.
-        nvidia, more = ("", []) if root.anonymous else _run_nvidia(path)
         said = {(finding.severity, finding.message) for finding in findings}
         # NVIDIA's package runs some of USD's validators again.
-        findings |= {finding: [] for finding in more if (finding.severity, finding.message) not in said}
+        findings |= {finding: at for finding, at in more.items() if (finding.severity, finding.message) not in said}
     for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
         logger.info("USD: %s", diagnostic.commentary)
 
@@ -91,7 +91,7 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
         asset=path,
         findings=tuple(finished),
         selections=tuple(_label(selection) for selection in selections),
-        nvidia=nvidia,
+        nvidia=nvidia_version() if selections else "",
     )
 
 
@@ -154,12 +154,15 @@ def _label(selection: Selection) -> str:
     return " ".join(labels) or "as authored"
 
 
-def _run_usd_validators(root: Sdf.Layer, selection: Selection, load: Usd.Stage.InitialLoadSet) -> list[Finding]:
-    """What the registry's validators say of one composition."""
+def _compose(root: Sdf.Layer, selection: Selection, load: Usd.Stage.InitialLoadSet) -> Usd.Stage:
     session = Sdf.Layer.CreateAnonymous(".usda")
     for path, name, variant in selection:
         Sdf.CreatePrimInLayer(session, path).variantSelections[name] = variant
-    stage = Usd.Stage.Open(root, session, load)
+    return Usd.Stage.Open(root, session, load)
+
+
+def _run_usd_validators(stage: Usd.Stage) -> list[Finding]:
+    """What the registry's validators say of one composition."""
     predicate = (
         Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
     )  # the default one leaves out what is unloaded
@@ -176,10 +179,10 @@ def _run_usd_validators(root: Sdf.Layer, selection: Selection, load: Usd.Stage.I
             severity = _usd_severity(problem.GetType())
             if severity:
                 place = _usd_place(problem.GetSites())
-                message = _one_line(problem.GetMessage(), place)
+                message = one_line(problem.GetMessage(), place)
                 rule = problem.GetName()
                 finding = Finding(severity=severity, validator=name, error=rule, path=place, message=message)
-                findings.append(_without_parser(finding))
+                findings.append(without_parser(finding))
     return findings
 
 
@@ -197,82 +200,3 @@ def _usd_place(sites: Sequence[Any]) -> str:
         if site.GetLayer():
             return str(site.GetLayer().GetDisplayName())
     return "/"
-
-
-def _run_nvidia(path: Path) -> tuple[str, list[Finding]]:
-    """The version of NVIDIA's package and what its default rules say, nothing where it is not installed."""
-    if importlib.util.find_spec(NVIDIA_PACKAGE) is None:
-        return "", []
-    package = importlib.import_module(NVIDIA_PACKAGE)
-    severities = package.IssueSeverity
-    known = {severities.ERROR: "error", severities.FAILURE: "error", severities.WARNING: "warning"}
-    stage = Usd.Stage.Open(str(path))
-    findings = []
-    for issue in package.ValidationEngine(variants=True).validate(str(path)).issues():
-        if issue.severity == severities.NONE:
-            continue
-        places = issue.at if isinstance(issue.at, list) else [issue.at]
-        for place in places:
-            name = _nvidia_place(place)
-            finding = Finding(
-                severity=known.get(issue.severity, "info"),
-                validator=f"nvidia:{issue.rule.__name__ if issue.rule else 'engine'}",
-                error=str(issue.code or ""),
-                path=name,
-                message=_one_line(issue.message or "", name),
-            )
-            findings.append(_with_our_rules(_without_parser(finding), stage))
-    return str(package.__version__), list(dict.fromkeys(findings))
-
-
-def _with_our_rules(finding: Finding, stage: Usd.Stage) -> Finding:
-    """The same finding, a warning where NVIDIA's rule does not hold for leaves and one of ours takes its place.
-
-    A prototype that is displaced has an extent wider than its points, which the rule demands to be equal; an array of
-    no elements it takes for one with wrong indices.
-    """
-    prim = stage.GetPrimAtPath(Sdf.Path(finding.path).GetPrimPath() if finding.path.startswith("/") else "/")
-    leaves = next((p for p in _ancestors(prim) if LEAF_API in p.GetPrimTypeInfo().GetAppliedAPISchemas()), None)
-    if finding.severity != "error" or leaves is None or not leaves.IsA(UsdGeom.PointInstancer):
-        return finding
-    if finding.validator == "nvidia:ExtentsChecker" and prim != leaves:
-        ours = "leaves are displaced beyond the points; LeafShape tells whether the extent contains them"
-    elif finding.validator == "nvidia:IndexedPrimvarChecker" and not UsdGeom.PointInstancer(leaves).GetInstanceCount():
-        ours = "an asset of no leaves has empty arrays; LeafArrays tells whether they are right"
-    else:
-        return finding
-    return replace(finding, severity="warning", message=f"{finding.message} ({ours})")
-
-
-def _ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    while prim:
-        yield prim
-        prim = prim.GetParent()
-
-
-def _nvidia_place(place: Any) -> str:
-    path = getattr(place, "path", None)
-    if path is not None:
-        return str(path)
-    identifier = getattr(place, "identifier", None)  # of a layer
-    return Path(identifier).name if identifier else "/"
-
-
-def _without_parser(finding: Finding) -> Finding:
-    """The same finding, a warning where it only says that this USD cannot read such shaders.
-
-    Whether a MaterialX node exists is known to a USD with usdMtlx, whether a glslfx file is one with sdrGlslfx; the
-    usd-core wheel has neither and takes every such shader for an error.
-    """
-    missing: Mapping[str, str] = {"shaderId 'ND_": "usdMtlx", "sourceType 'glslfx'": "sdrGlslfx"}
-    if finding.severity != "error" or "SdrCompliance" not in finding.validator:
-        return finding
-    for words, plugin in missing.items():
-        if finding.message.startswith(words) and not Plug.Registry().GetPluginWithName(plugin):
-            message = f"{finding.message} (cannot be told here: this USD has no plug-in {plugin})"
-            return replace(finding, severity="warning", message=message)
-    return finding
-
-
-def _one_line(message: str, place: str) -> str:
-    return " ".join(message.split()).removeprefix(f"<{place}> ")
