@@ -13,6 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 from scipy.interpolate import BSpline
 from usdfoliage.asset.hero_leaf import author_hero_leaf, read_hero_leaf
 from usdfoliage.asset.leaves import read_leaves
+from usdfoliage.asset.locate import find_leaves
 from usdfoliage.asset.package import LeafLook
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.leaf.edits import LeafEdits, apply_edits
@@ -158,7 +159,7 @@ def test_hint_contains_every_representation(tmp_path, representation):
     stage = choose(write_spray(tmp_path, random_leaves(15), edits=EDITS), representation)
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"], useExtentsHint=False)
     bounds = cache.ComputeWorldBound(stage.GetDefaultPrim()).ComputeAlignedRange()
-    low, high = np.array(UsdGeom.ModelAPI(stage.GetDefaultPrim()).GetExtentsHint())
+    low, high = np.array(UsdGeom.ModelAPI(stage.GetDefaultPrim()).GetExtentsHint())[:2]
     assert (np.array(bounds.GetMin()) >= low - 1e-5).all()
     assert (np.array(bounds.GetMax()) <= high + 1e-5).all()
 
@@ -173,8 +174,27 @@ def test_only_the_chosen_layer_is_opened(tmp_path, representation):
     names = {Path(layer.realPath).name for layer in shot.GetUsedLayers() if layer.realPath}
     layers = {"bezier": "leaves", **{name: f"leaves_{name}" for name in EVERYTHING[1:]}}
     wanted = {"shot.usda", "spray.usda", "payload.usda", "materials.usda", f"{layers[representation]}.usdc"}
-    assert names == wanted
+    guide = {"leaves_guide.usda", "leaves.usdc"} if representation != "bezier" else set()
+    assert names == wanted | guide
     assert interface.is_file()
+
+
+@pytest.mark.parametrize("representation", EVERYTHING[1:])
+def test_a_fallback_keeps_the_leaves_as_a_guide(tmp_path, representation):
+    leaves = random_leaves(4)
+    stage = choose(write_spray(tmp_path, leaves, edits=EDITS), representation)
+    flat = Usd.Stage.Open(stage.Flatten())  # what a shot is sent out as
+    guide = flat.GetPrimAtPath("/spray/geo/guide/Leaves/geo/render/Leaves")
+    assert UsdGeom.Imageable(guide).ComputePurpose() == "guide"
+    read = read_leaves(guide)
+    np.testing.assert_array_equal(read.leaves.parameters, leaves.parameters.astype(np.float32))
+    assert read.edits.width == pytest.approx(EDITS.width)
+    assert not find_leaves(flat) or representation == "nurbs"
+
+
+def test_no_guide_without_the_instancer(tmp_path):
+    stage = choose(write_spray(tmp_path, random_leaves(2), representations=("mesh",)), "mesh")
+    assert not stage.GetPrimAtPath("/spray/geo/guide")
 
 
 def test_default_is_the_first_that_was_written(tmp_path):

@@ -1,5 +1,6 @@
 """Leaves in USD: one PointInstancer with FoliageLeafAPI, and back."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from usdfoliage.asset.leaf_primvars import (
     read_leaf_primvars,
 )
 from usdfoliage.asset.materials import LEAF_MATERIAL
-from usdfoliage.asset.plant import LEAVES
+from usdfoliage.asset.plant import LEAVES, LEAVES_GUIDE
 from usdfoliage.asset.schema import LEAF_API
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.bounds import leaf_bounds, leaf_bounds_m
@@ -134,6 +135,24 @@ def write_leaves_layer(path: Path, name: str, prim: LeavesPrim) -> NDArray[np.fl
     author_leaf_binding(stage, leaves.AppendPath(PROTOTYPE), Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
     export_layer(stage, path)
     return prim.extent_m
+
+
+def write_leaves_guide_layer(path: Path, name: str, layers: Sequence[str]) -> None:
+    """Write a layer that keeps the leaves of layers as a guide, for where another representation is shown.
+
+    Their parameters then stay in the asset whatever is selected: a shot that is flattened with meshes can be edited
+    again, and the guide shows what the fallback stands for. It brings whole layers, of the leaves and of
+    their material, since a reference to a part of one would lose the binding.
+    """
+    stage = new_layer(path, name)
+    guide = Sdf.Path(f"/{name}/{LEAVES_GUIDE}")
+    author_scopes(stage, guide.GetParentPath())
+    UsdGeom.Imageable(stage.GetPrimAtPath(guide.GetParentPath())).CreatePurposeAttr(UsdGeom.Tokens.guide)
+    prim = UsdGeom.Xform.Define(stage, guide).GetPrim()
+    prim.SetDocumentation("The leaves with their parameters, as the representation bezier has them before any look.")
+    for layer in layers:
+        prim.GetReferences().AddReference(layer)
+    export_layer(stage, path)
 
 
 def author_leaf_mesh(

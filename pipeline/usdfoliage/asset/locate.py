@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from pxr import Sdf, Tf, Usd
+from pxr import Sdf, Tf, Usd, UsdGeom
 
 from usdfoliage.asset.schema import LEAF_API, PLANT_API
 from usdfoliage.errors import AssetError
@@ -94,8 +94,9 @@ def find_plants(stage: Usd.Stage) -> list[Usd.Prim]:
 
 
 def find_leaves(stage: Usd.Stage) -> list[Usd.Prim]:
-    """The prims of a stage that hold leaves, in its order: instancers, or in the variant nurbs every patch."""
-    return _with_schema(stage, LEAF_API)
+    """The prims that show leaves, in the stage's order: instancers, or in the variant nurbs every patch; no guides."""
+    guide = UsdGeom.Tokens.guide
+    return [prim for prim in _with_schema(stage, LEAF_API) if UsdGeom.Imageable(prim).ComputePurpose() != guide]
 
 
 def require_leaves(stage: Usd.Stage, path: Path) -> list[Usd.Prim]:

@@ -15,7 +15,13 @@ from usdfoliage.asset.interface import write_interface_layer, write_payload_laye
 from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.asset.leaf_fallbacks import write_cage_layer, write_mesh_layer, write_patches_layer
 from usdfoliage.asset.leaf_material import LEAF_COLOR, LEAF_SHADERS, LeafMaterial
-from usdfoliage.asset.leaves import check_leaves, edited_leaves, leaves_prim, write_leaves_layer
+from usdfoliage.asset.leaves import (
+    check_leaves,
+    edited_leaves,
+    leaves_prim,
+    write_leaves_guide_layer,
+    write_leaves_layer,
+)
 from usdfoliage.asset.materials import copy_shaders, write_materials_layer
 from usdfoliage.asset.plant import CROWN, LEAVES, Plant
 from usdfoliage.asset.provenance import Provenance
@@ -36,6 +42,7 @@ REPRESENTATIONS: Mapping[str, str] = {  # and the layer of each, in the payload'
     "subdiv": "leaves_subdiv.usdc",
     "mesh": "leaves_mesh.usdc",
 }
+LEAVES_GUIDE = "leaves_guide.usda"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,10 +180,12 @@ def write_leaf_asset(
     texture = _copy_map(folder, f"{name}_leaf", look.texture)
     jitter_map = _copy_map(folder, f"{name}_leaf_jitter", look.jitter_map)
     bounds = _write_leaves(payload, name, leaves, edits, jitter, look.color, jitter_map, settings)
+    has_guide = "bezier" in settings.representations and len(settings.representations) > 1
     plant = Plant(
         provenance=provenance,
         asset_from_capture=np.eye(4) if asset_from_capture is None else asset_from_capture,
         extent_m=np.stack([np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]]),
+        guide_extent_m=bounds[settings.representations.index("bezier")] if has_guide else None,
         parts=(LEAVES,) if "bezier" in settings.representations else (),  # of the others none has FoliageLeafAPI there
         version=settings.version,
     )
@@ -184,6 +193,10 @@ def write_leaf_asset(
     material = LeafMaterial(shaders=SHADERS, texture=texture or None, jitter_map=jitter_map or None)
     write_materials_layer(payload / "materials.usda", name, leaf=material)
     chosen = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in settings.representations}
+    if has_guide:
+        write_leaves_guide_layer(payload / LEAVES_GUIDE, name, [*chosen["bezier"], "./materials.usda"])
+        for representation in chosen.keys() - {"bezier"}:
+            chosen[representation].append(f"./{LEAVES_GUIDE}")
     # With a crown besides: the lods leaves, both and crown, the representation inside the first two, and the purposes
     # in a layer of both.
     variants = [

@@ -13,6 +13,7 @@ from usdfoliage.asset.schema import PLANT_API
 
 # Below the root prim.
 LEAVES = "geo/render/Leaves"  # in every representation
+LEAVES_GUIDE = "geo/guide/Leaves"  # in every representation but bezier: the leaves themselves are below
 CROWN = "geo/proxy/Crown"
 
 _RELATIONSHIPS: Mapping[str, str] = {LEAVES: "foliage:leaves", CROWN: "foliage:crown"}
@@ -24,7 +25,8 @@ class Plant:
 
     provenance: Provenance
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors
-    extent_m: NDArray[np.float64]  # (2, 3), smallest and largest corner of everything below
+    extent_m: NDArray[np.float64]  # (2, 3), smallest and largest corner of everything below, but guides
+    guide_extent_m: NDArray[np.float64] | None = None  # (2, 3), of the guides of any variant
     parts: Sequence[str]  # what the asset holds, LEAVES or CROWN
     version: str  # of the asset
 
@@ -55,7 +57,7 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
     model.SetAssetIdentifier(Sdf.AssetPath(f"./{name}.usda"))
     model.SetAssetName(name)
     model.SetAssetVersion(plant.version)
-    UsdGeom.ModelAPI.Apply(prim).SetExtentsHint([Gf.Vec3f(*map(float, corner)) for corner in plant.extent_m])
+    UsdGeom.ModelAPI.Apply(prim).SetExtentsHint(_extents_hint(plant))
 
     prim.AddAppliedSchema(PLANT_API)
     facts = (
@@ -70,3 +72,12 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
     for part in plant.parts:
         prim.CreateRelationship(_RELATIONSHIPS[part], custom=False).SetTargets([path.AppendPath(part)])
     return prim
+
+
+def _extents_hint(plant: Plant) -> list[Gf.Vec3f]:
+    """A pair of corners for each of the purposes default, render, proxy and guide, to the last that has something."""
+    boxes = [plant.extent_m]
+    if plant.guide_extent_m is not None:
+        nothing = np.array([np.full(3, np.finfo(np.float32).max), np.full(3, np.finfo(np.float32).min)])
+        boxes += [nothing, nothing, plant.guide_extent_m]
+    return [Gf.Vec3f(*map(float, corner)) for box in boxes for corner in box]
