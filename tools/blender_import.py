@@ -24,12 +24,39 @@ def import_asset(path: Path) -> None:
         raise SystemExit(f"error: Blender cannot import it ({path})")
 
 
-def world_points(thing: bpy.types.Object) -> np.ndarray:
-    """Vertices of a mesh object in Blender's world, (N, 3)."""
-    points = np.empty(len(thing.data.vertices) * 3)
-    thing.data.vertices.foreach_get("co", points)
-    matrix = np.array(thing.matrix_world)
-    return points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+def mesh_points(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Vertices of a mesh, (N, 3)."""
+    points = np.empty(len(mesh.vertices) * 3)
+    mesh.vertices.foreach_get("co", points)
+    return points.reshape(-1, 3)
+
+
+def shown_meshes() -> list[tuple[bool, np.ndarray, np.ndarray]]:
+    """What Blender shows: for each mesh whether it is an instance, its points (N, 3) and its world matrix (4, 4)."""
+    shown = []
+    for thing in bpy.context.evaluated_depsgraph_get().object_instances:
+        if thing.object.type == "MESH":
+            # Before subdivision: the control mesh is what the file holds.
+            mesh = thing.object.original.data
+            shown.append((thing.is_instance, mesh_points(mesh), np.array(thing.matrix_world)))
+    return shown
+
+
+def count_islands(mesh: bpy.types.Mesh) -> int:
+    """Parts of a mesh that no edge joins: leaves, in a mesh of leaves."""
+    edges = np.empty(2 * len(mesh.edges), np.int32)
+    mesh.edges.foreach_get("vertices", edges)
+    first, second = edges.reshape(-1, 2).T
+    label = np.arange(len(mesh.vertices))
+    while True:
+        least = np.minimum(label[first], label[second])
+        new = label.copy()
+        np.minimum.at(new, first, least)
+        np.minimum.at(new, second, least)
+        new = new[new]
+        if np.array_equal(new, label):
+            return len(np.unique(label))
+        label = new
 
 
 def describe_object(thing: bpy.types.Object) -> dict:
@@ -37,6 +64,7 @@ def describe_object(thing: bpy.types.Object) -> dict:
     if thing.type == "MESH":
         described["vertices"] = len(thing.data.vertices)
         described["faces"] = len(thing.data.polygons)
+        described["islands"] = count_islands(thing.data)
         described["uv_maps"] = [layer.name for layer in thing.data.uv_layers]
         described["materials"] = [slot.material.name for slot in thing.material_slots if slot.material]
     return described
@@ -63,8 +91,10 @@ def describe_scene() -> dict:
         "materials": sorted(material.name for material in bpy.data.materials if material.users),
         "images": [describe_image(image) for image in bpy.data.images if image.source == "FILE"],
     }
-    if meshes:
-        points = np.concatenate([world_points(thing) for thing in meshes])
+    shown = shown_meshes()
+    found["instances"] = sum(is_instance for is_instance, _, _ in shown)
+    if shown:
+        points = np.concatenate([points @ matrix[:3, :3].T + matrix[:3, 3] for _, points, matrix in shown])
         x, y, z = points.T
         in_asset = np.column_stack([x, z, -y])  # Blender stands Y-up stages up by a quarter turn about x
         found["bound_blender"] = [points.min(axis=0).tolist(), points.max(axis=0).tolist()]

@@ -1,0 +1,106 @@
+"""Blender opens an asset of leaves: the same leaves as one mesh and as a subdivision cage, mean leaves as instances."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+from usdfoliage.asset.package import write_leaf_asset
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.errors import PreviewError
+from usdfoliage.jobs.recorder import find_interpreter
+from usdfoliage.leaf.spray import scatter_spray
+
+TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
+LEAVES = 60
+SIDE_PX = 256
+REPRESENTATIONS = ("bezier", "subdiv", "mesh")
+
+pytestmark = pytest.mark.preview
+
+
+@pytest.fixture(scope="module")
+def shots(tmp_path_factory):
+    """A scene for each representation, with the asset referenced in it."""
+    folder = tmp_path_factory.mktemp("a spray") / "spray"
+    folder.mkdir()
+    leaves = scatter_spray(LEAVES, np.random.default_rng(4))
+    provenance = Provenance(capture="", generator="test", seed=4, input_sha256="")
+    asset = write_leaf_asset(folder, "spray", leaves, provenance)
+    written = {}
+    for representation in REPRESENTATIONS:
+        shot = Usd.Stage.CreateNew(str(folder.parent / f"{representation}.usda"))
+        UsdGeom.SetStageUpAxis(shot, UsdGeom.Tokens.y)
+        UsdGeom.SetStageMetersPerUnit(shot, 1.0)
+        prim = UsdGeom.Xform.Define(shot, "/spray").GetPrim()
+        prim.GetReferences().AddReference(f"./spray/{asset.name}")
+        prim.GetVariantSet("representation").SetVariantSelection(representation)
+        shot.Save()
+        written[representation] = Path(shot.GetRootLayer().realPath)
+    return written
+
+
+@pytest.fixture(scope="module")
+def blender(shots):
+    """What Blender says of each scene, and its picture of the front."""
+    try:
+        python = find_interpreter()
+    except PreviewError as error:
+        pytest.skip(f"the preview interpreter is absent: {error}")
+    if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
+        pytest.skip(f"{python} has no bpy, which is Blender as a module")
+    seen = {}
+    for representation, shot in shots.items():
+        picture = shot.with_suffix(".png")
+        words = [python, TOOL, shot, "--render", picture, "--size", str(SIDE_PX), str(SIDE_PX), "--samples", "4"]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        seen[representation] = json.loads(done.stdout.splitlines()[-1]), cv2.imread(str(picture), cv2.IMREAD_UNCHANGED)
+    return seen
+
+
+def assert_same_bounds(found, expected, share):
+    size = np.ptp(expected, axis=0).max()
+    np.testing.assert_allclose(found["bound_asset"], expected, atol=share * size)
+
+
+@pytest.mark.parametrize("representation", ["subdiv", "mesh"])
+def test_one_mesh_of_all_leaves_arrives(shots, blender, representation):
+    found, _ = blender[representation]
+    (mesh,) = (thing for thing in found["objects"] if thing["type"] == "MESH")
+    assert mesh["islands"] == LEAVES
+    assert mesh["uv_maps"] == ["st"]
+    assert mesh["materials"] == ["Leaf"]
+    stage = Usd.Stage.Open(str(shots[representation]))
+    points = np.array(UsdGeom.Mesh(stage.GetPrimAtPath("/spray/geo/render/Leaves")).GetPointsAttr().Get())
+    assert_same_bounds(found, [points.min(axis=0), points.max(axis=0)], 1e-3)
+
+
+def test_the_instancer_shows_a_mean_leaf_for_every_leaf(shots, blender):
+    found, _ = blender["bezier"]
+    assert found["instances"] == LEAVES
+    stage = Usd.Stage.Open(str(shots["bezier"]))
+    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath("/spray/geo/render/Leaves"))
+    time = Usd.TimeCode.Default()
+    matrices = np.array(instancer.ComputeInstanceTransformsAtTime(time, time))
+    (prototype,) = instancer.GetPrototypesRel().GetTargets()
+    points = np.array(UsdGeom.Mesh(stage.GetPrimAtPath(prototype)).GetPointsAttr().Get())
+    world = points @ matrices[:, :3, :3] + matrices[:, 3:, :3]
+    # Blender reads the half-float rotations.
+    assert_same_bounds(found, [world.min(axis=(0, 1)), world.max(axis=(0, 1))], 2e-3)
+
+
+def test_the_pictures_are_of_the_same_spray(blender):
+    covered = {name: picture[..., 3] > 127 for name, (_, picture) in blender.items()}
+    assert covered["mesh"].mean() > 0.03
+    # Cages are drawn as they are, instances as mean leaves: alike, not the same.
+    for name, least in (("subdiv", 0.85), ("bezier", 0.6)):
+        both, either = covered[name] & covered["mesh"], covered[name] | covered["mesh"]
+        assert both.sum() / either.sum() > least
+    green = {name: picture[covered[name]][:, :3].mean(axis=0) for name, (_, picture) in blender.items()}
+    for color in green.values():
+        assert color.argmax() == 1
+        np.testing.assert_allclose(color, green["mesh"], atol=25)
