@@ -194,6 +194,6 @@ def test_a_farm_that_ends_the_job_leaves_nothing_behind(tmp_path):
         time.sleep(0.02)
     process.terminate()
     _, complaint = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 130, complaint
     assert "interrupted" in complaint
     assert list(tmp_path.iterdir()) == []

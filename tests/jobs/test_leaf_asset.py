@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.jobs.leaf_asset import MOST_LEAVES, check_count, read_spray
-from usdfoliage.jobs.leaf_bake import bake_leaves, move_leaves, remaining_edits
+from usdfoliage.jobs.leaf_change import bake_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.leaf_edit import changed_edits, parse_edits
 from usdfoliage.jobs.leaf_info import measure_leaves
 from usdfoliage.jobs.leaf_settings import read_representations

@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from usdfoliage import __version__
 from usdfoliage.asset.contents import (
@@ -30,13 +28,13 @@ from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLoo
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.publish import is_asset_folder, publish_folder
 from usdfoliage.errors import AssetError, FitError
+from usdfoliage.jobs.leaf_change import bake_leaves, join_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.leaf_edit import changed_edits, show_value
 from usdfoliage.jobs.leaf_settings import check_memory, read_representations, read_settings
-from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits
+from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.model import Leaves
 
 StepProgress = Callable[[str, float], None]
-RIGID = 1e-4  # how far a matrix may be from a turn and a scale alike for all axes, of its scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,16 +125,6 @@ def plan_bake(request: BakeRequest) -> str:
         f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{given.name}.usda'}",
     ]
     return "\n".join(lines)
-
-
-def bake_leaves(leaves: Leaves, edits: LeafEdits) -> Leaves:
-    """Leaves whose parameters have the edits in them, rounded as they are stored; the jitter is no parameter."""
-    return replace(leaves, parameters=apply_edits(leaves.parameters, edits).astype(np.float32).astype(np.float64))
-
-
-def remaining_edits(edits: LeafEdits) -> LeafEdits:
-    """What no parameter can carry."""
-    return replace(NEUTRAL, jitter_amplitude=edits.jitter_amplitude, jitter_frequency=edits.jitter_frequency)
 
 
 def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) -> BakeInput:
@@ -267,41 +255,7 @@ def read_patches(prims: Sequence[Any], plant: Any, progress: StepProgress | None
         notes.append(
             f"{len(failed):,} of {len(prims):,} patches are no leaves and were left out, the first is {failed[0]}"
         )
-    return PatchLeaves(leaves=_join(read), edits=edits, notes=tuple(notes))
-
-
-def _join(parts: Sequence[Leaves]) -> Leaves:
-    """All leaves one after another; a fact that some lack is unknown of all."""
-    fields: dict[str, Any] = {}
-    for name in Leaves.__dataclass_fields__:
-        held = [getattr(part, name) for part in parts]
-        fields[name] = np.concatenate(held) if all(array is not None for array in held) else None
-    return Leaves(**fields)
-
-
-def move_leaves(leaves: Leaves, matrix: NDArray[np.float64]) -> Leaves:
-    """Leaves moved, turned and scaled by a matrix (4, 4) for column vectors.
-
-    Raises:
-        AssetError: The matrix shears, mirrors, or scales the axes differently.
-    """
-    if np.array_equal(matrix, np.eye(4)):
-        return leaves
-    scale = float(np.cbrt(np.linalg.det(matrix[:3, :3])))
-    turn = matrix[:3, :3] / scale if scale > 0 else np.zeros((3, 3))
-    if scale <= 0 or np.abs(turn @ turn.T - np.eye(3)).max() > RIGID:
-        raise AssetError(
-            "the leaves stand under a matrix that shears, mirrors or stretches them; undo it and bake again"
-        )
-    if not len(leaves):
-        return leaves
-    orientation = (Rotation.from_matrix(turn) * Rotation.from_quat(leaves.orientation)).as_quat()
-    return replace(
-        leaves,
-        base_m=leaves.base_m @ matrix[:3, :3].T + matrix[:3, 3],
-        orientation=orientation,
-        length_m=leaves.length_m * scale,
-    )
+    return PatchLeaves(leaves=join_leaves(read), edits=edits, notes=tuple(notes))
 
 
 def _lines(request: BakeRequest, given: BakeInput) -> list[str]:
