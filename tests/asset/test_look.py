@@ -8,14 +8,15 @@ import OpenEXR
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from pxr import Sdf, Usd, UsdGeom
-from usdfoliage.asset import look as look_module
+from pxr import Sdf, Usd, UsdGeom, UsdShade
+from usdfoliage.asset import publish_file
 from usdfoliage.asset.leaf_primvars import EDITS, read_edits
 from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import find_leaves, find_plants, require_leaves, select_representation
 from usdfoliage.asset.look import open_asset, read_look, write_look_layer
 from usdfoliage.asset.package import LeafAssetSettings, write_leaf_asset
 from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.validation import validate_asset
 from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits
 from usdfoliage.leaf.jitter import Jitter
@@ -274,8 +275,14 @@ def test_jitter_map_is_referred_to(scene: Usd.Stage, oak: Path, tmp_path: Path) 
     look = write_look_layer(tmp_path / "looks" / "jagged.usda", oak, edits, serrated)
     assert "@../maps of mine/serrated.exr@" in look.read_text()
     scene.GetRootLayer().subLayerPaths.append("./looks/jagged.usda")
-    for prim in find_leaves(scene):
-        assert read_leaves(prim).jitter_map == serrated
+    for path in PLACEMENTS:
+        assert read_leaves(scene.GetPrimAtPath(f"{path}/{LEAVES}")).jitter_map == serrated
+        surface = UsdShade.Shader(scene.GetPrimAtPath(f"{path}/mtl/Leaf/StormSurface"))
+        assert surface.GetPrim().GetAttribute("info:glslfx:sourceAsset").Get().resolvedPath
+        (source,), _ = surface.GetInput("jitterMap").GetConnectedSources()
+        assert source.source.GetPath() == Sdf.Path(f"{path}/mtl/Leaf/JitterMap")
+        file = source.source.GetPrim().GetAttribute("inputs:file").Get()
+        assert Path(file.resolvedPath) == serrated
     again = write_look_layer(tmp_path / "again.usda", look, edits)  # keeps it
     assert "@./maps of mine/serrated.exr@" in again.read_text()
 
@@ -352,7 +359,7 @@ def test_look_appears_whole_or_not_at_all(oak: Path, tmp_path: Path, monkeypatch
     def fail(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(look_module.os, "fsync", fail)
+    monkeypatch.setattr(publish_file.os, "fsync", fail)
     with pytest.raises(AssetError, match="No space left on device"):
         write_look_layer(look, oak, LeafEdits(width=0.5))
     assert look.read_bytes() == before
@@ -447,10 +454,23 @@ def test_unknown_representation(scene: Usd.Stage, oak: Path) -> None:
     with pytest.raises(AssetError, match=r"</oak> has no representation voxels; it has bezier, mesh"):
         select_representation(stage, "voxels")
     select_representation(stage, "mesh")
-    assert not find_leaves(stage)
+    assert stage.GetPrimAtPath(f"/oak/{LEAVES}").GetTypeName() == "Mesh"
     assert not stage.GetRootLayer().dirty
     select_representation(stage, "bezier")
-    assert len(find_leaves(stage)) == 1
+    assert stage.GetPrimAtPath(f"/oak/{LEAVES}").GetTypeName() == "PointInstancer"
+
+
+def test_look_is_validated_over_its_asset(oak: Path, tmp_path: Path) -> None:
+    good = validate_asset(write_look_layer(tmp_path / "good.usda", oak, LeafEdits(width=1.25, jitter_amplitude=0.02)))
+    assert good.selections == ("representation=bezier lod=leaves", "representation=mesh lod=leaves")
+    assert not [finding for finding in good.findings if finding.validator.startswith("usdFoliage")]
+    wild = LeafEdits(silhouette2=(1.5, 0.0, 0.0))
+    report = validate_asset(write_look_layer(tmp_path / "wild.usda", oak, wild))
+    assert report.open_errors == good.open_errors
+    found = {finding.error: finding for finding in report.findings if finding.validator.endswith(":LeafShape")}
+    assert set(found) == {"EditedSilhouetteOrder", "LeafFolds"}
+    assert found["EditedSilhouetteOrder"].path == "/oak/geo/render/Leaves.primvars:leaf:edit:silhouette2"
+    assert found["LeafFolds"].where == "representation=bezier lod=leaves"
 
 
 def test_every_edit_has_an_attribute() -> None:

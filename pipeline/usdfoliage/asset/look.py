@@ -8,7 +8,6 @@ representation, for the other representations have other prims at the same paths
 
 import logging
 import os
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,9 +15,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Usd, UsdGeom, UsdUtils
+from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from usdfoliage.asset.jitter_map import read_jitter_map
+from usdfoliage.asset.leaf_material import author_jitter_texture
 from usdfoliage.asset.leaf_primvars import EDITS, author_edit, author_jitter_map, read_jitter_map_path
 from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import (
@@ -34,6 +34,7 @@ from usdfoliage.asset.locate import (
 )
 from usdfoliage.asset.look_extents import author_wider_extents
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
+from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.asset.schema import PLANT_API, require_schemas
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import LeafEdits
@@ -175,8 +176,11 @@ def write_look_layer(
             wave = _read_wave(drawn_map) if drawn_map else None
             if jitter_map and jitter_map != held.jitter_map:
                 author_jitter_map(overs.OverridePrim(at), _relative(jitter_map, path))
+                for material in _leaf_materials(leaves):
+                    over = overs.OverridePrim(material.ReplacePrefix(plant.GetPath(), class_path))
+                    author_jitter_texture(UsdShade.Material(over), _relative(jitter_map, path))
             author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
-    _replace(target, overs.GetRootLayer().ExportToString())
+    publish_text(target, overs.GetRootLayer().ExportToString())
     return path
 
 
@@ -231,6 +235,18 @@ def _author_edits(stage: Usd.Stage, path: Sdf.Path, edits: LeafEdits, held: Leaf
             author_edit(stage.OverridePrim(path), name, wanted)
 
 
+def _leaf_materials(leaves: Usd.Prim) -> list[Sdf.Path]:
+    """The materials of the prototypes."""
+    found = []
+    for target in UsdGeom.PointInstancer(leaves).GetPrototypesRel().GetForwardedTargets():
+        prototype = leaves.GetStage().GetPrimAtPath(target)
+        for gprim in Usd.PrimRange(prototype) if prototype else ():
+            material, _ = UsdShade.MaterialBindingAPI(gprim).ComputeBoundMaterial()
+            if material and material.GetPath() not in found:
+                found.append(material.GetPath())
+    return found
+
+
 def _the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:
     plant = stage.GetDefaultPrim()
     if not plant or PLANT_API not in plant.GetAppliedSchemas():
@@ -277,23 +293,3 @@ def _check_output(path: Path, target: Path, interface: Path, force: bool) -> Non
             raise AssetError(
                 f"{path} is there already and no look of usdfoliage; name another, or use --force to lose it"
             )
-
-
-def _replace(target: Path, text: str) -> None:
-    """Put text where target is, in one step."""
-    new = target.with_name(f".{target.stem}.{uuid.uuid4().hex[:12]}.usdfoliage-new")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with new.open("x", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            new.replace(target)
-        finally:
-            new.unlink(missing_ok=True)
-    except OSError as error:
-        raise AssetError(f"{target} was not written: {error.strerror}; what was there is unchanged") from error
-    opened = Sdf.Layer.Find(str(target))
-    if opened:
-        opened.Reload(force=True)

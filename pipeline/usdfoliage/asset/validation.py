@@ -134,7 +134,7 @@ def _selections(root: Sdf.Layer) -> list[Selection]:
     stage = Usd.Stage.Open(root)
     offered = [
         [(prim.GetPath(), name, variant) for variant in prim.GetVariantSets().GetVariantSet(name).GetVariantNames()]
-        for prim in stage.TraverseAll()
+        for prim in stage.Traverse(Usd.PrimIsActive & ~Usd.PrimIsAbstract)  # what a class offers shows where it is used
         for name in prim.GetVariantSets().GetNames()
     ]
     offered = [choices for choices in offered if choices]
