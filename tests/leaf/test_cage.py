@@ -94,6 +94,17 @@ def test_the_limit_is_the_leaf(amount, bound):
     assert max(two_sided(leaf) for leaf in leaves) < bound
 
 
+def test_the_limit_is_the_leaf_however_it_is_bent():
+    rng = np.random.default_rng(5)
+    leaves = np.zeros((6, 7, 3))
+    leaves[:, :2] = [[0, 1 / 3, 0], [0, 2 / 3, 0]] + rng.uniform(-1, 1, (6, 2, 3)) * (0.25, 0.12, 0.3)
+    leaves[:, 2:5, 0] = [0.2, 0.5, 0.8] + rng.uniform(-0.12, 0.12, (6, 3))
+    leaves[:, 2:5, 1] = rng.uniform(0.08, 0.5, (6, 3))
+    leaves[:, 2:5, 2] = rng.uniform(-0.25, 0.25, (6, 3))
+    leaves[:, 5], leaves[:, 6] = rng.uniform(-0.1, 0.1, (6, 3)), rng.uniform(-0.2, 0.2, (6, 3))
+    assert max(two_sided(leaf) for leaf in leaves) < 0.005
+
+
 def test_a_smooth_leaf_has_no_crease_and_is_met_too():
     assert two_sided(SMOOTH) < 0.0025
     cage = build_leaf_cage(placed(SMOOTH[None]))

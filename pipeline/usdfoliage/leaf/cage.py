@@ -19,7 +19,10 @@ from usdfoliage.leaf.surface import evaluate_normals, evaluate_points, grid_plac
 from usdfoliage.leaf.topology import LeafTopology, leaf_topology, towards_ends
 
 SHARP = 10.0  # OpenSubdiv's infinite sharpness
-TOWARDS_ENDS = 0.6  # share of cosine spacing in v: silhouettes turn most at base and apex
+# Shares of cosine spacing: in v silhouettes turn most at base and apex; in u either half ends without curvature, as
+# subdivision does at borders and creases, and shorter faces there leave less of a leaf's curvature out.
+V_TOWARDS_ENDS = 0.5
+U_TOWARDS_ENDS = 0.2
 REFINEMENT = 3  # levels, of the limit points at which cage and leaf are compared
 LEFT_OF_AXIS = -1e-12  # u at which the left half's normals hold
 BLOCK = 512  # leaves at once, so that temporaries stay small
@@ -31,7 +34,7 @@ class LeafCageSettings:
 
     across: int = 6  # faces from silhouette to silhouette, even
     along: int = 6  # rows of faces from base to apex
-    smooth_below_deg: float = 10.0  # mean angle between the halves' normals, below which the midrib is no crease
+    smooth_below_deg: float = 5.0  # mean angle between the halves' normals, below which the midrib is no crease
 
     def __post_init__(self) -> None:
         leaf_topology(self.across, self.along, self.along)
@@ -148,7 +151,7 @@ def _cage_operator(across: int, along: int, creased: bool) -> _CageOperator:
         from_net=from_samples @ net_weights(places),
         from_samples=from_samples,
         places=places,
-        st=np.column_stack([topology.st[:, 0], from_samples @ places[:, 1]]),
+        st=np.column_stack([(_spread_u(topology.uv[:, 0]) + 1) / 2, from_samples @ places[:, 1]]),
     )
 
 
@@ -167,7 +170,12 @@ def _sample_places(topology: LeafTopology) -> NDArray[np.float64]:
     )
     directions = refined[:, 0] / np.where(refined[:, 1] > 1e-12, refined[:, 1], 1.0)
     t = refined[:, 2] / (len(rows) - 1)
-    return np.column_stack([directions, towards_ends(t, TOWARDS_ENDS)]).clip((-1, 0), 1)
+    return np.column_stack([_spread_u(directions), towards_ends(t, V_TOWARDS_ENDS)]).clip((-1, 0), 1)
+
+
+def _spread_u(u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """u of what lies evenly across, drawn towards axis and silhouettes."""
+    return np.copysign(towards_ends(np.abs(u), U_TOWARDS_ENDS), u)
 
 
 def _refine(
