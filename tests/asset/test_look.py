@@ -117,11 +117,16 @@ def test_look_reaches_a_scene_within_a_shot(scene: Usd.Stage, oak: Path, tmp_pat
     assert edits_of(shot) == {path.replace("/World", "/Set"): WIDE for path in PLACEMENTS}
 
 
-def test_look_brings_no_prim_of_its_own(scene: Usd.Stage, oak: Path, tmp_path: Path) -> None:
-    write_look_layer(tmp_path / "wide.usda", oak, WIDE)
-    before = [prim.GetPath() for prim in scene.Traverse()]
+@pytest.mark.parametrize("load", [Usd.Stage.LoadAll, Usd.Stage.LoadNone])
+def test_look_brings_no_plant_of_its_own(
+    scene: Usd.Stage, oak: Path, tmp_path: Path, load: Usd.Stage.InitialLoadSet
+) -> None:
+    write_look_layer(tmp_path / "wide.usda", oak, WIDE, write_map(tmp_path / "map.exr", [0.0, 1.0]))
+    stage = Usd.Stage.Open(scene.GetRootLayer(), load)
+    before = {prim.GetPath() for prim in stage.Traverse()}
     scene.GetRootLayer().subLayerPaths.append("./wide.usda")
-    assert [prim.GetPath() for prim in scene.Traverse()] == before
+    added = {prim.GetPath() for prim in stage.Traverse()} - before
+    assert {path.name for path in added} == ({"JitterMap", "St"} if load == Usd.Stage.LoadAll else set())
 
 
 def test_look_says_only_what_differs_from_the_asset(oak: Path, tmp_path: Path) -> None:

@@ -15,11 +15,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdUtils
+from pxr import Sdf, Usd, UsdGeom, UsdUtils
 
 from usdfoliage.asset.jitter_map import read_jitter_map
-from usdfoliage.asset.leaf_material import author_jitter_texture
-from usdfoliage.asset.leaf_primvars import EDITS, author_edit, author_jitter_map, read_jitter_map_path
+from usdfoliage.asset.leaf_primvars import EDITS, author_edit, read_jitter_map_path
 from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import (
     REPRESENTATION,
@@ -33,6 +32,7 @@ from usdfoliage.asset.locate import (
     usd_path,
 )
 from usdfoliage.asset.look_extents import author_wider_extents
+from usdfoliage.asset.look_jitter import author_look_jitter_map
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
 from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.asset.schema import PLANT_API, require_schemas
@@ -175,10 +175,7 @@ def write_look_layer(
             drawn_map = jitter_map or held.jitter_map
             wave = _read_wave(drawn_map) if drawn_map else None
             if jitter_map and jitter_map != held.jitter_map:
-                author_jitter_map(overs.OverridePrim(at), _relative(jitter_map, path))
-                for material in _leaf_materials(leaves):
-                    over = overs.OverridePrim(material.ReplacePrefix(plant.GetPath(), class_path))
-                    author_jitter_texture(UsdShade.Material(over), _relative(jitter_map, path))
+                author_look_jitter_map(overs, class_path, plant, leaves, _relative(jitter_map, path))
             author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
     publish_text(target, overs.GetRootLayer().ExportToString())
     return path
@@ -233,18 +230,6 @@ def _author_edits(stage: Usd.Stage, path: Sdf.Path, edits: LeafEdits, held: Leaf
         wanted = getattr(edits, field)
         if not np.array_equal(np.float32(wanted), np.float32(getattr(held, field))):
             author_edit(stage.OverridePrim(path), name, wanted)
-
-
-def _leaf_materials(leaves: Usd.Prim) -> list[Sdf.Path]:
-    """The materials of the prototypes."""
-    found = []
-    for target in UsdGeom.PointInstancer(leaves).GetPrototypesRel().GetForwardedTargets():
-        prototype = leaves.GetStage().GetPrimAtPath(target)
-        for gprim in Usd.PrimRange(prototype) if prototype else ():
-            material, _ = UsdShade.MaterialBindingAPI(gprim).ComputeBoundMaterial()
-            if material and material.GetPath() not in found:
-                found.append(material.GetPath())
-    return found
 
 
 def _the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:
