@@ -1,4 +1,4 @@
-# make demo   a photograph to an asset, its preview and its report     make test   the whole suite, with lint and types
+# make demo   a photograph to an asset, its preview and its report; leaves and a look     make test   the whole suite, with lint and types
 SHELL := /bin/bash
 PYTHON_VENV := .venv/bin/python
 DEMO := out/demo
@@ -10,6 +10,10 @@ setup:
 
 demo: setup
 	@$(PYTHON_VENV) -m usdfoliage crown tools/demo/crown.jpg --mask tools/demo/crown_mask.png -o $(DEMO)
+	@$(PYTHON_VENV) -m usdfoliage scatter -n 400 --seed 1 -o $(DEMO)_leaves
+	@$(PYTHON_VENV) -m usdfoliage edit $(DEMO)_leaves --width 1.3 --bend -0.15 --jitter 0.02 12 -o $(DEMO)_look.usda
+	@$(PYTHON_VENV) -m usdfoliage preview $(DEMO)_leaves -o $(DEMO)_leaves.png
+	@$(PYTHON_VENV) -m usdfoliage preview $(DEMO)_look.usda -o $(DEMO)_look.png
 
 lint: setup
 	@.venv/bin/ruff check .
@@ -23,6 +27,8 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/texture.py
 	@$(PYTHON_VENV) tools/bench/mask_proposal.py
 	@$(PYTHON_VENV) tools/bench/crown.py
+	@$(PYTHON_VENV) tools/bench/leaf.py
+	@$(PYTHON_VENV) tools/bench/leaf_asset.py
 	@$(PYTHON_VENV) -m pytest -m slow || [ $$? = 5 ]
 
 clean:
