@@ -98,7 +98,7 @@ def test_the_limit_is_the_leaf_however_it_is_bent():
     rng = np.random.default_rng(5)
     leaves = np.zeros((6, 7, 3))
     leaves[:, :2] = [[0, 1 / 3, 0], [0, 2 / 3, 0]] + rng.uniform(-1, 1, (6, 2, 3)) * (0.25, 0.12, 0.3)
-    leaves[:, 2:5, 0] = [0.2, 0.5, 0.8] + rng.uniform(-0.12, 0.12, (6, 3))
+    leaves[:, 2:5, 0] = rng.uniform((0.08, 0.38, 0.68), (0.32, 0.62, 0.92), (6, 3))
     leaves[:, 2:5, 1] = rng.uniform(0.08, 0.5, (6, 3))
     leaves[:, 2:5, 2] = rng.uniform(-0.25, 0.25, (6, 3))
     leaves[:, 5], leaves[:, 6] = rng.uniform(-0.1, 0.1, (6, 3)), rng.uniform(-0.2, 0.2, (6, 3))

@@ -120,16 +120,19 @@ class _CageOperator:
     """What makes cages from leaves, in leaf space."""
 
     from_net: NDArray[np.float64]  # (P, 35), of a leaf's control net
-    from_samples: NDArray[np.float64]  # (P, S), of points of any surface
-    places: NDArray[np.float64]  # (S, 2), their (u, v)
+    from_jitter: NDArray[np.float64]  # (P, J), of how far jitter moves the right silhouette at the J places
+    jitter_places: NDArray[np.float64]  # (J, 2), their (u, v)
     st: NDArray[np.float64]  # (P, 2)
 
 
 def _fit_cages(leaves: Leaves, operator: _CageOperator, jitter: Jitter) -> NDArray[np.float64]:
     """Cages (N, P, 3) in leaf space."""
-    if not jitter.amplitude:
-        return operator.from_net @ leaf_nets(leaves.parameters).reshape(len(leaves), -1, 3)
-    return operator.from_samples @ evaluate_points(leaves.parameters, operator.places, jitter, leaves.phase)
+    cages = operator.from_net @ leaf_nets(leaves.parameters).reshape(len(leaves), -1, 3)
+    if jitter.amplitude:
+        places = operator.jitter_places
+        moved = evaluate_points(leaves.parameters, places, jitter, leaves.phase)
+        cages += operator.from_jitter @ (moved - evaluate_points(leaves.parameters, places))
+    return cages
 
 
 @cache
@@ -146,12 +149,17 @@ def _cage_operator(across: int, along: int, creased: bool) -> _CageOperator:
     held = from_samples @ limit[:, :2]  # what base and apex already make of the surface
     from_samples[:, (base, apex)] -= held
     from_samples[0, base] = from_samples[1, apex] = 1.0
-    # s jumps at base and apex, which no smooth field can follow, so it stays what it is at the vertices.
+    u, v = places.T
+    rows, row = np.unique(v, return_inverse=True)
+    # Of the cubic across, the silhouette has this share; the left one is moved the other way.
+    by_row = np.zeros((len(places), len(rows)))
+    by_row[np.arange(len(places)), row] = np.copysign(np.abs(u) ** 3, u)
     return _CageOperator(
         from_net=from_samples @ net_weights(places),
-        from_samples=from_samples,
-        places=places,
-        st=np.column_stack([(_spread_u(topology.uv[:, 0]) + 1) / 2, from_samples @ places[:, 1]]),
+        from_jitter=from_samples @ by_row,
+        jitter_places=grid_places(np.ones(1), rows),
+        # s jumps at base and apex, which no smooth field can follow, so it stays what it is at the vertices.
+        st=np.column_stack([(_spread_u(topology.uv[:, 0]) + 1) / 2, from_samples @ v]),
     )
 
 
