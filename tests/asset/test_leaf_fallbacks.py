@@ -288,3 +288,31 @@ def test_broken_patches_are_refused():
     patch.GetUVertexCountAttr().Set(9)
     with pytest.raises(AssetError, match=r"9 × 5 control points where a leaf has 7 × 5"):
         read_hero_leaf(patch.GetPrim())
+
+
+def test_colors_of_single_leaves_are_in_every_representation(tmp_path):
+    colors = np.array([[0.1, 0.2, 0.05], [0.3, 0.2, 0.1], [0.05, 0.1, 0.02]])
+    interface = write_spray(tmp_path, replace(random_leaves(3), color=colors))
+    for representation in EVERYTHING:
+        stage = choose(interface, representation)
+        leaves = stage.GetPrimAtPath("/spray/geo/render/Leaves")
+        if representation == "bezier":
+            held = read_leaves(leaves).leaves.color
+        elif representation == "nurbs":
+            held = np.concatenate([read_hero_leaf(patch).leaves.color for patch in leaves.GetChildren()])
+        else:
+            of_faces = np.array(UsdGeom.PrimvarsAPI(leaves).GetPrimvar("displayColor").ComputeFlattened())
+            assert len(of_faces) == len(UsdGeom.Mesh(leaves).GetFaceVertexCountsAttr().Get())
+            held = of_faces[:: len(of_faces) // 3]
+            np.testing.assert_array_equal(of_faces, np.repeat(held, len(of_faces) // 3, axis=0))
+        np.testing.assert_allclose(held, colors, rtol=1e-6)
+
+
+def test_one_color_for_all_says_nothing_of_each(tmp_path):
+    stage = choose(write_spray(tmp_path, random_leaves(3)), "bezier")
+    prim = stage.GetPrimAtPath("/spray/geo/render/Leaves")
+    assert read_leaves(prim).leaves.color is None
+    UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, "constant").Set(
+        [Gf.Vec3f(1, 0, 0)]
+    )
+    assert read_leaves(prim).leaves.color is None

@@ -57,11 +57,11 @@ def test_edits_become_parameters_and_everything_else_travels(source, tmp_path, c
     expected = apply_edits(edited.leaves.parameters, edited.edits)
     np.testing.assert_array_equal(baked.leaves.parameters, expected.astype(np.float32))
     assert baked.edits == LeafEdits(jitter_amplitude=edited.edits.jitter_amplitude, jitter_frequency=6)
-    for name in ("base_m", "orientation", "length_m", "phase", "confidence", "residual_m", "view"):
+    for name in ("base_m", "orientation", "length_m", "phase", "color", "confidence", "residual_m", "view"):
         np.testing.assert_array_equal(getattr(baked.leaves, name), getattr(edited.leaves, name), err_msg=name)
     assert baked.jitter_map.read_bytes() == (source / "wave.png").read_bytes()
     assert (source / "leaf.png").read_bytes() in files(out).values()
-    np.testing.assert_allclose(attribute(out, "mesh", "primvars:displayColor")[0], (0.2, 0.3, 0.1))
+    np.testing.assert_array_equal(attribute(out, "mesh", "primvars:displayColor"), edited.leaves.color)
     stage = Usd.Stage.Open(str(out / "baked_leaves.usda"))
     root = stage.GetDefaultPrim()
     assert root.GetAttribute("foliage:species").Get() == "Quercus robur"

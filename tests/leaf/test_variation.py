@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.leaf.fold import find_folds
 from usdfoliage.leaf.surface import evaluate_grid
-from usdfoliage.leaf.variation import VariationSettings, default_leaf, vary_leaves
+from usdfoliage.leaf.variation import VariationSettings, default_leaf, vary_colors, vary_leaves
 
 FEW = settings(max_examples=20, deadline=None)
 
@@ -127,3 +127,13 @@ def test_around_a_mean_that_folds_leaves_vary_all_the_same():
 def test_what_cannot_be_is_refused(build, message):
     with pytest.raises(ValueError, match=message):
         build()
+
+
+def test_colors_vary_around_the_one_given():
+    colors = vary_colors((0.06, 0.14, 0.03), 2000, np.random.default_rng(0))
+    assert colors.shape == (2000, 3)
+    np.testing.assert_allclose(np.median(colors, axis=0), [0.06, 0.14, 0.03], rtol=0.05)
+    assert (colors > 0).all()
+    assert (colors <= 1).all()
+    assert colors[:, 1].std() / colors[:, 1].mean() > 0.1
+    np.testing.assert_array_equal(vary_colors((0.1, 0.2, 0.3), 3, np.random.default_rng(0), 0.0), [[0.1, 0.2, 0.3]] * 3)

@@ -9,7 +9,13 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from usdfoliage.asset.hero_leaf import author_hero_leaf, patch_matrices, patch_nets
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.leaf_primvars import leaf_arrays, usd_array
-from usdfoliage.asset.leaves import author_leaf_binding, author_leaf_gprim, author_leaf_mesh, author_st
+from usdfoliage.asset.leaves import (
+    author_leaf_binding,
+    author_leaf_colors,
+    author_leaf_gprim,
+    author_leaf_mesh,
+    author_st,
+)
 from usdfoliage.asset.materials import LEAF_MATERIAL
 from usdfoliage.asset.plant import LEAVES
 from usdfoliage.leaf.cage import LeafCage
@@ -82,12 +88,14 @@ def author_patches(
                 held[name].default = usd_array(array[number : number + 1])
 
 
-def write_cage_layer(path: Path, name: str, cage: LeafCage, count: int, color: Color) -> Extent:
-    """Write count leaves as one subdivision surface at /name/geo/render/Leaves; returns its bounds."""
+def write_cage_layer(path: Path, name: str, cage: LeafCage, of: Leaves, color: Color) -> Extent:
+    """Write the cage of leaves as one subdivision surface at /name/geo/render/Leaves; returns its bounds."""
     stage = new_layer(path, name)
     leaves = _define_above(stage, name)
-    if count:
-        author_cage(stage, leaves, cage, count, color)
+    if len(of):
+        mesh = author_cage(stage, leaves, cage, len(of), color)
+        if of.color is not None:
+            author_leaf_colors(mesh, of.color, len(cage.face_counts))
         author_leaf_binding(stage, leaves, Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
     return _finish_surface(stage, leaves, path, _CAGE)
 
@@ -112,12 +120,14 @@ def author_cage(stage: Usd.Stage, path: Sdf.Path, cage: LeafCage, count: int, co
     return mesh
 
 
-def write_mesh_layer(path: Path, name: str, mesh: LeafMesh, count: int, color: Color) -> Extent:
-    """Write count leaves as one mesh at /name/geo/render/Leaves; returns its bounds."""
+def write_mesh_layer(path: Path, name: str, surface: LeafMesh, of: Leaves, color: Color) -> Extent:
+    """Write the surface of leaves as one mesh at /name/geo/render/Leaves; returns its bounds."""
     stage = new_layer(path, name)
     leaves = _define_above(stage, name)
-    if count:
-        author_leaf_mesh(stage, leaves, mesh, color, count=count)
+    if len(of):
+        mesh = author_leaf_mesh(stage, leaves, surface, color, count=len(of))
+        if of.color is not None:
+            author_leaf_colors(mesh, of.color, len(surface.face_counts))
         author_leaf_binding(stage, leaves, Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
     return _finish_surface(stage, leaves, path, _MESH)
 

@@ -17,6 +17,8 @@ from usdfoliage.leaf.model import PARAMETERS, Leaves
 
 JITTER_MAP = "foliage:leaf:jitterMap"
 
+DISPLAY_COLOR = "displayColor"
+
 # What LeafEdits calls an edit, and its primvar.
 EDITS: Mapping[str, str] = {
     "width": "leaf:edit:width",
@@ -33,6 +35,7 @@ EDITS: Mapping[str, str] = {
 # What else may be known of each leaf: field of Leaves, primvar.
 _FACTS = (
     ("phase", "leaf:phase"),
+    ("color", DISPLAY_COLOR),
     ("confidence", "leaf:confidence"),
     ("residual_m", "leaf:residual"),
     ("view", "leaf:view"),
@@ -62,7 +65,9 @@ def usd_array(array: Array) -> Vt.Vec3fArray | Vt.FloatArray | Vt.IntArray:
 def author_leaf_primvars(prim: Usd.Prim, leaves: Leaves, interpolation: str) -> None:
     """The parameters, the phase and the facts of leaves, one element a leaf."""
     for name, array in leaf_arrays(leaves).items():
-        _author(prim, name, _usd_types(array)[0], usd_array(array), interpolation)
+        color = name == DISPLAY_COLOR
+        value_type = Sdf.ValueTypeNames.Color3fArray if color else _usd_types(array)[0]
+        _author(prim, name, value_type, usd_array(array), interpolation)
 
 
 def author_edits(prim: Usd.Prim, edits: LeafEdits) -> None:
@@ -96,8 +101,11 @@ def read_leaf_primvars(prim: Usd.Prim, count: int) -> dict[str, NDArray[Any]]:
     found: dict[str, NDArray[Any]] = {"parameters": parameters, "phase": np.zeros(count)}
     for field, name in _FACTS:
         attribute = prim.GetAttribute(f"primvars:{name}")
-        if attribute and attribute.HasAuthoredValue():
-            found[field] = read_array(prim, f"primvars:{name}", (count,))
+        if not attribute or not attribute.HasAuthoredValue():
+            continue
+        if field == "color" and count != 1 and UsdGeom.Primvar(attribute).GetInterpolation() == UsdGeom.Tokens.constant:
+            continue  # one for all: nothing is said of each
+        found[field] = read_array(prim, f"primvars:{name}", (count, 3) if field == "color" else (count,))
     if "view" in found:
         found["view"] = found["view"].astype(np.int32)
     return found

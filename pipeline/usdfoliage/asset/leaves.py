@@ -203,6 +203,14 @@ def author_leaf_gprim(gprim: UsdGeom.Gprim, color: tuple[float, float, float]) -
     display.Set([Gf.Vec3f(*map(float, color))])
 
 
+def author_leaf_colors(mesh: UsdGeom.Mesh, colors: NDArray[np.floating], faces: int) -> None:
+    """A colour for each of the leaves of one mesh, (N, 3), that has so many faces, divided alike."""
+    primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("displayColor")
+    primvar.SetInterpolation(UsdGeom.Tokens.uniform)
+    primvar.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(colors, np.float32)))
+    primvar.SetIndices(Vt.IntArray.FromNumpy(np.repeat(np.arange(len(colors), dtype=np.int32), faces // len(colors))))
+
+
 def author_leaf_binding(stage: Usd.Stage, path: Sdf.Path, material: Sdf.Path) -> None:
     """Bind the material, which another layer may hold, on the gprim at path."""
     binding = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path))
@@ -260,6 +268,7 @@ def check_leaves(leaves: Leaves) -> None:
         ("orientation", leaves.orientation),
         ("length_m", leaves.length_m),
         ("phase", leaves.phase),
+        ("color", leaves.color),
         ("confidence", leaves.confidence),
         ("residual_m", leaves.residual_m),
     ):

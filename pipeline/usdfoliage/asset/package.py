@@ -228,10 +228,10 @@ def _write_leaves(
             bounds.append(write_patches_layer(path, name, drawn, jitter, color, jitter_map))
         elif representation == "subdiv":
             cage = build_leaf_cage(drawn, settings.cage, jitter)
-            bounds.append(write_cage_layer(path, name, cage, len(leaves), color))
+            bounds.append(write_cage_layer(path, name, cage, drawn, color))
         else:
             mesh = build_leaf_mesh(drawn, settings.mesh, jitter)
-            bounds.append(write_mesh_layer(path, name, mesh, len(leaves), color))
+            bounds.append(write_mesh_layer(path, name, mesh, drawn, color))
     return bounds
 
 

@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from usdfoliage.jobs.leaf_settings import (
     read_settings,
 )
 from usdfoliage.leaf.spray import SpraySettings, scatter_spray
-from usdfoliage.leaf.variation import VariationSettings
+from usdfoliage.leaf.variation import VariationSettings, vary_colors
 
 MOST_LEAVES = 10_000_000
 MOST_LEAVES_OF_ALL = 2000  # up to here every representation is written unless others are asked for
@@ -95,7 +95,11 @@ def scatter_asset(request: ScatterRequest, progress: StepProgress | None = None)
     with publish_folder(request.output, force=request.force) as folder:
         if progress:
             progress("leaves", 0.0)
-        leaves = scatter_spray(request.count, np.random.default_rng(request.seed), request.spray)
+        rng = np.random.default_rng(request.seed)
+        leaves = scatter_spray(request.count, rng, request.spray)
+        if request.spray.variation.amount:
+            colors = vary_colors(request.look.color, request.count, rng, request.spray.variation.amount)
+            leaves = replace(leaves, color=colors)
         if progress:
             progress("asset", 0.3)
         provenance = Provenance(

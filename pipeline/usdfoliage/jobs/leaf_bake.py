@@ -153,8 +153,6 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:
         notes.append(f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out")
-    if prim.GetAttribute("primvars:displayColor").HasAuthoredValue():
-        notes.append("colours of single leaves are left out; all get that of the asset")
     leaves, edits = move_leaves(read.leaves, matrix_in_plant(prim, plant)), read.edits
     if request.source == "nurbs":
         select_representation(stage, "nurbs")
@@ -238,9 +236,11 @@ def read_patches(prims: Sequence[Any], plant: Any, progress: StepProgress | None
             continue
         edits = remaining_edits(one.edits)
         leaf = move_leaves(bake_leaves(one.leaves, one.edits), matrix_in_plant(prim.GetParent(), plant))
-        if not np.array_equal(one.leaves.parameters, read_leaf_primvars(prim, 1)["parameters"]):
+        written = read_leaf_primvars(prim, 1)
+        if not np.array_equal(one.leaves.parameters, written["parameters"]):
             residuals_m += [] if leaf.residual_m is None else [float(leaf.residual_m[0])]
-        read.append(leaf)
+        # In an asset the residual is the distance to what was captured, not to what was modelled.
+        read.append(replace(leaf, residual_m=written.get("residual_m")))
     if not read:
         if failed:
             raise AssetError(f"none of {len(failed)} patches is near to a leaf, the first is {failed[0]}")

@@ -28,6 +28,7 @@ class Leaves:
     phase: NDArray[
         np.float64
     ]  # (N,), where on the jitter's wave each leaf begins, in cycles (leaf.jitter.spread_phases)
+    color: NDArray[np.float64] | None = None  # (N, 3), linear Rec.709; one for all where it is not known of each
     confidence: NDArray[np.float64] | None = None  # (N,), 0 guessed to 1 seen whole
     residual_m: NDArray[np.float64] | None = None  # (N,), root mean square distance of the captured points
     view: NDArray[np.int32] | None = None  # (N,), number of the photograph, -1 for none
@@ -40,6 +41,7 @@ class Leaves:
             ("orientation", self.orientation, (count, 4)),
             ("length_m", self.length_m, (count,)),
             ("phase", self.phase, (count,)),
+            ("color", self.color, (count, 3)),
             ("confidence", self.confidence, (count,)),
             ("residual_m", self.residual_m, (count,)),
             ("view", self.view, (count,)),

@@ -84,6 +84,16 @@ def vary_leaves(
     return leaves
 
 
+def vary_colors(
+    color: tuple[float, float, float], count: int, rng: np.random.Generator, amount: float = 1.0
+) -> NDArray[np.float64]:
+    """Colours (count, 3) of leaves around one, linear Rec.709: light and dark, young ones yellower, none below 0."""
+    light, age = np.clip(rng.standard_normal((2, count)), -LIMIT, LIMIT) * amount
+    # In octaves: a young leaf is lighter, and more so in red than in green.
+    octaves = 0.2 * light[:, None] + age[:, None] * np.array([0.22, 0.12, 0.02])
+    return np.asarray(np.minimum(np.array(color) * 2**octaves, 1.0))
+
+
 def _bend_axes(
     leaves: NDArray[np.float64],
     settings: VariationSettings,
