@@ -13,10 +13,8 @@ LEAF_SHADERS = ("usdFoliageLeaf.glslfx",)  # what an asset's shaders/ needs for 
 LEAF_COLOR = (0.06, 0.14, 0.03)  # linear Rec.709, of a full-grown leaf of a broad-leaved tree
 _IOR = 1.45  # of the cuticle, a wax
 
-# What Storm reads of each leaf beside its axis and its silhouette: inner and outer in 1/16384, the phase in 1/512.
-PACKED = "leaf:packed"
-_PACKED_COUNT = 7
-_HEIGHT_UNIT = 1 / 16384
+PACKED = "leaf:packed"  # what Storm reads of leaves beside axis1 and the silhouettes, see pack_leaves
+_LENGTH_UNIT = 1 / 2048
 _PHASE_UNIT = 1 / 512
 
 
@@ -88,22 +86,27 @@ def author_jitter_texture(material: UsdShade.Material, file: str) -> None:
 
 
 def pack_leaves(leaves: Leaves) -> NDArray[np.float32]:
-    """What Storm reads of leaves beside their axes and silhouettes: (7 N,) float32, whole numbers."""
-    packed = np.empty((len(leaves), _PACKED_COUNT), np.float32)
-    packed[:, :6] = np.round(leaves.parameters[:, 5:7].reshape(-1, 6) / _HEIGHT_UNIT)
-    packed[:, 6] = np.round((leaves.phase % PERIOD) / _PHASE_UNIT)
-    return packed.ravel()
+    """What Storm reads of leaves beside axis1 and the silhouettes: (1 + 10 N,) float32, whole numbers.
+
+    The number of leaves N; then, number after number and of all leaves each, axis2, inner and outer in 1/2048 of the
+    leaf's length, and the phase in 1/512 of a cycle.
+    """
+    lengths = leaves.parameters[:, (1, 5, 6)].reshape(-1, 9) / _LENGTH_UNIT
+    phase = (leaves.phase % PERIOD) / _PHASE_UNIT
+    numbers = np.round(np.column_stack([lengths, phase])).T
+    return np.concatenate([[len(leaves)], numbers.ravel()]).astype(np.float32)
 
 
 def author_packed_leaves(instancer: UsdGeom.PointInstancer, leaves: Leaves) -> None:
-    """Give Storm the inner and outer curves and the phases of an instancer's leaves.
+    """Give Storm what it does not read of an instancer's leaves from the primvars of FoliageLeafAPI.
 
-    Storm binds a storage buffer for each primvar of an instancer, and OpenGL often has 16 in all. A constant array that
-    the prototype inherits needs none. (It must be of single floats: Storm packs float3 more tightly than its shaders
-    read.) Whole numbers because crate files compress those.
+    Storm binds a storage buffer for each primvar of an instancer that a shader names, and OpenGL often has 16 in all:
+    too few for all the primvars, the colours and an instance of the plant. A constant array, which the prototype
+    inherits, needs none. Of single floats, because Storm packs an array of float3 more tightly than its shaders read
+    it; of whole numbers, because crate files compress those.
     """
     primvar = UsdGeom.PrimvarsAPI(instancer).CreatePrimvar(
-        PACKED, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.constant, _PACKED_COUNT
+        PACKED, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.constant
     )
     primvar.Set(Vt.FloatArray.FromNumpy(pack_leaves(leaves)))
 
