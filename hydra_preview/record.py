@@ -90,6 +90,11 @@ def compute_bound(stage, time, purposes: list[str]):
 
 def support_points(points) -> list[tuple[float, float, float]]:
     """The furthest of points (N, 3) in a thousand directions: their convex hull, to a thousandth of its size."""
+    return [tuple(map(float, points[i])) for i in support_indices(points)]
+
+
+def support_indices(points):
+    """Which of points (N, 3) are the furthest in a thousand directions."""
     import numpy as np
 
     count = 1000
@@ -99,7 +104,7 @@ def support_points(points) -> list[tuple[float, float, float]]:
     directions = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), height])
     centered = points - points.mean(axis=0)
     blocks = [np.argmax(centered @ directions[start : start + 50].T, axis=0) for start in range(0, count, 50)]
-    return [tuple(map(float, points[i])) for i in np.unique(np.concatenate(blocks))]
+    return np.unique(np.concatenate(blocks))
 
 
 def mesh_corners(prim, cache, time) -> list:
@@ -123,6 +128,37 @@ def mesh_corners(prim, cache, time) -> list:
     return [matrix.Transform(Gf.Vec3d(*corner)) for corner in found]
 
 
+def instancer_corners(prim, cache, time) -> list:
+    """World points whose hull holds what an instancer draws: corners of its instances' boxes, or of its own.
+
+    Of very many instances only those that lie furthest out are looked at, so that one a little further in may reach out
+    by less than its size.
+    """
+    from pxr import Gf, UsdGeom
+
+    matrix = UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(time)
+    bound = cache.ComputeUntransformedBound(prim).ComputeAlignedRange()
+    found = [tuple(bound.GetCorner(i)) for i in range(8)]
+    instancer = UsdGeom.PointInstancer(prim)
+    transforms = instancer.ComputeInstanceTransformsAtTime(time, time)
+    if transforms and importlib.util.find_spec("numpy") is not None:  # a studio's interpreter may lack it
+        import numpy as np
+
+        boxes = []
+        for path in instancer.GetPrototypesRel().GetForwardedTargets():
+            box = cache.ComputeRelativeBound(prim.GetStage().GetPrimAtPath(path), prim).ComputeAlignedRange()
+            boxes.append([tuple(box.GetCorner(i)) for i in range(8)] if not box.IsEmpty() else [(0.0, 0.0, 0.0)] * 8)
+        shown = np.array(instancer.ComputeMaskAtTime(time) or [True] * len(transforms))
+        used = np.array(instancer.GetProtoIndicesAttr().Get(time))[shown]
+        matrices = np.array(transforms)
+        if len(matrices) > 20000:
+            outer = support_indices(matrices[:, 3, :3])
+            matrices, used = matrices[outer], used[outer]
+        corners = np.array(boxes)[used] @ matrices[:, :3, :3] + matrices[:, 3:, :3]
+        found = support_points(corners.reshape(-1, 3))
+    return [matrix.Transform(Gf.Vec3d(*corner)) for corner in found]
+
+
 def measure_shape(stage, time, purposes: list[str]):
     """What cameras have to show: tighter than the stage's bound where meshes are drawn as they are."""
     from framing import Shape
@@ -143,6 +179,8 @@ def measure_shape(stage, time, purposes: list[str]):
             continue
         if prim.IsA(UsdGeom.Mesh):
             corners.extend(mesh_corners(prim, cache, time))
+        elif prim.IsA(UsdGeom.PointInstancer):
+            corners.extend(instancer_corners(prim, cache, time))
         else:
             corners.extend(world.GetCorner(i) for i in range(8))
     return Shape(middle=bound.GetMidpoint(), corners=tuple(corners), reach=bound.GetSize().GetLength())
