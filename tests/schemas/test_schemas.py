@@ -73,6 +73,13 @@ PROPERTIES: dict[str, tuple[tuple[str, str, str, str, str], ...]] = {
         ("primvars:leaf:inner", "float3[]", "leaf lengths", "finite", "one element a leaf"),
         ("primvars:leaf:outer", "float3[]", "leaf lengths", "finite", "one element a leaf"),
         (
+            "primvars:leaf:packed",
+            "float[]",
+            "none",
+            "whole numbers",
+            "1 and ten a leaf",
+        ),
+        (
             "primvars:leaf:phase",
             "float[]",
             "cycles",

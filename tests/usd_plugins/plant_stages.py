@@ -26,7 +26,14 @@ def build_leaves(stage: Usd.Stage, path: str = "/Leaves") -> Usd.Prim:
     UsdGeom.Scope.Define(stage, f"{path}/Prototypes")
     build_quad(stage, f"{path}/Prototypes/Leaf")
     author_leaf_arrays(prim, LEAVES, "varying")
+    _primvar(prim, "packed", Sdf.ValueTypeNames.FloatArray, packed_leaves(LEAVES), "constant")
     return prim
+
+
+def packed_leaves(count: int) -> list[float]:
+    """The copy for Storm of the leaves of author_leaf_arrays: axis2, inner and outer in 1/2048, the phase in 1/512."""
+    numbers = (0.0, 1365.0, 0.0, *(0.0,) * 6, 3840.0)
+    return [float(count), *(number for number in numbers for _ in range(count))]
 
 
 def author_leaf_arrays(prim: Usd.Prim, leaves: int, interpolation: str) -> None:

@@ -146,6 +146,15 @@ LEAF = [
         interpolate("primvars:leaf:phase", "constant"),
     ),
     ("LeafArrays", "LeafFactRange", "primvars:leaf:view", put("primvars:leaf:view", [0, -2, 0])),
+    ("LeafArrays", "LeafPackedMissing", "primvars:leaf:packed", drop("primvars:leaf:packed")),
+    ("LeafArrays", "LeafPackedLength", "primvars:leaf:packed", put("primvars:leaf:packed", [3.0, 1.0])),
+    ("LeafArrays", "LeafPackedDiffers", "primvars:leaf:packed", put("primvars:leaf:phase", [7.5, 7.5, 8.0])),
+    (
+        "LeafArrays",
+        "LeafPackedDiffers",
+        "primvars:leaf:packed",
+        put("primvars:leaf:inner", vectors((0, 0, 0), (0, 0, 0), (0, 0, 0.01))),
+    ),
     (
         "LeafEdits",
         "EditNotFinite",
@@ -432,6 +441,7 @@ def test_hundred_thousand_leaves_take_seconds() -> None:
         held = attribute.Get()
         if attribute.HasAuthoredValue() and attribute.GetTypeName().isArray and attribute.GetName() != "extent":
             attribute.Set(type(held)(count, held[0]))
+    prim.GetAttribute("primvars:leaf:packed").Set(stages.packed_leaves(count))
     start = time.perf_counter()
     assert findings(stage) == []
     assert time.perf_counter() - start < 10

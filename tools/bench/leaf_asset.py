@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 TARGETS = {"write s": 2.0, "MB": 16.0, "compose s": 0.3}  # of 100,000 leaves as bezier
@@ -26,11 +27,15 @@ MOST_GIB = 4.0  # of memory, to write a million
 def write(out: Path, count: int, representation: str, repeat: int) -> dict[str, float]:
     """Write the same leaves into out, repeat times; in this process."""
     import numpy as np
+    from usdfoliage.asset.leaf_material import LEAF_COLOR
     from usdfoliage.asset.package import LeafAssetSettings, write_leaf_asset
     from usdfoliage.asset.provenance import Provenance
     from usdfoliage.leaf.spray import scatter_spray
+    from usdfoliage.leaf.variation import vary_colors
 
-    leaves = scatter_spray(count, np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    leaves = scatter_spray(count, rng)
+    leaves = replace(leaves, color=vary_colors(LEAF_COLOR, count, rng))  # as `usdfoliage scatter` does
     provenance = Provenance(capture="", generator="bench", seed=0, input_sha256="")
     settings = LeafAssetSettings(representations=(representation,))
     out.mkdir()

@@ -20,6 +20,13 @@ FACTS = (
 )
 
 
+# The copy for Storm: its numbers are those of these primvars times these factors.
+PACKED = "primvars:leaf:packed"
+PACKED_OF = (("axis2", 2048.0), ("inner", 2048.0), ("outer", 2048.0))
+PACKED_PHASE = 512.0
+PACKED_PERIOD = 64.0
+
+
 def check_leaf_arrays(prim: Usd.Prim, _time: object) -> Findings:
     """The seven parameters are there, one element a leaf, finite, and make a leaf; so are phase and facts."""
     findings = wrong_prim_type(prim, "FoliageLeafAPI", ("PointInstancer", "NurbsPatch"))
@@ -55,6 +62,8 @@ def check_leaf_arrays(prim: Usd.Prim, _time: object) -> Findings:
                 parameters[name] = array
     findings += _check_silhouette(prim, parameters)
     findings += _check_facts(prim, leaves, interpolation)
+    if instancer and not findings:
+        findings += _check_packed(prim, leaves, parameters)
     return findings
 
 
@@ -170,4 +179,28 @@ def _check_facts(prim: Usd.Prim, leaves: int, interpolation: str) -> Findings:
             bound = f"{least:g} to {greatest:g}" if np.isfinite(greatest) else f"{least:g} or more"
             text = f"is not {bound} in {count(wrong, 'leaves')}; {remedy}"
             findings.append(error(prim, "LeafFactRange", text, primvar))
+    return findings
+
+
+def _check_packed(prim: Usd.Prim, leaves: int, parameters: dict[str, NDArray[np.float64]]) -> Findings:
+    """What Storm reads is what the arrays say: another application may have changed these alone."""
+    remedy = "write the leaves again, with `usdfoliage bake` or author_packed_leaves"
+    packed = values.numbers(prim, PACKED)
+    if packed is None:
+        text = f"is not authored, so that Storm draws straight cross-sections and axes alike at both ends; {remedy}"
+        return [warning(prim, "LeafPackedMissing", text, PACKED)]
+    findings = _check_interpolation(prim, PACKED, "constant")
+    if not leaves and not len(packed):
+        return findings
+    if len(packed) != 1 + 10 * leaves or packed[0] != leaves:
+        text = f"has {len(packed)} elements for {packed[0] if len(packed) else 0:g} leaves; "
+        text += f"{1 + 10 * leaves} are needed, for {leaves}; {remedy}"
+        return [*findings, error(prim, "LeafPackedLength", text, PACKED)]
+    phase = values.numbers(prim, "primvars:leaf:phase") if values.is_authored(prim, "primvars:leaf:phase") else None
+    turns = (np.zeros(leaves) if phase is None else phase % PACKED_PERIOD) * PACKED_PHASE
+    expected = np.column_stack([*(parameters[name] * factor for name, factor in PACKED_OF), turns])
+    wrong = ~(np.abs(packed[1:].reshape(10, leaves).T - expected) <= 1.0).all(axis=1)
+    if wrong.any():
+        text = f"differs from axis2, inner, outer or phase in {count(wrong, 'leaves')}: Storm draws others; {remedy}"
+        findings.append(error(prim, "LeafPackedDiffers", text, PACKED))
     return findings

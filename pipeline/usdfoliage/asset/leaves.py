@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
+from usdfoliage.asset.leaf_material import author_packed_leaves
 from usdfoliage.asset.leaf_primvars import (
     author_edits,
     author_jitter_map,
@@ -120,6 +121,7 @@ def author_leaves(stage: Usd.Stage, path: Sdf.Path, prim: LeavesPrim) -> UsdGeom
 
     instancer.GetPrim().AddAppliedSchema(LEAF_API)
     author_leaf_primvars(instancer.GetPrim(), leaves, UsdGeom.Tokens.varying)
+    author_packed_leaves(instancer, leaves)
     author_edits(instancer.GetPrim(), prim.edits)
     if prim.jitter_map:
         author_jitter_map(instancer.GetPrim(), prim.jitter_map)

@@ -37,5 +37,8 @@ NO_JITTER = Jitter()
 
 
 def spread_phases(count: int) -> NDArray[np.float64]:
-    """Phases (count,) in [0, PERIOD) that lie far apart for leaves that follow each other: a golden-ratio sequence."""
-    return np.asarray(PERIOD * np.modf(np.arange(count) * ((5**0.5 - 1) / 2))[0])
+    """Phases (count,) in [0, PERIOD) that lie far apart for leaves that follow each other: a golden-ratio sequence.
+
+    Sixteenths of a cycle: nobody sees the difference, and crate files keep arrays of at most 1024 values small.
+    """
+    return np.asarray(np.floor(16 * PERIOD * np.modf(np.arange(count) * ((5**0.5 - 1) / 2))[0]) / 16)
