@@ -52,8 +52,11 @@ def message_of(error: Exception) -> str:
     return "; ".join(dict.fromkeys(messages)) or " ".join(str(error).split())
 
 
-def open_stage(path: str):
-    """The stage of a file with everything loaded, editable in its session layer only."""
+def open_stage(path: str, muted: list[str], variants: dict[str, str]):
+    """The stage of a file with everything loaded, editable in its session layer only.
+
+    Layers are muted by their paths; a variant is selected on every prim that has its set.
+    """
     from pxr import Tf, Usd
 
     try:
@@ -61,7 +64,25 @@ def open_stage(path: str):
     except Tf.ErrorException as error:
         raise RecordError("file", message_of(error)) from error
     stage.SetEditTarget(stage.GetSessionLayer())
+    for layer in muted:
+        stage.MuteLayer(layer)
+    for name, chosen in variants.items():
+        select_variant(stage, name, chosen)
     return stage
+
+
+def select_variant(stage, name: str, chosen: str) -> None:
+    """Select a variant in the session layer on every prim that has the set."""
+    known: set[str] = set()
+    # A selection may bring prims, so none is kept while others are made.
+    for path in [prim.GetPath() for prim in stage.Traverse() if name in prim.GetVariantSets().GetNames()]:
+        variant_set = stage.GetPrimAtPath(path).GetVariantSet(name)
+        known.update(variant_set.GetVariantNames())
+        if chosen in variant_set.GetVariantNames():
+            variant_set.SetVariantSelection(chosen)
+    if chosen not in known:
+        there = f"there are {', '.join(sorted(known))}" if known else "no prim has such a variant set"
+        raise RecordError("variant", f"no variant {name}={chosen}; {there}")
 
 
 def compute_bound(stage, time, purposes: list[str]):
@@ -276,7 +297,7 @@ def record_views(request: dict) -> dict:
     """Draw every view to its EXR (linear, premultiplied alpha); returns the result but for the versions."""
     from pxr import Sdf, Tf, Usd, UsdAppUtils, UsdGeom
 
-    stage = open_stage(request["usd_file"])
+    stage = open_stage(request["usd_file"], request.get("muted", []), request.get("variants", {}))
     time = Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.Default()
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
     cameras = view_cameras(stage, time, request)

@@ -45,6 +45,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=("default", "render"),
         help="what is drawn (default render)",
     )
+    parser.add_argument(
+        "--variant",
+        metavar="SET=NAME",
+        action="append",
+        default=[],
+        help="show this variant, such as representation=mesh, wherever there is the set; may be repeated",
+    )
+    parser.add_argument(
+        "--mute", metavar="LAYER", type=Path, action="append", default=[], help="leave this layer out; may be repeated"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -73,6 +83,8 @@ def run(options: argparse.Namespace) -> int:
             complexity=options.complexity,
             purposes=tuple(options.purpose),
             background=_parse_background(options.background),
+            variants=tuple(_parse_variant(words) for words in options.variant),
+            muted=tuple(options.mute),
         )
         if options.turntable is not None and options.turntable < 2:
             raise ValueError(f"a turntable needs at least 2 frames, not {options.turntable}")
@@ -106,3 +118,11 @@ def _parse_background(words: Sequence[str] | None) -> tuple[float, float, float]
     except ValueError as error:
         raise ValueError(f"--background takes R G B from 0 to 1, or transparent, not {' '.join(words)!r}") from error
     return red, green, blue
+
+
+def _parse_variant(words: str) -> tuple[str, str]:
+    """The set and the variant that words name; raises ValueError."""
+    name, equals, chosen = words.partition("=")
+    if not (name and equals and chosen):
+        raise ValueError(f"--variant takes SET=NAME, such as representation=mesh, not {words!r}")
+    return name, chosen

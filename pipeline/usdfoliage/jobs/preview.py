@@ -58,6 +58,8 @@ class PreviewSettings:
     complexity: str = "high"  # how finely subdivision surfaces are drawn
     background: tuple[float, float, float] | None = (0.36, 0.37, 0.38)  # sRGB as displayed, 0 to 1; None: transparent
     purposes: tuple[str, ...] = ("default", "render")
+    variants: tuple[tuple[str, str], ...] = ()  # (variant set, variant), selected on every prim that has the set
+    muted: tuple[Path, ...] = ()  # layers that are left out
     stall_timeout_s: float = 300.0  # without a frame for so long, Storm is taken to hang
 
     def __post_init__(self) -> None:
@@ -298,6 +300,8 @@ def _build_request(
         "usd_file": str(usd_file.resolve()),
         "complexity": COMPLEXITIES[settings.complexity],
         "purposes": list(settings.purposes),
+        "variants": dict(settings.variants),
+        "muted": [str(layer.resolve()) for layer in settings.muted],
         "dome_texture": str(dome),
         "views": requested,
     }
