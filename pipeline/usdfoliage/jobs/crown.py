@@ -51,8 +51,8 @@ class CrownSettings:
             raise ValueError(f"threads must be 0, for all cores, or more, not {self.threads}")
         if not (np.isfinite(self.height_m) and self.height_m > 0):
             raise ValueError(f"the height must be a positive number of metres, not {self.height_m}")
-        if self.seed < 0:
-            raise ValueError(f"the seed must be 0 or positive, not {self.seed}")
+        if not 0 <= self.seed < 2**63:  # an asset records it as int64
+            raise ValueError(f"the seed must be 0 or positive and below 2^63, not {self.seed}")
         for checked in (self.radius_settings, self.surface_settings, self.color_map_settings, self.relief_settings):
             assert checked is not None  # each checks its own values when it is made
 

@@ -51,8 +51,8 @@ class ScatterRequest:
     def from_options(cls, options: argparse.Namespace) -> "ScatterRequest":
         """The request that a command line makes; FoliageError for values that cannot be."""
         check_count(options.count)
-        if options.seed < 0:
-            raise FoliageError(f"the seed must be 0 or more, not {options.seed}")
+        if not 0 <= options.seed < 2**63:  # an asset records it as int64
+            raise FoliageError(f"the seed must be 0 or more and below 2^63, not {options.seed}")
         usual = tuple(REPRESENTATIONS) if options.count <= MOST_LEAVES_OF_ALL else ("bezier",)
         representations = read_representations(options.representation or usual)
         look = LeafLook(

@@ -9,6 +9,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -259,7 +260,8 @@ def _write_together(files: Sequence[tuple[Path, bytes]]) -> None:
         raise PreviewError(f"cannot write the picture: {error.strerror} ({error.filename})") from error
     finally:
         for temporary in written:
-            temporary.unlink(missing_ok=True)
+            with suppress(OSError):  # a file system that refused the file refuses this too
+                temporary.unlink(missing_ok=True)
 
 
 def _file_to_draw(usd_file: Path, work: Path) -> Path:

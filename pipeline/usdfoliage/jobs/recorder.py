@@ -83,7 +83,7 @@ def run_recorder(
                 stdout=subprocess.PIPE,
                 stderr=complaints,
                 cwd=work,
-                env=_recorder_environment(),
+                env=_recorder_environment(work),
             )
         except OSError as error:
             raise PreviewError(f"the preview interpreter cannot be started: {error.strerror} ({python})") from error
@@ -111,8 +111,9 @@ def run_recorder(
     return result
 
 
-def _recorder_environment() -> dict[str, str]:
+def _recorder_environment(work: Path) -> dict[str, str]:
     environment = dict(os.environ)
+    environment["TMPDIR"] = str(work)  # Blender leaves a folder there with every start
     if not environment.get(INTERPRETER_VARIABLE):
         # .venv-preview is complete; another pxr on PYTHONPATH would shadow its own.
         for name in ("PYTHONPATH", "PYTHONHOME"):
