@@ -11,7 +11,7 @@ setup:
 demo: setup
 	@$(PYTHON_VENV) -m usdfoliage crown tools/demo/crown.jpg --mask tools/demo/crown_mask.png -o $(DEMO)
 	@$(PYTHON_VENV) -m usdfoliage scatter -n 400 --seed 1 -o $(DEMO)_leaves
-	@$(PYTHON_VENV) -m usdfoliage edit $(DEMO)_leaves --width 1.3 --bend -0.15 --jitter 0.02 12 -o $(DEMO)_look.usda
+	@$(PYTHON_VENV) -m usdfoliage edit $(DEMO)_leaves --width 1.3 --bend 0.3 --jitter 0.02 12 -o $(DEMO)_look.usda
 	@$(PYTHON_VENV) -m usdfoliage preview $(DEMO)_leaves -o $(DEMO)_leaves.png
 	@$(PYTHON_VENV) -m usdfoliage preview $(DEMO)_look.usda -o $(DEMO)_look.png
 
