@@ -230,7 +230,7 @@ def test_damaged_payload_is_an_error_and_no_traceback(asset: Path, suffix: str) 
         (b"PXR-USDC" + bytes(20), "cannot be read as USD"),
         (b'\xff\xfe\x00 no "text"', "byte 0 is no UTF-8"),
         (b'#usda 1.0\ndef Xform "o\xe9k" {\n}\n', "byte 22 is no UTF-8"),
-        (b'#usda 1.0\ndef Xform "oak" {\n}\n', "is no asset"),
+        (b'#usda 1.0\ndef Xform "oak" {\n}\n', "holds no plant: no active prim of it has FoliagePlantAPI"),
     ],
 )
 def test_interface_that_is_none(tmp_path: Path, content: bytes, complaint: str) -> None:
@@ -271,3 +271,85 @@ def test_folders_that_are_no_asset(asset: Path, tmp_path: Path) -> None:
         find_interface(tmp_path / "nothing")
     with pytest.raises(AssetError, match="is no USD file"):
         find_interface(Path(__file__))
+
+
+def write_scene(asset: Path, name: str, edit: float | None = None, **metadata: object) -> Path:
+    """Two placements deep in a scene, the second an instance; edit is the width of the first."""
+    stage = Usd.Stage.CreateNew(str(asset.parent / f"{name}.usda"))
+    UsdGeom.SetStageUpAxis(stage, str(metadata.get("upAxis", "Y")))
+    UsdGeom.SetStageMetersPerUnit(stage, float(str(metadata.get("metersPerUnit", 1))))
+    for placement in ("first", "second"):
+        prim = UsdGeom.Xform.Define(stage, f"/World/plants/{placement}").GetPrim()
+        prim.GetReferences().AddReference(str(asset / "oak.usda"))
+        prim.SetInstanceable(placement == "second")
+    if edit is not None:
+        leaves = stage.GetPrimAtPath("/World/plants/first/geo/render/Leaves")
+        leaves.GetAttribute("primvars:leaf:edit:width").Set(edit)
+    stage.GetRootLayer().Save()
+    return asset.parent / f"{name}.usda"
+
+
+def test_bad_edit_in_a_scene(asset: Path) -> None:
+    report = validate_asset(write_scene(asset, "shot", edit=-1))
+    assert report.is_scene
+    assert not report.nvidia
+    (finding,) = [finding for finding in report.findings if finding.severity == "error"]
+    assert (finding.error, finding.where) == ("EditRange", "")
+    assert finding.path == "/World/plants/first/geo/render/Leaves.primvars:leaf:edit:width"
+
+
+def test_clean_scene_in_centimetres_with_z_up(asset: Path) -> None:
+    report = validate_asset(write_scene(asset, "shot", upAxis="Z", metersPerUnit=0.01))
+    assert not [finding for finding in report.findings if finding.severity == "error"]
+    assert not [finding for finding in report.findings if finding.validator.startswith("usdFoliage")]
+    assert report.selections == ("as authored",)
+
+
+def test_look_of_a_scene_is_found_in_instances_once_for_those_alike(asset: Path) -> None:
+    """An edit that turns leaves inside out, of a class that two instances inherit."""
+    scene = write_scene(asset, "shot")
+    shot = Usd.Stage.CreateNew(str(asset.parent / "lit.usda"))
+    shot.GetRootLayer().subLayerPaths.append(scene.name)
+    UsdGeom.SetStageUpAxis(shot, "Y")
+    UsdGeom.SetStageMetersPerUnit(shot, 1)
+    shot.CreateClassPrim("/look")
+    edit_of_look = shot.OverridePrim("/look/geo/render/Leaves")
+    kind = Sdf.ValueTypeNames.Float3
+    UsdGeom.PrimvarsAPI(edit_of_look).CreatePrimvar("leaf:edit:silhouette2", kind, "constant").Set((0, -1, 0))
+    third = UsdGeom.Xform.Define(shot, "/World/plants/third").GetPrim()
+    third.GetReferences().AddReference(str(asset / "oak.usda"))
+    for prim in (shot.GetPrimAtPath("/World/plants/second"), third):
+        prim.SetInstanceable(True)
+        prim.GetInherits().AddInherit("/look")
+    shot.GetRootLayer().Save()
+    finding = named(validate_asset(asset.parent / "lit.usda").findings, "EditedSilhouetteWidth")
+    assert finding.path == "/World/plants/second/geo/render/Leaves.primvars:leaf:edit:silhouette2"
+
+
+def test_scene_without_its_asset_says_what_is_missing(asset: Path) -> None:
+    scene = write_scene(asset, "shot")
+    shutil.move(asset, asset.with_name("elsewhere"))
+    findings = validate_asset(shutil.copy(scene, scene.with_name("copy.usda"))).findings
+    assert [finding for finding in findings if finding.error == "CompositionError" and "oak.usda" in finding.message]
+
+
+def test_parts_of_a_plant_within_an_instance_may_be_in_another_variant(asset: Path) -> None:
+    def add_variants(plant: Usd.Prim) -> None:
+        lod = plant.GetVariantSets().AddVariantSet("lod")
+        for variant in ("both", "crown"):
+            lod.AddVariant(variant)
+            lod.SetVariantSelection(variant)
+            with lod.GetVariantEditContext():
+                plant.GetStage().OverridePrim("/oak/geo/render").SetActive(variant == "both")
+        lod.SetVariantSelection("both")
+
+    edit(asset, add_variants)
+    stage = Usd.Stage.Open(str(write_scene(asset, "shot")))
+    stage.GetPrimAtPath("/World/plants/second").GetVariantSets().SetSelection("lod", "crown")
+    stage.GetPrimAtPath("/World/plants").SetInstanceable(True)
+    outer = UsdGeom.Xform.Define(stage, "/Outer").GetPrim()
+    outer.GetReferences().AddInternalReference("/World/plants")
+    outer.SetInstanceable(True)
+    stage.GetRootLayer().Save()
+    findings = validate_asset(asset.parent / "shot.usda").findings
+    assert not [finding for finding in findings if finding.validator == "usdFoliageValidators:Plant"]

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from pxr import Sdf, Usd
+from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.__main__ import main
 
 from usd_plugins import plant_stages as stages
@@ -40,6 +40,19 @@ def test_findings_are_lines_and_the_exit_code_is_3(asset: Path, capsys: pytest.C
     assert lines[-1].startswith(f"{asset}: 1 error, ")
 
 
+def test_scene(asset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shot = Usd.Stage.CreateNew(str(asset.parent.parent / "shot.usda"))
+    UsdGeom.SetStageUpAxis(shot, "Y")
+    UsdGeom.SetStageMetersPerUnit(shot, 1)
+    UsdGeom.Xform.Define(shot, "/World/oak").GetPrim().GetReferences().AddReference(str(asset))
+    shot.GetRootLayer().Save()
+    assert main(["validate", str(asset.parent.parent / "shot.usda")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-2].startswith("note: this is a scene; ")
+    assert ": 0 errors, " in lines[-1]
+    assert lines[-1].endswith(", as selected")
+
+
 def test_json(asset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     break_asset(asset)
     assert main(["validate", str(asset), "--json"]) == 3
@@ -59,22 +72,29 @@ def test_profile_of_a_studio(asset: Path, tmp_path: Path, capsys: pytest.Capture
     )
     assert main(["validate", str(asset), "--profile", str(profile)]) == 3
     lines = capsys.readouterr().out.splitlines()
+    assert not [line for line in lines if line.startswith("accepted: ")]
+    assert " 1 accepted (-v shows them), " in lines[-1]
+    assert main(["validate", str(asset), "--profile", str(profile), "-v"]) == 3
+    lines = capsys.readouterr().out.splitlines()
+    assert " 1 accepted, " in lines[-1]
     assert [line for line in lines if line.startswith("accepted: ") and line.endswith("(accepted: our resolver)")]
     assert not [line for line in lines if "errors stay errors" in line]
 
 
-@pytest.mark.parametrize("what", ["nothing", "empty", "two", "text", "profile"])
+@pytest.mark.parametrize("what", ["nothing", "empty", "two", "text", "profile", "scene"])
 def test_what_is_no_asset_gives_one_line_and_exit_2(
     asset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str
 ) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "text").mkdir()
     (tmp_path / "text" / "a.usda").write_text("no USD")
+    (tmp_path / "scene.usda").write_text('#usda 1.0\ndef Xform "World" {}\n')
     arguments = {
         "nothing": [str(tmp_path / "nothing")],
         "empty": [str(tmp_path / "empty")],
         "two": [str(asset.parent)],
         "text": [str(tmp_path / "text")],
+        "scene": [str(tmp_path / "scene.usda")],
         "profile": [str(asset), "--profile", str(tmp_path / "none.toml")],
     }[what]
     if what == "two":

@@ -6,6 +6,7 @@ It computes with usdfoliage, which knows the surface; where that cannot be impor
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,16 +45,21 @@ def check_leaf_shape(stage: Usd.Stage, _time: object) -> Findings:
 
     It looks at a whole stage, for leaves as patches are quick to look at together and slow one by one.
     """
-    prims = [prim for prim in stage.Traverse() if LEAF_API in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
-    if not prims:
+    first = next(_with_leaves(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())), None)
+    if first is None:
         return []
     try:
+        from usdfoliage.asset.instances import iterate_prims
         from usdfoliage.leaf.fold import find_folds
     except ImportError as missing:
         text = f"was not looked at as it is drawn: {missing}; install usdfoliage for the Python of this USD"
-        return [warning(prims[0], "LeafShapeNotChecked", text)]
+        return [warning(first, "LeafShapeNotChecked", text)]
     # What is wrong with the arrays or the edits, the other validators say.
-    drawn = [leaves for leaves in map(_read_drawn_leaves, prims) if leaves is not None and len(leaves.plain)]
+    drawn = [
+        leaves
+        for leaves in map(_read_drawn_leaves, _with_leaves(iterate_prims(stage)))
+        if leaves is not None and len(leaves.plain)
+    ]
     findings: Findings = []
     patches = []
     for leaves in drawn:
@@ -72,6 +78,10 @@ def check_leaf_shape(stage: Usd.Stage, _time: object) -> Findings:
             names = which(folds, "patches", [leaves.prim.GetName() for leaves in together])
             findings.append(warning(together[int(np.argmax(folds))].prim, "LeafFolds", FOLDS.format(names)))
     return findings
+
+
+def _with_leaves(prims: Iterable[Usd.Prim]) -> Iterator[Usd.Prim]:
+    return (prim for prim in prims if LEAF_API in prim.GetPrimTypeInfo().GetAppliedAPISchemas())
 
 
 def _read_drawn_leaves(prim: Usd.Prim) -> DrawnLeaves | None:

@@ -89,7 +89,9 @@ def _applied_in_variants(prim: Usd.Prim, target: Sdf.Path) -> Iterator[list[str]
     selections = itertools.product(*(sets.GetVariantSet(name).GetVariantNames() for name in names))
     for selection in itertools.islice(selections, MOST_SELECTIONS if names else 0):
         session = Sdf.Layer.CreateAnonymous(".usda")
-        spec = Sdf.CreatePrimInLayer(session, prim.GetPath())
+        for path in prim.GetPath().GetPrefixes():  # what is in an instance cannot select for itself
+            Sdf.CreatePrimInLayer(session, path).instanceable = False
+        spec = session.GetPrimAtPath(prim.GetPath())
         for name, variant in zip(names, selection, strict=True):
             spec.variantSelections[name] = variant
         mask = Usd.StagePopulationMask([target])

@@ -1,7 +1,8 @@
 """Whether an asset is sound: every validator that is there, over every variant selection, loaded and unloaded.
 
 The validators are those of USD's registry, ours and a studio's among them, and NVIDIA's usd-validation-nvidia where it
-is installed.
+is installed. A scene that has plants is looked at as it is selected, by the registry's validators alone, and without
+what concerns only a file that others refer to.
 """
 
 import itertools
@@ -14,10 +15,11 @@ from typing import Any
 from pxr import Sdf, Tf, Usd, UsdUtils, UsdValidation
 
 from usdfoliage.asset.findings import SEVERITIES, Acceptance, Finding, one_line
-from usdfoliage.asset.locate import find_interface, first_reason, try_layer
+from usdfoliage.asset.instances import iterate_prims
+from usdfoliage.asset.locate import USD_SUFFIXES, find_interface, first_reason, try_layer
 from usdfoliage.asset.look import open_root_layer
 from usdfoliage.asset.nvidia_rules import nvidia_version, run_nvidia_rules
-from usdfoliage.asset.schema import PLANT_API, require_schemas
+from usdfoliage.asset.schema import PLANT_API, SCHEMAS, require_schemas
 from usdfoliage.asset.shader_parsers import without_parser
 from usdfoliage.errors import AssetError
 
@@ -25,17 +27,23 @@ logger = logging.getLogger(__name__)
 
 MOST_SELECTIONS = 64  # beyond it the variants of one set are tried while the others stay as they are
 
+# Rules for a file that others refer to; ours of that kind look only at a root layer that is an asset.
+NOT_FOR_SCENES = {("usdValidation:StageMetadataChecker", "MissingDefaultPrim")}
+# The default predicate leaves out what is unloaded.
+PRESENT = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
+
 Selection = tuple[tuple[Sdf.Path, str, str], ...]  # prim, variant set, variant
 
 
 @dataclass(frozen=True, kw_only=True)
 class ValidationReport:
-    """All findings of one asset, errors first, and what was looked at."""
+    """All findings of one asset or scene, errors first, and what was looked at."""
 
     asset: Path
+    is_scene: bool  # it refers to assets and is none itself
     findings: tuple[Finding, ...]
     selections: tuple[str, ...]
-    nvidia: str  # its version, empty where it is not installed
+    nvidia: str  # its version, empty where it did not run
 
     @property
     def open_errors(self) -> int:
@@ -47,36 +55,26 @@ class ValidationReport:
 
 
 def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> ValidationReport:
-    """Run every validator on an asset.
+    """Run every validator on an asset, or on a scene as it is selected.
 
     Args:
-        asset: Its folder or its interface layer, or a look, which is validated over its asset.
+        asset: Its folder or its interface layer; a look, which is validated over its asset; or a scene with plants.
         profile: Warnings to mark as accepted.
 
     Raises:
-        AssetError: It is no asset, or its interface layer cannot be read.
+        AssetError: It has no plant, or it cannot be read.
     """
     require_schemas()
     path = find_interface(asset).absolute()
     # USD's diagnostics go to stderr unless somebody takes them; what matters of them is found by the validators.
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
-    root = _open_interface(path)
+    root = open_root_layer(path)
+    is_scene = not root.anonymous and not _is_interface(root)  # a look over its asset is anonymous
     findings: dict[Finding, list[str]] = {finding: [] for finding in _unreadable_layers(root, path.parent)}
     selections: list[Selection] = []
     if not findings:  # with a damaged layer neither USD nor its validators get far
-        selections = _selections(root)
-        more: dict[Finding, list[str]] = {}
-        for selection in selections:
-            stage = _compose(root, selection, Usd.Stage.LoadAll)
-            for finding in _run_usd_validators(stage):
-                findings.setdefault(finding, []).append(_label(selection))
-            for finding in run_nvidia_rules(stage):
-                more.setdefault(finding, []).append(_label(selection))
-        for finding in _run_usd_validators(_compose(root, (), Usd.Stage.LoadNone)):
-            findings.setdefault(finding, []).append("unloaded")
-        said = {(finding.severity, finding.message) for finding in findings}
-        # NVIDIA's package runs some of USD's validators again.
-        findings |= {finding: at for finding, at in more.items() if (finding.severity, finding.message) not in said}
+        selections = [()] if is_scene else _selections(root)
+        findings = _validate_scene(root, path) if is_scene else _validate_interface(root, selections)
     for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
         logger.info("USD: %s", diagnostic.commentary)
 
@@ -89,21 +87,55 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
     finished.sort(key=lambda f: (bool(f.accepted), SEVERITIES.index(f.severity), f.validator, f.path, f.message))
     return ValidationReport(
         asset=path,
+        is_scene=is_scene,
         findings=tuple(finished),
         selections=tuple(_label(selection) for selection in selections),
-        nvidia=nvidia_version() if selections else "",
+        nvidia=nvidia_version() if selections and not is_scene else "",
     )
 
 
-def _open_interface(path: Path) -> Sdf.Layer:
-    layer = open_root_layer(path)
-    if layer.anonymous:  # a look over its asset
-        return layer
-    for spec in layer.rootPrims:
-        applied = spec.GetInfo("apiSchemas")
-        if applied and PLANT_API in applied.GetAppliedItems():
-            return layer
-    raise AssetError(f"{path} is no asset: none of its root prims has {PLANT_API}; name an asset's folder or its .usda")
+def _is_interface(layer: Sdf.Layer) -> bool:
+    """Whether a root prim of that very layer is a plant."""
+    applied = [spec.GetInfo("apiSchemas") for spec in layer.rootPrims]
+    return any(held and PLANT_API in held.GetAppliedItems() for held in applied)
+
+
+def _validate_interface(root: Sdf.Layer, selections: Sequence[Selection]) -> dict[Finding, list[str]]:
+    """What is found in every selection, and in the asset while it is unloaded, with the labels of where."""
+    findings: dict[Finding, list[str]] = {}
+    more: dict[Finding, list[str]] = {}
+    for selection in selections:
+        stage = _compose(root, selection, Usd.Stage.LoadAll)
+        for finding in _run_usd_validators(stage):
+            findings.setdefault(finding, []).append(_label(selection))
+        for finding in run_nvidia_rules(stage):
+            more.setdefault(finding, []).append(_label(selection))
+    for finding in _run_usd_validators(_compose(root, (), Usd.Stage.LoadNone)):
+        findings.setdefault(finding, []).append("unloaded")
+    said = {(finding.severity, finding.message) for finding in findings}
+    # NVIDIA's package runs some of USD's validators again.
+    return findings | {finding: at for finding, at in more.items() if (finding.severity, finding.message) not in said}
+
+
+def _validate_scene(root: Sdf.Layer, path: Path) -> dict[Finding, list[str]]:
+    """What is found in a scene as it is selected.
+
+    Raises:
+        AssetError: It has no plant.
+    """
+    stage = Usd.Stage.Open(root)
+    # Where something cannot be composed, plants may be missing for that reason; the validators say so.
+    if not _has_plants(stage) and not stage.GetCompositionErrors():
+        raise AssetError(
+            f"{path} holds no plant: no active prim of it has {PLANT_API} or another schema of usdFoliage; name an "
+            "asset's folder, its .usda, a look, or a scene that refers to assets"
+        )
+    findings = _run_usd_validators(stage)
+    return {held: [_label(())] for held in findings if (held.validator, held.error) not in NOT_FOR_SCENES}
+
+
+def _has_plants(stage: Usd.Stage) -> bool:
+    return any(not set(SCHEMAS).isdisjoint(prim.GetAppliedSchemas()) for prim in iterate_prims(stage, PRESENT))
 
 
 def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
@@ -113,7 +145,7 @@ def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
         layer = waiting.pop()
         for reference in sorted(layer.GetCompositionAssetDependencies()):
             path = Path(layer.ComputeAbsolutePath(reference))
-            if str(path) in seen or not path.is_file():
+            if str(path) in seen or path.suffix.lower() not in USD_SUFFIXES or not path.is_file():
                 continue
             seen.add(str(path))
             opened, reason = try_layer(path)
@@ -163,14 +195,13 @@ def _compose(root: Sdf.Layer, selection: Selection, load: Usd.Stage.InitialLoadS
 
 def _run_usd_validators(stage: Usd.Stage) -> list[Finding]:
     """What the registry's validators say of one composition."""
-    predicate = (
-        Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
-    )  # the default one leaves out what is unloaded
+    in_instances = [prim for prim in iterate_prims(stage, PRESENT) if prim.IsInstanceProxy()]
     findings = []
     for validator in UsdValidation.ValidationRegistry().GetOrLoadAllValidators():
         name = validator.GetMetadata().name
         try:
-            problems = UsdValidation.ValidationContext(validators=[validator]).Validate(stage, predicate)
+            context = UsdValidation.ValidationContext(validators=[validator])
+            problems = [*context.Validate(stage, PRESENT), *(context.Validate(in_instances) if in_instances else ())]
         except (Tf.ErrorException, UnicodeDecodeError) as error:
             message = f"could not finish ({first_reason(error)}); is a layer damaged? write the asset again"
             findings.append(Finding(severity="error", validator=name, error="Stopped", path="/", message=message))

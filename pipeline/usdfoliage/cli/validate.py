@@ -1,7 +1,10 @@
-"""Check an asset: our validators, every one that USD has, and NVIDIA's where they are installed.
+"""Check an asset or a scene: our validators, every one that USD has, and NVIDIA's where they are installed.
+
+An asset is checked in all its variants, a look over its asset. A scene that refers to assets is checked as it is
+selected, with its edits, and without NVIDIA's rules and those for an asset's own files.
 
 Prints one line a finding: its severity, the validator, the prim, what is wrong. The exit code is 0 without an error,
-3 with one. Warnings that the studio profile accepts are printed with its reason.
+3 with one. Warnings that the studio profile accepts are counted in the last line; -v prints them with its reason.
 """
 
 import argparse
@@ -18,7 +21,7 @@ EXIT_WITH_ERRORS = 3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("asset", type=Path, metavar="ASSET", help="the asset's folder, or its .usda")
+    parser.add_argument("asset", type=Path, metavar="ASSET", help="the asset's folder, its .usda, a look, or a scene")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
     parser.add_argument(
         "--profile", type=Path, metavar="FILE", help="accepted warnings, TOML, instead of those shipped with usdfoliage"
@@ -31,21 +34,25 @@ def run(options: argparse.Namespace) -> int:
 
     profile = read_profile(options.profile or default_profile())
     report = validate_asset(options.asset, profile)
-    print(_as_json(report) if options.json else _as_lines(report))
+    print(_as_json(report) if options.json else _as_lines(report, options.verbose))
     return EXIT_WITH_ERRORS if report.open_errors else 0
 
 
-def _as_lines(report: "ValidationReport") -> str:
-    lines = [_line(finding) for finding in report.findings]
+def _as_lines(report: "ValidationReport", verbose: bool) -> str:
+    lines = [_line(finding) for finding in report.findings if verbose or not finding.accepted]
     accepted = sum(bool(finding.accepted) for finding in report.findings)
     counts = [_count(report.count("error"), "error"), _count(report.count("warning"), "warning")]
     if report.count("info"):
         counts.append(f"{report.count('info')} info")
-    counts.append(f"{accepted} accepted")
-    if not report.nvidia:
+    counts.append(f"{accepted} accepted" + (" (-v shows them)" if accepted and not verbose else ""))
+    if report.is_scene:
+        lines.append(
+            "note: this is a scene; validate an asset itself for its other variants, its files and NVIDIA's rules"
+        )
+    elif not report.nvidia:
         lines.append("note: usd-validation-nvidia did not run: it is not installed, or a layer cannot be read")
-    looked = _count(len(report.selections), "variant selection")
-    lines.append(f"{report.asset}: {', '.join(counts)}, in {looked}")
+    looked = "as selected" if report.is_scene else f"in {_count(len(report.selections), 'variant selection')}"
+    lines.append(f"{report.asset}: {', '.join(counts)}, {looked}")
     return "\n".join(lines)
 
 
@@ -64,6 +71,7 @@ def _count(number: int, what: str) -> str:
 def _as_json(report: "ValidationReport") -> str:
     content = {
         "asset": str(report.asset),
+        "scene": report.is_scene,
         "errors": report.count("error"),
         "warnings": report.count("warning"),
         "accepted": sum(bool(finding.accepted) for finding in report.findings),
