@@ -199,6 +199,41 @@ def test_broken_leaves(validator: str, name: str, place: str, break_it: Break) -
     assert findings(stage) == [(validator, name, f"/Leaves.{place}")]
 
 
+def test_blocked_edit_is_a_warning_with_the_neutral_value() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    stages.build_leaves(stage).GetAttribute("primvars:leaf:edit:jitterFrequency").Block()
+    (problem,) = UsdValidation.ValidationContext(keywords=["usdFoliage"]).Validate(stage)
+    assert (problem.GetName(), problem.GetType()) == ("EditBlocked", WARN)
+    assert "author 8.0 instead" in problem.GetMessage()
+
+
+def test_copy_of_the_leaves_that_guides_is_passed_over() -> None:
+    """Only below geo/guide/Leaves, and only while it is a guide."""
+    stage = Usd.Stage.CreateInMemory()
+    scopes = {"/oak/geo/guide": "guide", "/elm/geo/guide": "default", "/ash/geo/other": "guide"}
+    for path, purpose in scopes.items():
+        UsdGeom.Scope.Define(stage, path).CreatePurposeAttr(purpose)
+        leaves = stages.build_leaves(stage, f"{path}/Leaves/geo/render/Leaves")
+        put("primvars:leaf:edit:width", -1.0)(leaves)  # LeafEdits
+        put("primvars:leaf:silhouette1", vectors(*[(0.6, 0.2, 0)] * 3))(leaves)  # LeafArrays
+        put("orientationsf", [Gf.Quatf(2)] * 3)(leaves)
+        put("protoIndices", [0, 0, 1])(leaves)
+    for path in scopes:
+        found = {validator for validator, _, place in findings(stage) if place.startswith(path)}
+        broken = {"LeafEdits", "LeafArrays", "LeafOrientations", "LeafPrototype"}
+        assert found == (set() if path == "/oak/geo/guide" else broken), path
+
+
+def test_shape_of_the_copy_that_guides_is_passed_over() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.Scope.Define(stage, "/oak/geo/guide").CreatePurposeAttr("guide")
+    for path in ("/oak/geo/guide/Leaves/geo/render/Leaves", "/Leaves"):
+        put("primvars:leaf:edit:silhouette2", Gf.Vec3f(1, 0, 0))(stages.build_leaves(stage, path))
+    places = {place for validator, _, place in findings(stage) if validator == "LeafShape"}
+    assert places
+    assert all(place.startswith("/Leaves") for place in places)
+
+
 def test_only_the_width_is_a_warning() -> None:
     stage = Usd.Stage.CreateInMemory()
     prim = stages.build_leaves(stage)

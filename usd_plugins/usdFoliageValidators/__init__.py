@@ -13,6 +13,7 @@ from usdFoliageValidators.asset import (
 )
 from usdFoliageValidators.crown import check_crown, check_crown_files
 from usdFoliageValidators.forest import check_forest
+from usdFoliageValidators.guides import but_guide_copies
 from usdFoliageValidators.leaf import check_leaf_arrays, check_leaf_orientations
 from usdFoliageValidators.leaf_edits import check_leaf_edits
 from usdFoliageValidators.leaf_patch import check_leaf_patch
@@ -24,11 +25,11 @@ from usdFoliageValidators.skeleton import check_skeleton
 
 PRIM_VALIDATORS = {
     "Plant": check_plant,
-    "LeafArrays": check_leaf_arrays,
-    "LeafOrientations": check_leaf_orientations,
-    "LeafPrototype": check_leaf_prototype,
-    "LeafPatch": check_leaf_patch,
-    "LeafEdits": check_leaf_edits,
+    "LeafArrays": but_guide_copies(check_leaf_arrays),
+    "LeafOrientations": but_guide_copies(check_leaf_orientations),
+    "LeafPrototype": but_guide_copies(check_leaf_prototype),
+    "LeafPatch": but_guide_copies(check_leaf_patch),
+    "LeafEdits": but_guide_copies(check_leaf_edits),
     "LobedLeaf": check_lobed_leaf,
     "Skeleton": check_skeleton,
     "Crown": check_crown,

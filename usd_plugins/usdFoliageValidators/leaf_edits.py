@@ -4,7 +4,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from usdFoliageValidators import values
-from usdFoliageValidators.findings import Findings, error
+from usdFoliageValidators.findings import Findings, error, warning
 
 VECTOR_EDITS = ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "curl")
 NUMBER_EDITS = {"width": "width", "jitterAmplitude": "jitter_amplitude", "jitterFrequency": "jitter_frequency"}
@@ -12,7 +12,7 @@ JITTER_MAP = "foliage:leaf:jitterMap"
 
 
 def check_leaf_edits(prim: Usd.Prim, _time: object) -> Findings:
-    """Every edit is one finite value in its range for all leaves; the jitter's map is there."""
+    """Every edit is one finite value in its range for all leaves, none is blocked; the jitter's map is there."""
     findings: Findings = []
     for name in VECTOR_EDITS:
         primvar = f"primvars:leaf:edit:{name}"
@@ -29,6 +29,11 @@ def check_leaf_edits(prim: Usd.Prim, _time: object) -> Findings:
             findings.append(error(prim, "EditRange", f"is {number}; it must be {needed}", primvar))
     for name in (*VECTOR_EDITS, *NUMBER_EDITS):
         primvar = f"primvars:leaf:edit:{name}"
+        attribute = prim.GetAttribute(primvar)
+        if attribute and attribute.GetResolveInfo().ValueIsBlocked():
+            neutral = prim.GetPrimDefinition().GetAttributeFallbackValue(primvar)
+            text = f"is blocked, which undoes the edit but leaves a renderer no value for it; author {neutral} instead"
+            findings.append(warning(prim, "EditBlocked", text, primvar))
         if values.is_authored(prim, primvar):
             held = UsdGeom.Primvar(prim.GetAttribute(primvar)).GetInterpolation()
             if held != UsdGeom.Tokens.constant:

@@ -17,6 +17,7 @@ from pxr import Usd, UsdGeom
 
 from usdFoliageValidators import values
 from usdFoliageValidators.findings import Findings, count, error, warning, which
+from usdFoliageValidators.guides import is_guide_copy
 from usdFoliageValidators.leaf import PARAMETERS
 from usdFoliageValidators.leaf_edits import JITTER_MAP, NUMBER_EDITS, VECTOR_EDITS
 
@@ -81,7 +82,8 @@ def check_leaf_shape(stage: Usd.Stage, _time: object) -> Findings:
 
 
 def _with_leaves(prims: Iterable[Usd.Prim]) -> Iterator[Usd.Prim]:
-    return (prim for prim in prims if LEAF_API in prim.GetPrimTypeInfo().GetAppliedAPISchemas())
+    with_api = (prim for prim in prims if LEAF_API in prim.GetPrimTypeInfo().GetAppliedAPISchemas())
+    return (prim for prim in with_api if not is_guide_copy(prim))
 
 
 def _read_drawn_leaves(prim: Usd.Prim) -> DrawnLeaves | None:
