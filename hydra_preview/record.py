@@ -19,6 +19,11 @@ KEY_INTENSITY = 1000.0
 KEY_ELEVATION_DEG = 35.0  # above and to the left of the camera's view
 KEY_AZIMUTH_DEG = 35.0
 
+# How far a shader may displace what an instancer repeats: a part of its size, and so many times how far the instancer's
+# extent reaches beyond what is not displaced, for along a slant less of a displacement shows.
+GROWTH = 0.25
+EXCESSES = 2.0
+
 
 class RecordError(Exception):
     """Why nothing could be drawn; kind tells the product what to advise."""
@@ -149,11 +154,61 @@ def mesh_corners(prim, cache, time) -> list:
     return [matrix.Transform(Gf.Vec3d(*corner)) for corner in found]
 
 
+def prototype_box(prototype, cache, time):
+    """The box (2, 3) of what an instancer repeats, in its own space, and how large it is if a shader displaces it.
+
+    The extent of a mesh is taken for a shader's where it holds more than the points: that is how far any edit may
+    lead, not what is drawn, so such a mesh is the box of its points.
+    """
+    import numpy as np
+    from pxr import UsdGeom
+
+    bound = cache.ComputeUntransformedBound(prototype).ComputeAlignedRange()
+    box = np.zeros((2, 3)) if bound.IsEmpty() else np.array([bound.GetMin(), bound.GetMax()])
+    if not prototype.IsA(UsdGeom.Mesh):
+        return box, 0.0
+    points = np.array(UsdGeom.Mesh(prototype).GetPointsAttr().Get(time) or (), dtype=np.float64).reshape(-1, 3)
+    if not len(points):
+        return box, 0.0
+    plain = np.array([points.min(axis=0), points.max(axis=0)])
+    size = float(np.ptp(plain, axis=0).max())
+    displaced = np.any(plain[0] - box[0] > 1e-3 * size) or np.any(box[1] - plain[1] > 1e-3 * size)
+    return plain, size if displaced else 0.0
+
+
+def instance_corners(boxes, matrices, extent):
+    """Points (P, 3) whose hull holds boxes (N, 2, 3) placed by matrices (N, 4, 4) within extent (2, 3), if any.
+
+    What a box has in common with the extent ends on edges of either: a few leaves need points along these, of many one
+    is too small to tell.
+    """
+    import numpy as np
+
+    places = edge_places(17 if len(boxes) <= 500 else 2)
+    points = boxes[:, None, 0] + places * (boxes[:, None, 1] - boxes[:, None, 0])
+    points = points @ matrices[:, :3, :3] + matrices[:, 3:, :3]
+    if extent is None:
+        return points.reshape(-1, 3)
+    ends = extent[0] + places * (extent[1] - extent[0])
+    turnable = np.abs(np.linalg.det(matrices[:, :3, :3])) > 0
+    local = (ends - matrices[turnable, 3:, :3]) @ np.linalg.inv(matrices[turnable, :3, :3])
+    held = ((local >= boxes[turnable, :1]) & (local <= boxes[turnable, 1:])).all(axis=2).any(axis=0)
+    return np.concatenate([np.clip(points.reshape(-1, 3), *extent), ends[held]])
+
+
+def edge_places(count: int):
+    """Points (P, 3) on the edges of the box from 0 to 1, so many on each, every corner once."""
+    import numpy as np
+
+    along = np.stack(np.meshgrid(np.linspace(0, 1, count), [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.unique(np.concatenate([np.roll(along, axis, axis=1) for axis in range(3)]), axis=0)
+
+
 def instancer_corners(prim, cache, time) -> list:
     """World points whose hull holds what an instancer draws: corners of its instances' boxes, or of its own.
 
     Of very many instances only those that lie furthest out are looked at, so that one a little further in may reach out
-    by less than its size.
+    by less than its size. How far a shader displaces them is guessed from the instancer's extent.
     """
     from pxr import Gf, UsdGeom
 
@@ -165,18 +220,22 @@ def instancer_corners(prim, cache, time) -> list:
     if transforms and importlib.util.find_spec("numpy") is not None:  # a studio's interpreter may lack it
         import numpy as np
 
-        boxes = []
-        for path in instancer.GetPrototypesRel().GetForwardedTargets():
-            box = cache.ComputeRelativeBound(prim.GetStage().GetPrimAtPath(path), prim).ComputeAlignedRange()
-            boxes.append([tuple(box.GetCorner(i)) for i in range(8)] if not box.IsEmpty() else [(0.0, 0.0, 0.0)] * 8)
+        targets = instancer.GetPrototypesRel().GetForwardedTargets()
+        held = [prototype_box(prim.GetStage().GetPrimAtPath(path), cache, time) for path in targets]
         shown = np.array(instancer.ComputeMaskAtTime(time) or [True] * len(transforms))
         used = np.array(instancer.GetProtoIndicesAttr().Get(time))[shown]
         matrices = np.array(transforms)
         if len(matrices) > 20000:
             outer = support_indices(matrices[:, 3, :3])
             matrices, used = matrices[outer], used[outer]
-        corners = np.array(boxes)[used] @ matrices[:, :3, :3] + matrices[:, 3:, :3]
-        found = support_points(corners.reshape(-1, 3))
+        boxes, sizes = np.array([box for box, _ in held])[used], np.array([size for _, size in held])[used]
+        extent = np.array([bound.GetMin(), bound.GetMax()])
+        plain = instance_corners(boxes, matrices, None)
+        excess = max(0.0, (plain.min(axis=0) - extent[0]).max(), (extent[1] - plain.max(axis=0)).max())
+        scales = np.linalg.norm(matrices[:, :3, :3], axis=2).max(axis=1)
+        reach = np.where(sizes > 0, GROWTH * sizes + EXCESSES * excess / np.maximum(scales, 1e-30), 0.0)[:, None]
+        corners = instance_corners(np.stack([boxes[:, 0] - reach, boxes[:, 1] + reach], axis=1), matrices, extent)
+        found = support_points(corners)
     return [matrix.Transform(Gf.Vec3d(*corner)) for corner in found]
 
 

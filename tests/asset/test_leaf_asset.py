@@ -21,7 +21,7 @@ from leaf_assets import PROVENANCE, random_leaves, two_leaves, write_spray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, UsdUtils
 from usd_values import compare_with_golden, composed, hashes
 from usdfoliage.asset.findings import default_profile, read_profile
-from usdfoliage.asset.leaves import author_leaves, leaves_prim, read_leaves
+from usdfoliage.asset.leaves import PROTOTYPE_MARGIN, author_leaves, leaves_prim, read_leaves
 from usdfoliage.asset.package import LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.validation import validate_asset
 from usdfoliage.errors import AssetError, CaptureError
@@ -120,6 +120,9 @@ def test_bounds_contain_what_is_drawn(tmp_path):
     assert (points <= high + 1e-6).all()
     matrix = leaves.asset_from_leaf()
     points_m = np.einsum("nij,nvuj->nvui", matrix[:, :, :3], points) + matrix[:, None, None, :, 3]
+    # Far enough for edits that nobody told the asset of.
+    np.testing.assert_array_less(points.reshape(-1, 3).max(axis=0) + 0.99 * PROTOTYPE_MARGIN, high)
+    np.testing.assert_array_less(low, points.reshape(-1, 3).min(axis=0) - 0.99 * PROTOTYPE_MARGIN)
     low_m, high_m = np.array(instancer.GetExtentAttr().Get())
     size = high_m - low_m
     assert (points_m >= low_m - 1e-6).all()

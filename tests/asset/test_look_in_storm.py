@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from leaf_assets import random_leaves, write_spray
-from pxr import Usd, UsdGeom
+from leaf_assets import random_leaves, two_leaves, write_spray
+from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.asset.look import write_look_layer
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views
@@ -61,6 +61,27 @@ def test_a_sublayered_look_shows_and_goes_without_a_trace(scene):
         assert (wide[:, third, 3] > 0.5).sum() > 1.15 * (before[:, third, 3] > 0.5).sum()
     fallback = draw(scene, variants=(("representation", "mesh"),))
     np.testing.assert_array_equal(fallback, draw(scene, variants=(("representation", "mesh"),), muted=(look,)))
+
+
+@pytest.mark.parametrize("layers", [("wide", "bent"), ("bent", "wide"), ("hand",)])
+def test_leaves_far_from_the_prototype_are_not_culled(scene, tmp_path, layers):
+    """Storm culls by the prototype's extent, of which neither layer knows what the others do."""
+    asset = write_spray(tmp_path / "spray", two_leaves().take([0]))
+    write_look_layer(tmp_path / "wide.usda", asset, LeafEdits(width=3.0))
+    write_look_layer(tmp_path / "bent.usda", asset, LeafEdits(axis1=(0.0, 0.0, 1.5), axis2=(0.0, 0.0, 1.5)))
+    hand = Usd.Stage.CreateNew(str(tmp_path / "hand.usda"))
+    leaves = hand.OverridePrim("/World/plant/geo/render/Leaves")
+    leaves.CreateAttribute("primvars:leaf:edit:width", Sdf.ValueTypeNames.Float).Set(3.0)
+    hand.Save()
+    stage = Usd.Stage.CreateNew(str(tmp_path / "shot.usda"))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.Xform.Define(stage, "/World/plant").GetPrim().GetReferences().AddReference("./spray/spray.usda")
+    stage.GetRootLayer().subLayerPaths = [f"./{name}.usda" for name in layers]
+    stage.Save()
+    # The leaf reaches to x = 0.3 without edits and to 0.9 with them; the camera sees nothing else.
+    beside = PreviewView(output=Path("unused.png"), orthographic=True, window=(0.7, 0.8, 0.45, 0.55))
+    (picture,) = draw_views(tmp_path / "shot.usda", [beside], PreviewSettings(width_px=40, height_px=40))
+    assert (picture[..., 3] > 0.5).all()
 
 
 def test_an_unknown_variant_is_named_with_those_that_exist(scene):

@@ -32,6 +32,9 @@ from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.variation import default_leaf
 
 PROTOTYPE = "Prototypes/Leaf"  # below the instancer
+# Leaf lengths on every side of the leaves. Storm culls each leaf by the prototype's extent, and edits that add up or
+# are authored by hand move what is drawn without widening it: of two looks only the stronger one's extent stands.
+PROTOTYPE_MARGIN = 1.0
 _UNIT = 1e-6  # a quaternion this near to length 1 is written as it is
 
 
@@ -41,7 +44,7 @@ class LeavesPrim:
 
     leaves: Leaves
     prototype: LeafMesh  # what a renderer without our shader shows in place of every leaf, in leaf space
-    prototype_extent: NDArray[np.float64]  # (2, 3), of all leaves as they are drawn, in leaf space
+    prototype_extent: NDArray[np.float64]  # (2, 3), of all leaves as they are drawn, with a margin, in leaf space
     extent_m: NDArray[np.float64]  # (2, 3), of the same, in the asset's frame
     color: tuple[float, float, float]  # linear Rec.709
     edits: LeafEdits = NEUTRAL
@@ -75,20 +78,26 @@ def leaves_prim(
     prototype = build_prototype(mean_leaf(leaves.parameters) if len(leaves) else default_leaf(), settings)
     drawn = edited_leaves(leaves, edits)
     bounds = leaf_bounds(drawn.parameters, jitter)
+    shown = np.stack(
+        [
+            np.minimum(prototype.points_m.min(axis=0), bounds[:, 0].min(axis=0, initial=np.inf)),
+            np.maximum(prototype.points_m.max(axis=0), bounds[:, 1].max(axis=0, initial=-np.inf)),
+        ]
+    )
     return LeavesPrim(
         leaves=leaves,
         prototype=prototype,
-        prototype_extent=np.stack(
-            [
-                np.minimum(prototype.points_m.min(axis=0), bounds[:, 0].min(axis=0, initial=np.inf)),
-                np.maximum(prototype.points_m.max(axis=0), bounds[:, 1].max(axis=0, initial=-np.inf)),
-            ]
-        ),
+        prototype_extent=with_margin(shown),
         extent_m=leaf_bounds_m(drawn, jitter),
         color=color,
         edits=edits,
         jitter_map=jitter_map,
     )
+
+
+def with_margin(extent: NDArray[np.floating]) -> NDArray[np.float64]:
+    """What a prototype's extent must hold, (2, 3), so that leaves within extent (2, 3) are drawn under more edits."""
+    return np.stack([extent[0] - PROTOTYPE_MARGIN, extent[1] + PROTOTYPE_MARGIN]).astype(np.float64)
 
 
 def edited_leaves(leaves: Leaves, edits: LeafEdits) -> Leaves:
@@ -112,7 +121,7 @@ def author_leaves(stage: Usd.Stage, path: Sdf.Path, prim: LeavesPrim) -> UsdGeom
     instancer.CreateOrientationsfAttr(Vt.QuatfArray.FromNumpy(turns))  # takes precedence
     instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(turns.astype(np.float16)))
     instancer.CreateProtoIndicesAttr(Vt.IntArray(len(leaves), 0))
-    instancer.CreateExtentAttr(_corners(prim.extent_m))
+    instancer.CreateExtentAttr(outward_corners(prim.extent_m))
 
     prototype = path.AppendPath(PROTOTYPE)
     UsdGeom.Scope.Define(stage, prototype.GetParentPath())
@@ -180,7 +189,7 @@ def author_leaf_mesh(
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(leaf.normals))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points) if extent is None else _corners(extent))
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points) if extent is None else outward_corners(extent))
     author_leaf_gprim(mesh, color)
     author_st(mesh, leaf.st, count)
     return mesh
@@ -290,7 +299,7 @@ def unit_quaternions(turns: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.where(np.abs(length - 1) <= _UNIT, turns, turns / length)
 
 
-def _corners(extent: NDArray[np.floating]) -> list[Gf.Vec3f]:
+def outward_corners(extent: NDArray[np.floating]) -> list[Gf.Vec3f]:
     """Two corners as USD wants them, rounded outwards."""
     low, high = np.asarray(extent, np.float32)
     low = np.where(low > extent[0], np.nextafter(low, np.float32(-np.inf)), low)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from usdfoliage.asset.leaves import ReadLeaves
+from usdfoliage.asset.leaves import ReadLeaves, outward_corners, with_margin
 from usdfoliage.leaf.bounds import leaf_bounds, leaf_bounds_m
 from usdfoliage.leaf.edits import LeafEdits, apply_edits
 from usdfoliage.leaf.jitter import Jitter
@@ -25,7 +25,8 @@ def author_wider_extents(
 ) -> None:
     """Author the extents that edited leaves outgrow: of the prototypes, of the instancer, of the plant.
 
-    None becomes smaller than the asset has it, for a renderer without our shader draws leaves without the edits.
+    None becomes smaller than the asset has it, for a renderer without our shader draws leaves without the edits. Those
+    of the prototypes get the margin that the asset gives them, for other looks may act besides this one.
 
     Args:
         stage: Of the look.
@@ -46,7 +47,7 @@ def author_wider_extents(
         prototype = instancer.GetStage().GetPrimAtPath(target)
         for gprim in Usd.PrimRange(prototype) if prototype else ():
             if UsdGeom.Gprim(gprim):
-                _widen(stage, path, plant, UsdGeom.Gprim(gprim), in_leaf_space)
+                _widen(stage, path, plant, UsdGeom.Gprim(gprim), in_leaf_space, with_margin(in_leaf_space))
 
     leaves = Leaves(
         parameters=edited,
@@ -56,20 +57,26 @@ def author_wider_extents(
         phase=held.leaves.phase,
     )
     bounds_m = leaf_bounds_m(leaves, jitter)
-    _widen(stage, path, plant, UsdGeom.Boundable(instancer), bounds_m)
+    _widen(stage, path, plant, UsdGeom.Boundable(instancer), bounds_m, bounds_m)
     matrix, _ = UsdGeom.XformCache().ComputeRelativeTransform(instancer, plant)
     placed = Gf.BBox3d(Gf.Range3d(Gf.Vec3d(*bounds_m[0]), Gf.Vec3d(*bounds_m[1])), matrix).ComputeAlignedRange()
     _widen_hint(stage, path, plant, np.array([placed.min, placed.max]))
 
 
 def _widen(
-    stage: Usd.Stage, path: Sdf.Path, plant: Usd.Prim, boundable: UsdGeom.Boundable, needed: NDArray[np.float64]
+    stage: Usd.Stage,
+    path: Sdf.Path,
+    plant: Usd.Prim,
+    boundable: UsdGeom.Boundable,
+    needed: NDArray[np.float64],
+    wanted: NDArray[np.float64],
 ) -> None:
+    """Where the extent does not hold what is needed, author one that holds what is wanted."""
     extent = np.asarray(boundable.GetExtentAttr().Get() or needed, np.float64)
     if _contains(extent, needed):
         return
     over = stage.OverridePrim(boundable.GetPath().ReplacePrefix(plant.GetPath(), path))
-    UsdGeom.Boundable(over).CreateExtentAttr(_corners(_union(extent, needed)))
+    UsdGeom.Boundable(over).CreateExtentAttr(outward_corners(_union(extent, wanted)))
 
 
 def _widen_hint(stage: Usd.Stage, path: Sdf.Path, plant: Usd.Prim, needed: NDArray[np.float64]) -> None:
@@ -77,7 +84,7 @@ def _widen_hint(stage: Usd.Stage, path: Sdf.Path, plant: Usd.Prim, needed: NDArr
     hint = np.asarray(attribute.Get() if attribute and attribute.HasAuthoredValue() else (), np.float64)
     pairs = hint.reshape(-1, 2, 3)
     wider = [
-        _corners(_union(pair, needed)) if number < _SHOWN and (pair[0] <= pair[1]).all() else _exactly(pair)
+        outward_corners(_union(pair, needed)) if number < _SHOWN and (pair[0] <= pair[1]).all() else _exactly(pair)
         for number, pair in enumerate(pairs)
     ]
     if all((pair[0] > pair[1]).any() or _contains(pair, needed) for pair in pairs[:_SHOWN]):
@@ -94,13 +101,6 @@ def _contains(extent: NDArray[np.float64], needed: NDArray[np.float64]) -> bool:
 
 def _union(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([np.minimum(first[0], second[0]), np.maximum(first[1], second[1])])
-
-
-def _corners(extent: NDArray[np.float64]) -> list[Gf.Vec3f]:
-    """Two corners as USD wants them, rounded outwards."""
-    low = np.nextafter(extent[0].astype(np.float32), np.float32(-np.inf))
-    high = np.nextafter(extent[1].astype(np.float32), np.float32(np.inf))
-    return [Gf.Vec3f(*map(float, low)), Gf.Vec3f(*map(float, high))]
 
 
 def _exactly(extent: NDArray[np.float64]) -> list[Gf.Vec3f]:
