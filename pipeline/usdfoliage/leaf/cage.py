@@ -15,7 +15,7 @@ from usdfoliage.errors import AssetError
 from usdfoliage.leaf.jitter import NO_JITTER, Jitter
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.nurbs import net_weights
-from usdfoliage.leaf.surface import evaluate_normals, evaluate_points, grid_places, leaf_nets
+from usdfoliage.leaf.surface import LEFT_OF_AXIS, evaluate_normals, evaluate_points, grid_places, leaf_nets
 from usdfoliage.leaf.topology import LeafTopology, leaf_topology, towards_ends
 
 SHARP = 10.0  # OpenSubdiv's infinite sharpness
@@ -24,7 +24,6 @@ SHARP = 10.0  # OpenSubdiv's infinite sharpness
 V_TOWARDS_ENDS = 0.5
 U_TOWARDS_ENDS = 0.2
 REFINEMENT = 3  # levels, of the limit points at which cage and leaf are compared
-LEFT_OF_AXIS = -1e-12  # u at which the left half's normals hold
 BLOCK = 512  # leaves at once, so that temporaries stay small
 
 

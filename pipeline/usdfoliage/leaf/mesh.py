@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.jitter import NO_JITTER, Jitter
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.surface import evaluate_normals, grid_places
+from usdfoliage.leaf.surface import LEFT_OF_AXIS, evaluate_normals, grid_places
 from usdfoliage.leaf.topology import LeafTopology, leaf_topology
 
 SEGMENTS_A_ROW = 2  # of the silhouette: with 16 rows it keeps 998 of 1000 pixels of the leaf, with one a row 994
 SEGMENTS_A_CYCLE = 16  # of the silhouette, so that chords cut some 2 % of the jitter's amplitude at most
 SEGMENTS_A_TEXEL = 2
 MOST_SEGMENTS = 512  # beyond it, a jitter map is finer than a leaf is ever drawn
-LEFT_OF_AXIS = -1e-12  # u at which the left half's tangents hold, and no coordinate differs
 LEAST_MEAN = np.float32(1e-4)  # below it, normals cancel: the leaf is folded flat
 BLOCK = 512  # leaves evaluated at once, so that temporaries stay small
 

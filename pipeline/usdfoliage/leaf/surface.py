@@ -18,6 +18,8 @@ from usdfoliage import _native
 from usdfoliage.leaf.inputs import checked_axis_places, checked_leaves, checked_placements, checked_places
 from usdfoliage.leaf.jitter import NO_JITTER, WAVES, Jitter
 
+LEFT_OF_AXIS = -1e-12  # u at which the left half's tangents and normals hold, and no coordinate differs
+
 Real = TypeVar("Real", np.float32, np.float64)
 
 
