@@ -285,7 +285,12 @@ def test_wrong_arguments_are_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("pixels", "message"),
-    [(None, "missing"), (b"no image", "not an image"), (np.full((1, 8), 2.0, np.float32), "values from 2 to 2")],
+    [
+        (None, "missing"),
+        (b"no image", "not an image"),
+        (np.full((1, 8), 2.0, np.float32), "values from 2 to 2"),
+        (np.full((4, 1), 0.5, np.float32), "is 1 pixel wide; a wave needs 2 or more"),
+    ],
 )
 def test_a_jitter_map_that_is_none_is_refused(tmp_path, pixels, message):
     path = tmp_path / "wave.tif"

@@ -243,7 +243,20 @@ def test_look_for_one_placement_by_itself(oak: Path, tmp_path: Path) -> None:
     assert stage.GetDefaultPrim().GetPath() == "/World"
 
 
-@pytest.mark.parametrize("path", ["World/plant", "/", "", "/World.size", "/a b", "/World{lod=leaves}", ".."])
+@pytest.mark.parametrize("path", ["/oak", "/World/plant", PLACEMENTS[0]])
+def test_look_for_one_placement_is_as_sound_as_the_asset(oak: Path, tmp_path: Path, path: str) -> None:
+    report = validate_asset(write_look_layer(tmp_path / "one.usda", oak, WIDE, prim_path=path))
+    expected = {(finding.severity, finding.validator, finding.error) for finding in validate_asset(oak).findings}
+    assert {(finding.severity, finding.validator, finding.error) for finding in report.findings} <= expected
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("World/plant", "/", "", "/World.size", "/a b", "/World{lod=leaves}", "/a{x=y}b", "/a{x=}", "../plant", ".."),
+        "/a.b[/c]",
+    ],
+)
 def test_what_is_no_placement(oak: Path, tmp_path: Path, path: str) -> None:
     with pytest.raises(AssetError, match="is no path of a prim"):
         write_look_layer(tmp_path / "look.usda", oak, WIDE, prim_path=path)

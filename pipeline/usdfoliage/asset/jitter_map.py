@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.errors import CaptureError
 
+LEAST_TEXELS = 2  # one alone is no wave
 MOST_TEXELS = 16_384  # what OpenGL takes in one row
 
 
@@ -15,7 +16,8 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
     """One cycle of the jitter (M,), -1 inwards to 1 outwards: the first row of the image's first channel, 0 to 1.
 
     Raises:
-        CaptureError: The file is missing, is no image, is wider than MOST_TEXELS, or has values outside 0 to 1.
+        CaptureError: The file is missing, is no image, is narrower than LEAST_TEXELS or wider than MOST_TEXELS, or has
+            values outside 0 to 1.
     """
     if not path.is_file():
         raise CaptureError(f"{path} is missing; name an image whose first row is one cycle of the jitter")
@@ -25,6 +27,8 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
         raise CaptureError(f"{path} is not an image that can be read ({reason.splitlines()[0]}); use PNG, TIFF or EXR")
     try:
         spec = source.spec()
+        if spec.width < LEAST_TEXELS:
+            raise CaptureError(f"{path} is {spec.width} pixel wide; a wave needs {LEAST_TEXELS} or more")
         if spec.width > MOST_TEXELS:
             raise CaptureError(f"{path} is {spec.width} pixels wide, {MOST_TEXELS} are allowed; scale it down")
         pixels = source.read_image(0, 0, 0, 1, oiio.FLOAT)

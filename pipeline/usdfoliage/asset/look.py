@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from pxr import Sdf, Usd, UsdGeom, UsdUtils
+from pxr import Kind, Sdf, Usd, UsdGeom, UsdUtils
 
 from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.asset.leaf_primvars import EDITS, author_edit, read_jitter_map_path
@@ -100,6 +99,9 @@ def open_root_layer(path: Path) -> Sdf.Layer:
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     plant = stage.DefinePrim(look.prim_path or f"/{interface.defaultPrim}")
+    for prefix in plant.GetPath().GetPrefixes()[:-1]:  # what stands for the scene around one placement
+        parent = UsdGeom.Xform.Define(stage, prefix).GetPrim()
+        Usd.ModelAPI(parent).SetKind(Kind.Tokens.assembly if prefix.IsRootPrimPath() else Kind.Tokens.group)
     plant.GetReferences().AddReference(str(look.asset))
     stage.SetDefaultPrim(stage.GetPrimAtPath(plant.GetPath().GetPrefixes()[0]))
     return root
@@ -173,19 +175,12 @@ def write_look_layer(
             held = read_leaves(leaves)
             _author_edits(overs, at, edits, held.edits)
             drawn_map = jitter_map or held.jitter_map
-            wave = _read_wave(drawn_map) if drawn_map else None
+            wave = read_jitter_map(drawn_map) if drawn_map else None
             if jitter_map and jitter_map != held.jitter_map:
                 author_look_jitter_map(overs, class_path, plant, leaves, _relative(jitter_map, path))
             author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
     publish_text(target, overs.GetRootLayer().ExportToString())
     return path
-
-
-def _read_wave(jitter_map: Path) -> NDArray[np.float64]:
-    wave = read_jitter_map(jitter_map)
-    if len(wave) < 2:
-        raise AssetError(f"{jitter_map} is {len(wave)} pixel wide; a wave needs 2 or more")
-    return wave
 
 
 def _open_bezier(asset: Path) -> Usd.Stage:
@@ -246,13 +241,22 @@ def _class_path(plant: Usd.Prim, interface: Path, prim_path: str | None) -> Sdf.
         raise AssetError(f"{interface}: <{plant.GetPath()}> inherits no class, so no look can reach it; write it again")
     if prim_path is None:
         return classes[0]
-    valid, _ = Sdf.Path.IsValidPathString(prim_path)
-    path = Sdf.Path(prim_path) if valid else Sdf.Path.emptyPath
-    if not (path.IsAbsolutePath() and path.IsPrimPath()):
-        raise AssetError(f"{prim_path!r} is no path of a prim; write it like /World/plant_1")
+    path = _read_prim_path(prim_path)
     # An inherited class reaches into an instance, where opinions of the placement itself do not.
     placements = classes[0].GetParentPath().AppendChild(f"{classes[0].name}_placements")
     return path.ReplacePrefix(Sdf.Path.absoluteRootPath, placements)
+
+
+def _read_prim_path(said: str) -> Sdf.Path:
+    """The path of a prim that a scene can have; AssetError for any other."""
+    valid, _ = Sdf.Path.IsValidPathString(said)
+    path = Sdf.Path(said) if valid else Sdf.Path.emptyPath
+    if not path.IsAbsolutePath() or not path.IsPrimPath() or path.ContainsPrimVariantSelection():
+        raise AssetError(
+            f"{said!r} is no path of a prim; the absolute path of the prim that refers to the asset is needed, without "
+            "variants or a property, like /World/plant_1"
+        )
+    return path
 
 
 def _relative(target: Path, look: Path) -> str:
