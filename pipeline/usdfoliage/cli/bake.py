@@ -1,7 +1,8 @@
 """Make a new asset whose leaves are as ASSET shows them: its edits become part of the 21 parameters of each leaf.
 
 Every representation of the new asset then holds the same leaves. Jitter is no parameter: it stays an edit, which the
-mesh carries exactly, subdiv approximately and nurbs not. DIR may be the folder of ASSET, which is replaced.
+mesh carries exactly, subdiv approximately, and of which nurbs has the slow part. DIR may be the folder of ASSET, which
+is replaced.
 """
 
 import argparse

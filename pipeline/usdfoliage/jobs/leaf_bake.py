@@ -274,6 +274,6 @@ def _shown(edits: LeafEdits) -> list[str]:
 def _jitter_notes(edits: LeafEdits, chosen: Sequence[str]) -> list[str]:
     if not edits.jitter_amplitude:
         return []
-    carried = {"nurbs": "not", "subdiv": "approximately", "mesh": "exactly"}
-    said = [f"{name} has it {how}" for name, how in carried.items() if name in chosen]
+    carried = {"nurbs": "the slow part of it", "subdiv": "it approximately", "mesh": "it exactly"}
+    said = [f"{name} has {how}" for name, how in carried.items() if name in chosen]
     return [f"the jitter stays an edit{': ' if said else ''}{', '.join(said)}"]
