@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from leaf_assets import PROVENANCE, random_leaves, two_leaves, write_spray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, UsdUtils
 from usd_values import compare_with_golden, composed, hashes
+from usdfoliage.asset.contents import prototype_segments
 from usdfoliage.asset.findings import default_profile, read_profile
 from usdfoliage.asset.leaves import PROTOTYPE_MARGIN, author_leaves, leaves_prim, read_leaves
 from usdfoliage.asset.package import LeafAssetSettings, LeafLook, write_leaf_asset
@@ -281,6 +282,17 @@ def test_wrong_arguments_are_refused(tmp_path):
     for names in ((), ("bezier", "bezier"), ("polygons",)):
         with pytest.raises(ValueError, match="representations must be one or more of bezier, nurbs, subdiv, mesh"):
             LeafAssetSettings(representations=names)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "amplitude", "segments"),
+    [(4.0, 0.02, 128), (12.5, 0.02, 200), (100.0, 0.02, 512), (100.0, 0.0, 128)],
+)
+def test_the_prototype_is_as_fine_as_its_jitter_needs(tmp_path, leaves_of, frequency, amplitude, segments):
+    edits = LeafEdits(jitter_amplitude=amplitude, jitter_frequency=frequency)
+    chosen = {"prototype": PrototypeSettings(), "representations": ("bezier",)}
+    leaves = leaves_of(write_spray(tmp_path / "spray", edits=edits, **chosen))
+    assert prototype_segments(leaves) == segments
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,19 @@ def test_a_jitter_map(spray, tmp_path, capsys):
     assert read_leaves(leaves).jitter_map.samefile(wave)
 
 
+def test_jitter_finer_than_the_prototype_is_noted_until_baked(spray, tmp_path, capsys):
+    look = tmp_path / "look.usda"
+    words = "note: bezier shows a coarser wave than 30 cycles until baked"
+    assert not any("coarser" in line for line in printed(capsys, "edit", spray, "--jitter", 0.02, 16, "-o", look))
+    lines = printed(capsys, "edit", spray, "--jitter", 0.02, 30, "-o", look)
+    assert f"{words}: each silhouette of its prototype has 128 segments, enough for 16" in lines
+    assert run("bake", look, "-o", tmp_path / "baked") == 0
+    lines = printed(capsys, "edit", tmp_path / "baked", "--jitter", 0.03, 30, "-o", tmp_path / "again.usda")
+    assert not any("coarser" in line for line in lines)
+    lines = printed(capsys, "edit", tmp_path / "baked", "--jitter", 0.03, 70, "-o", tmp_path / "again.usda")
+    assert any("coarser wave than 70 cycles until baked" in line and "480 segments" in line for line in lines)
+
+
 def test_an_edit_that_changes_nothing_is_noted(spray, tmp_path, capsys):
     lines = printed(capsys, "edit", spray, "--width", 1, "-o", tmp_path / "look.usda")
     assert any(line.startswith("note: these edits change nothing") for line in lines)

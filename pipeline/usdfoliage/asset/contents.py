@@ -171,6 +171,27 @@ def read_crown_facts(prim: Usd.Prim) -> CrownFacts:
     )
 
 
+def prototype_segments(leaves: Usd.Prim) -> int | None:
+    """Into how many segments the prototype of an instancer divides each silhouette, None where it is not ours."""
+    for target in UsdGeom.PointInstancer(leaves).GetPrototypesRel().GetForwardedTargets():
+        prototype = leaves.GetStage().GetPrimAtPath(target)
+        st = UsdGeom.PrimvarsAPI(prototype).GetPrimvar("st").Get() if prototype else None
+        if st:
+            return 1 + int(np.count_nonzero(np.array(st)[:, 0] == 1))  # base and apex lie on the axis
+    return None
+
+
+def count_changed_patches(plant: Usd.Prim) -> int:
+    """Of how many patches a layer says something besides the one that has them; 0 unless nurbs is selected."""
+    if plant.GetVariantSets().GetVariantSelection(REPRESENTATION) != "nurbs":
+        return 0
+    return sum(
+        any(spec.properties or spec.HasInfo("active") for spec in prim.GetPrimStack()[:-1])
+        for prim in Usd.PrimRange(plant, Usd.PrimAllPrimsPredicate)
+        if prim.IsA(UsdGeom.NurbsPatch)
+    )
+
+
 def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[str]]:
     """Layers, other files and missing files that an asset needs in any variant, the interface layer first.
 

@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,7 @@ from usdfoliage.errors import AssetError
 from usdfoliage.leaf.cage import LeafCageSettings, build_leaf_cage
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.jitter import Jitter
-from usdfoliage.leaf.mesh import LeafMeshSettings, PrototypeSettings, build_leaf_mesh
+from usdfoliage.leaf.mesh import LeafMeshSettings, PrototypeSettings, build_leaf_mesh, silhouette_segments
 from usdfoliage.leaf.model import Leaves
 
 SHADERS = "../shaders"  # from the payload's folder
@@ -62,7 +62,7 @@ class LeafAssetSettings:
     """How an asset of leaves is written."""
 
     representations: Sequence[str] = tuple(REPRESENTATIONS)  # the first one is selected
-    prototype: PrototypeSettings = field(default_factory=PrototypeSettings)
+    prototype: PrototypeSettings = field(default_factory=PrototypeSettings)  # with a finer silhouette for fine jitter
     cage: LeafCageSettings = field(default_factory=LeafCageSettings)
     mesh: LeafMeshSettings = field(default_factory=LeafMeshSettings)
     version: str = "1"  # assetInfo
@@ -222,7 +222,9 @@ def _write_leaves(
     for representation in settings.representations:
         path = payload / REPRESENTATIONS[representation]
         if representation == "bezier":
-            prim = leaves_prim(leaves, edits, jitter, color, jitter_map, settings.prototype)
+            segments = silhouette_segments(settings.prototype.silhouette, jitter)
+            prototype = replace(settings.prototype, silhouette=segments)
+            prim = leaves_prim(leaves, edits, jitter, color, jitter_map, prototype)
             bounds.append(write_leaves_layer(path, name, prim))
         elif representation == "nurbs":
             bounds.append(write_patches_layer(path, name, drawn, jitter, color, jitter_map))

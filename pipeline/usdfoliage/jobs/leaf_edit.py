@@ -8,16 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from usdfoliage.asset.contents import representations, require_plant
+from usdfoliage.asset.contents import prototype_segments, representations, require_plant
 from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.asset.leaf_primvars import read_edits
 from usdfoliage.asset.locate import find_interface, open_layer, require_leaves, select_representation
 from usdfoliage.asset.look import open_asset, read_look, write_look_layer
 from usdfoliage.errors import FoliageError
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, Vector, compose_edits, jitter_silhouette
+from usdfoliage.leaf.mesh import MOST_SEGMENTS
 
 Value = float | Vector
 
+LEAST_SEGMENTS_A_CYCLE = 8  # of a silhouette; with fewer the faster waves of the jitter show as slower ones
 MOST = 1e3  # of any number of an edit
 EDIT_OPTIONS = ("width", "asymmetry", "axis1", "axis2", "bend", "silhouette", "curl", "jitter", "jitter_map")
 
@@ -111,6 +113,7 @@ def plan_look(request: EditRequest) -> PlannedLook:
         notes.append("the jitter map shows nothing while the amplitude is 0; give --jitter A F too")
     if not changes and request.jitter_map is None:
         notes.append("these edits change nothing: the asset has them already, or they are neutral")
+    notes += _coarse_jitter(after, prototype_segments(leaves[0]))
     prim = request.prim if request.prim is not None or look is None else look.prim_path or None
     return PlannedLook(edits=after, prim=prim, changes=changes, notes=tuple(notes))
 
@@ -126,6 +129,15 @@ def write_look(request: EditRequest) -> PlannedLook:
         request.output, request.asset, planned.edits, request.jitter_map, planned.prim, force=request.force
     )
     return planned
+
+
+def _coarse_jitter(edits: LeafEdits, segments: int | None) -> list[str]:
+    """A note where bezier's prototype is too coarse for the jitter, which a look cannot change."""
+    if segments is None or not edits.jitter_amplitude or edits.jitter_frequency * LEAST_SEGMENTS_A_CYCLE <= segments:
+        return []
+    shown = f"bezier shows a coarser wave than {edits.jitter_frequency:g} cycles"
+    room = f"each silhouette of its prototype has {segments} segments, enough for {segments // LEAST_SEGMENTS_A_CYCLE}"
+    return [f"{shown}{' until baked' if segments < MOST_SEGMENTS else ''}: {room}"]
 
 
 def _check_range(edits: LeafEdits) -> None:

@@ -55,6 +55,14 @@ class LeafMesh:
     face_vertices: NDArray[np.int32]  # (sum of face_counts,), indices of points_m
 
 
+def silhouette_segments(least: int, jitter: Jitter) -> int:
+    """How many segments a silhouette needs to show its jitter: least, or more up to MOST_SEGMENTS."""
+    if not jitter.amplitude:
+        return least
+    a_cycle = SEGMENTS_A_CYCLE if jitter.map is None else SEGMENTS_A_TEXEL * len(jitter.map)
+    return max(least, math.ceil(min(jitter.frequency * a_cycle, MOST_SEGMENTS)))
+
+
 def build_leaf_mesh(
     leaves: Leaves, settings: LeafMeshSettings = LeafMeshSettings(), jitter: Jitter = NO_JITTER
 ) -> LeafMesh:
@@ -66,7 +74,10 @@ def build_leaf_mesh(
     Raises:
         AssetError: The vertices are more than a mesh can number.
     """
-    topology = leaf_topology(settings.across, settings.along, _silhouette_segments(settings, jitter))
+    segments = settings.silhouette
+    if segments is None:
+        segments = silhouette_segments(SEGMENTS_A_ROW * settings.along, jitter)
+    topology = leaf_topology(settings.across, settings.along, segments)
     count, vertices = len(leaves), topology.vertex_count
     if count * len(topology.face_vertices) > np.iinfo(np.int32).max:
         raise AssetError(
@@ -107,17 +118,6 @@ def build_prototype(parameters: NDArray[np.floating], settings: PrototypeSetting
         face_counts=topology.face_counts,
         face_vertices=topology.face_vertices,
     )
-
-
-def _silhouette_segments(settings: LeafMeshSettings, jitter: Jitter) -> int:
-    if settings.silhouette is not None:
-        return settings.silhouette
-    needed = float(SEGMENTS_A_ROW * settings.along)
-    if jitter.amplitude:
-        texels = jitter.map
-        a_cycle = SEGMENTS_A_CYCLE if texels is None else SEGMENTS_A_TEXEL * len(texels)
-        needed = max(needed, min(jitter.frequency * a_cycle, MOST_SEGMENTS))
-    return math.ceil(needed)
 
 
 def _evaluate(
