@@ -50,7 +50,9 @@ def test_edits_become_parameters_and_everything_else_travels(source, tmp_path, c
 
     assert "leaves: 8, from bezier" in lines
     assert any(line.startswith("baked edits: width 1.4; axis1 0.05 -0.02 0") for line in lines)
-    assert any("the jitter stays an edit: " in line and "nurbs has the slow part of it, subdiv" in line for line in lines)
+    assert any(
+        "the jitter stays an edit: " in line and "nurbs has the slow part of it, subdiv" in line for line in lines
+    )
     assert f"asset: {out / 'baked_leaves.usda'}" in lines
     assert files(source) == before
     edited, baked = read(source / "look.usda"), read(out)
@@ -162,13 +164,18 @@ def test_patches_that_a_modeller_changed_come_back(source, tmp_path, capsys):
     plant.GetReferences().AddReference("./spray/spray.usda")
     plant.GetVariantSets().SetSelection("representation", "nurbs")
     stage.SetDefaultPrim(plant)
+    stage.Save()
+    assert not any("not read" in line for line in printed(capsys, "bake", scene, "-o", tmp_path / "same"))
     patch = UsdGeom.NurbsPatch(stage.GetPrimAtPath("/spray/geo/render/Leaves").GetChildren()[3])
     points = np.array(patch.GetPointsAttr().Get())
     points[:, 0] *= 1.5  # wider, and nearly a leaf still
     patch.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(points))
     stage.Save()
 
+    unread = "note: 1 patch of the representation nurbs has changes that were not read; --from nurbs reads them"
+    assert unread in printed(capsys, "bake", scene, "-o", tmp_path / "unread")
     lines = printed(capsys, "bake", scene, "--from", "nurbs", "-o", tmp_path / "back")
+    assert not any("not read" in line for line in lines)
 
     assert "leaves: 8, from nurbs" in lines
     assert any(line.startswith("note: 1 of 8 patches were changed") and "mm" in line for line in lines)

@@ -11,6 +11,7 @@ import numpy as np
 from usdfoliage import __version__
 from usdfoliage.asset.contents import (
     PlantFacts,
+    count_changed_patches,
     find_crown,
     interface_of,
     matrix_in_plant,
@@ -144,12 +145,12 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
             f"{request.asset} has a crown besides its leaves, which bake would lose; bake the leaves' asset"
         )
     held = representations(plant)
+    notes = _patch_notes(plant, request.source)
     if held:
         select_representation(stage, "bezier")
     prim = require_leaves(stage, request.asset)[0]
     read = read_leaves(prim)
     leaf_look = read_leaf_look(prim, read.jitter_map)
-    notes = []
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:
         notes.append(f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out")
@@ -182,6 +183,15 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         name=asset_name(request.name or usual),
         notes=tuple(notes),
     )
+
+
+def _patch_notes(plant: Any, source: str) -> list[str]:
+    """A note where patches that somebody changed are shown but not read."""
+    changed = count_changed_patches(plant) if source != "nurbs" else 0
+    if not changed:
+        return []
+    what = "patch of the representation nurbs has" if changed == 1 else "patches of the representation nurbs have"
+    return [f"{changed:,} {what} changes that were not read; --from nurbs reads them"]
 
 
 def _check_place(output: Path, interface: Path) -> None:
