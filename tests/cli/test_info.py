@@ -89,6 +89,21 @@ def test_a_look_is_told_with_its_edits(spray, tmp_path, capsys):
     assert any("width 2; axis1 0 0 -0.5" in line for line in text)
 
 
+def test_a_selection_of_what_does_not_exist(spray, tmp_path, capsys):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "shot.usda"))
+    plant = stage.DefinePrim("/spray")
+    plant.GetReferences().AddReference(str(spray / "spray.usda"))
+    plant.GetVariantSets().SetSelection("representation", "voxels")
+    stage.SetDefaultPrim(plant)
+    stage.Save()
+    lines = printed(capsys, "info", tmp_path / "shot.usda")
+    (line,) = (line for line in lines if line.startswith("representation"))
+    assert line.split(None, 1)[1] == "bezier, nurbs, subdiv, mesh; none is selected, voxels is none of them"
+    held = told(capsys, tmp_path / "shot.usda")
+    assert held["variants"]["representation"] == ["bezier", "nurbs", "subdiv", "mesh"]
+    assert held["selections"]["representation"] == "voxels"
+
+
 def test_the_text_is_aligned_and_whole(spray, capsys):
     lines = printed(capsys, "info", spray)
     table = lines.index("")

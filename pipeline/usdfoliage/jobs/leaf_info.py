@@ -211,7 +211,9 @@ def format_info(info: AssetInfo) -> str:
         rows.append(("extent", f"{_numbers(low)} to {_numbers(high)} ({size})"))
     for name, variants in info.variants.items():
         chosen = info.selections[name]
-        rows.append((name, ", ".join(f"{each} (selected)" if each == chosen else each for each in variants)))
+        known = ", ".join(f"{each} (selected)" if each == chosen else each for each in variants)
+        unknown = f"; none is selected, {chosen} is none of them" if chosen and chosen not in variants else ""
+        rows.append((name, known + unknown))
     rows += [("schema", f"{', '.join(schemas)} on {path}") for path, schemas in info.schemas.items()]
     if info.leaves is not None:
         rows += _leaf_rows(info.leaves)
