@@ -110,7 +110,7 @@ def compute_bound(stage, time, purposes: list[str]):
     if not all(math.isfinite(n) for n in numbers):
         raise RecordError("empty", f"its bound is not finite: {numbers}")
     if bound.GetSize().GetLength() == 0:
-        raise RecordError("empty", f"its bound is a single point, {tuple(bound.GetMin())}")
+        raise RecordError("empty", f"there is nothing to draw: its bound is a single point, {tuple(bound.GetMin())}")
     return bound
 
 

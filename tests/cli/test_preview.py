@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 import pytest
 from hydra_preview.preview_stages import write_square
+from leaf_assets import random_leaves, write_spray
+from usdfoliage.__main__ import main
 from usdfoliage.cli import preview
 from usdfoliage.errors import AssetError, PreviewError
 from usdfoliage.jobs.recorder import find_interpreter
@@ -139,3 +141,20 @@ def test_importing_the_command_loads_nothing_heavy():
     script = "import sys, usdfoliage.cli.preview; print([m for m in ('cv2', 'OpenEXR', 'tqdm') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.preview
+@pytest.mark.usefixtures("drawn")
+@pytest.mark.parametrize(("keep", "reason"), [(None, "no such file"), (3000, "corrupt")])
+def test_lost_payload_layer_is_named(tmp_path, capsys, keep, reason):
+    write_spray(tmp_path / "spray", random_leaves(20))
+    layer = tmp_path / "spray" / "payload" / "leaves.usdc"
+    held = layer.read_bytes()
+    layer.unlink()
+    if keep is not None:
+        layer.write_bytes(held[:keep])
+    assert main(["preview", str(tmp_path / "spray"), "-o", str(tmp_path / "a.png")]) == 2
+    message = capsys.readouterr().err
+    assert f"it needs {layer}, which cannot be read: " in message
+    assert reason in message
+    assert not (tmp_path / "a.png").exists()

@@ -1,6 +1,7 @@
 """Which file an asset is, and which prims of a stage are plants and leaves."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom
@@ -55,6 +56,9 @@ def open_layer(path: Path) -> Sdf.Layer:
     return layer
 
 
+MISSING = "no such file"
+
+
 def try_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
     """The layer, or None and the reason why it cannot be read."""
     try:
@@ -69,6 +73,23 @@ def try_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
         return None, error.strerror or "unreadable"
     except Tf.ErrorException as error:
         return None, first_reason(error)
+
+
+def lost_layers(root: Sdf.Layer) -> Iterator[tuple[Path, str]]:
+    """USD files that a layer needs, itself or through others, that are missing or cannot be read, and the reason."""
+    waiting, seen = [root], {root.identifier}
+    while waiting:
+        layer = waiting.pop()
+        for reference in sorted(layer.GetCompositionAssetDependencies()):
+            path = Path(layer.ComputeAbsolutePath(reference))
+            if str(path) in seen or path.suffix.lower() not in USD_SUFFIXES:
+                continue
+            seen.add(str(path))
+            opened, reason = try_layer(path) if path.is_file() else (None, MISSING)
+            if opened is None:
+                yield path, reason
+            else:
+                waiting.append(opened)
 
 
 def usd_path(path: Path) -> str:

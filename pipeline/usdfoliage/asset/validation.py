@@ -16,7 +16,7 @@ from pxr import Sdf, Tf, Usd, UsdUtils, UsdValidation
 
 from usdfoliage.asset.findings import SEVERITIES, Acceptance, Finding, one_line
 from usdfoliage.asset.instances import iterate_prims
-from usdfoliage.asset.locate import USD_SUFFIXES, find_interface, first_reason, try_layer
+from usdfoliage.asset.locate import MISSING, find_interface, first_reason, lost_layers
 from usdfoliage.asset.look import open_root_layer
 from usdfoliage.asset.nvidia_rules import nvidia_version, run_nvidia_rules
 from usdfoliage.asset.schema import PLANT_API, SCHEMAS, require_schemas
@@ -140,18 +140,8 @@ def _has_plants(stage: Usd.Stage) -> bool:
 
 def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
     """Files below the asset's folder that the asset needs and that are no USD; missing ones USD itself reports."""
-    waiting, seen = [root], {root.identifier}
-    while waiting:
-        layer = waiting.pop()
-        for reference in sorted(layer.GetCompositionAssetDependencies()):
-            path = Path(layer.ComputeAbsolutePath(reference))
-            if str(path) in seen or path.suffix.lower() not in USD_SUFFIXES or not path.is_file():
-                continue
-            seen.add(str(path))
-            opened, reason = try_layer(path)
-            if opened is not None:
-                waiting.append(opened)
-                continue
+    for path, reason in lost_layers(root):
+        if reason != MISSING:
             yield Finding(
                 severity="error",
                 validator="usdfoliage:LayerReadable",

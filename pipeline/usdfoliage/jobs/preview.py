@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.asset.locate import try_layer
+from usdfoliage.asset.locate import lost_layers, try_layer
 from usdfoliage.asset.look import open_root_layer, read_look
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
@@ -190,7 +190,10 @@ def draw_views(
         work = Path(name)
         request = _build_request(_file_to_draw(usd_file, work), views, settings, work)
         started = time.monotonic()
-        result = run_recorder(request, work, settings.stall_timeout_s, progress)
+        try:
+            result = run_recorder(request, work, settings.stall_timeout_s, progress)
+        except PreviewError as error:
+            raise PreviewError(f"{error}{_describe_lost_layers(usd_file)}") from error
         logger.info(
             "Storm (USD %s) drew %d views in %.1f s", result["usd_version"], len(views), time.monotonic() - started
         )
@@ -272,6 +275,13 @@ def _file_to_draw(usd_file: Path, work: Path) -> Path:
     shown = work / f"{usd_file.stem}.usda"
     open_root_layer(usd_file).Export(str(shown))
     return shown
+
+
+def _describe_lost_layers(usd_file: Path) -> str:
+    """The first file that a stage lacks and Storm drew on without, in words that follow an error."""
+    layer, _ = try_layer(usd_file)
+    lost = next(lost_layers(layer), None) if layer is not None else None
+    return f"; it needs {lost[0]}, which cannot be read: {lost[1]}" if lost else ""
 
 
 def _build_request(
