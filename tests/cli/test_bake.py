@@ -203,9 +203,13 @@ def test_leaves_that_were_moved_or_hidden_in_a_scene(source, tmp_path, capsys):
     leaves.AddRotateYOp().Set(90)
     leaves.AddScaleOp().Set((2, 2, 2))
     leaves.InvisId(5, Usd.TimeCode.Default())
+    width = leaves.GetPrim().GetAttribute("primvars:leaf:edit:width")
+    width.Set(1.0, 1)
+    width.Set(2.0, 10)
     stage.Save()
     lines = printed(capsys, "bake", scene, "-o", tmp_path / "a", "--representation", "mesh")
     assert "note: 1 leaf is hidden and left out" in lines
+    assert "note: animated: leaf:edit:width; baked as at the earliest time" in lines
     before, after = read(source / "spray").leaves.take([0, 1, 2, 3, 4, 6, 7]), read(tmp_path / "a").leaves
     x, y, z = before.base_m.T
     np.testing.assert_allclose(after.base_m, np.stack([2 * z, 2 * y + 1, -2 * x], axis=1), atol=1e-6)

@@ -130,6 +130,12 @@ def read_edits(prim: Usd.Prim) -> LeafEdits:
         raise AssetError(f"{error} ({place(prim)}); set the edit again") from error
 
 
+def animated_edits(prim: Usd.Prim) -> list[str]:
+    """The edits that change over time, by their primvars; read_edits takes them at the earliest time."""
+    attributes = {name: prim.GetAttribute(f"primvars:{name}") for name in EDITS.values()}
+    return [name for name, attribute in attributes.items() if attribute and attribute.ValueMightBeTimeVarying()]
+
+
 def read_jitter_map_path(prim: Usd.Prim) -> Path | None:
     """The file of the jitter's map, None where the jitter is procedural.
 

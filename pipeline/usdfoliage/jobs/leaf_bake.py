@@ -21,7 +21,7 @@ from usdfoliage.asset.contents import (
     require_plant,
 )
 from usdfoliage.asset.hero_leaf import read_hero_leaf
-from usdfoliage.asset.leaf_primvars import read_leaf_primvars
+from usdfoliage.asset.leaf_primvars import animated_edits, read_leaf_primvars
 from usdfoliage.asset.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.locate import find_leaves, require_leaves, select_representation
 from usdfoliage.asset.look import open_asset
@@ -154,6 +154,9 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:
         notes.append(f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out")
+    animated = animated_edits(prim)
+    if animated:
+        notes.append(f"animated: {', '.join(animated)}; baked as at the earliest time")
     leaves, edits = move_leaves(read.leaves, matrix_in_plant(prim, plant)), read.edits
     if request.source == "nurbs":
         select_representation(stage, "nurbs")
