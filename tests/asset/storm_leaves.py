@@ -5,15 +5,9 @@ from pathlib import Path
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from usdfoliage.asset.leaf_gprims import author_leaf_binding, author_leaf_mesh
 from usdfoliage.asset.leaf_material import PACKED, LeafMaterial, author_leaf_material, author_packed_leaves
-from usdfoliage.asset.leaves import (
-    PROTOTYPE,
-    author_leaf_binding,
-    author_leaf_mesh,
-    author_leaves,
-    edited_leaves,
-    leaves_prim,
-)
+from usdfoliage.asset.leaves import PROTOTYPE, author_leaves, edited_leaves, leaves_prim
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.jitter import NO_JITTER, Jitter, spread_phases

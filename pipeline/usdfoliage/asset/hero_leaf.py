@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.jitter_map import read_jitter_map
+from usdfoliage.asset.leaf_gprims import author_leaf_gprim, author_st
 from usdfoliage.asset.leaf_material import LEAF_COLOR
 from usdfoliage.asset.leaf_primvars import (
     author_edits,
@@ -18,7 +19,7 @@ from usdfoliage.asset.leaf_primvars import (
     read_jitter_map_path,
     read_leaf_primvars,
 )
-from usdfoliage.asset.leaves import ReadLeaves, author_leaf_gprim, author_st, check_leaves
+from usdfoliage.asset.leaves import ReadLeaves, check_leaves
 from usdfoliage.asset.schema import LEAF_API
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import NEUTRAL

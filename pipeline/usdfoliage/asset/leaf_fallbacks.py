@@ -8,14 +8,14 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.hero_leaf import author_hero_leaf, patch_matrices, patch_nets
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
-from usdfoliage.asset.leaf_primvars import leaf_arrays, usd_array
-from usdfoliage.asset.leaves import (
+from usdfoliage.asset.leaf_gprims import (
     author_leaf_binding,
     author_leaf_colors,
     author_leaf_gprim,
     author_leaf_mesh,
     author_st,
 )
+from usdfoliage.asset.leaf_primvars import leaf_arrays, usd_array
 from usdfoliage.asset.materials import LEAF_MATERIAL
 from usdfoliage.asset.plant import LEAVES
 from usdfoliage.leaf.cage import LeafCage

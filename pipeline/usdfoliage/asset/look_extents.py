@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from usdfoliage.asset.leaves import ReadLeaves, outward_corners, with_margin
+from usdfoliage.asset.leaf_gprims import outward_corners
+from usdfoliage.asset.leaves import ReadLeaves, with_margin
 from usdfoliage.leaf.bounds import leaf_bounds, leaf_bounds_m
 from usdfoliage.leaf.edits import LeafEdits, apply_edits
 from usdfoliage.leaf.jitter import Jitter
