@@ -29,6 +29,7 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/crown.py
 	@$(PYTHON_VENV) tools/bench/leaf.py
 	@$(PYTHON_VENV) tools/bench/leaf_asset.py
+	@$(PYTHON_VENV) tools/bench/leaf_storm.py
 	@$(PYTHON_VENV) -m pytest -m slow || [ $$? = 5 ]
 
 clean:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 from usdfoliage.asset.leaf_gprims import author_leaf_binding, author_leaf_mesh
-from usdfoliage.asset.leaf_material import PACKED, LeafMaterial, author_leaf_material, author_packed_leaves
+from usdfoliage.asset.leaf_material import LeafMaterial, author_leaf_material
 from usdfoliage.asset.leaves import PROTOTYPE, author_leaves, edited_leaves, leaves_prim
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
@@ -89,8 +89,6 @@ def author_instancer(
     wave = "" if scene.jitter_map is None else str(scene.jitter_map)
     prim = leaves_prim(scene.leaves, scene.edits, scene.jitter(), COLOR, wave, prototype)
     instancer = author_leaves(stage, Sdf.Path(path), prim)
-    if not instancer.GetPrim().HasAttribute(f"primvars:{PACKED}"):
-        author_packed_leaves(instancer, scene.leaves)
     author_leaf_binding(stage, instancer.GetPath().AppendPath(PROTOTYPE), material.GetPath())
     return instancer
 

@@ -25,7 +25,7 @@ from usdfoliage.asset.materials import LEAF_MATERIAL
 from usdfoliage.asset.plant import LEAVES, LEAVES_GUIDE
 from usdfoliage.asset.schema import LEAF_API
 from usdfoliage.errors import AssetError
-from usdfoliage.leaf.bounds import leaf_bounds, leaf_bounds_m
+from usdfoliage.leaf.bounds import common_bounds, leaf_bounds_m
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits
 from usdfoliage.leaf.jitter import Jitter
 from usdfoliage.leaf.mesh import LeafMesh, PrototypeSettings, build_prototype
@@ -78,13 +78,9 @@ def leaves_prim(
     check_leaves(leaves)
     prototype = build_prototype(mean_leaf(leaves.parameters) if len(leaves) else default_leaf(), settings)
     drawn = edited_leaves(leaves, edits)
-    bounds = leaf_bounds(drawn.parameters, jitter)
-    shown = np.stack(
-        [
-            np.minimum(prototype.points_m.min(axis=0), bounds[:, 0].min(axis=0, initial=np.inf)),
-            np.maximum(prototype.points_m.max(axis=0), bounds[:, 1].max(axis=0, initial=-np.inf)),
-        ]
-    )
+    low, high = common_bounds(drawn.parameters, jitter)
+    points = prototype.points_m
+    shown = np.stack([np.minimum(points.min(axis=0), low), np.maximum(points.max(axis=0), high)])
     return LeavesPrim(
         leaves=leaves,
         prototype=prototype,

@@ -1,15 +1,16 @@
 """Extents in a look: edited leaves may reach further than the asset says, and what an extent lacks is culled."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from usdfoliage.asset.leaf_gprims import outward_corners
 from usdfoliage.asset.leaves import ReadLeaves, with_margin
-from usdfoliage.leaf.bounds import leaf_bounds, leaf_bounds_m
+from usdfoliage.leaf.bounds import common_bounds, leaf_bounds_m
 from usdfoliage.leaf.edits import LeafEdits, apply_edits
 from usdfoliage.leaf.jitter import Jitter
-from usdfoliage.leaf.model import Leaves
 
 _SHOWN = 2  # of extentsHint's pairs of corners, a pair a purpose: the first two, default and render, may hold leaves
 _SLACK = 1e-5  # of the size: what edits and parameters lose as float32
@@ -42,22 +43,14 @@ def author_wider_extents(
         return
     jitter = Jitter(amplitude=edits.jitter_amplitude, frequency=edits.jitter_frequency, map=jitter_map)
     edited = apply_edits(held.leaves.parameters, edits)
-    each = leaf_bounds(edited, jitter)
-    in_leaf_space = np.stack([each[:, 0].min(axis=0), each[:, 1].max(axis=0)])
+    in_leaf_space = common_bounds(edited, jitter)
     for target in UsdGeom.PointInstancer(instancer).GetPrototypesRel().GetForwardedTargets():
         prototype = instancer.GetStage().GetPrimAtPath(target)
         for gprim in Usd.PrimRange(prototype) if prototype else ():
             if UsdGeom.Gprim(gprim):
                 _widen(stage, path, plant, UsdGeom.Gprim(gprim), in_leaf_space, with_margin(in_leaf_space))
 
-    leaves = Leaves(
-        parameters=edited,
-        base_m=held.leaves.base_m,
-        orientation=held.leaves.orientation,
-        length_m=held.leaves.length_m,
-        phase=held.leaves.phase,
-    )
-    bounds_m = leaf_bounds_m(leaves, jitter)
+    bounds_m = leaf_bounds_m(replace(held.leaves, parameters=edited), jitter)
     _widen(stage, path, plant, UsdGeom.Boundable(instancer), bounds_m, bounds_m)
     matrix, _ = UsdGeom.XformCache().ComputeRelativeTransform(instancer, plant)
     placed = Gf.BBox3d(Gf.Range3d(Gf.Vec3d(*bounds_m[0]), Gf.Vec3d(*bounds_m[1])), matrix).ComputeAlignedRange()
