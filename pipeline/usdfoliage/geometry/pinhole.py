@@ -1,0 +1,56 @@
+"""Cameras without lens distortion, and where they stand."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pinhole:
+    """A pinhole camera in the world.
+
+    Camera axes are OpenCV's: x right, y down, z forward. The centre of the pixel in row i, column j is (j + 0.5, i + 0.5).
+    """
+
+    width_px: int
+    height_px: int
+    focal_px: tuple[float, float]  # x, y
+    center_px: tuple[float, float]  # x, y of the principal point
+    cam_from_world: NDArray[np.float64]  # (3, 4): rotation and translation, for column vectors, in metres
+
+    def __post_init__(self) -> None:
+        if self.width_px < 1 or self.height_px < 1:
+            raise ValueError(f"the picture must have a size, not {self.width_px} by {self.height_px}")
+        if not all(np.isfinite(number) and number > 0 for number in self.focal_px):
+            raise ValueError(f"the focal lengths must be above 0, not {self.focal_px}")
+        if self.cam_from_world.shape != (3, 4) or not np.isfinite(self.cam_from_world).all():
+            raise ValueError(f"cam_from_world must be (3, 4) finite numbers, not {self.cam_from_world.shape}")
+
+    @property
+    def position_m(self) -> NDArray[np.float64]:
+        """(3,), the centre of projection in the world."""
+        return np.asarray(-self.cam_from_world[:, :3].T @ self.cam_from_world[:, 3])
+
+    def rays(self) -> NDArray[np.float64]:
+        """(H, W, 3), in camera axes, through every pixel's centre to where z is 1."""
+        rays = np.ones((self.height_px, self.width_px, 3))
+        rays[..., 0] = ((np.arange(self.width_px) + 0.5 - self.center_px[0]) / self.focal_px[0])[None, :]
+        rays[..., 1] = ((np.arange(self.height_px) + 0.5 - self.center_px[1]) / self.focal_px[1])[:, None]
+        return rays
+
+    def unproject(self, places_px: NDArray[np.floating], depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Points in the world: (N, 3) from places (N, 2), x and y, and their planar depth (N,)."""
+        in_cam = np.empty((len(places_px), 3))
+        in_cam[:, 0] = (places_px[:, 0] - self.center_px[0]) / self.focal_px[0] * depth_m
+        in_cam[:, 1] = (places_px[:, 1] - self.center_px[1]) / self.focal_px[1] * depth_m
+        in_cam[:, 2] = depth_m
+        return np.asarray((in_cam - self.cam_from_world[:, 3]) @ self.cam_from_world[:, :3])
+
+    def project(self, points_m: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where points (N, 3) of the world are seen: places (N, 2), x and y, NaN behind the camera; depth (N,)."""
+        in_cam = points_m @ self.cam_from_world[:, :3].T + self.cam_from_world[:, 3]
+        depth_m = in_cam[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            places = in_cam[:, :2] / np.where(depth_m > 0, depth_m, np.nan)[:, None]
+        return places * np.array(self.focal_px) + np.array(self.center_px), depth_m

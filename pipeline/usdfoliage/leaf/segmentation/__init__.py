@@ -1,0 +1,1 @@
+"""Which points of a capture belong to which leaf."""
