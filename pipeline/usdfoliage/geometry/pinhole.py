@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 class Pinhole:
     """A pinhole camera in the world.
 
-    Camera axes are OpenCV's: x right, y down, z forward. The centre of the pixel in row i, column j is (j + 0.5, i + 0.5).
+    Camera axes are OpenCV's: x right, y down, z forward. The pixel in row i, column j has its centre at x = j + 0.5,
+    y = i + 0.5.
     """
 
     width_px: int
