@@ -102,6 +102,36 @@ def frame_perspective(
     return camera
 
 
+def place_pinhole(pinhole: dict, width_px: int, height_px: int, bound: Gf.Range3d) -> Gf.Camera:
+    """A camera as photogrammetry gives it, with square pixels.
+
+    Args:
+        pinhole: "focal_px"; "center_px", x and y of the principal point from the picture's top left corner;
+            "cam_from_stage", 3 rows of 4 numbers for column vectors, to axes x right, y down, z forward.
+        width_px, height_px: The picture.
+        bound: What is in the stage; it decides the clipping planes.
+    """
+    right, down, forward = (Gf.Vec3d(*row[:3]) for row in pinhole["cam_from_stage"])
+    moved = Gf.Vec3d(*(row[3] for row in pinhole["cam_from_stage"]))
+    position = -(right * moved[0] + down * moved[1] + forward * moved[2])
+    x_px, y_px = pinhole["center_px"]
+    film_px = FILM_MM / width_px
+    camera = Gf.Camera()
+    camera.projection = Gf.Camera.Perspective
+    camera.transform = _transform((right, -down, -forward), position)
+    camera.horizontalAperture = FILM_MM
+    camera.verticalAperture = height_px * film_px
+    camera.horizontalApertureOffset = (width_px / 2 - x_px) * film_px
+    camera.verticalApertureOffset = (y_px - height_px / 2) * film_px
+    camera.focalLength = pinhole["focal_px"] * film_px
+    depths = [Gf.Dot(bound.GetCorner(i) - position, forward) for i in range(8)]
+    reach = bound.GetSize().GetLength()
+    # Twice the bound, for what a shader displaces beyond it; a camera may stand within.
+    far = max(max(depths) + reach, reach)
+    camera.clippingRange = Gf.Range1f(max(min(depths) - reach, far / 10000), far)
+    return camera
+
+
 def fit_window(
     shape: Shape, direction: Direction, z_up: bool, width_px: int, height_px: int
 ) -> tuple[float, float, float, float]:

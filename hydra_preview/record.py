@@ -319,13 +319,21 @@ def author_lights(stage, camera, z_up: bool, dome_texture: str) -> None:
 
 def view_cameras(stage, time, request: dict) -> list:
     """The camera of every view, in order."""
-    from framing import Direction, distance_to_fit, fit_window, frame_orthographic, frame_perspective
+    from framing import (
+        Direction,
+        distance_to_fit,
+        fit_window,
+        frame_orthographic,
+        frame_perspective,
+        place_pinhole,
+    )
     from pxr import CameraUtil, UsdGeom
 
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
     shape = None
-    if any("camera" not in view for view in request["views"]):
+    if any("camera" not in view and "pinhole" not in view for view in request["views"]):
         shape = measure_shape(stage, time, request["purposes"])
+    bound = compute_bound(stage, time, request["purposes"]) if any("pinhole" in v for v in request["views"]) else None
 
     def direction_of(view: dict) -> Direction:
         return Direction(azimuth_rad=view["azimuth_rad"], elevation_rad=view["elevation_rad"])
@@ -342,6 +350,8 @@ def view_cameras(stage, time, request: dict) -> list:
         if "camera" in view:
             camera = stage_camera(stage, view["camera"], time)
             CameraUtil.ConformWindow(camera, CameraUtil.Fit, width_px / height_px)
+        elif "pinhole" in view:
+            camera = place_pinhole(view["pinhole"], width_px, height_px, bound)
         elif view["orthographic"]:
             window = view.get("window") or fit_window(shape, direction_of(view), z_up, width_px, height_px)
             camera = frame_orthographic(shape, direction_of(view), z_up, tuple(window))

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from hydra_preview.preview_stages import CUBE_COLORS, bind_surface, write_ball, write_cube, write_square
 from pxr import Sdf, Usd, UsdGeom, UsdShade
+from scipy.spatial.transform import Rotation
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, finish_picture
 from usdfoliage.jobs.recorder import find_interpreter
 
@@ -187,3 +189,50 @@ def test_missing_textures_and_references_are_warned_of_and_our_schemas_do_no_har
     assert len(messages) == 2
     assert "/Thing/Texture.inputs:file: no file ./lost.png" in messages[0]
     assert "lost.usda" in messages[1]
+
+
+def pinhole_behind(corner_m, focal_px, center_px, size_px=(300, 200)):
+    """A camera that stands off the corner, turned and rolled so that it sees it off the middle of its picture."""
+    turn = Rotation.from_euler("zyx", [25.0, 12.0, -155.0], degrees=True).as_matrix()
+    in_cam = np.array([0.3, -0.2, 4.0])
+    return Pinhole(
+        width_px=size_px[0],
+        height_px=size_px[1],
+        focal_px=focal_px,
+        center_px=center_px,
+        cam_from_world=np.column_stack([turn, in_cam - turn @ np.array(corner_m)]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("focal_px", "center_px"), [((400.0, 400.0), (150.0, 100.0)), ((420.0, 350.0), (171.5, 83.25))]
+)
+def test_a_known_point_is_drawn_where_a_pinhole_camera_sees_it(tmp_path, focal_px, center_px):
+    scene = tmp_path / "ball.usda"
+    at = (1.0, 2.0, -3.0)
+    write_ball(scene, 0.1, at)
+    pinhole = pinhole_behind(at, focal_px, center_px)
+    (picture,) = draw_views(scene, [look("front", pinhole=pinhole)], PreviewSettings())
+    assert picture.shape == (200, 300, 4)
+    area, center, _ = moments(picture)
+    (place_px,), (depth_m,) = pinhole.project(np.array([at]))
+    np.testing.assert_allclose(center, place_px, atol=0.15)
+    assert area == pytest.approx(math.pi * 0.1**2 * focal_px[0] * focal_px[1] / depth_m**2, rel=0.02)
+
+
+def test_what_a_pinhole_camera_sees_is_not_mirrored(tmp_path):
+    scene = tmp_path / "cube.usda"
+    write_cube(scene)
+    # From the front: x right, y down, z forward in the stage are +X, -Y, -Z.
+    front = np.diag([1.0, -1.0, -1.0])
+    pinhole = Pinhole(
+        width_px=120,
+        height_px=90,
+        focal_px=(120.0, 120.0),
+        center_px=(60.0, 45.0),
+        cam_from_world=np.column_stack([front, -front @ np.array([4.2, 1.9, 2.0])]),
+    )
+    (picture,) = draw_views(scene, [look("front", pinhole=pinhole)], PreviewSettings())
+    places_px, _ = pinhole.project(np.array([[3.2, 1.2, -1.5], [3.5, 1.0, -2.0], [3.0, 1.5, -2.0]]))
+    for (x_px, y_px), face in zip(places_px, ("+Z", "+X", "+Y"), strict=True):
+        np.testing.assert_allclose(picture[int(y_px), int(x_px), :3], CUBE_COLORS[face], atol=0.02)

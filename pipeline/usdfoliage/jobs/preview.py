@@ -22,6 +22,7 @@ from usdfoliage.asset.locate import lost_layers, try_layer
 from usdfoliage.asset.look import open_root_layer, read_look
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
+from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.recorder import run_recorder
 
 logger = logging.getLogger(__name__)
@@ -88,18 +89,29 @@ class PreviewView:
     window: tuple[float, float, float, float] | None = None  # left, right, bottom, top of it, in the stage's unit
     size_px: tuple[int, int] | None = None  # (width, height), where it is not the settings'
     group: str | None = None  # perspective views of one group are drawn from one distance
+    pinhole: Pinhole | None = None  # in the stage's frame and unit; decides instead of the direction, the size too
 
     def __post_init__(self) -> None:
         if self.direction not in DIRECTIONS:
             raise ValueError(f"direction must be one of {', '.join(DIRECTIONS)}, not {self.direction!r}")
         if self.window is not None:
             left, right, bottom, top = self.window
-            if not self.orthographic or self.camera is not None:
+            if not self.orthographic or self.camera is not None or self.pinhole is not None:
                 raise ValueError("a window needs an orthographic view and no camera")
             if not (left < right and bottom < top):
                 raise ValueError(f"window must be (left, right, bottom, top), not {self.window}")
+        if self.pinhole is not None:
+            if self.camera is not None or self.size_px is not None:
+                raise ValueError("a pinhole camera needs no camera prim and no size")
+            check_size(self.pinhole.width_px, self.pinhole.height_px)
         if self.size_px is not None:
             check_size(*self.size_px)
+
+    def picture_px(self, settings: PreviewSettings) -> tuple[int, int]:
+        """Width and height of the picture."""
+        if self.pinhole is not None:
+            return self.pinhole.width_px, self.pinhole.height_px
+        return self.size_px or (settings.width_px, settings.height_px)
 
 
 def check_size(width_px: int, height_px: int) -> None:
@@ -198,15 +210,18 @@ def draw_views(
             "Storm (USD %s) drew %d views in %.1f s", result["usd_version"], len(views), time.monotonic() - started
         )
         pictures = [_read_exr(work / f"{number}.exr") for number in range(len(views))]
-    for view, picture in zip(views, pictures, strict=True):
-        expected = (*(view.size_px or (settings.width_px, settings.height_px))[::-1], 4)
+    for number, (view, picture) in enumerate(zip(views, pictures, strict=True)):
+        expected = (*_drawn_px(view, settings)[::-1], 4)
         if picture.shape != expected:
             raise PreviewError(f"Storm drew {picture.shape}, not {expected} as asked ({usd_file})")
+        if view.picture_px(settings) != _drawn_px(view, settings):
+            pictures[number] = _resize(picture, view.picture_px(settings))
     empty = [view for view, picture in zip(views, pictures, strict=True) if not picture[..., 3].any()]
-    if len(empty) == len(views) and any(view.camera is None for view in views):
+    if len(empty) == len(views) and any(view.camera is None and view.pinhole is None for view in views):
         raise PreviewError(f"Storm drew nothing, though its bound is in the picture ({usd_file})")
     for view in empty:  # as a flat thing is from its edge
-        logger.warning("nothing is to be seen from %s (%s)", view.camera or view.direction, usd_file)
+        place = "a pinhole camera" if view.pinhole is not None else view.camera or view.direction
+        logger.warning("nothing is to be seen from %s (%s)", place, usd_file)
     return pictures
 
 
@@ -291,7 +306,7 @@ def _build_request(
     _write_dome(dome)
     requested: list[dict[str, Any]] = []
     for number, view in enumerate(views):
-        width_px, height_px = view.size_px or (settings.width_px, settings.height_px)
+        width_px, height_px = _drawn_px(view, settings)
         azimuth_rad, elevation_rad = DIRECTIONS[view.direction]
         entry: dict[str, Any] = {
             "exr": str(work / f"{number}.exr"),
@@ -303,6 +318,8 @@ def _build_request(
         }
         if view.camera is not None:
             entry["camera"] = view.camera
+        if view.pinhole is not None:
+            entry["pinhole"] = _describe_pinhole(view.pinhole, height_px)
         if view.window is not None:
             entry["window"] = view.window
         if view.group is not None:
@@ -317,6 +334,29 @@ def _build_request(
         "dome_texture": str(dome),
         "views": requested,
     }
+
+
+def _drawn_px(view: PreviewView, settings: PreviewSettings) -> tuple[int, int]:
+    """Width and height of what Storm draws: its pixels are square, those of a pinhole camera need not be."""
+    width_px, height_px = view.picture_px(settings)
+    if view.pinhole is not None:
+        height_px = max(1, round(height_px * view.pinhole.focal_px[0] / view.pinhole.focal_px[1]))
+    return width_px, height_px
+
+
+def _describe_pinhole(pinhole: Pinhole, drawn_height_px: int) -> dict[str, Any]:
+    x_px, y_px = pinhole.center_px
+    return {
+        "focal_px": pinhole.focal_px[0],
+        "center_px": [x_px, y_px * drawn_height_px / pinhole.height_px],
+        "cam_from_stage": pinhole.cam_from_world.tolist(),
+    }
+
+
+def _resize(picture: NDArray[np.float32], size_px: tuple[int, int]) -> NDArray[np.float32]:
+    import cv2
+
+    return np.asarray(cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA), np.float32)
 
 
 def _write_dome(path: Path) -> None:
