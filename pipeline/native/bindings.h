@@ -9,3 +9,4 @@ void bind_radius_map(nanobind::module_& m);
 void bind_grid_cut(nanobind::module_& m);
 void bind_texture_synthesis(nanobind::module_& m);
 void bind_leaf(nanobind::module_& m);
+void bind_leaf_raster(nanobind::module_& m);

@@ -11,4 +11,5 @@ NB_MODULE(_native, m) {
     bind_grid_cut(m);
     bind_texture_synthesis(m);
     bind_leaf(m);
+    bind_leaf_raster(m);
 }

@@ -130,3 +130,8 @@ def leaf_bounds(
         reach: how far jitter may move a silhouette, in leaf lengths.
         group: leaves that follow each other and share a box.
     """
+
+def draw_leaf_grids(
+    places: NDArray[np.float64], height: int, width: int, threads: int
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Draw grids (N, V, U, 3), x, y and depth, with a z-buffer: ids (H, W), -1 for none, and depth (H, W), 0 for none."""
