@@ -1,0 +1,66 @@
+"""capture.toml: what the user says of a capture."""
+
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from usdfoliage.errors import CaptureError
+
+FILE_NAME = "capture.toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureSettings:
+    """What capture.toml says, or leaves unsaid."""
+
+    name: str = ""
+    up_axis: str = "Y"  # or Z, of the poses and clouds
+    metres_per_unit: float = 1.0  # of the poses and clouds; depth is in metres
+    color_space: str | None = None  # of all photographs, as read_photo takes it; None: as each file says
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if self.up_axis not in ("Y", "Z"):
+            raise ValueError(f"up_axis must be Y or Z, not {self.up_axis!r}")
+        if not (math.isfinite(self.metres_per_unit) and self.metres_per_unit > 0):
+            raise ValueError(f"metres_per_unit must be finite and above 0, not {self.metres_per_unit}")
+
+
+_KINDS = {"name": "text", "up_axis": "text", "metres_per_unit": "a number", "color_space": "text", "note": "text"}
+
+
+def read_capture_settings(folder: Path) -> tuple[CaptureSettings, tuple[str, ...]]:
+    """Read a capture's capture.toml; the defaults where there is none.
+
+    Returns:
+        The settings, and sentences about keys that mean nothing here.
+
+    Raises:
+        CaptureError: The file is no TOML, or a value has a wrong type or is out of range.
+    """
+    path = folder / FILE_NAME
+    if not path.is_file():
+        return CaptureSettings(), ()
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise CaptureError(f"{path} is no TOML: {error}") from error
+    except OSError as error:
+        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+
+    known: dict[str, Any] = {}
+    for key, kind in _KINDS.items():
+        if key not in values:
+            continue
+        value = values[key]
+        if isinstance(value, bool) or not isinstance(value, str if kind == "text" else int | float):
+            raise CaptureError(f"{path}: {key} must be {kind}, not {value!r}")
+        known[key] = value.upper() if key == "up_axis" else value
+    unknown = sorted(set(values) - set(_KINDS))
+    notes = (f"{FILE_NAME}: {', '.join(unknown)} not known, and not used",) if unknown else ()
+    try:
+        return CaptureSettings(**known), notes
+    except (ValueError, OverflowError) as error:
+        raise CaptureError(f"{path}: {error}") from error

@@ -1,0 +1,104 @@
+"""Whether depth and poses are in the same unit: metres taken for millimetres, or a reconstruction without scale."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.view import View
+
+_MIN_SAMPLES = 20  # 3-D points on depth that a median is worth
+_AGREEMENT = 1.25  # factor that occlusion and noise leave between the depth and the 3-D points
+_PLAUSIBLE = 30.0  # factor between the depth and the place that the cameras look at, which may be a tree before a hill
+_PLAUSIBLE_SPREAD = 300.0  # factor between the depth and the spread of cameras that look one way
+_NEAR_THOUSAND = 3.0  # factor around 1000 that is called millimetres
+_STRIDE = 7  # of pixels whose median is taken
+
+
+def check_depth_scale(views: Sequence[View], points_m: NDArray[np.float64], metres_per_unit: float) -> tuple[str, ...]:
+    """Compare depth with what the cameras say of distance.
+
+    By the points of the cameras' model where it has them, seen in the depth maps; else by the place that the cameras
+    look at; else, for cameras that look one way, by their spread. Our own.
+
+    Args:
+        views: Those read, in metres.
+        points_m: (N, 3), points of the model in the views' world; may be none.
+        metres_per_unit: By which poses and points were multiplied, to say which it should be.
+
+    Returns:
+        A sentence for the user where they disagree, else nothing.
+    """
+    with_depth = [view for view in views if view.has_depth]
+    if not with_depth:
+        return ()
+    ratios = np.concatenate([_depth_over_points(view, points_m) for view in with_depth])
+    if len(ratios) >= _MIN_SAMPLES:
+        return _sentence(
+            float(np.median(ratios)), _AGREEMENT, "the points of the cameras' model", metres_per_unit, True
+        )
+
+    # From here on the scale is known to an order of magnitude only.
+    expected, what, plausible = _expected_distance(views, with_depth)
+    ratios = np.array([float(np.median(_samples(view))) for view in with_depth]) / expected
+    ratios = ratios[np.isfinite(ratios) & (ratios > 0)]
+    if not len(ratios):
+        return ()
+    return _sentence(float(np.median(ratios)), plausible, what, metres_per_unit, False)
+
+
+def _samples(view: View) -> NDArray[np.float32]:
+    """Some depths of a view, not 0."""
+    depths = view.depth_m[::_STRIDE, ::_STRIDE]
+    depths = depths[depths > 0]
+    return depths if len(depths) else view.depth_m[view.depth_m > 0]
+
+
+def _depth_over_points(view: View, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Depth where the model's points are seen, as a share of theirs."""
+    if not len(points_m):
+        return np.zeros(0)
+    places, distance = view.camera.project(points_m)
+    with np.errstate(invalid="ignore"):
+        inside = (places >= 0).all(axis=1) & (places[:, 0] < view.camera.width_px)
+        inside &= (places[:, 1] < view.camera.height_px) & (distance > 0)
+    columns, rows = places[inside].astype(np.int64).T
+    depths = view.depth_m[rows, columns]
+    return np.asarray((depths / distance[inside])[depths > 0])
+
+
+def _expected_distance(views: Sequence[View], chosen: Sequence[View]) -> tuple[NDArray[np.float64], str, float]:
+    """For each chosen view how far away a thing should be (NaN: unknown), by what it is known, and how far off it may be."""
+    centers = np.array([view.camera.position_m for view in views])
+    axes = np.array([view.camera.cam_from_world[2, :3] for view in views])
+    # The place nearest to all optical axes: sum of (I - a aᵀ)(x - c) = 0.
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    normal = across.sum(axis=0)
+    eigenvalues = np.linalg.eigvalsh(normal)
+    if eigenvalues[0] > 1e-3 * eigenvalues[2]:  # the axes differ by some degrees
+        place = np.linalg.solve(normal, np.einsum("nij,nj->i", across, centers))
+        distance = np.array([view.camera.cam_from_world[2] @ (*place, 1.0) for view in chosen])
+        if (distance > 0).mean() > 0.5:
+            return np.where(distance > 0, distance, np.nan), "the place that the cameras look at", _PLAUSIBLE
+    spread = float(np.linalg.norm(centers.max(axis=0) - centers.min(axis=0)))
+    known = np.nan if spread <= 1e-9 * float(np.abs(centers).max()) else spread
+    return np.full(len(chosen), known), "the cameras' distances from each other", _PLAUSIBLE_SPREAD
+
+
+def _sentence(ratio: float, plausible: float, what: str, metres_per_unit: float, exact: bool) -> tuple[str, ...]:
+    if 1 / plausible < ratio < plausible:
+        return ()
+    start = f"the depth is {ratio:.3g} times what {what} say{'s' if what.startswith('the place') else ''}"
+    if 1000 / _NEAR_THOUSAND < ratio < 1000 * _NEAR_THOUSAND:
+        likely = "the depth is probably in millimetres, or the poses are in kilometres: give the depth in metres"
+    elif 1000 / _NEAR_THOUSAND < 1 / ratio < 1000 * _NEAR_THOUSAND:
+        likely = (
+            f"the poses are probably in millimetres: set metres_per_unit = {metres_per_unit / 1000:g} in capture.toml"
+        )
+    elif exact:
+        likely = (
+            f"the poses probably have another unit: set metres_per_unit = {metres_per_unit * ratio:.4g} in capture.toml"
+        )
+    else:
+        likely = "depth must be in metres, and metres_per_unit in capture.toml must say the unit of the poses"
+    return (f"{start}; {likely}",)
