@@ -1,6 +1,5 @@
 """capture.toml: what the user says of a capture."""
 
-import math
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 from usdfoliage.errors import CaptureError
 
 FILE_NAME = "capture.toml"
+_UNITS_M = (1e-9, 1e9)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,8 +24,10 @@ class CaptureSettings:
     def __post_init__(self) -> None:
         if self.up_axis not in ("Y", "Z"):
             raise ValueError(f"up_axis must be Y or Z, not {self.up_axis!r}")
-        if not (math.isfinite(self.metres_per_unit) and self.metres_per_unit > 0):
-            raise ValueError(f"metres_per_unit must be finite and above 0, not {self.metres_per_unit}")
+        if not _UNITS_M[0] <= self.metres_per_unit <= _UNITS_M[1]:
+            raise ValueError(
+                f"metres_per_unit must be in {_UNITS_M[0]:g} to {_UNITS_M[1]:g}, not {self.metres_per_unit}"
+            )
 
 
 _KINDS = {"name": "text", "up_axis": "text", "metres_per_unit": "a number", "color_space": "text", "note": "text"}
@@ -57,7 +59,7 @@ def read_capture_settings(folder: Path) -> tuple[CaptureSettings, tuple[str, ...
         value = values[key]
         if isinstance(value, bool) or not isinstance(value, str if kind == "text" else int | float):
             raise CaptureError(f"{path}: {key} must be {kind}, not {value!r}")
-        known[key] = value.upper() if key == "up_axis" else value
+        known[key] = str(value).upper() if key == "up_axis" else value
     unknown = sorted(set(values) - set(_KINDS))
     notes = (f"{FILE_NAME}: {', '.join(unknown)} not known, and not used",) if unknown else ()
     try:

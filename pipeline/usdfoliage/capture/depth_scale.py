@@ -35,7 +35,11 @@ def check_depth_scale(views: Sequence[View], points_m: NDArray[np.float64], metr
     ratios = np.concatenate([_depth_over_points(view, points_m) for view in with_depth])
     if len(ratios) >= _MIN_SAMPLES:
         return _sentence(
-            float(np.median(ratios)), _AGREEMENT, "the points of the cameras' model", metres_per_unit, True
+            float(np.median(ratios)),
+            _AGREEMENT,
+            "the distance of the points in the cameras' model",
+            metres_per_unit,
+            True,
         )
 
     # From here on the scale is known to an order of magnitude only.
@@ -59,7 +63,7 @@ def _depth_over_points(view: View, points_m: NDArray[np.float64]) -> NDArray[np.
     if not len(points_m):
         return np.zeros(0)
     places, distance = view.camera.project(points_m)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # NaN behind the camera
         inside = (places >= 0).all(axis=1) & (places[:, 0] < view.camera.width_px)
         inside &= (places[:, 1] < view.camera.height_px) & (distance > 0)
     columns, rows = places[inside].astype(np.int64).T
@@ -68,7 +72,7 @@ def _depth_over_points(view: View, points_m: NDArray[np.float64]) -> NDArray[np.
 
 
 def _expected_distance(views: Sequence[View], chosen: Sequence[View]) -> tuple[NDArray[np.float64], str, float]:
-    """For each chosen view how far away a thing should be (NaN: unknown), by what it is known, and how far off it may be."""
+    """How far away things should be in each chosen view (NaN: unknown), what says so, and how far off it may be."""
     centers = np.array([view.camera.position_m for view in views])
     axes = np.array([view.camera.cam_from_world[2, :3] for view in views])
     # The place nearest to all optical axes: sum of (I - a aᵀ)(x - c) = 0.
@@ -79,16 +83,20 @@ def _expected_distance(views: Sequence[View], chosen: Sequence[View]) -> tuple[N
         place = np.linalg.solve(normal, np.einsum("nij,nj->i", across, centers))
         distance = np.array([view.camera.cam_from_world[2] @ (*place, 1.0) for view in chosen])
         if (distance > 0).mean() > 0.5:
-            return np.where(distance > 0, distance, np.nan), "the place that the cameras look at", _PLAUSIBLE
+            return (
+                np.where(distance > 0, distance, np.nan),
+                "the distance of the place that the cameras look at",
+                _PLAUSIBLE,
+            )
     spread = float(np.linalg.norm(centers.max(axis=0) - centers.min(axis=0)))
     known = np.nan if spread <= 1e-9 * float(np.abs(centers).max()) else spread
-    return np.full(len(chosen), known), "the cameras' distances from each other", _PLAUSIBLE_SPREAD
+    return np.full(len(chosen), known), "the distance of the cameras from each other", _PLAUSIBLE_SPREAD
 
 
 def _sentence(ratio: float, plausible: float, what: str, metres_per_unit: float, exact: bool) -> tuple[str, ...]:
     if 1 / plausible < ratio < plausible:
         return ()
-    start = f"the depth is {ratio:.3g} times what {what} say{'s' if what.startswith('the place') else ''}"
+    start = f"the depth is {ratio:.3g} times {what}"
     if 1000 / _NEAR_THOUSAND < ratio < 1000 * _NEAR_THOUSAND:
         likely = "the depth is probably in millimetres, or the poses are in kilometres: give the depth in metres"
     elif 1000 / _NEAR_THOUSAND < 1 / ratio < 1000 * _NEAR_THOUSAND:

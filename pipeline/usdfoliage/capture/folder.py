@@ -2,10 +2,9 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,17 @@ from usdfoliage.capture.capture_settings import CaptureSettings, read_capture_se
 from usdfoliage.capture.depth import DEPTH_CHANNEL, DEPTH_SUFFIXES, read_depth
 from usdfoliage.capture.depth_scale import check_depth_scale
 from usdfoliage.capture.images import Photo, read_photo
-from usdfoliage.capture.lens import Lens, Undistortion, scale_lens, undistort
+from usdfoliage.capture.lens import Lens, scale_lens, undistort
+from usdfoliage.capture.listing import (
+    counted,
+    depth_folders,
+    file_of,
+    files_below,
+    folder_below,
+    is_picture,
+    named,
+    parse_views,
+)
 from usdfoliage.capture.masks import read_mask
 from usdfoliage.capture.raster import apply_orientation
 from usdfoliage.capture.view import View
@@ -25,9 +34,7 @@ from usdfoliage.geometry.color import encode_srgb
 
 logger = logging.getLogger(__name__)
 
-_PICTURES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr"}
 _MASK_SUFFIXES = (".png",)
-_NAMED = 5  # files that a note names; it counts the others
 _UNDO_ORIENTATION = {6: 8, 8: 6}  # the others are their own inverses
 _Y_UP_FROM_Z_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # (x, y, z) -> (x, z, -y)
 
@@ -109,10 +116,10 @@ def read_capture(
     if not folder.is_dir():
         raise CaptureError(f"{folder} is no folder; give a capture folder with images/ and cameras/")
     settings, notes = read_capture_settings(folder)
-    photos = _files(_below(folder, "images"))
-    if not any(_is_picture(name) for name in photos):
+    photos = files_below(folder_below(folder, "images"))
+    if not any(is_picture(name) for name in photos):
         raise CaptureError(f"{folder / 'images'} has no photographs; put them there as JPEG, PNG, TIFF or EXR")
-    cameras_folder = _below(folder, cameras)
+    cameras_folder = folder_below(folder, cameras)
     if not cameras_folder.is_dir():
         raise CaptureError(
             f"{cameras_folder} does not exist; the poses of the photographs are needed: "
@@ -121,25 +128,30 @@ def read_capture(
     model = read_camera_model(find_camera_model(cameras_folder))
     posed = [image for image in model.images if image.name in photos]
     without_photo = [image.name for image in model.images if image.name not in photos]
-    without_camera = sorted({name for name in photos if _is_picture(name)} - {image.name for image in posed})
+    without_camera = sorted({name for name in photos if is_picture(name)} - {image.name for image in posed})
     if not posed:
         raise CaptureError(
             f"none of the {len(model.images)} images in {model.folder} is in {folder / 'images'}: "
-            f"the cameras know {_named(without_photo)}, there are {_named(without_camera)}; the names must be the same"
+            f"the cameras know {named(without_photo)}, there are {named(without_camera)}; the names must be the same"
         )
     remarks = list(notes)
     if without_photo:
-        remarks.append(f"{_counted(len(without_photo), 'camera')} without a photograph: {_named(without_photo)}")
+        remarks.append(f"{counted(len(without_photo), 'camera')} without a photograph: {named(without_photo)}")
     if without_camera:
-        remarks.append(f"{_counted(len(without_camera), 'photograph')} without a camera: {_named(without_camera)}")
+        remarks.append(f"{counted(len(without_camera), 'photograph')} without a camera: {named(without_camera)}")
+
+    depth_folder = folder_below(folder, depth)
+    depths = files_below(depth_folder)
+    if not depths and depth != "depth":
+        raise CaptureError(f"{depth_folder} has no depth maps; there are {depth_folders(folder)}")
+    belonging = {file_of(name, depths, DEPTH_SUFFIXES) for name in photos}
+    stray = [name for name, path in depths.items() if path.suffix in DEPTH_SUFFIXES and path not in belonging]
+    if stray:
+        remarks.append(f"{counted(len(stray), 'depth map')} without a photograph: {named(stray)}")
 
     chosen = range(len(posed)) if views is None else parse_views(views, [image.name for image in posed])
     posed = [posed[index] for index in chosen]
-    depth_folder = _below(folder, depth)
-    depths = _files(depth_folder)
-    if not depths and depth != "depth":
-        raise CaptureError(f"{depth_folder} has no depth maps; there are {_depth_folders(folder)}")
-    masks = _files(folder / "masks")
+    masks = files_below(folder / "masks")
     capture_views = []
     for image in posed:
         cam_from_world = image.cam_from_world.copy()
@@ -150,8 +162,8 @@ def read_capture(
                 photo=photos[image.name],
                 lens=model.lenses[image.camera_id],
                 cam_from_world=cam_from_world,
-                depth=_belonging(image.name, depths, DEPTH_SUFFIXES),
-                mask=_belonging(image.name, masks, _MASK_SUFFIXES),
+                depth=file_of(image.name, depths, DEPTH_SUFFIXES),
+                mask=file_of(image.name, masks, _MASK_SUFFIXES),
             )
         )
     for what, place, found in (
@@ -160,7 +172,7 @@ def read_capture(
     ):
         without = [view.name for view, path in zip(capture_views, found, strict=True) if path is None]
         if without and (place.is_dir() or what == "depth map"):
-            remarks.append(f"{len(without)} of {_counted(len(found), 'view')} without a {what}: {_named(without)}")
+            remarks.append(f"{len(without)} of {counted(len(found), 'view')} without a {what}: {named(without)}")
 
     try:
         points_m = read_model_points(model.folder) * settings.metres_per_unit
@@ -177,31 +189,6 @@ def read_capture(
     )
 
 
-def parse_views(views: str | Sequence[str | int], names: Sequence[str]) -> tuple[int, ...]:
-    """Which views a user means.
-
-    Args:
-        views: Separated by commas, or in a list: a file's name, with or without its suffix; a place in names, from 0,
-            negative ones from the end; or start:stop:step as in Python. "0,3,5", "0:10:2", "a.jpg,b.jpg".
-        names: Of all views.
-
-    Returns:
-        Places in names, each once, in the order given.
-
-    Raises:
-        CaptureError: A view that does not exist, or no view at all.
-    """
-    if isinstance(views, str):
-        views = [views] if views in names else [part.strip() for part in views.split(",")]
-    chosen: dict[int, None] = {}
-    for view in views:
-        for index in _places(view, names):
-            chosen[index] = None
-    if not chosen:
-        raise CaptureError(f"no view of {len(names)} is chosen; there are {_named(list(names))}")
-    return tuple(chosen)
-
-
 def read_views(capture: Capture, progress: Callable[[int, int], None] | None = None) -> CaptureViews:
     """Read all views of a capture; those that cannot be read are left out and named.
 
@@ -211,6 +198,7 @@ def read_views(capture: Capture, progress: Callable[[int, int], None] | None = N
     views: list[View] = []
     remarks: list[_Remark] = []
     unreadable: list[_Remark] = []
+    with_depth_map = 0
     for done, chosen in enumerate(capture.views):
         if progress is not None:
             progress(done, len(capture.views))
@@ -221,18 +209,15 @@ def read_views(capture: Capture, progress: Callable[[int, int], None] | None = N
             continue
         views.append(view)
         remarks.extend(about)
+        with_depth_map += chosen.depth is not None
     if progress is not None:
         progress(len(capture.views), len(capture.views))
     if not views:
-        raise CaptureError(
-            f"none of {_counted(len(unreadable), 'view')} can be read; the first: {unreadable[0].detail}"
-        )
+        raise CaptureError(f"none of {counted(len(unreadable), 'view')} can be read; the first: {unreadable[0].detail}")
 
     ignored = [remark for remark in remarks if remark.text == _DEPTH_IGNORED]
-    if ignored and len(ignored) == sum(view.depth is not None for view in capture.views) - len(
-        {remark.view for remark in unreadable} & {view.name for view in capture.views if view.depth is not None}
-    ):
-        raise CaptureError(f"none of {_counted(len(ignored), 'depth map')} can be used; the first: {ignored[0].detail}")
+    if ignored and len(ignored) == with_depth_map:
+        raise CaptureError(f"none of {counted(len(ignored), 'depth map')} can be used; the first: {ignored[0].detail}")
     scale = check_depth_scale(views, capture.points_m, capture.settings.metres_per_unit)
     notes = (*_merge(unreadable), *_merge(remarks), *scale)
     return CaptureViews(views=tuple(views), notes=notes)
@@ -305,7 +290,7 @@ def _read_view(capture: Capture, chosen: CaptureView) -> tuple[View, list[_Remar
             remark(_MASK_IGNORED, str(error))
 
     if not lens.is_pinhole:
-        undistortion = _undistortion(lens)
+        undistortion = undistort(lens)
         srgb = undistortion.smooth(srgb)
         depth_m = undistortion.nearest(depth_m) if depth_m.any() else depth_m
         mask = None if mask is None else undistortion.nearest(mask.astype(np.float32)) > 0.5
@@ -332,6 +317,8 @@ def _fit_lens(chosen: CaptureView, photo: Photo) -> tuple[Lens, int]:
 
 def _turn_back(upright: NDArray, orientation: int) -> NDArray:  # type: ignore[type-arg]
     """Pixels as the file stores them."""
+    if orientation == 1:
+        return upright
     return np.ascontiguousarray(apply_orientation(upright, _UNDO_ORIENTATION.get(orientation, orientation)))
 
 
@@ -339,93 +326,22 @@ def _encode(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     """(H, W, 3), linear to sRGB; exact for what was sRGB of 8 bits."""
     levels = 2**16 - 1  # fine enough: near black a level of 8 bits has 20 of these
     table = np.round(encode_srgb(np.arange(levels + 1) / levels) * 255).astype(np.uint8)
-    return np.asarray(table[(np.minimum(linear, 1) * levels + 0.5).astype(np.uint16)])
-
-
-@lru_cache(maxsize=2)
-def _undistortion(lens: Lens) -> Undistortion:
-    return undistort(lens)  # most captures have one camera
-
-
-# Files and names.
-
-
-def _below(folder: Path, name: str) -> Path:
-    """A folder of the capture, by its name; nothing outside, and not the truth of a benchmark."""
-    parts = PurePosixPath(name).parts
-    if not parts or PurePosixPath(name).is_absolute() or ".." in parts or parts[0] == "truth":
-        raise CaptureError(f"{name!r} is not the name of a folder in {folder} that may be read")
-    return folder / name
-
-
-def _files(folder: Path) -> dict[str, Path]:
-    """The files below a folder by their names there, sorted; hidden ones left out."""
-    try:
-        found = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
-    except OSError as error:
-        raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
-    return {name: found[name] for name in sorted(found) if not any(part.startswith(".") for part in name.split("/"))}
-
-
-def _is_picture(name: str) -> bool:
-    return PurePosixPath(name).suffix.lower() in _PICTURES
-
-
-def _belonging(name: str, files: dict[str, Path], suffixes: Sequence[str]) -> Path | None:
-    """The file of a photograph among depth maps or masks: a.exr or a.jpg.exr for a.jpg."""
-    stem = PurePosixPath(name).with_suffix("").as_posix()
-    candidates = (base + suffix for suffix in suffixes for base in (stem, name))
-    return next((files[candidate] for candidate in candidates if candidate in files), None)
-
-
-def _depth_folders(folder: Path) -> str:
-    """The names of folders that hold OpenEXR files, for a message."""
-    names = sorted({path.parent.name for path in folder.glob("*/*.exr")} - {"images", "truth"})
-    return ", ".join(names) or "none"
-
-
-def _places(view: str | int, names: Sequence[str]) -> Iterable[int]:
-    text = str(view)
-    if text in names:
-        return [names.index(text)]
-    try:
-        if ":" in text:
-            limits = [int(part) if part.strip() else None for part in text.split(":")]
-            if len(limits) <= 3:
-                return range(len(names))[slice(*limits)]
-        index = int(text)
-        if -len(names) <= index < len(names):
-            return [index % len(names)]
-    except ValueError:
-        pass
-    alike = [index for index, name in enumerate(names) if PurePosixPath(name).with_suffix("").as_posix() == text]
-    if len(alike) == 1:
-        return alike
-    raise CaptureError(
-        f"there is no view {text[:80]!r} among {_counted(len(names), 'posed photograph')}: {_named(list(names))}; "
-        f"give a name, a place from 0 to {len(names) - 1}, or start:stop:step"
-    )
+    scaled = np.minimum(linear, 1)
+    scaled *= levels
+    scaled += 0.5
+    return np.asarray(table.take(scaled.astype(np.uint16)))
 
 
 def _merge(remarks: Sequence[_Remark]) -> list[str]:
     """One sentence for remarks alike, in the order of the first ones."""
     counts: Counter[str] = Counter()
-    named: dict[str, list[_Remark]] = {}
+    by_text: dict[str, list[_Remark]] = {}
     for remark in remarks:
-        named.setdefault(remark.text, []).append(remark)
+        by_text.setdefault(remark.text, []).append(remark)
         counts[remark.text] += remark.pixels
     notes = []
-    for text, alike in named.items():
+    for text, alike in by_text.items():
         count = f"{counts[text]:,} " if counts[text] else ""
         detail = f"; {alike[0].detail}" if alike[0].detail else ""
-        notes.append(f"{_named([remark.view for remark in alike])}: {count}{text}{detail}")
+        notes.append(f"{named([remark.view for remark in alike])}: {count}{text}{detail}")
     return notes
-
-
-def _named(names: Sequence[str]) -> str:
-    more = len(names) - _NAMED
-    return (", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")) or "none"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

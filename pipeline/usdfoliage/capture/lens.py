@@ -12,6 +12,10 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
 
 _MAX_SIDE_PX = 32766  # cv2.remap counts pixels in 16 bits
+_MAX_CAMERA_PX = 10**6
+_MAX_PARAMETER = 1e9
+_FOCAL_SHARES = (0.01, 1e5)  # of the larger side: from 179° to half a second of arc a picture
+_STRIDE = 8  # of pixels among which a lens's turning back is looked for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,15 +61,19 @@ class Lens:
     def __post_init__(self) -> None:
         if self.model not in LENS_MODELS:
             raise ValueError(f"the camera model {self.model} is not known; known are {', '.join(LENS_MODELS)}")
-        if self.width_px < 1 or self.height_px < 1:
-            raise ValueError(f"the picture must have a size, not {self.width_px}×{self.height_px}")
+        if not (1 <= self.width_px <= _MAX_CAMERA_PX and 1 <= self.height_px <= _MAX_CAMERA_PX):
+            raise ValueError(f"the sides must be 1 to {_MAX_CAMERA_PX} px, not {self.width_px}×{self.height_px}")
         needed = LENS_MODELS[self.model].parameters
         if len(self.parameters) != needed:
             raise ValueError(f"{self.model} has {needed} parameters, not {len(self.parameters)}")
-        if not np.isfinite(self.parameters).all():
+        if not all(abs(number) <= _MAX_PARAMETER for number in self.parameters):
             raise ValueError(f"the parameters must be finite, not {', '.join(f'{x:g}' for x in self.parameters)}")
-        if min(self.focal_px) <= 0:
-            raise ValueError(f"the focal length must be above 0, not {min(self.focal_px):g}")
+        least, most = (share * max(self.width_px, self.height_px) for share in _FOCAL_SHARES)
+        if not (least <= min(self.focal_px) and max(self.focal_px) <= most):
+            raise ValueError(
+                f"the focal lengths must be in {least:g} to {most:g} px for {self.width_px}×{self.height_px} px, "
+                f"not {', '.join(f'{number:g}' for number in self.focal_px)}"
+            )
 
     @property
     def focal_px(self) -> tuple[float, float]:
@@ -168,13 +176,20 @@ def undistort(lens: Lens) -> Undistortion:
         else:
             x, y = cv2.initUndistortRectifyMap(matrix, coefficients, np.eye(3), matrix, size, cv2.CV_32FC1)
         turned_back = ~np.isfinite(x) | ~np.isfinite(y)
-        if min(size) > 1:
-            x_down, x_along = np.gradient(x)
-            y_down, y_along = np.gradient(y)
-            turned_back |= ~(x_along * y_down - x_down * y_along > 0)
+        if _turns_back(x[::_STRIDE, ::_STRIDE], y[::_STRIDE, ::_STRIDE]).any():  # seldom, and costly to find out
+            turned_back |= _turns_back(x, y)
     outside = np.float32(-2 * _MAX_SIDE_PX)
     limit = np.float32(2 * _MAX_SIDE_PX)
     return Undistortion(
         x=np.where(turned_back, outside, np.clip(x, outside, limit)).astype(np.float32),
         y=np.where(turned_back, outside, np.clip(y, outside, limit)).astype(np.float32),
     )
+
+
+def _turns_back(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Where a map mirrors, (H, W)."""
+    if min(x.shape) < 2:
+        return np.zeros(x.shape, np.bool_)
+    x_down, x_along = np.gradient(x)
+    y_down, y_along = np.gradient(y)
+    return np.asarray(~(x_along * y_down - x_down * y_along > 0))

@@ -1,0 +1,103 @@
+"""The files of a capture folder: which there are, which belong together, which of them a user means."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath
+
+from usdfoliage.errors import CaptureError
+
+_PICTURES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr"}
+_NAMED = 5  # files that a note names; it counts the others
+
+
+def folder_below(folder: Path, name: str) -> Path:
+    """A folder of the capture, by its name; nothing outside, and not the truth of a benchmark."""
+    parts = PurePosixPath(name).parts
+    if not parts or PurePosixPath(name).is_absolute() or ".." in parts or parts[0].lower() == "truth":
+        raise CaptureError(f"{name!r} is not the name of a folder in {folder} that may be read")
+    return folder / name
+
+
+def files_below(folder: Path) -> dict[str, Path]:
+    """The files below a folder by their names there, sorted; hidden ones left out."""
+    try:
+        found = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+    except OSError as error:
+        raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
+    return {name: found[name] for name in sorted(found) if not any(part.startswith(".") for part in name.split("/"))}
+
+
+def is_picture(name: str) -> bool:
+    """Whether a file is named as photographs are."""
+    return PurePosixPath(name).suffix.lower() in _PICTURES
+
+
+def file_of(name: str, files: dict[str, Path], suffixes: Sequence[str]) -> Path | None:
+    """The file of a photograph among depth maps or masks: a.exr or a.jpg.exr for a.jpg."""
+    stem = PurePosixPath(name).with_suffix("").as_posix()
+    candidates = (base + suffix for suffix in suffixes for base in (stem, name))
+    return next((files[candidate] for candidate in candidates if candidate in files), None)
+
+
+def depth_folders(folder: Path) -> str:
+    """The names of folders that hold OpenEXR files, for a message."""
+    names = sorted({path.parent.name for path in folder.glob("*/*.exr")} - {"images", "truth"})
+    return ", ".join(names) or "none"
+
+
+def parse_views(views: str | Sequence[str | int], names: Sequence[str]) -> tuple[int, ...]:
+    """Which views a user means.
+
+    Args:
+        views: Separated by commas, or in a list: a file's name, with or without its suffix; a place in names, from 0,
+            negative ones from the end; or start:stop:step as in Python. "0,3,5", "0:10:2", "a.jpg,b.jpg".
+        names: Of all views.
+
+    Returns:
+        Places in names, each once, in the order given.
+
+    Raises:
+        CaptureError: A view that does not exist, or no view at all.
+    """
+    if isinstance(views, str):
+        views = [views] if views in names else [part.strip() for part in views.split(",")]
+    chosen: dict[int, None] = {}
+    for view in views:
+        for index in _places(view, names):
+            chosen[index] = None
+    if not chosen:
+        raise CaptureError(f"no view of {len(names)} is chosen; there are {named(list(names))}")
+    return tuple(chosen)
+
+
+def _places(view: str | int, names: Sequence[str]) -> Iterable[int]:
+    text = str(view)
+    if text in names:
+        return [names.index(text)]
+    try:
+        if ":" in text:
+            limits = [int(part) if part.strip() else None for part in text.split(":")]
+            if len(limits) <= 3:
+                return range(len(names))[slice(*limits)]
+        index = int(text)
+        if -len(names) <= index < len(names):
+            return [index % len(names)]
+    except ValueError:
+        pass
+    alike = [index for index, name in enumerate(names) if PurePosixPath(name).with_suffix("").as_posix() == text]
+    if len(alike) == 1:
+        return alike
+    raise CaptureError(
+        f"there is no view {text[:80]!r} among {counted(len(names), 'posed photograph')}: {named(list(names))}; "
+        f"give a name, a place from 0 to {len(names) - 1}, or start:stop:step"
+    )
+
+
+def named(names: Sequence[str]) -> str:
+    """The first names, and how many more there are."""
+    more = len(names) - _NAMED
+    return (", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")) or "none"
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun, in the plural where there is not one."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
