@@ -10,3 +10,5 @@ void bind_grid_cut(nanobind::module_& m);
 void bind_texture_synthesis(nanobind::module_& m);
 void bind_leaf(nanobind::module_& m);
 void bind_leaf_raster(nanobind::module_& m);
+void bind_enclosing_ellipse(nanobind::module_& m);
+void bind_leaf_fit(nanobind::module_& m);

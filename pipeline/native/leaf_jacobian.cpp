@@ -10,47 +10,6 @@ namespace {
 
 constexpr std::size_t kBlockSamples = 1024;  // places a thread takes at once
 
-// Derivatives of the control points of Q and D by what they hang on; i numbers the control points.
-struct CurveSlopes {
-    double foot_axis[3][2];     // by either control point of the axis, alike for each coordinate
-    double foot_v[3][3];        // by the control point's own v
-    double step_axis[3][2][4];  // by either control point of the axis: [2 rows of D][x, y]
-    double step_v[3][2];        // by the control point's own v
-    double step_x[3][2];        // by its distance from the axis
-};
-
-CurveSlopes curve_slopes(const double* leaf) {
-    CurveSlopes slopes;
-    for (int i = 0; i < 3; ++i) {
-        const double v = leaf[6 + 3 * i], x = leaf[7 + 3 * i];
-        const AxisAt at = axis_at(leaf, v);
-        const AxisFrame frame = axis_frame(at);
-        const Along along = along_at(v), along_slope = along_slope_at(v);
-        const bool held = !(frame.speed > kNoDirection);
-        const auto turned = [&](double dx, double dy, double* normal) {
-            normal[0] = normal[1] = 0;
-            if (!held) turn_normal(frame, dx, dy, normal);
-        };
-        for (int c = 0; c < 3; ++c) slopes.foot_v[i][c] = at.slope[c];
-        double by_x[2], by_y[2], by_v[2];
-        turned(1, 0, by_x);
-        turned(0, 1, by_y);
-        turned(at.bend[0], at.bend[1], by_v);
-        for (int c = 0; c < 2; ++c) {
-            slopes.step_v[i][c] = x * by_v[c];
-            slopes.step_x[i][c] = frame.normal[c];
-        }
-        for (int k = 0; k < 2; ++k) {
-            slopes.foot_axis[i][k] = along.axis[k];
-            for (int c = 0; c < 2; ++c) {
-                slopes.step_axis[i][k][2 * c] = x * along_slope.axis[k] * by_x[c];
-                slopes.step_axis[i][k][2 * c + 1] = x * along_slope.axis[k] * by_y[c];
-            }
-        }
-    }
-    return slopes;
-}
-
 template <typename Real>
 void write_jacobian(const CurveSlopes& slopes, const Along& along, const Across& across, Real* jacobian) {
     constexpr std::size_t kRow = kLeafNumbers;
@@ -85,6 +44,38 @@ void write_jacobian(const CurveSlopes& slopes, const Along& along, const Across&
 }
 
 }  // namespace
+
+CurveSlopes curve_slopes(const double* leaf) {
+    CurveSlopes slopes;
+    for (int i = 0; i < 3; ++i) {
+        const double v = leaf[6 + 3 * i], x = leaf[7 + 3 * i];
+        const AxisAt at = axis_at(leaf, v);
+        const AxisFrame frame = axis_frame(at);
+        const Along along = along_at(v), along_slope = along_slope_at(v);
+        const bool held = !(frame.speed > kNoDirection);
+        const auto turned = [&](double dx, double dy, double* normal) {
+            normal[0] = normal[1] = 0;
+            if (!held) turn_normal(frame, dx, dy, normal);
+        };
+        for (int c = 0; c < 3; ++c) slopes.foot_v[i][c] = at.slope[c];
+        double by_x[2], by_y[2], by_v[2];
+        turned(1, 0, by_x);
+        turned(0, 1, by_y);
+        turned(at.bend[0], at.bend[1], by_v);
+        for (int c = 0; c < 2; ++c) {
+            slopes.step_v[i][c] = x * by_v[c];
+            slopes.step_x[i][c] = frame.normal[c];
+        }
+        for (int k = 0; k < 2; ++k) {
+            slopes.foot_axis[i][k] = along.axis[k];
+            for (int c = 0; c < 2; ++c) {
+                slopes.step_axis[i][k][2 * c] = x * along_slope.axis[k] * by_x[c];
+                slopes.step_axis[i][k][2 * c + 1] = x * along_slope.axis[k] * by_y[c];
+            }
+        }
+    }
+    return slopes;
+}
 
 template <typename Real>
 void leaf_jacobians(const double* leaves, std::size_t n, const double* uv, std::size_t p, bool alike, Real* points,

@@ -6,6 +6,18 @@
 
 namespace usdfoliage {
 
+// Derivatives of the control points of Q and D by what they hang on; i numbers the control points.
+struct CurveSlopes {
+    double foot_axis[3][2];     // by either control point of the axis, alike for each coordinate
+    double foot_v[3][3];        // by the control point's own v
+    double step_axis[3][2][4];  // by either control point of the axis: [2 rows of D][x, y]
+    double step_v[3][2];        // by the control point's own v
+    double step_x[3][2];        // by its distance from the axis
+};
+
+// Where the axis stands upright its normal has no derivative and is held.
+CurveSlopes curve_slopes(const double* leaf);
+
 // Points of leaves and their derivatives by the parameters, in the order in which a leaf holds them.
 //
 // Where the axis stands upright its normal has no derivative and is held.

@@ -12,4 +12,6 @@ NB_MODULE(_native, m) {
     bind_texture_synthesis(m);
     bind_leaf(m);
     bind_leaf_raster(m);
+    bind_enclosing_ellipse(m);
+    bind_leaf_fit(m);
 }

@@ -135,3 +135,73 @@ def draw_leaf_grids(
     places: NDArray[np.float64], height: int, width: int, threads: int
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Draw grids (N, V, U, 3), x, y and depth, with a z-buffer: ids (H, W), -1 for none, and depth (H, W), 0 for none."""
+
+def enclosing_ellipses(
+    points: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    tolerance: float,
+    centers: NDArray[np.float64],
+    half_axes: NDArray[np.float64],
+    angles: NDArray[np.float64],
+    threads: int,
+) -> None:
+    """Fill the smallest ellipses around the sets of points (P, 2) that begin at offsets (M + 1,).
+
+    Args:
+        centers: (M, 2), NaN for no point.
+        half_axes: (M, 2), the longer one first.
+        angles: (M,), of the longer one from +x, in radians.
+    """
+
+def fit_leaves(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    min_points: int,
+    trim: bool,
+    isolation: float,
+    scanlines: int,
+    max_iterations: int,
+    tolerance: float,
+    robustness: int,
+    prior: float,
+    parameters: NDArray[np.float64],
+    bases: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+    residuals: NDArray[np.float64],
+    coverages: NDArray[np.float64],
+    iterations: NDArray[np.int32],
+    outcomes: NDArray[np.int32],
+    threads: int,
+) -> None:
+    """Fit a leaf to each set of points (P, 3) that begins at offsets (M + 1,).
+
+    Args:
+        trim: whether points off the surface and isolated ones are left out.
+        robustness: 0 least squares, 1 Huber's, 2 Tukey's weights.
+        parameters: (M, 7, 3), filled as all that follows, but where the outcome is not 0.
+        bases: (M, 3).
+        axes: (M, 3, 3), rows x, y and z of leaf space.
+        lengths: (M,), as residuals and coverages.
+        iterations: (M,).
+        outcomes: (M,), 0 fitted, 1 too few points, 2 not finite, 3 on a line; always filled.
+    """
+
+def map_leaf_points(
+    leaf: NDArray[np.float64],
+    half_width: float,
+    points: NDArray[np.float64],
+    lines: int,
+    uv: NDArray[np.float64],
+    line: NDArray[np.int32],
+    weights: NDArray[np.float64],
+) -> None:
+    """Fill the (u, v) of points (P, 3) in the space of one leaf (7, 3), and eq. 10's weights of its scanlines.
+
+    Args:
+        half_width: of the enclosing ellipse.
+        uv: (P, 2).
+        line: (P,), number of the scanline of each point, -1 for none.
+        weights: (lines, 2), right half and left half.
+    """
