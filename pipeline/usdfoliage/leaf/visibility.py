@@ -147,8 +147,8 @@ def _project(leaves: Leaves, view: View, uv: NDArray[np.floating]) -> _Projectio
     rays = camera.position_m - points
     facing = np.einsum("npc,npc->np", rays, normals) / np.maximum(np.linalg.norm(rays, axis=-1), 1e-300)
     with np.errstate(invalid="ignore"):
-        inside = ((places >= 0) & (places < (camera.width_px, camera.height_px))).all(axis=1)
-    columns, rows = np.where(inside[:, None], places, 0).astype(np.intp).T
+        inside = np.all((places >= 0) & (places < (camera.width_px, camera.height_px)), axis=1)
+    columns, rows = np.where(inside[:, None], places, 0.0).astype(np.intp).T
     seen_m = np.where(inside, view.depth_m[rows, columns], np.float32(0))
     return _Projection(
         places.reshape(*shape, 2),

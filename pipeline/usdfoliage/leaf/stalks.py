@@ -1,0 +1,165 @@
+"""Where depth maps show what is thin and no leaf: stalks and twigs. Our own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.view import View
+from usdfoliage.geometry.color import decode_srgb
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.reprojection import draw_leaf_ids
+from usdfoliage.leaf.surface import evaluate_points
+
+BOTH_ENDS = np.array([[0.0, 0.0], [0.0, 1.0]])
+DECODED = decode_srgb(np.arange(256) / 255.0)  # (256,), linear
+DARKEST = 1 / 255  # linear; darker, noise decides what the ratio of two channels is
+NOISE_BINS = 16  # of depth, in which noise is measured
+NOISE_QUANTILE = 0.8  # of what a median filter changes: of pure noise a standard deviation, or a little more
+NOISE_WIDTHS = 5.0
+FOREIGN = 3.0  # standard deviations of the leaves' colour; beyond, a colour is not theirs
+LEAST_COLORS = 50  # pixels of leaves, below which nobody knows their colour
+FINE_PX = 3  # median filter against single wrong pixels; stalks narrower than 2 pixels go with them
+
+
+@dataclass(frozen=True, kw_only=True)
+class StalkSettings:
+    """What counts as thin, in lengths of the median leaf."""
+
+    width: float = 0.15  # of the widest stalk
+    jump: float = 0.15  # what is seen beside a stalk lies behind it by this, or by more
+    reach: float = 0.5  # from base or apex
+    cell: float = 0.04  # points in one cell count as one
+    widths: float = 4.0  # standard deviations from a leaf, up to which depth is that leaf's
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+
+
+class StalkPoints(NamedTuple):
+    """Points near bases and apices that may be of stalks, one a cell."""
+
+    points_m: NDArray[np.float64]  # (Q, 3), in the world
+    foreign: NDArray[np.float64]  # (Q,), share of pixels whose colour is not that of leaves
+
+
+def find_stalk_points(
+    leaves: Leaves, views: Sequence[View], spread: float, settings: StalkSettings = StalkSettings()
+) -> StalkPoints:
+    """Collect what stands before its surroundings, is narrow, and is none of the leaves.
+
+    Args:
+        leaves: In the world of the views.
+        spread: As leaf.visibility.estimate_spread gives it.
+    """
+    points, colors, leaf_colors = [np.zeros((0, 3))], [np.zeros((0, 2))], [np.zeros((0, 2))]
+    length_m = float(np.median(leaves.length_m)) if len(leaves) else 1.0
+    for view in views:
+        if not view.has_depth or not len(leaves):
+            continue
+        drawn = draw_leaf_ids(leaves, view.camera)
+        if not (drawn.ids >= 0).any():
+            continue
+        footprint = view.depth_m / np.float32(max(view.camera.focal_px))
+        allowed_m = np.maximum(settings.widths * spread * length_m, 3 * footprint)
+        of_leaf = (drawn.ids >= 0) & (view.depth_m > 0) & (np.abs(view.depth_m - drawn.depth_m) <= allowed_m)
+        beside_leaf = cv2.dilate(of_leaf.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        distance_m = float(np.median(drawn.depth_m[drawn.ids >= 0]))
+        width_px = settings.width * length_m * max(view.camera.focal_px) / distance_m
+        thin = _find_thin(view.depth_m, width_px, settings.jump * length_m) & ~beside_leaf
+        thin &= _near_ends(leaves, view, settings.reach)
+        if view.mask is not None:
+            thin &= view.mask
+        rows, columns = np.nonzero(thin)
+        places = np.column_stack([columns, rows]) + 0.5
+        points.append(view.camera.unproject(places, view.depth_m[rows, columns].astype(np.float64)))
+        colors.append(_chroma(view.srgb[rows, columns]))
+        leaf_colors.append(_chroma(view.srgb[of_leaf]))
+    foreign = _is_foreign(np.concatenate(colors), np.concatenate(leaf_colors))
+    return _one_a_cell(np.concatenate(points), foreign, settings.cell * length_m)
+
+
+def _find_thin(depth_m: NDArray[np.float32], width_px: float, jump_m: float) -> NDArray[np.bool_]:
+    """(H, W), what stands before its surroundings on both sides, and is not noise."""
+    filled = _fill_from_behind(depth_m, width_px)
+    smooth = cv2.medianBlur(filled, FINE_PX)
+    radius = max(1, round(width_px / 2))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    before_m = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, disc) - depth_m
+    known = depth_m > 0
+    change_m = np.abs(filled - smooth)
+    noise_m = _noise_by_depth(depth_m, change_m, known)
+    real = known & (change_m <= np.maximum(jump_m / 3, NOISE_WIDTHS * noise_m))
+    return np.asarray(real & (before_m > np.maximum(jump_m, NOISE_WIDTHS * noise_m)))
+
+
+def _fill_from_behind(depth_m: NDArray[np.float32], width_px: float) -> NDArray[np.float32]:
+    """Depth with the greatest one around in place of holes: those beside a stalk show what is behind it."""
+    size = 2 * max(1, round(width_px / 2)) + 1
+    around = cv2.dilate(depth_m, np.ones((size, size), np.uint8))
+    around = np.where(around > 0, around, depth_m.max())
+    return np.where(depth_m > 0, depth_m, around)
+
+
+def _noise_by_depth(
+    depth_m: NDArray[np.float32], change_m: NDArray[np.float32], known: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """(H, W), how much single pixels differ from those around, at about this depth: noise grows with the distance."""
+    borders = np.quantile(depth_m[known][::7], np.linspace(0, 1, NOISE_BINS + 1)[1:-1])
+    bins = np.searchsorted(borders, depth_m)
+    noise_m = np.zeros(NOISE_BINS, np.float32)
+    of_known, change_of_known = bins[known], change_m[known]
+    for number in range(NOISE_BINS):
+        changes = change_of_known[of_known == number]
+        if len(changes):
+            noise_m[number] = np.quantile(changes, NOISE_QUANTILE)
+    return noise_m[bins]
+
+
+def _near_ends(leaves: Leaves, view: View, reach: float) -> NDArray[np.bool_]:
+    """(H, W), pixels within reach of a base or apex, as far as the picture tells."""
+    ends = evaluate_points(leaves.parameters, BOTH_ENDS, placements=leaves.asset_from_leaf())
+    places, depth_m = view.camera.project(ends.reshape(-1, 3))
+    radius_px = reach * np.repeat(leaves.length_m, 2) * max(view.camera.focal_px) / np.maximum(depth_m, 1e-12)
+    size = np.array([view.camera.width_px, view.camera.height_px])
+    with np.errstate(invalid="ignore"):
+        shown = ((places > -radius_px[:, None]) & (places < size + radius_px[:, None])).all(axis=1)
+    near = np.zeros(view.depth_m.shape, np.uint8)
+    for (x, y), radius in zip(places[shown], radius_px[shown], strict=True):
+        cv2.circle(near, (round(x), round(y)), min(int(radius) + 1, int(size.max())), 1, cv2.FILLED)
+    return near > 0
+
+
+def _chroma(encoded: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """(K, 2), red and blue against green, in octaves: what light and shade do not change."""
+    linear = np.maximum(DECODED[encoded], DARKEST)
+    return np.asarray(np.log2(linear[:, [0, 2]] / linear[:, [1]]))
+
+
+def _is_foreign(colors: NDArray[np.float64], of_leaves: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K,), 1 where a colour is none that leaves have, 0 elsewhere."""
+    if len(of_leaves) < LEAST_COLORS:
+        return np.zeros(len(colors))
+    away = of_leaves - np.median(of_leaves, axis=0)
+    scatter = np.cov(away.T) + 1e-6 * np.eye(2)
+    offset = colors - np.median(of_leaves, axis=0)
+    distance = np.einsum("ki,ij,kj->k", offset, np.linalg.inv(scatter), offset)
+    return np.asarray(distance > FOREIGN**2, np.float64)
+
+
+def _one_a_cell(points_m: NDArray[np.float64], foreign: NDArray[np.float64], cell_m: float) -> StalkPoints:
+    """Means over cubic cells; cells of one pixel only are left out as noise."""
+    if not len(points_m):
+        return StalkPoints(points_m, foreign)
+    cells = np.floor((points_m - points_m.min(axis=0)) / cell_m).astype(np.int64)
+    count = cells.max(axis=0) + 1
+    flat = (cells[:, 0] * count[1] + cells[:, 1]) * count[2] + cells[:, 2]
+    _, place, pixels = np.unique(flat, return_inverse=True, return_counts=True)
+    mean = np.stack([np.bincount(place, column) / pixels for column in (*points_m.T, foreign)], axis=1)
+    mean = mean[pixels > 1]
+    return StalkPoints(mean[:, :3], mean[:, 3])
