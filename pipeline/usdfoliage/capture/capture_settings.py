@@ -8,7 +8,6 @@ from typing import Any
 from usdfoliage.errors import CaptureError
 
 FILE_NAME = "capture.toml"
-_UNITS_M = (1e-9, 1e9)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +23,7 @@ class CaptureSettings:
     def __post_init__(self) -> None:
         if self.up_axis not in ("Y", "Z"):
             raise ValueError(f"up_axis must be Y or Z, not {self.up_axis!r}")
-        if not _UNITS_M[0] <= self.metres_per_unit <= _UNITS_M[1]:
+        if not 1e-9 <= self.metres_per_unit <= 1e9:
             raise ValueError(
                 f"metres_per_unit must be in {_UNITS_M[0]:g} to {_UNITS_M[1]:g}, not {self.metres_per_unit}"
             )
