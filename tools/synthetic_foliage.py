@@ -34,13 +34,13 @@ UP_AXES: Mapping[str, NDArray[np.float64]] = {  # the capture's frame from the s
 README = """# {name}: ground truth
 {count} leaves of mean length {length:g} m, seed {seed}, made by tools/synthetic_foliage.py.
 
-leaves.npz: id (from 1), base, apex, length (m, of the axis), chord (m, |apex - base|), width (m), transform (4 x 4, leaf
-frame at the base to world: x = axis' tangent, y = lateral, z = upper normal), visible_pixels (leaves x views), vertices,
-vertex_offset, faces (numbers within each leaf), face_offset; and parameters (21 of each leaf, 7 x 3), orientation
-(x, y, z, w, world from leaf space), with base and chord the leaf exactly.
+leaves.npz: id (from 1), base, apex, length (m, of the axis), chord (m, |apex - base|), width (m), transform (4 x 4,
+leaf frame at the base to world: x = axis' tangent, y = lateral, z = upper normal), visible_pixels (leaves x views),
+vertices, vertex_offset, faces (numbers within each leaf), face_offset; and parameters (21 of each leaf, 7 x 3),
+orientation (x, y, z, w, world from leaf space), with base and chord the leaf exactly.
 NNN_leafid.png: 16 bit, 0 none, k the leaf of id k at the pixel's centre. NNN_label.png: 0 sky, 1 wood, 2 leaf, 3 ground
-and wall. depth/: exact, of the triangles of leaves.npz. depth_noisy/: noise of {noise:g} pixel footprints, outliers, holes
-beside edges. Up axis: {up}.
+and wall. depth/: exact, of the triangles of leaves.npz. depth_noisy/: noise of {noise:g} pixel footprints, outliers,
+holes beside edges. Up axis: {up}.
 """
 
 
