@@ -24,9 +24,7 @@ class CaptureSettings:
         if self.up_axis not in ("Y", "Z"):
             raise ValueError(f"up_axis must be Y or Z, not {self.up_axis!r}")
         if not 1e-9 <= self.metres_per_unit <= 1e9:
-            raise ValueError(
-                f"metres_per_unit must be in {_UNITS_M[0]:g} to {_UNITS_M[1]:g}, not {self.metres_per_unit}"
-            )
+            raise ValueError(f"metres_per_unit must be in 1e-9 to 1e9, not {self.metres_per_unit}")
 
 
 _KINDS = {"name": "text", "up_axis": "text", "metres_per_unit": "a number", "color_space": "text", "note": "text"}
