@@ -317,6 +317,12 @@ def test_photographs_without_cameras_and_the_reverse(folder):
     )
 
 
+def test_names_that_are_no_unicode_can_be_printed(folder):
+    shutil.copy(folder / "images" / "000.png", folder / "images" / "\udcff.png")
+    (note,) = read_capture(folder).notes
+    assert note == "1 photograph without a camera: \\udcff.png"
+
+
 def test_no_photograph_has_a_camera(folder):
     for path in (folder / "images").iterdir():
         path.rename(path.with_name("IMG_" + path.name))

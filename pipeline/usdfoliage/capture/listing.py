@@ -95,7 +95,10 @@ def _places(view: str | int, names: Sequence[str]) -> Iterable[int]:
 def named(names: Sequence[str]) -> str:
     """The first names, and how many more there are."""
     more = len(names) - _NAMED
-    return (", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")) or "none"
+    printable = [
+        name.encode(errors="backslashreplace").decode() for name in names[:_NAMED]
+    ]  # file systems take any bytes
+    return (", ".join(printable) + (f" and {more} more" if more > 0 else "")) or "none"
 
 
 def counted(count: int, noun: str) -> str:
