@@ -15,7 +15,7 @@ from usdfoliage.capture.capture_settings import CaptureSettings, read_capture_se
 from usdfoliage.capture.depth import DEPTH_CHANNEL, DEPTH_SUFFIXES, read_depth
 from usdfoliage.capture.depth_scale import check_depth_scale
 from usdfoliage.capture.images import Photo, read_photo
-from usdfoliage.capture.lens import Lens, scale_lens, undistort
+from usdfoliage.capture.lens import Lens, Undistortion, scale_lens, undistort
 from usdfoliage.capture.listing import (
     counted,
     depth_folders,
@@ -199,11 +199,12 @@ def read_views(capture: Capture, progress: Callable[[int, int], None] | None = N
     remarks: list[_Remark] = []
     unreadable: list[_Remark] = []
     with_depth_map = 0
+    prepared: dict[Lens, Undistortion] = {}
     for done, chosen in enumerate(capture.views):
         if progress is not None:
             progress(done, len(capture.views))
         try:
-            view, about = _read_view(capture, chosen)
+            view, about = _read_view(capture, chosen, prepared)
         except CaptureError as error:
             unreadable.append(_Remark(chosen.name, "left out", str(error)))
             continue
@@ -237,7 +238,7 @@ def read_view(capture: Capture, index: int) -> View:
     Raises:
         CaptureError: The photograph cannot be read, or its proportions are not its camera's.
     """
-    view, remarks = _read_view(capture, capture.views[index])
+    view, remarks = _read_view(capture, capture.views[index], {})
     for note in _merge(remarks):
         logger.warning("%s", note)
     return view
@@ -247,7 +248,8 @@ _DEPTH_IGNORED = "the depth map is ignored"
 _MASK_IGNORED = "the mask is ignored"
 
 
-def _read_view(capture: Capture, chosen: CaptureView) -> tuple[View, list[_Remark]]:
+def _read_view(capture: Capture, chosen: CaptureView, prepared: dict[Lens, Undistortion]) -> tuple[View, list[_Remark]]:
+    """A view and what is odd about it; prepared keeps what the last lens took, as most captures have one."""
     remarks: list[_Remark] = []
 
     def remark(text: str, detail: str = "", pixels: int = 0) -> None:
@@ -290,7 +292,10 @@ def _read_view(capture: Capture, chosen: CaptureView) -> tuple[View, list[_Remar
             remark(_MASK_IGNORED, str(error))
 
     if not lens.is_pinhole:
-        undistortion = undistort(lens)
+        if lens not in prepared:
+            prepared.clear()
+            prepared[lens] = undistort(lens)
+        undistortion = prepared[lens]
         srgb = undistortion.smooth(srgb)
         depth_m = undistortion.nearest(depth_m) if depth_m.any() else depth_m
         mask = None if mask is None else undistortion.nearest(mask.astype(np.float32)) > 0.5
