@@ -225,8 +225,9 @@ def score_leaves(
     matrix = leaves.asset_from_leaf()[columns]
     base_m, apex_m = matrix[:, :, 3], matrix[:, :, 3] + matrix[:, :, 1]
     true_base_m, true_apex_m, true_length_m = true.base_m[rows], true.apex_m[rows], true.length_m[rows]
-    length_m = np.linalg.norm(apex_m - base_m, axis=1)
-    cosine = np.abs(((apex_m - base_m) * (true_apex_m - true_base_m)).sum(axis=1)) / (length_m * true_length_m)
+    along, true_along = apex_m - base_m, true_apex_m - true_base_m
+    length_m = np.linalg.norm(along, axis=1)
+    sine, cosine = np.linalg.norm(np.cross(along, true_along), axis=1), np.abs((along * true_along).sum(axis=1))
     upright = _distance(base_m, true_base_m) + _distance(apex_m, true_apex_m)
     turned = _distance(base_m, true_apex_m) + _distance(apex_m, true_base_m)
     length_error = np.abs(length_m / true_length_m - 1)
@@ -244,7 +245,7 @@ def score_leaves(
         f1=2 * recall * precision / (recall + precision) if recall + precision > 0 else np.nan,
         distance_percent=100 * _mean(matched.distance),
         distance_mm=1000 * _mean(matched.distance * true_length_m),
-        axis_error_deg=_median(np.degrees(np.arccos(np.clip(cosine, 0, 1)))),
+        axis_error_deg=_median(np.degrees(np.arctan2(sine, cosine))),
         base_right=_mean(_distance(base_m, true_base_m) < _distance(base_m, true_apex_m)),
         tip_error_percent=100 * _median(np.minimum(upright, turned) / 2 / true_length_m),
         length_ratio=_median(length_m / true_length_m),

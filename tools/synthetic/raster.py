@@ -22,8 +22,8 @@ class Hits:
         rows, columns = np.nonzero(self.triangle >= 0)
         corners = triangles[self.triangle[rows, columns]]
         centers = np.column_stack([columns, rows]) + 0.5
-        screen = _screen_weights(places_px[corners], centers)
-        true = screen * inverse_depth[corners]  # shares on the screen to shares in space
+        screen = _screen_weights(places_px[corners], *centers.T)
+        true = np.column_stack(screen) * inverse_depth[corners]  # shares on the screen to shares in space
         return np.asarray(true / true.sum(axis=1, keepdims=True))
 
 
@@ -58,14 +58,16 @@ def rasterise(
         chosen = drawn[begin:end]
         begin = end
         triangle = np.repeat(chosen, counts[chosen])
-        first = np.repeat(np.cumsum(counts[chosen]) - counts[chosen], counts[chosen])
-        row, column = np.divmod(np.arange(len(triangle)) - first, spans[triangle, 0])
+        start = np.repeat(np.cumsum(counts[chosen]) - counts[chosen], counts[chosen])
+        row, column = np.divmod(np.arange(len(triangle)) - start, spans[triangle, 0])
         column += low[triangle, 0]
         row += low[triangle, 1]
-        weights = _screen_weights(corners[triangle], np.column_stack([column, row]) + 0.5)
-        inverse = (weights * inverse_depth[triangles[triangle]]).sum(axis=1)
-        pixel = row * width + column
-        kept = np.flatnonzero((weights >= 0).all(axis=1) & (inverse > nearest[pixel]))
+        first, second, third = _screen_weights(corners[triangle], column + 0.5, row + 0.5)
+        inside = np.flatnonzero((first >= 0) & (second >= 0) & (third >= 0))
+        triangle, pixel = triangle[inside], (row * width + column)[inside]
+        at_first, at_second, at_third = inverse_depth[triangles[triangle]].T
+        inverse = first[inside] * at_first + second[inside] * at_second + third[inside] * at_third
+        kept = np.flatnonzero(inverse > nearest[pixel])
         kept = kept[np.argsort(inverse[kept], kind="stable")]  # the nearest is written last
         nearest[pixel[kept]] = inverse[kept]
         found[pixel[kept]] = triangle[kept]
@@ -73,11 +75,15 @@ def rasterise(
     return Hits(triangle=found.reshape(size), depth=depth.reshape(size))
 
 
-def _screen_weights(corners: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Barycentric coordinates (K, 3) of points (K, 2) in triangles (K, 3, 2); NaN in those without area."""
-    side1, side2, to_point = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
-    area = side1[:, 0] * side2[:, 1] - side1[:, 1] * side2[:, 0]
+def _screen_weights(
+    corners: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Barycentric coordinates (K,) of points x, y (K,) in triangles (K, 3, 2); NaN in those without area."""
+    x0, y0 = corners[:, 0, 0], corners[:, 0, 1]
+    x1, y1, x2, y2 = corners[:, 1, 0] - x0, corners[:, 1, 1] - y0, corners[:, 2, 0] - x0, corners[:, 2, 1] - y0
+    x, y = x - x0, y - y0
     with np.errstate(divide="ignore", invalid="ignore"):
-        second = (to_point[:, 0] * side2[:, 1] - to_point[:, 1] * side2[:, 0]) / area
-        third = (side1[:, 0] * to_point[:, 1] - side1[:, 1] * to_point[:, 0]) / area
-    return np.column_stack([1 - second - third, second, third])
+        over_area = 1 / (x1 * y2 - y1 * x2)
+        second = (x * y2 - y * x2) * over_area
+        third = (x1 * y - y1 * x) * over_area
+        return 1 - second - third, second, third

@@ -25,7 +25,7 @@ SUN_COLOR, SKY_COLOR, BOUNCE_COLOR = (
 BARK, SOIL, PLASTER = np.array([0.10, 0.07, 0.045]), np.array([0.075, 0.055, 0.038]), np.array([0.30, 0.285, 0.26])
 SHADOW_TEXELS = 1536  # across all that stands on the ground, at most
 TEXELS_A_LEAF = 24
-SKY_DIRECTIONS = 24
+SKY_DIRECTIONS = 16
 NOISE_SIZE = 512
 
 
