@@ -14,4 +14,5 @@ NB_MODULE(_native, m) {
     bind_leaf_raster(m);
     bind_enclosing_ellipse(m);
     bind_leaf_fit(m);
+    bind_plane_sweep(m);
 }

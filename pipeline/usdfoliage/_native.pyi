@@ -166,6 +166,7 @@ def fit_leaves(
     robustness: int,
     prior: float,
     parameters: NDArray[np.float64],
+    ellipses: NDArray[np.float64],
     bases: NDArray[np.float64],
     axes: NDArray[np.float64],
     lengths: NDArray[np.float64],
@@ -181,6 +182,7 @@ def fit_leaves(
         trim: whether points off the surface and isolated ones are left out.
         robustness: 0 least squares, 1 Huber's, 2 Tukey's weights.
         parameters: (M, 7, 3), filled as all that follows, but where the outcome is not 0.
+        ellipses: (M, 7, 3), the leaves that the fits began with.
         bases: (M, 3).
         axes: (M, 3, 3), rows x, y and z of leaf space.
         lengths: (M,), as residuals and coverages.
@@ -204,4 +206,41 @@ def map_leaf_points(
         uv: (P, 2).
         line: (P,), number of the scanline of each point, -1 for none.
         weights: (lines, 2), right half and left half.
+    """
+
+def sweep_cost(
+    photo: NDArray[np.int16],
+    others: list[NDArray[np.int16]],
+    homographies: NDArray[np.float64],
+    radius: int,
+    tolerance: int,
+    best_share: float,
+    threads: int,
+) -> NDArray[np.uint8]:
+    """Census cost (H, W, planes), at most 127, of a photograph's pixels on every plane.
+
+    Args:
+        photo: (H, W) brightness in [0, 16320].
+        others: brightness of the photographs that are warped onto it, of any size.
+        homographies: (others, planes, 3, 3), their pixel indices from the photograph's.
+        radius: of the census window, in pixels.
+        tolerance: differences of brightness up to here are none.
+        best_share: of the other photographs at each pixel, so many with the lowest cost count.
+    """
+
+def pick_planes(
+    cost: NDArray[np.uint8],
+    photo: NDArray[np.int16],
+    small_step: int,
+    large_step: int,
+    edge: float,
+    threads: int,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Plane of each pixel (H, W) by semiglobal matching, between planes, and how far it stands out (H, W) in [0, 1].
+
+    Args:
+        cost: (H, W, planes), as sweep_cost gives it.
+        small_step: penalty for one plane between neighbours.
+        large_step: penalty for more, where the photograph is even; below 8000.
+        edge: difference of brightness that halves it.
     """
