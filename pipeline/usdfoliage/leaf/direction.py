@@ -1,8 +1,8 @@
 """Which end of a fitted leaf is its base.
 
 What stands near either end, how bases and apices lie among other leaves, and how leaves taper and bend: each is a
-number that changes its sign when the leaf is turned end for end. Stalks say which sign the first ones have; the others are
-learnt from the leaves at hand, by expectation maximisation. Nothing is known of species. Our own.
+number that changes its sign when the leaf is turned end for end. Stalks say which sign the first ones have; the others
+are learnt from the leaves at hand, by expectation maximisation. Nothing is known of species. Our own.
 """
 
 import logging

@@ -1,0 +1,300 @@
+"""The average leaf of a scene as a picture: what photographs show of its leaves, laid out over (u, v).
+
+Colours are those that leaves have on average. Averaged veins are a blur, since no two leaves have theirs at the same
+places; they come from the few leaves that are most like the average one, brought into register. Our own.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.view import View
+from usdfoliage.geometry.color import luminance
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.photo_colors import DARKEST, DECODED, weighted_median
+from usdfoliage.leaf.reprojection import DrawnLeaves, draw_leaf_ids
+from usdfoliage.leaf.surface import grid_places
+from usdfoliage.leaf.visibility import ABSENT, PRESUMED, SEEN, VisibilitySettings, estimate_spread, find_sights
+
+logger = logging.getLogger(__name__)
+
+GREY = 0.18  # linear, of a leaf that nobody saw
+VIEWS_A_LEAF = 2  # at most, so that few leaves that are often seen do not make up the average
+LEAST_SEEN = 0.2  # of a leaf; showing less, a photograph adds more seams than leaf
+REDUCED = 4  # texels a side that share a low frequency
+LEAST_SHARE = 0.1  # of the pictures: where fewer show leaf, colours come from around
+SMOOTH = 0.06  # of the height: standard deviation that parts colour and shade from veins
+REACH = 0.05  # of the height: farthest that veins are moved to fit others
+FLOW_SMOOTH = 0.06  # of the width
+CLEAR = 2.0  # standard deviations to which veins are drawn as they are
+STRONGEST = 3.0  # factor by which veins may be strengthened to what they are on single leaves
+OCTAVES_TO_BYTES = 100.0  # of the pictures that optical flow compares
+
+
+@dataclass(frozen=True, kw_only=True)
+class AverageTextureSettings:
+    """Size of the picture, and what goes into it."""
+
+    width_px: int = 128
+    height_px: int = 256
+    most_pictures: int = 64  # unwrapped leaves, those seen largest first
+    vein_pictures: int = 3  # of them, those that veins come from; 0 for none
+    edge: tuple[float, float] = (0.25, 0.75)  # shares of leaves that reach a place, from opacity 0 to opacity 1
+    visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
+
+    def __post_init__(self) -> None:
+        if min(self.width_px, self.height_px) < 16:
+            raise ValueError(
+                f"the picture must be 16 pixels wide and high or more, not {self.width_px, self.height_px}"
+            )
+        if self.most_pictures < 1 or self.vein_pictures < 0:
+            raise ValueError(
+                f"most_pictures must be 1 or more and vein_pictures 0 or more, not {self.most_pictures} and "
+                f"{self.vein_pictures}"
+            )
+        if not 0 <= self.edge[0] < self.edge[1] <= 1:
+            raise ValueError(f"edge must rise, from 0 to 1, not {self.edge}")
+
+    @property
+    def uv(self) -> NDArray[np.float64]:
+        """(height_px * width_px, 2), row by row from the top, where v is 1."""
+        u = (np.arange(self.width_px) + 0.5) / self.width_px * 2 - 1
+        return grid_places(u, 1 - (np.arange(self.height_px) + 0.5) / self.height_px)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AverageTexture:
+    """A picture of a leaf in its st = ((u + 1) / 2, v): the base is the last row, the apex the first."""
+
+    rgba: NDArray[np.float32]  # (H, W, 4), linear Rec.709, not multiplied by opacity
+    leaves: int  # how many leaves are in it
+
+
+class _Unwrapped(NamedTuple):
+    """K pictures of single leaves over (u, v)."""
+
+    octaves: NDArray[np.float32]  # (K, H, W, 3), logarithms of linear colours
+    weight: NDArray[np.float32]  # (K, H, W), 0 where the leaf is not seen
+    reached: NDArray[np.float32]  # (H, W), how many of them have leaf there
+    absent: NDArray[np.float32]  # (H, W), how many show what lies behind instead
+
+
+def average_leaf_texture(
+    leaves: Leaves, views: Sequence[View], settings: AverageTextureSettings = AverageTextureSettings()
+) -> AverageTexture:
+    """Unwrap the leaves that are seen best and average them.
+
+    The opacity tells how far real leaves fill the surfaces that were fitted to them. Where no leaf was seen, colours
+    come from around. Without any leaf seen the picture is plain grey.
+
+    Args:
+        leaves: In the world of the views, base and apex told from each other.
+    """
+    spread = estimate_spread(leaves, views, settings.visibility)
+    drawn = [
+        draw_leaf_ids(leaves, view.camera, settings.visibility.draw) if (view.depth_m <= 0).any() else None
+        for view in views
+    ]
+    pairs = _choose_pictures(leaves, views, drawn, spread, settings)
+    if not pairs:
+        rgba = np.full((settings.height_px, settings.width_px, 4), GREY, np.float32)
+        rgba[..., 3] = 1
+        return AverageTexture(rgba=rgba, leaves=0)
+    unwrapped = _unwrap(pairs, leaves, views, drawn, spread, settings)
+    typical = np.stack(
+        [weighted_median(one[seen > 0], seen[seen > 0]) for one, seen in zip(*unwrapped[:2], strict=True)]
+    ).astype(np.float32)
+    octaves = unwrapped.octaves - typical[:, None, None]  # leaves differ in colour, photographs in exposure
+    shade = _low_frequencies(octaves, unwrapped.weight)
+    average = np.median(typical, axis=0) + _average_shade(shade, unwrapped.weight, settings)
+    if settings.vein_pictures:
+        veins = luminance(octaves - _enlarge(shade, settings))
+        average += _pick_veins(veins, unwrapped.weight, settings.vein_pictures)[..., None]
+    rgba = np.dstack([2**average, _opacity(unwrapped, settings)]).astype(np.float32)
+    count = len({leaf for _, leaf in pairs})
+    logger.info("an average leaf of %d pictures of %d leaves", len(pairs), count)
+    return AverageTexture(rgba=rgba, leaves=count)
+
+
+def _choose_pictures(
+    leaves: Leaves,
+    views: Sequence[View],
+    drawn: Sequence[DrawnLeaves | None],
+    spread: float,
+    settings: AverageTextureSettings,
+) -> list[tuple[int, int]]:
+    """Numbers of view and leaf, those first that show most pixels, all of the side that is seen more."""
+    uv = grid_places((np.arange(8) + 0.5) / 4 - 1, (np.arange(16) + 0.5) / 16)
+    pixels = np.zeros((len(views), len(leaves)))
+    for number, view in enumerate(views):
+        sights = find_sights(leaves, view, uv, spread, settings.visibility, drawn[number])
+        away = np.linalg.norm(leaves.base_m - view.camera.position_m, axis=1)
+        seen = np.mean(sights.inner * sights.facing, axis=1)
+        seen[np.mean(sights.inner, axis=1) < LEAST_SEEN] = 0
+        pixels[number] = seen * (leaves.length_m * max(view.camera.focal_px) / np.maximum(away, 1e-12)) ** 2
+    pixels *= 1 if pixels.sum() >= 0 else -1
+    taken = np.zeros(len(leaves), int)
+    pairs: list[tuple[int, int]] = []
+    for place in np.argsort(-pixels, axis=None, kind="stable"):
+        number, leaf = divmod(int(place), len(leaves))
+        if not pixels[number, leaf] > 0 or len(pairs) == settings.most_pictures:
+            break
+        if taken[leaf] < VIEWS_A_LEAF:
+            pairs.append((number, leaf))
+            taken[leaf] += 1
+    return pairs
+
+
+def _unwrap(
+    pairs: list[tuple[int, int]],
+    leaves: Leaves,
+    views: Sequence[View],
+    drawn: Sequence[DrawnLeaves | None],
+    spread: float,
+    settings: AverageTextureSettings,
+) -> _Unwrapped:
+    size, uv = (settings.height_px, settings.width_px), settings.uv
+    octaves = np.zeros((len(pairs), *size, 3), np.float32)
+    weight, reached, absent = np.zeros((len(pairs), *size), np.float32), np.zeros(size), np.zeros(size)
+    for number, view in enumerate(views):
+        places = [place for place, pair in enumerate(pairs) if pair[0] == number]
+        if not places:
+            continue
+        linear = DECODED[view.srgb].astype(np.float32)
+        for place in places:
+            one = leaves.take([pairs[place][1]])
+            sights = find_sights(one, view, uv, spread, settings.visibility, drawn[number])
+            # OpenCV counts from the centre of the first pixel.
+            x, y = np.moveaxis(sights.places_px[0].reshape(*size, 2).astype(np.float32) - np.float32(0.5), -1, 0)
+            seen = cv2.remap(linear, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            octaves[place] = np.log2(np.maximum(seen, np.float32(DARKEST)))
+            weight[place] = (sights.inner[0] * np.abs(sights.facing[0])).reshape(size)
+            state = sights.state[0].reshape(size)
+            reached += (state == SEEN) | (state == PRESUMED)
+            absent += state == ABSENT
+    return _Unwrapped(octaves, weight, reached.astype(np.float32), absent.astype(np.float32))
+
+
+def _low_frequencies(octaves: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Colour and shade without veins, reduced: (K, h, w, 3); what is not seen does not count."""
+    height, width = weight.shape[1:]
+    reduced = (max(4, width // REDUCED), max(4, height // REDUCED))
+    sigma = SMOOTH * reduced[1]
+    shade = np.empty((len(octaves), reduced[1], reduced[0], 3), np.float32)
+    for place, (one, seen) in enumerate(zip(octaves, weight, strict=True)):
+        known = np.dstack([one * seen[..., None], seen])
+        known = cv2.GaussianBlur(cv2.resize(known, reduced, interpolation=cv2.INTER_AREA), (0, 0), sigma)
+        shade[place] = known[..., :3] / np.maximum(known[..., 3:], 1e-4)
+    return shade
+
+
+def _enlarge(shade: NDArray[np.float32], settings: AverageTextureSettings) -> NDArray[np.float32]:
+    """(K, H, W, 3) of (K, h, w, 3)."""
+    size = (settings.width_px, settings.height_px)
+    return np.stack([cv2.resize(one, size, interpolation=cv2.INTER_LINEAR) for one in shade])
+
+
+def _average_shade(
+    shade: NDArray[np.float32], weight: NDArray[np.float32], settings: AverageTextureSettings
+) -> NDArray[np.float32]:
+    """Median over pictures, (H, W, 3), of those that show a place, filled in from around where none does."""
+    height, width = shade.shape[1:3]
+    seen = np.stack([cv2.resize(one, (width, height), interpolation=cv2.INTER_AREA) for one in weight])
+    used = seen > 0.05
+    ordered = np.sort(np.where(used[..., None], shade, np.inf), axis=0)
+    count = used.sum(axis=0)
+    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[None, ..., None] // 2, axis=0)[0]
+    known = count >= max(1, LEAST_SHARE * len(shade))
+    filled = np.where(known[..., None], middle, 0).astype(np.float32)
+    near = known.astype(np.float32)
+    sigma = 1.0
+    while not known.all() and sigma < 2 * height:
+        share = cv2.GaussianBlur(near, (0, 0), sigma)
+        around = cv2.GaussianBlur(filled * near[..., None], (0, 0), sigma) / np.maximum(share, 1e-6)[..., None]
+        new = ~known & (share > 1e-3)
+        filled[new] = around[new]
+        known |= new
+        sigma *= 2
+    return np.asarray(cv2.resize(filled, (settings.width_px, settings.height_px), interpolation=cv2.INTER_CUBIC))
+
+
+def _pick_veins(veins: NDArray[np.float32], weight: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+    """Light and dark (H, W) of the most typical picture and those most like it, laid over each other.
+
+    Args:
+        veins: (K, H, W), octaves about the low frequencies.
+        count: How many pictures.
+    """
+    total = np.maximum(weight.sum(axis=0), 1e-6)
+    mean = np.sum(veins * weight, axis=0) / total
+    best = int(
+        np.argmax([_likeness(one, mean, seen) * np.mean(seen > 0) for one, seen in zip(veins, weight, strict=True)])
+    )
+    moved, moved_weight = _register(veins, weight, best)
+    likeness = np.array(
+        [_likeness(one, veins[best], seen * weight[best]) for one, seen in zip(moved, moved_weight, strict=True)]
+    )
+    order = np.argsort(-likeness, kind="stable")
+    used = np.zeros(mean.shape, np.float32)  # how many have given their veins to a place
+    summed = np.zeros(mean.shape, np.float32)
+    for place in order:
+        share = np.minimum(np.clip(moved_weight[place] * 4, 0, 1), count - used)
+        summed += share * moved[place]
+        used += share
+    picked = np.where(used > 0, summed / np.maximum(used, 1e-6), 0)
+    # Laid over each other, veins are fainter than on any leaf.
+    usual = np.median([_deviation(one, seen) for one, seen in zip(veins, weight, strict=True)])
+    inside = np.minimum(used, 1)
+    picked *= min(STRONGEST, max(1.0, usual / max(_deviation(picked, inside), 1e-6)))
+    most = CLEAR * usual  # beyond are shadows and the dark of edges
+    return np.asarray(inside * most * np.tanh(picked / max(most, 1e-6)))
+
+
+def _register(
+    veins: NDArray[np.float32], weight: NDArray[np.float32], best: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Veins and weights moved, a little and smoothly, to where those of one picture are."""
+    height, width = weight.shape[1:]
+    flow_between = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    target = _as_bytes(veins[best], weight[best])
+    moved, moved_weight = veins.copy(), weight.copy()
+    for place in range(len(veins)):
+        if place == best:
+            continue
+        flow = flow_between.calc(target, _as_bytes(veins[place], weight[place]), None)
+        flow = np.clip(cv2.GaussianBlur(flow, (0, 0), FLOW_SMOOTH * width), -REACH * height, REACH * height)
+        map_x, map_y = x + flow[..., 0], y + flow[..., 1]
+        moved[place] = cv2.remap(veins[place], map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        moved_weight[place] = cv2.remap(weight[place], map_x, map_y, cv2.INTER_LINEAR)
+    return moved, moved_weight
+
+
+def _as_bytes(veins: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return np.clip(128 + OCTAVES_TO_BYTES * veins * (weight > 0), 0, 255).astype(np.uint8)
+
+
+def _likeness(first: NDArray[np.float32], second: NDArray[np.float32], weight: NDArray[np.float32]) -> float:
+    """Correlation about zero."""
+    norm = float(np.sum(first**2 * weight)) * float(np.sum(second**2 * weight))
+    return float(np.sum(first * second * weight)) / np.sqrt(norm) if norm > 0 else 0.0
+
+
+def _deviation(veins: NDArray[np.float32], weight: NDArray[np.float32]) -> float:
+    """Standard deviation from the median, since shadows and edges are stronger than veins."""
+    seen = np.abs(veins[weight > 0])
+    return 1.4826 * float(np.median(seen)) if len(seen) else 0.0
+
+
+def _opacity(unwrapped: _Unwrapped, settings: AverageTextureSettings) -> NDArray[np.float32]:
+    """(H, W), from the share of leaves that reach a place; 1 where nothing is known of any."""
+    known = unwrapped.reached + unwrapped.absent
+    share = np.where(known > 0, unwrapped.reached / np.maximum(known, 1), 1)
+    low, high = settings.edge
+    t = np.clip((cv2.GaussianBlur(share, (0, 0), 1.0) - low) / (high - low), 0, 1)
+    return np.asarray(t * t * (3 - 2 * t), np.float32)
