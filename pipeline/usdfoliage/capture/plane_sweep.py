@@ -84,11 +84,10 @@ def sweep_depths(
     Raises:
         CaptureError: No view has a neighbour at a usable angle.
     """
+    cameras = [view.camera for view in views]
     swept: list[SweptDepth | None] = []
     for index in range(len(views)):
-        range_m = depth_range_m([view.camera for view in views], index, points_m)
-        chosen = choose_neighbors([view.camera for view in views], index, range_m, settings)
-        swept.append(sweep_depth(views, index, chosen, range_m, settings) if chosen else None)
+        swept.append(_sweep_if_possible(views, cameras, index, points_m, settings))
         if progress is not None:
             progress(index + 1, len(views))
     lonely = [view.name for view, depth in zip(views, swept, strict=True) if depth is None]
@@ -118,6 +117,23 @@ def sweep_depths(
         "%d views swept, depth at %.0f %% of the pixels", len(known), 100 * np.mean([(d > 0).mean() for d in depths])
     )
     return depths
+
+
+def _sweep_if_possible(
+    views: Sequence[View],
+    cameras: Sequence[Pinhole],
+    index: int,
+    points_m: NDArray[np.floating] | None,
+    settings: PlaneSweepSettings,
+) -> SweptDepth | None:
+    """Depth of one view; None where it has no neighbours, or looks where nobody else does."""
+    try:
+        range_m = depth_range_m(cameras, index, points_m)
+    except CaptureError as error:
+        logger.info("%s: %s", views[index].name, error)
+        return None
+    chosen = choose_neighbors(cameras, index, range_m, settings)
+    return sweep_depth(views, index, chosen, range_m, settings) if chosen else None
 
 
 def sweep_depth(
