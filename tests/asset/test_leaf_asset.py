@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from leaf_assets import PROVENANCE, random_leaves, two_leaves, write_spray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, UsdUtils
 from usd_values import compare_with_golden, composed, hashes
-from usdfoliage.asset.contents import prototype_segments
+from usdfoliage.asset.contents import prototype_segments, read_leaf_look
 from usdfoliage.asset.findings import default_profile, read_profile
 from usdfoliage.asset.leaves import PROTOTYPE_MARGIN, author_leaves, leaves_prim, read_leaves
 from usdfoliage.asset.package import LeafAssetSettings, LeafLook, write_leaf_asset
@@ -317,6 +317,19 @@ def test_a_jitter_map_that_is_none_is_refused(tmp_path, pixels, message):
 def test_a_texture_that_is_missing_is_refused(tmp_path):
     with pytest.raises(AssetError, match=r"none\.png cannot be copied"):
         write_spray(tmp_path / "spray", look=LeafLook(texture=tmp_path / "none.png"))
+
+
+def test_a_tinted_texture_is_read_back(tmp_path):
+    image = tmp_path / "leaf.png"
+    cv2.imwrite(str(image), np.full((4, 4, 4), 128, np.uint8))
+    usual = (0.25, 0.5, 0.125)
+    for name, look in (("tinted", LeafLook(texture=image, texture_color=usual)), ("plain", LeafLook(texture=image))):
+        interface = write_spray(tmp_path / name, look=look)
+        stage = Usd.Stage.Open(str(interface))
+        held = read_leaf_look(stage.GetPrimAtPath("/spray/geo/render/Leaves"), None)
+        assert held.texture_color == look.texture_color
+        # MaterialX multiplies by what the leaf's colour is of the picture's usual one.
+        assert bool(stage.GetPrimAtPath("/spray/mtl/Leaf/MtlxTint")) == (look.texture_color is not None)
 
 
 def test_every_path_is_relative_and_resolves_after_a_move(tmp_path):

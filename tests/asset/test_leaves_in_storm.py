@@ -195,6 +195,7 @@ def variations(tmp_path_factory, picture_of_a_leaf, jitter_map):
     cases = {
         "plain": (Scene(leaves=leaf), {}),
         "texture": (Scene(leaves=leaf), {"texture": texture}),
+        "tinted": (Scene(leaves=leaf), {"texture": texture, "texture_color": (0.25, 0.5, 0.125)}),
         "map": (Scene(leaves=leaf, edits=jittered, jitter_map=jitter_map), {"jitter_map": wave}),
         "both": (Scene(leaves=leaf, edits=jittered, jitter_map=jitter_map), {"texture": texture, "jitter_map": wave}),
         "jittered": (Scene(leaves=leaf, edits=jittered), {}),
@@ -222,6 +223,8 @@ def variations(tmp_path_factory, picture_of_a_leaf, jitter_map):
         if name.endswith("other prototype"):
             prototype = UsdGeom.Mesh(instancer.GetChild("Prototypes").GetChild("Leaf"))
             prototype.GetPointsAttr().Set([(x, y, 0.3) for x, y, _ in prototype.GetPointsAttr().Get()])
+        if name == "tinted":
+            color_leaves(instancer, [(0.125, 0.5, 0.25)])
         if name == "red":
             color_leaves(instancer, [(0.5, 0.0, 0.0)])
     stage.Save()
@@ -245,6 +248,13 @@ def test_texture_is_the_color_and_its_opacity_cuts(variations):
     left, right = SIZE_PX // 2 - 20, SIZE_PX // 2 + 20
     assert rgb[left, 0] > 4 * rgb[left, 2]
     assert rgb[right, 2] > 4 * rgb[right, 0]
+
+
+def test_a_texture_is_tinted_by_the_color_of_each_leaf(variations):
+    plain, tinted = (variations[name][row_of(0.3), :, :3] for name in ("texture", "tinted"))
+    left, right = SIZE_PX // 2 - 20, SIZE_PX // 2 + 20
+    assert tinted[left, 0] / plain[left, 0] == pytest.approx(0.5, rel=0.15)
+    assert tinted[right, 2] / plain[right, 2] == pytest.approx(2.0, rel=0.15)
 
 
 def test_texture_and_map_do_not_need_each_other(variations):

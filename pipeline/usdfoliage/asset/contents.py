@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
+from usdfoliage.asset.leaf_material import STORM_SURFACE, TEXTURE_COLOR
 from usdfoliage.asset.leaf_primvars import place
 from usdfoliage.asset.locate import REPRESENTATION, find_interface, find_plants, open_layer
 from usdfoliage.asset.look import Look, read_look
@@ -145,7 +146,12 @@ def read_leaf_look(leaves: Usd.Prim, jitter_map: Path | None) -> LeafLook:
     if held is not None and len(held) == 1:
         red, green, blue = map(float, held[0])
         color = (red, green, blue)
-    return LeafLook(color=color, texture=_read_texture(prototype), jitter_map=jitter_map)
+    return LeafLook(
+        color=color,
+        texture=_read_texture(prototype),
+        texture_color=_read_texture_color(prototype),
+        jitter_map=jitter_map,
+    )
 
 
 def read_crown_facts(prim: Usd.Prim) -> CrownFacts:
@@ -262,6 +268,18 @@ def _read_texture(gprim: Usd.Prim) -> Path | None:
     if path is None:
         raise AssetError(f"the texture {held.path} is missing ({place(gprim)}); put the file there")
     return path
+
+
+def _read_texture_color(gprim: Usd.Prim) -> tuple[float, float, float] | None:
+    """The usual colour of that picture, where it is tinted."""
+    material, _ = UsdShade.MaterialBindingAPI(gprim).ComputeBoundMaterial()
+    surface = UsdShade.Shader(material.GetPrim().GetChild(STORM_SURFACE)) if material else None
+    held = surface.GetInput(TEXTURE_COLOR) if surface else None
+    value = held.Get() if held else None
+    if value is None or not min(value) > 0:
+        return None
+    red, green, blue = map(float, value)
+    return red, green, blue
 
 
 def _text(prim: Usd.Prim, name: str) -> str:

@@ -13,6 +13,8 @@ LEAF_SHADERS = ("usdFoliageLeaf.glslfx",)  # what an asset's shaders/ needs for 
 LEAF_COLOR = (0.06, 0.14, 0.03)  # linear Rec.709, of a full-grown leaf of a broad-leaved tree
 _IOR = 1.45  # of the cuticle, a wax
 
+STORM_SURFACE = "StormSurface"  # below the material
+TEXTURE_COLOR = "textureColor"  # an input of it
 PACKED = "leaf:packed"  # what Storm reads of leaves beside axis1 and the silhouettes, see pack_leaves
 _LENGTH_UNIT = 1 / 2048
 _PHASE_UNIT = 1 / 512
@@ -27,6 +29,7 @@ class LeafMaterial:
 
     shaders: str  # the folder with LEAF_SHADERS
     texture: str | None = None  # picture of a leaf in its st, with opacity; takes the place of displayColor
+    texture_color: tuple[float, float, float] | None = None  # usual one of it: displayColor by this tints it
     jitter_map: str | None = None  # one cycle of the silhouette's jitter, see FoliageLeafAPI
     color: tuple[float, float, float] = LEAF_COLOR  # where a gprim has no displayColor
     translucency: float = 0.7  # light that shines through, as a part of what is scattered back
@@ -48,6 +51,8 @@ class LeafMaterial:
                 raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
         if not 1 <= self.vein_pairs < np.inf:
             raise ValueError(f"vein_pairs must be 1 or more, not {self.vein_pairs}")
+        if self.texture_color is not None and not all(0 < c < np.inf for c in self.texture_color):
+            raise ValueError(f"texture_color must be three numbers above 0, not {self.texture_color}")
         for name in ("color", "transmission_tint"):
             if len(getattr(self, name)) != 3 or not all(0 <= c < np.inf for c in getattr(self, name)):
                 raise ValueError(f"{name} must be three numbers of 0 or more, not {getattr(self, name)}")
@@ -61,7 +66,7 @@ def author_leaf_material(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
     surface = _author_mtlx_surface(stage, path, leaf)
     material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
-    surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), leaf, texture)
+    surface = _author_storm_surface(stage, path.AppendChild(STORM_SURFACE), leaf, texture)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "surface")
     material.CreateDisplacementOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "displacement")
     if leaf.jitter_map:
@@ -81,7 +86,7 @@ def author_jitter_texture(material: UsdShade.Material, file: str) -> None:
     _set_texture(texture, file, "raw", "repeat")
     texture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(0.5))
     texture.CreateOutput("r", Sdf.ValueTypeNames.Float)
-    surface = UsdShade.Shader(stage.OverridePrim(path.AppendChild("StormSurface")))
+    surface = UsdShade.Shader(stage.OverridePrim(path.AppendChild(STORM_SURFACE)))
     surface.CreateInput("jitterMap", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "r")
 
 
@@ -206,25 +211,38 @@ def _author_mtlx_product(stage: Usd.Stage, path: Sdf.Path, color: UsdShade.Shade
 
 def _author_mtlx_color(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Shader:
     color = UsdShade.Shader.Define(stage, path.AppendChild("MtlxColor"))
-    if leaf.texture is None:
-        color.CreateIdAttr("ND_geompropvalue_color3")
-        color.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("displayColor")
-        color.CreateInput("default", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*leaf.color))
-    else:
-        reader = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSt"))
-        reader.CreateIdAttr("ND_geompropvalue_vector2")
-        reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
-        reader.CreateOutput("out", Sdf.ValueTypeNames.Float2)
-        color.CreateIdAttr("ND_image_color3")
-        file = color.CreateInput("file", Sdf.ValueTypeNames.Asset)
-        file.Set(Sdf.AssetPath(leaf.texture))
-        linear = leaf.texture.lower().endswith((".exr", ".hdr", ".pfm"))
-        file.GetAttr().SetColorSpace("lin_rec709" if linear else "srgb_texture")
-        for mode in ("uaddressmode", "vaddressmode"):
-            color.CreateInput(mode, Sdf.ValueTypeNames.String).Set("clamp")
-        color.CreateInput("texcoord", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "out")
     color.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
-    return color
+    if leaf.texture is None:
+        _set_mtlx_display_color(color, leaf.color)
+        return color
+    reader = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSt"))
+    reader.CreateIdAttr("ND_geompropvalue_vector2")
+    reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
+    reader.CreateOutput("out", Sdf.ValueTypeNames.Float2)
+    color.CreateIdAttr("ND_image_color3")
+    file = color.CreateInput("file", Sdf.ValueTypeNames.Asset)
+    file.Set(Sdf.AssetPath(leaf.texture))
+    linear = leaf.texture.lower().endswith((".exr", ".hdr", ".pfm"))
+    file.GetAttr().SetColorSpace("lin_rec709" if linear else "srgb_texture")
+    for mode in ("uaddressmode", "vaddressmode"):
+        color.CreateInput(mode, Sdf.ValueTypeNames.String).Set("clamp")
+    color.CreateInput("texcoord", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "out")
+    if leaf.texture_color is None:
+        return color
+    display = UsdShade.Shader.Define(stage, path.AppendChild("MtlxDisplayColor"))
+    display.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+    _set_mtlx_display_color(display, leaf.texture_color)
+    inverse = Gf.Vec3f(*(1 / channel for channel in leaf.texture_color))
+    tint = _author_mtlx_product(stage, path.AppendChild("MtlxTint"), display, inverse)
+    tinted = _author_mtlx_product(stage, path.AppendChild("MtlxTinted"), color, Gf.Vec3f(1))
+    tinted.GetInput("in2").ConnectToSource(tint.ConnectableAPI(), "out")
+    return tinted
+
+
+def _set_mtlx_display_color(reader: UsdShade.Shader, fallback: tuple[float, float, float]) -> None:
+    reader.CreateIdAttr("ND_geompropvalue_color3")
+    reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("displayColor")
+    reader.CreateInput("default", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*fallback))
 
 
 def _author_storm_surface(
@@ -250,6 +268,8 @@ def _author_storm_surface(
         color.ConnectToSource(texture.color.ConnectableAPI(), "rgb")
         opacity = surface.CreateInput("leafOpacity", Sdf.ValueTypeNames.Float)
         opacity.ConnectToSource(texture.opacity.ConnectableAPI(), "a")
+        if leaf.texture_color is not None:
+            surface.CreateInput(TEXTURE_COLOR, Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*leaf.texture_color))
     surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     surface.CreateOutput("displacement", Sdf.ValueTypeNames.Token)
     return surface

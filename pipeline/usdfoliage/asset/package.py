@@ -82,6 +82,7 @@ class LeafLook:
 
     color: tuple[float, float, float] = LEAF_COLOR  # linear Rec.709
     texture: Path | None = None  # picture of a leaf in its st, with opacity; takes the place of the colour
+    texture_color: tuple[float, float, float] | None = None  # linear, usual one of the texture: the leaves' own tint it
     jitter_map: Path | None = None  # image whose first row is one cycle of the jitter
 
 
@@ -190,7 +191,12 @@ def write_leaf_asset(
         version=settings.version,
     )
     copy_shaders(folder / "shaders", LEAF_SHADERS)
-    material = LeafMaterial(shaders=SHADERS, texture=texture or None, jitter_map=jitter_map or None)
+    material = LeafMaterial(
+        shaders=SHADERS,
+        texture=texture or None,
+        texture_color=look.texture_color,
+        jitter_map=jitter_map or None,
+    )
     write_materials_layer(payload / "materials.usda", name, leaf=material)
     chosen = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in settings.representations}
     if has_guide:
