@@ -1,0 +1,227 @@
+"""The main job on posed photographs with depth: views in, leaves with colours and an average texture out."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.view import View
+from usdfoliage.leaf.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
+from usdfoliage.leaf.direction import DirectionSettings, tell_base_from_apex
+from usdfoliage.leaf.fit.alternating import AlternatingFitSettings, fit_leaves_alternating
+from usdfoliage.leaf.fit.flip import flip_leaves
+from usdfoliage.leaf.fit.model import FittedLeaves
+from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface
+from usdfoliage.leaf.measures import leaf_width
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.photo_colors import PhotoColorSettings, sample_leaf_colors
+from usdfoliage.leaf.segmentation.dense import DenseSegmentationSettings, segment_dense
+from usdfoliage.leaf.segmentation.model import Candidates, LeafPoints, Segmentation
+from usdfoliage.leaf.segmentation.paper import PaperSegmentationSettings, segment_paper
+
+# Says which step runs and how far it is, in [0, 1].
+StepProgress = Callable[[str, float], None]
+
+METHODS = ("dense", "paper")
+STEPS = ("segmentation", "fit", "direction", "colours", "texture")
+
+LOW_CONFIDENCE = 0.3  # as the median of all leaves: most of them are guessed
+SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one silhouette describe
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReconstructionSettings:
+    """Everything that decides which leaves are found and what they become."""
+
+    method: Literal["dense", "paper"] = "dense"
+    min_confidence: float = 0.0  # leaves below it are dropped
+    threads: int = 0  # 0: one per core; the result is the same
+    dense: DenseSegmentationSettings = field(default_factory=DenseSegmentationSettings)
+    dense_fit: SurfaceFitSettings = field(default_factory=SurfaceFitSettings)
+    paper: PaperSegmentationSettings = field(default_factory=PaperSegmentationSettings)
+    paper_fit: AlternatingFitSettings = field(default_factory=AlternatingFitSettings)
+    direction: DirectionSettings = field(default_factory=DirectionSettings)
+    colors: PhotoColorSettings = field(default_factory=PhotoColorSettings)
+    texture: AverageTextureSettings = field(default_factory=AverageTextureSettings)
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ValueError(f"method must be one of {', '.join(METHODS)}, not {self.method}")
+        if not 0 <= self.min_confidence <= 1:
+            raise ValueError(f"min_confidence must be from 0 to 1, not {self.min_confidence}")
+        if self.threads < 0:
+            raise ValueError(f"threads must be 0, for all cores, or more, not {self.threads}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """How many there are after a step, and how many went in it."""
+
+    name: str
+    count: int
+    dropped: Mapping[str, int] = field(default_factory=dict)  # by reason
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reconstruction:
+    """The leaves of a scene, and how they were found."""
+
+    leaves: Leaves  # N, in the world of the views, with color, confidence, residual_m and view
+    source: NDArray[np.int64]  # (N,), the number of each in segmentation.leaves
+    segmentation: Segmentation
+    texture: AverageTexture | None  # None without leaves
+    steps: Sequence[Step]
+    notes: Sequence[str]  # what whoever uses the leaves should know
+    seconds: Mapping[str, float]  # by step
+
+
+def reconstruct_leaves(
+    views: Sequence[View],
+    settings: ReconstructionSettings = ReconstructionSettings(),
+    progress: StepProgress | None = None,
+) -> Reconstruction:
+    """Find single leaves in posed photographs with depth and fit the 21 parameters of each.
+
+    That there are none is a result: a reconstruction of no leaves.
+
+    Args:
+        views: Of one world; those without depth add colours only.
+        settings: How.
+        progress: Told of each step.
+
+    Raises:
+        ValueError: There are no views.
+
+    Source:
+        Chaurasia and Beardsley, Editable Parametric Dense Foliage from 3D Capture, sections 4 and 5, for the method
+        paper; the method dense is our own.
+    """
+    if not views:
+        raise ValueError("there are no views to find leaves in")
+    seconds: dict[str, float] = {}
+
+    @contextmanager
+    def step(name: str) -> Iterator[Callable[[int, int], None]]:
+        start = time.perf_counter()
+        if progress:
+            progress(name, 0.0)
+        yield lambda done, total: progress(name, done / max(total, 1)) if progress else None
+        seconds[name] = time.perf_counter() - start
+        if progress:
+            progress(name, 1.0)
+
+    with step("segmentation") as report:
+        if not any(view.has_depth for view in views):
+            segmentation = find_nothing(views)
+        elif settings.method == "paper":
+            segmentation = segment_paper(views, settings.paper, report)
+        else:
+            segmentation = segment_dense(views, settings.dense, report)
+    with step("fit"):
+        if settings.method == "paper":
+            fitted = fit_leaves_alternating(segmentation.leaves, settings.paper_fit, threads=settings.threads)
+        else:
+            fitted = fit_leaves_to_surface(segmentation.leaves, settings.dense_fit, threads=settings.threads)
+    with step("direction"):
+        flip = tell_base_from_apex(fitted.leaves, views, settings.direction).flip
+        leaves = flip_leaves(fitted.leaves, flip)
+    leaves, source, unsure = _drop_unsure(leaves, fitted.source, settings.min_confidence)
+    with step("colours"):
+        leaves = replace(leaves, color=sample_leaf_colors(leaves, views, settings.colors).color)
+    with step("texture"):
+        texture = average_leaf_texture(leaves, views, settings.texture) if len(leaves) else None
+    return Reconstruction(
+        leaves=leaves,
+        source=source,
+        segmentation=segmentation,
+        texture=texture,
+        steps=_count_steps(segmentation, fitted, leaves, unsure),
+        notes=_describe(leaves, views, segmentation),
+        seconds=seconds,
+    )
+
+
+def find_nothing(views: Sequence[View]) -> Segmentation:
+    """A segmentation without candidates and leaves."""
+    nothing = LeafPoints(
+        points_m=np.zeros((0, 3)),
+        normals=np.zeros((0, 3)),
+        kind=np.zeros(0, np.uint8),
+        point_view=np.zeros(0, np.int32),
+        offsets=np.zeros(1, np.int64),
+        confidence=np.zeros(0),
+        view=np.zeros(0, np.int32),
+    )
+    candidates = [Candidates(labels=np.zeros(view.depth_m.shape, np.int32), confidence=np.zeros(0)) for view in views]
+    return Segmentation(candidates=candidates, leaves=nothing)
+
+
+def _drop_unsure(
+    leaves: Leaves, source: NDArray[np.int64], least: float
+) -> tuple[Leaves, NDArray[np.int64], dict[str, int]]:
+    """Leaves of enough confidence, their numbers, and how many were not."""
+    if leaves.confidence is None or not least > 0:
+        return leaves, source, {}
+    sure = leaves.confidence >= least
+    unsure = len(leaves) - int(np.count_nonzero(sure))
+    return leaves.take(sure), source[sure], {f"of less confidence than {least:g}": unsure} if unsure else {}
+
+
+def _count_steps(
+    segmentation: Segmentation, fitted: FittedLeaves, leaves: Leaves, unsure: Mapping[str, int]
+) -> list[Step]:
+    superpixels = [
+        len(np.unique(view.superpixels[view.superpixels >= 0]))
+        for view in segmentation.candidates
+        if view.superpixels is not None
+    ]
+    steps = [Step(name="superpixels", count=sum(superpixels))] if superpixels else []
+    candidates = sum(len(view.confidence) for view in segmentation.candidates)
+    return [
+        *steps,
+        Step(name="candidates in single views", count=candidates),
+        Step(name="leaves of the scene", count=len(segmentation.leaves), dropped=segmentation.dropped),
+        Step(name="fitted leaves", count=len(fitted.leaves), dropped=fitted.dropped),
+        Step(name="kept leaves", count=len(leaves), dropped=unsure),
+    ]
+
+
+def _describe(leaves: Leaves, views: Sequence[View], segmentation: Segmentation) -> list[str]:
+    notes = []
+    without = sum(not view.has_depth for view in views)
+    if without == len(views):
+        notes.append("no view has depth, and leaves are found in depth")
+    elif without:
+        notes.append(f"{without} of {len(views)} views have no depth: no leaf was looked for in them")
+    if len(views) == 1:
+        notes.append(
+            "there is one view only: what it does not show is unknown, leaves that are hidden in part come out shorter "
+            "or guessed, and no other view confirms a leaf"
+        )
+    if not len(leaves):
+        found = sum(len(view.confidence) for view in segmentation.candidates)
+        notes.append(
+            f"no leaf was found, of {found:,} candidates; the table below tells where they went"
+            if found
+            else "no leaf was found, not even a candidate; see which part of the photographs has depth"
+        )
+        return notes
+    sure = 1.0 if leaves.confidence is None else float(np.median(leaves.confidence))
+    if sure < LOW_CONFIDENCE:
+        notes.append(
+            f"the median confidence is {sure:.2f}: most leaves are guessed; they may be lobed, grass-like, or too "
+            "small in the photographs for this depth"
+        )
+    shape = float(np.median(leaf_width(leaves.parameters)))
+    low, high = SINGLE_LOBED
+    if not low <= shape <= high:
+        kind = "grass-like" if shape < low else "lobed, or of several leaflets"
+        notes.append(
+            f"leaves are {shape:.2f} times as wide as long, which is not what leaves of one lobe are "
+            f"({low:g} to {high:g}): they may be {kind}, and one axis and one silhouette do not describe them well"
+        )
+    return notes
