@@ -2,6 +2,7 @@
 """A capture of known leaves: posed photographs with depth, and which leaf stands where.
 
 usage: tools/synthetic_foliage.py OUT [--leaves 400] [--views 10] [--size 1200 900] [--length 0.07] [--scale 1] …
+       tools/synthetic_foliage.py --help       all options
 
 Shoots of leaves as `usdfoliage scatter` varies them stand in a bed before a wall; the cameras stand on an arc before
 them. OUT is a capture folder: images/, cameras/ (COLMAP text), depth/ (exact), depth_noisy/ (in place of depth/ it
@@ -195,6 +196,8 @@ def main() -> int:
     parser.add_argument("--size", type=int, nargs=2, default=[scene.width_px, scene.height_px], metavar=("W", "H"))
     parser.add_argument("--length", type=float, default=scene.length_m, help="of a leaf, on average, in metres")
     parser.add_argument("--scale", type=float, default=1.0, help="of the whole scene")
+    parser.add_argument("--width", type=float, default=scene.width, help="of leaves, to the usual width")
+    parser.add_argument("--variation", type=float, default=scene.variation, help="0 all leaves alike; 2 wild ones")
     parser.add_argument("--framed", type=int, default=scene.framed_leaves, help="leaves that a view shows, about")
     parser.add_argument("--no-wall", action="store_true", help="sky behind the leaves")
     parser.add_argument("--noise", type=float, default=noise.sigma, help="of depth_noisy/, in pixel footprints")
@@ -208,6 +211,8 @@ def main() -> int:
             width_px=options.size[0],
             height_px=options.size[1],
             length_m=options.length * options.scale,
+            width=options.width,
+            variation=options.variation,
             framed_leaves=options.framed,
             wall=not options.no_wall,
             seed=options.seed,

@@ -15,6 +15,8 @@ from synthetic.depth import BACKDROP, LEAF, SKY, WOOD, NoiseSettings, degrade_de
 from synthetic.raster import rasterise
 from synthetic.scene import SceneSettings, build_scene
 from synthetic_foliage import CaptureSettings, make_capture, write_capture
+from usdfoliage.capture.folder import read_capture, read_views
+from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 
 
@@ -151,6 +153,20 @@ def test_a_written_capture_reads_as_what_it_was_made_from(tmp_path, up_axis):
         write_capture(folder, foliage.capture)
 
 
+@pytest.mark.parametrize("depth", ["depth", "depth_noisy"])
+def test_the_product_reads_a_written_capture(tmp_path, depth):
+    foliage = known_foliage(leaves=12, views=2, size=(160, 120))
+    write_capture(tmp_path / "bed", foliage.capture)
+    capture = read_capture(tmp_path / "bed", depth=depth)
+    read = read_views(capture)
+    assert [*capture.notes, *read.notes] == []
+    for view, made in zip(read.views, foliage.views if depth == "depth" else foliage.noisy_views, strict=True):
+        assert view.name == made.name
+        np.testing.assert_allclose(view.camera.cam_from_world, made.camera.cam_from_world, atol=1e-12)
+        np.testing.assert_array_equal(view.depth_m, made.depth_m)
+        assert np.abs(view.srgb.astype(int) - made.srgb).mean() < 6
+
+
 def test_points_of_the_cameras_are_seen_where_they_say(tmp_path):
     foliage = known_foliage(leaves=12, views=2, size=(160, 120))
     write_capture(tmp_path / "bed", foliage.capture)
@@ -169,7 +185,27 @@ def test_points_of_the_cameras_are_seen_where_they_say(tmp_path):
             np.testing.assert_allclose(places[0], (at_x, at_y), atol=0.01)
 
 
-@pytest.mark.parametrize("wrong", [{"leaves": 0}, {"views": 0}, {"length_m": 0.0}, {"length_m": float("nan")}])
+def test_without_a_wall_there_is_sky_without_depth():
+    scene = SceneSettings(leaves=12, views=1, width_px=80, height_px=60, wall=False)
+    capture = make_capture(CaptureSettings(scene=scene))
+    label = capture.seen[0].label
+    assert (label == SKY).any()
+    assert (capture.views[0].depth_m[label == SKY] == 0).all()
+    assert (capture.noisy_depth_m[0][label == SKY] == 0).all()
+    assert label[-1, 0] == BACKDROP
+
+
+def test_leaves_can_be_narrower():
+    usual, narrow = (
+        build_scene(SceneSettings(leaves=12, views=1, width_px=80, height_px=60, width=width)) for width in (1.0, 0.5)
+    )
+    ratio = leaf_width(narrow.leaves.parameters).mean() / leaf_width(usual.leaves.parameters).mean()
+    assert 0.4 < ratio < 0.65
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"leaves": 0}, {"views": 0}, {"length_m": 0.0}, {"length_m": float("nan")}, {"width": -1.0}]
+)
 def test_scenes_that_cannot_be_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         SceneSettings(**wrong)

@@ -17,7 +17,7 @@ from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.spray import GOLDEN_ANGLE_RAD, SpraySettings, scatter_spray
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 from usdfoliage.leaf.topology import leaf_topology
-from usdfoliage.leaf.variation import vary_colors
+from usdfoliage.leaf.variation import VariationSettings, vary_colors
 
 Array = NDArray[np.float64]
 
@@ -45,6 +45,8 @@ class SceneSettings:
     width_px: int = 1200
     height_px: int = 900
     length_m: float = 0.07  # of a leaf, on average
+    width: float = 1.0  # of leaves, to that of the usual leaf, which is half as wide as long
+    variation: float = 1.0  # how much leaves differ and bend: 0 all alike, 1 as on a plant
     framed_leaves: int = 400  # about how many of them a view shows; more leaves make the bed longer
     wall: bool = True
     seed: int = 0
@@ -53,8 +55,10 @@ class SceneSettings:
         for name in ("leaves", "views", "width_px", "height_px", "framed_leaves"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be 1 or more, not {getattr(self, name)}")
-        if not (np.isfinite(self.length_m) and self.length_m > 0):
-            raise ValueError(f"length_m must be above 0, not {self.length_m}")
+        for name in ("length_m", "width"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+        VariationSettings(amount=self.variation)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -162,14 +166,18 @@ def _grow_shoot(settings: SceneSettings, place_m: Array, rng: np.random.Generato
             internode=INTERNODE,
             divergence_rad=GOLDEN_ANGLE_RAD,
             light=(float(light[0]), float(light[1]), float(light[2])),
+            variation=VariationSettings(amount=settings.variation),
         ),
     )
+    parameters = spray.parameters.copy()
+    parameters[:, 2:5, 1] *= settings.width
     root = np.array([place_m[0], 0.0, place_m[1]])
     stem = np.concatenate([root[None], turn.apply(spray.base_m) + root])
     orientation = turn * Rotation.from_quat(spray.orientation)
     along = orientation.as_matrix()[:, :, 1]
     leaves = replace(
         spray,
+        parameters=parameters,
         base_m=stem[1:] + PETIOLE * spray.length_m[:, None] * along,
         orientation=orientation.as_quat(canonical=True),
     )

@@ -27,6 +27,7 @@ SHADOW_TEXELS = 1536  # across all that stands on the ground, at most
 TEXELS_A_LEAF = 24
 SKY_DIRECTIONS = 16
 NOISE_SIZE = 512
+FAR = 120.0  # leaf lengths; beyond it the ground fades and no depth is known
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -215,7 +216,7 @@ def _backdrop(scene: Scene, light: Light, camera: Pinhole) -> Array:
 
 
 def backdrop_depth(scene: Scene, camera: Pinhole) -> Array:
-    """Planar depth (H, W) of the ground and the wall, 0 where there is sky."""
+    """Planar depth (H, W) of the ground and the wall, 0 where there is sky or the ground is far away."""
     rays = camera.rays() @ camera.cam_from_world[:, :3]
     position = camera.position_m
     with np.errstate(divide="ignore"):
@@ -224,7 +225,7 @@ def backdrop_depth(scene: Scene, camera: Pinhole) -> Array:
         if scene.wall_z_m is not None:
             wall = np.where(rays[..., 2] < 0, (scene.wall_z_m - position[2]) / rays[..., 2], np.inf)
             nearest = np.minimum(ground, wall)
-    return np.where(np.isfinite(nearest), nearest, 0.0)
+    return np.where(nearest < FAR * scene.leaves.length_m.mean(), nearest, 0.0)
 
 
 def _shadow_map(scene: Scene, towards: Array, texels_a_leaf: float, most: int, length_m: float) -> ShadowMap:
