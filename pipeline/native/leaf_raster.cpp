@@ -50,19 +50,22 @@ struct Band {
     }
 
     void draw(const Vertex& a, const Vertex& b, const Vertex& c, std::int32_t id) const {
+        const double low = std::min({a.y, b.y, c.y}), high = std::max({a.y, b.y, c.y});
+        if (!(low < static_cast<double>(end) && high > static_cast<double>(begin))) return;
         const double area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
         if (!(std::abs(area) > 0)) return;
-        const std::size_t row_end = first_from(std::max({a.y, b.y, c.y}) + 1, begin, end);
+        const std::size_t row_end = first_from(high + 1, begin, end);
         const std::size_t column_end = first_from(std::max({a.x, b.x, c.x}) + 1, 0, width);
         const std::size_t first_column = first_from(std::min({a.x, b.x, c.x}), 0, width);
+        const double share = 1 / area;
         // 1 / depth is linear in the picture.
         const double inverse[3] = {1 / a.depth, 1 / b.depth, 1 / c.depth};
-        for (std::size_t row = first_from(std::min({a.y, b.y, c.y}), begin, end); row < row_end; ++row) {
+        for (std::size_t row = first_from(low, begin, end); row < row_end; ++row) {
             const double y = static_cast<double>(row) + 0.5;
             for (std::size_t column = first_column; column < column_end; ++column) {
                 const double x = static_cast<double>(column) + 0.5;
-                const double of_a = ((b.x - x) * (c.y - y) - (b.y - y) * (c.x - x)) / area;
-                const double of_b = ((c.x - x) * (a.y - y) - (c.y - y) * (a.x - x)) / area;
+                const double of_a = share * ((b.x - x) * (c.y - y) - (b.y - y) * (c.x - x));
+                const double of_b = share * ((c.x - x) * (a.y - y) - (c.y - y) * (a.x - x));
                 const double of_c = 1 - of_a - of_b;
                 if (!(of_a >= 0 && of_b >= 0 && of_c >= 0)) continue;
                 const auto seen = static_cast<float>(1 / (of_a * inverse[0] + of_b * inverse[1] + of_c * inverse[2]));

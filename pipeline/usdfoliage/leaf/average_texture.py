@@ -166,15 +166,15 @@ def _unwrap(
         if not places:
             continue
         linear = DECODED[view.srgb].astype(np.float32)
-        for place in places:
-            one = leaves.take([pairs[place][1]])
-            sights = find_sights(one, view, uv, spread, settings.visibility, drawn[number])
+        shown = leaves.take([pairs[place][1] for place in places])
+        sights = find_sights(shown, view, uv, spread, settings.visibility, drawn[number])
+        for one, place in enumerate(places):
             # OpenCV counts from the centre of the first pixel.
-            x, y = np.moveaxis(sights.places_px[0].reshape(*size, 2).astype(np.float32) - np.float32(0.5), -1, 0)
+            x, y = np.moveaxis(sights.places_px[one].reshape(*size, 2).astype(np.float32) - np.float32(0.5), -1, 0)
             seen = cv2.remap(linear, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             octaves[place] = np.log2(np.maximum(seen, np.float32(DARKEST)))
-            weight[place] = (sights.inner[0] * np.abs(sights.facing[0])).reshape(size)
-            state = sights.state[0].reshape(size)
+            weight[place] = (sights.inner[one] * np.abs(sights.facing[one])).reshape(size)
+            state = sights.state[one].reshape(size)
             reached += (state == SEEN) | (state == PRESUMED)
             absent += state == ABSENT
     return _Unwrapped(octaves, weight, reached.astype(np.float32), absent.astype(np.float32))

@@ -18,6 +18,7 @@ BOTH_ENDS = np.array([[0.0, 0.0], [0.0, 1.0]])
 DECODED = decode_srgb(np.arange(256) / 255.0)  # (256,), linear
 DARKEST = 1 / 255  # linear; darker, noise decides what the ratio of two channels is
 NOISE_BINS = 16  # of depth, in which noise is measured
+SAMPLE_STEP = 7  # one pixel of so many tells of noise, and of the colour of leaves
 NOISE_QUANTILE = 0.8  # of what a median filter changes: of pure noise a standard deviation, or a little more
 NOISE_WIDTHS = 5.0
 FOREIGN = 3.0  # standard deviations of the leaves' colour; beyond, a colour is not theirs
@@ -79,7 +80,7 @@ def find_stalk_points(
         places = np.column_stack([columns, rows]) + 0.5
         points.append(view.camera.unproject(places, view.depth_m[rows, columns].astype(np.float64)))
         colors.append(_chroma(view.srgb[rows, columns]))
-        leaf_colors.append(_chroma(view.srgb[of_leaf]))
+        leaf_colors.append(_chroma(view.srgb[of_leaf][::SAMPLE_STEP]))
     foreign = _is_foreign(np.concatenate(colors), np.concatenate(leaf_colors))
     return _one_a_cell(np.concatenate(points), foreign, settings.cell * length_m)
 
@@ -110,15 +111,14 @@ def _noise_by_depth(
     depth_m: NDArray[np.float32], change_m: NDArray[np.float32], known: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
     """(H, W), how much single pixels differ from those around, at about this depth: noise grows with the distance."""
-    borders = np.quantile(depth_m[known][::7], np.linspace(0, 1, NOISE_BINS + 1)[1:-1])
-    bins = np.searchsorted(borders, depth_m)
+    some_m, changes_m = depth_m[known][::SAMPLE_STEP], change_m[known][::SAMPLE_STEP]
+    borders = np.quantile(some_m, np.linspace(0, 1, NOISE_BINS + 1))
     noise_m = np.zeros(NOISE_BINS, np.float32)
-    of_known, change_of_known = bins[known], change_m[known]
-    for number in range(NOISE_BINS):
-        changes = change_of_known[of_known == number]
-        if len(changes):
-            noise_m[number] = np.quantile(changes, NOISE_QUANTILE)
-    return noise_m[bins]
+    bins = np.searchsorted(borders[1:-1], some_m)
+    for number in np.unique(bins):
+        noise_m[number] = np.quantile(changes_m[bins == number], NOISE_QUANTILE)
+    centers = (borders[:-1] + borders[1:]) / 2
+    return np.interp(depth_m, centers, noise_m).astype(np.float32)
 
 
 def _near_ends(leaves: Leaves, view: View, reach: float) -> NDArray[np.bool_]:

@@ -18,11 +18,12 @@ from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.reprojection import DrawnLeaves, DrawSettings, draw_leaf_ids
 from usdfoliage.leaf.surface import evaluate_normals, grid_places
 
-HIDDEN, SEEN, PRESUMED, ABSENT = 0, 1, 2, 3
+HIDDEN, SEEN, PRESUMED, ABSENT, BESIDE = 0, 1, 2, 3, 4
 # HIDDEN: something stands before the place, or it lies outside of the picture.
 # SEEN: the depth is that of the leaf.
 # PRESUMED: no depth is known, but of all leaves this one is nearest.
-# ABSENT: what is seen lies behind the place: the real leaf does not reach there.
+# ABSENT: what is seen, there and in the pixels around, lies behind the place: the real leaf does not reach there.
+# BESIDE: what is seen there lies behind, but a pixel beside has the leaf's depth.
 
 STEEPEST = 0.1  # cosine below which a surface counts as this steep
 HALF_DIAGONAL_PX = 0.75  # how far a place lies from its pixel's centre, or a little more
@@ -50,7 +51,7 @@ class Sights(NamedTuple):
     """What one photograph shows of N leaves at P places each."""
 
     places_px: NDArray[np.float64]  # (N, P, 2), x and y; NaN behind the camera
-    state: NDArray[np.uint8]  # (N, P), HIDDEN, SEEN, PRESUMED or ABSENT
+    state: NDArray[np.uint8]  # (N, P), HIDDEN, SEEN, PRESUMED, ABSENT or BESIDE
     facing: NDArray[np.float64]  # (N, P), cosine between normal and ray to the camera; below 0 the underside is seen
     inner: NDArray[np.bool_]  # (N, P), seen or presumed, and so are the pixels around
 
@@ -111,8 +112,10 @@ def find_sights(
     away_m = project.seen_m - project.depth_m
     with np.errstate(invalid="ignore"):
         state[known & (np.abs(away_m) <= allowed_m)] = SEEN
-        state[known & (away_m > allowed_m)] = ABSENT
-    inner = (state == SEEN) & _is_alike(view.depth_m, project, around_m)
+        behind = known & (away_m > allowed_m)
+    least_m, most_m = _extremes(view.depth_m, project)
+    state[behind] = np.where(least_m - project.depth_m <= allowed_m, BESIDE, ABSENT)[behind]
+    inner = (state == SEEN) & (least_m > 0) & (most_m - least_m <= around_m)
 
     blank = project.inside & ~known
     if blank.any():
@@ -125,7 +128,8 @@ def find_sights(
             state[off] = ABSENT
             presumed &= ~off
         state[presumed] = PRESUMED
-        inner |= presumed & _is_alike(nearest.depth_m, project, around_m)
+        least_m, most_m = _extremes(nearest.depth_m, project)
+        inner |= presumed & (least_m > 0) & (most_m - least_m <= around_m)
     return Sights(project.places_px, state, project.facing, inner)
 
 
@@ -161,9 +165,8 @@ def _project(leaves: Leaves, view: View, uv: NDArray[np.floating]) -> _Projectio
     )
 
 
-def _is_alike(depth_m: NDArray[np.float32], project: _Projection, around_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N, P), whether all pixels around have depth, and no more of a difference than around_m (N, P)."""
+def _extremes(depth_m: NDArray[np.float32], project: _Projection) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Least and greatest depth among a pixel and those around, (N, P) each; the least is 0 beside a hole."""
     around = np.ones((3, 3), np.uint8)
     least, most = cv2.erode(depth_m, around), cv2.dilate(depth_m, around)
-    least_m, most_m = least[project.rows, project.columns], most[project.rows, project.columns]
-    return np.asarray((least_m > 0) & (most_m - least_m <= around_m))
+    return least[project.rows, project.columns], most[project.rows, project.columns]
