@@ -109,16 +109,14 @@ def weighted_median(values: NDArray[np.floating], weights: NDArray[np.floating])
 
 def _find_gains(colors: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """How bright photographs (V,) are, from the same places (V, N, P, 3) in several of them; the median one is 1."""
-    count = len(colors)
-    light = luminance(colors.reshape(count, -1, 3))
-    used = (weights.reshape(count, -1) > 0) & (light > DARKEST)
+    places = weights.shape[1] * weights.shape[2]
+    light = luminance(colors.reshape(len(colors), places, 3))
+    used = (weights.reshape(len(colors), places) > 0) & (light > DARKEST)
     common = used.sum(axis=0) > 1
+    shift = np.zeros(len(colors))
     octaves = np.where(used, np.log2(np.maximum(light, DARKEST)), np.nan)[:, common]
-    shift = np.zeros(count)
-    if not common.any():
-        return np.ones(count)
     linked = used[:, common].any(axis=1)  # a photograph that shares nothing with others keeps its exposure
-    for _ in range(GAIN_TURNS):
+    for _ in range(GAIN_TURNS if linked.any() else 0):
         of_place = np.nanmedian(octaves - shift[:, None], axis=0)
         shift[linked] = np.nanmedian(octaves[linked] - of_place, axis=1)
         shift[linked] -= np.median(shift[linked])
