@@ -20,7 +20,7 @@ using Points = Array<const double, nb::shape<-1, 3>>;
 
 void fit(const Points& points, const Points& normals, const Row<const long long>& offsets, std::size_t min_points, bool trim,
          double isolation, std::size_t scanlines, int max_iterations, double tolerance, int robustness, double prior,
-         const Array<double, nb::shape<-1, 7, 3>>& parameters, const Array<double, nb::shape<-1, 3>>& bases,
+         const Array<double, nb::shape<-1, 7, 3>>& parameters, const Array<double, nb::shape<-1, 7, 3>>& ellipses, const Array<double, nb::shape<-1, 3>>& bases,
          const Array<double, nb::shape<-1, 3, 3>>& axes, const Row<double>& lengths, const Row<double>& residuals,
          const Row<double>& coverages, const Row<int>& iterations, const Row<int>& outcomes, int threads) {
     const usdfoliage::LeafFitSettings settings{{min_points, trim, isolation},
@@ -29,7 +29,7 @@ void fit(const Points& points, const Points& normals, const Row<const long long>
                                                tolerance,
                                                static_cast<usdfoliage::Robustness>(robustness),
                                                prior};
-    const usdfoliage::LeafFits fits{parameters.data(), bases.data(),     axes.data(),       lengths.data(),
+    const usdfoliage::LeafFits fits{parameters.data(), ellipses.data(),  bases.data(),      axes.data(),    lengths.data(),
                                     residuals.data(),  coverages.data(), iterations.data(), outcomes.data()};
     nb::gil_scoped_release unlocked;
     usdfoliage::fit_leaves(points.data(), normals.data(), offsets.data(), offsets.shape(0) - 1, settings, fits, threads);
@@ -42,7 +42,7 @@ void map(const Array<const double, nb::shape<7, 3>>& leaf, double half_width, co
     std::vector<usdfoliage::Mapped> mapped(n);
     std::vector<usdfoliage::Scanline> scanlines(lines);
     for (std::size_t i = 0; i < n; ++i) mapped[i] = {0, points.data()[3 * i + 1], -1};
-    usdfoliage::map_points(leaf.data(), {half_width, 0.5}, points.data(), std::vector<double>(n, 1.0), &mapped, &scanlines);
+    usdfoliage::map_points(leaf.data(), {half_width, 0.5}, points.data(), std::vector<unsigned char>(n, 1), &mapped, &scanlines);
     for (std::size_t i = 0; i < n; ++i) {
         uv.data()[2 * i] = mapped[i].u;
         uv.data()[2 * i + 1] = mapped[i].v;
@@ -57,7 +57,7 @@ void map(const Array<const double, nb::shape<7, 3>>& leaf, double half_width, co
 // Outputs are written in place: a converted copy of one would be lost.
 void bind_leaf_fit(nb::module_& m) {
     m.def("fit_leaves", &fit, "points"_a, "normals"_a, "offsets"_a, "min_points"_a, "trim"_a, "isolation"_a, "scanlines"_a,
-          "max_iterations"_a, "tolerance"_a, "robustness"_a, "prior"_a, "parameters"_a.noconvert(), "bases"_a.noconvert(),
+          "max_iterations"_a, "tolerance"_a, "robustness"_a, "prior"_a, "parameters"_a.noconvert(), "ellipses"_a.noconvert(), "bases"_a.noconvert(),
           "axes"_a.noconvert(), "lengths"_a.noconvert(), "residuals"_a.noconvert(), "coverages"_a.noconvert(),
           "iterations"_a.noconvert(), "outcomes"_a.noconvert(), "threads"_a,
           "Fill what is fitted to the points of each leaf. Arguments are trusted.");

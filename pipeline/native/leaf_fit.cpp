@@ -17,6 +17,7 @@ namespace {
 constexpr double kDeviation = 1.482602218505602;  // standard deviations a median absolute deviation of normal noise counts
 constexpr double kTukey = 4.685, kHuber = 1.345;  // 95 % as good as least squares where there are no outliers
 constexpr double kExact = 1e-5;                   // leaf lengths; what is closer to the surface is no outlier
+constexpr int kWeightTurns = 4;                   // then the weights are held, or they and the mapping may chase each other
 constexpr std::size_t kLeastLines = 8;
 constexpr int kNearestSteps = 6;
 
@@ -113,7 +114,7 @@ Alternation alternate(const std::vector<double>& points, const std::vector<unsig
     std::vector<LineMoments> moments(scanlines.size());
     while (state.iterations < settings.max_iterations) {
         ++state.iterations;
-        map_points(state.leaf, ellipse, points.data(), weights, &mapped, &scanlines);
+        map_points(state.leaf, ellipse, points.data(), kept, &mapped, &scanlines);
         const LeafCurves before = leaf_curves(state.leaf);
         for (std::size_t j = 0; j < scanlines.size(); ++j) moments[j] = empty_moments(scanlines[j].v);
         for (std::size_t i = 0; i < n; ++i) {
@@ -133,9 +134,8 @@ Alternation alternate(const std::vector<double>& points, const std::vector<unsig
         double previous[kLeafNumbers];
         std::copy(state.leaf, state.leaf + kLeafNumbers, previous);
         minimise(moments, start, settings.prior, ellipse.half_width, state.leaf);
-        double change = 0;
-        for (std::size_t k = 0; k < kLeafNumbers; ++k) change = std::max(change, std::abs(state.leaf[k] - previous[k]));
-        if (settings.robustness != Robustness::kNone) {
+        const double change = mean_change(moments, previous, state.leaf);
+        if (settings.robustness != Robustness::kNone && state.iterations <= kWeightTurns) {
             const LeafCurves now = leaf_curves(state.leaf);
             for (std::size_t i = 0; i < n; ++i) {
                 if (!counts[i]) continue;
@@ -194,6 +194,7 @@ void fit_leaves(const double* points, const double* normals, const long long* of
         }
         const Alternation fit = alternate(local, kept, {frame.half_width, frame.half_length}, settings);
         std::copy(fit.leaf, fit.leaf + kLeafNumbers, fits.parameters + kLeafNumbers * i);
+        ellipse_leaf(frame.half_width, fits.ellipses + kLeafNumbers * i);
         std::copy(frame.base, frame.base + 3, fits.bases + 3 * i);
         for (int a = 0; a < 3; ++a) std::copy(frame.axes[a], frame.axes[a] + 3, fits.axes + 9 * i + 3 * a);
         fits.lengths[i] = frame.length;

@@ -16,7 +16,7 @@ struct LeafFitSettings {
     LeafFrameSettings frame;
     std::size_t scanlines;  // at most
     int max_iterations;
-    double tolerance;  // change of the parameters, in leaf lengths, that ends the iterations
+    double tolerance;  // root mean square change of the surface, in leaf lengths, that ends the iterations
     Robustness robustness;
     double prior;  // pull towards the enclosing ellipse, a share of what all points pull
 };
@@ -24,6 +24,7 @@ struct LeafFitSettings {
 // What to write of each leaf.
 struct LeafFits {
     double* parameters;  // n * 21
+    double* ellipses;    // n * 21: the leaves that the fits began with
     double* bases;       // n * 3
     double* axes;        // n * 9: unit vectors x, y, z of leaf space
     double* lengths;     // n

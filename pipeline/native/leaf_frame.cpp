@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "enclosing_ellipse.h"
 #include "small_matrix.h"
@@ -19,6 +20,7 @@ constexpr double kOff = 6.0;             // standard deviations off the surface 
 constexpr double kExact = 1e-6;          // what is closer to the surface, in sizes of the leaf, is never one
 constexpr int kHeightRounds = 6;
 constexpr std::size_t kNeighbour = 4;
+constexpr std::size_t kFewNear = 5, kNearShare = 50;  // points near an end: a fiftieth, but not fewer
 constexpr int kRings = 3;                // of cells searched for neighbours
 
 using Point = std::array<double, 3>;
@@ -203,6 +205,22 @@ void leave_out_isolated(const std::vector<Point>& local, double isolation, std::
         if (distances[k] > isolation * usual) (*kept)[numbers[k]] = 0;
 }
 
+// How far the points nearest to a place stand off the quadric: their median.
+double height_near(const std::vector<Point>& local, const std::vector<unsigned char>& kept, const Quadric& quadric, double x,
+                   double y) {
+    std::vector<std::pair<double, double>> near;
+    for (std::size_t i = 0; i < local.size(); ++i) {
+        if (!kept[i]) continue;
+        const double dx = local[i][0] - x, dy = local[i][1] - y;
+        near.emplace_back(dx * dx + dy * dy, local[i][2] - quadric_height(quadric, local[i][0], local[i][1]));
+    }
+    const std::size_t count = std::min(std::max(kFewNear, near.size() / kNearShare), near.size());
+    std::nth_element(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count - 1), near.end());
+    std::vector<double> heights(count);
+    for (std::size_t i = 0; i < count; ++i) heights[i] = near[i].second;
+    return median_of(heights);
+}
+
 bool flat_enough(const Plane& plane) { return plane.spread[1] > 0 && plane.spread[0] > kNarrowest * plane.spread[1]; }
 
 }  // namespace
@@ -246,7 +264,8 @@ LeafOutcome leaf_frame(const double* points, const double* normals, std::size_t 
     double ends[2][3];
     for (int end = 0; end < 2; ++end) {
         for (int c = 0; c < 2; ++c) ends[end][c] = ellipse.center[c] + (end == 0 ? -1.0 : 1.0) * ellipse.half[0] * along[c];
-        ends[end][2] = std::clamp(quadric_height(quadric, ends[end][0], ends[end][1]), low, high);
+        ends[end][2] = std::clamp(quadric_height(quadric, ends[end][0], ends[end][1]), low, high) +
+                       height_near(local, *kept, quadric, ends[end][0], ends[end][1]);
     }
     double y[3], length = 0;
     for (int c = 0; c < 3; ++c) length += (ends[1][c] - ends[0][c]) * (ends[1][c] - ends[0][c]);

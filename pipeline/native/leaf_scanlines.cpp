@@ -8,6 +8,7 @@ namespace {
 
 constexpr int kFootSteps = 12;
 constexpr double kFootExact = 1e-12;
+constexpr double kFewest = 4.0;     // points, from which the silhouette is guessed
 constexpr double kMostRatio = 2.0;  // of two half widths within one strip; near base and apex they have none
 
 // v of the foot of the perpendicular from a point to the axis, seen from above.
@@ -42,13 +43,13 @@ double half_width_at(const double* leaf, const LeafCurves& curves, double v) {
     return row.step[0] * frame.normal[0] + row.step[1] * frame.normal[1];
 }
 
-void map_points(const double* leaf, const LeafEllipse& ellipse, const double* points, const std::vector<double>& use,
+void map_points(const double* leaf, const LeafEllipse& ellipse, const double* points, const std::vector<unsigned char>& kept,
                 std::vector<Mapped>* mapped, std::vector<Scanline>* scanlines) {
     const std::size_t n = mapped->size(), lines = scanlines->size();
     const LeafCurves curves = leaf_curves(leaf);
     std::vector<double> width(lines);
     for (std::size_t j = 0; j < lines; ++j) {
-        (*scanlines)[j] = {scanline_place(j, lines), {0, 0}, {0, 0}, {0, 0}, {0, 0}};
+        (*scanlines)[j] = {scanline_place(j, lines), {0, 0}, {0, 0}, {0, 0}, {0, 0}, {0, 0}};
         width[j] = half_width_at(leaf, curves, (*scanlines)[j].v);
     }
     for (std::size_t i = 0; i < n; ++i) {
@@ -68,14 +69,17 @@ void map_points(const double* leaf, const LeafEllipse& ellipse, const double* po
         const double here = half_width_at(leaf, curves, place.v);
         if (here > 0 && width[line] > 0) distance *= std::clamp(width[line] / here, 1 / kMostRatio, kMostRatio);
         place.u = distance;
+        if (!kept[i]) continue;
         double& reach = (*scanlines)[line].reach[distance < 0];
-        if (use[i] > 0) reach = std::max(reach, std::abs(distance));
+        reach = std::max(reach, std::abs(distance));
+        (*scanlines)[line].points[distance < 0] += 1;
     }
     for (Scanline& scanline : *scanlines) {
         const AxisAt at = axis_at(leaf, scanline.v);
         const AxisFrame frame = axis_frame(at);
         for (int side = 0; side < 2; ++side) {
             const double sign = side == 0 ? 1.0 : -1.0;
+            if (scanline.points[side] > 0) scanline.reach[side] *= 1 + 1 / std::max(scanline.points[side], kFewest);
             scanline.room[side] = std::max(
                 scanline.reach[side], ellipse_distance(ellipse, at.point, sign * frame.normal[0], sign * frame.normal[1]));
             scanline.weight[side] = scanline.room[side] > 0 ? scanline.reach[side] / scanline.room[side] : 0.0;  // eq. 10

@@ -19,7 +19,8 @@ struct LeafEllipse {
 // One scanline, right half and left half.
 struct Scanline {
     double v;
-    double reach[2];   // distance of the farthest point from the axis, 0 where there is none; x_s of eq. 10
+    double points[2];  // how many are kept
+    double reach[2];   // distance of the silhouette from the axis, 0 where there are no points; x_s of eq. 10
     double room[2];    // distance of the ellipse from the axis, not below the reach; x_s + x_e
     double weight[2];  // eq. 10
     double full[2];    // the distance where u is 1
@@ -40,14 +41,15 @@ double half_width_at(const double* leaf, const LeafCurves& curves, double v);
 //
 // A point belongs to the scanline that its foot on the axis is nearest to, which is the strip of half the distance between
 // scanlines on either side. u is the distance from the axis as a share of the farthest one on that half of the scanline,
-// compared along the strip by the silhouette of the leaf as it is. Where one half reaches a smaller share of the ellipse
+// compared along the strip by the silhouette of the leaf as it is, and as much farther as the farthest of so many points
+// evenly spread falls short of the silhouette. Where one half reaches a smaller share of the ellipse
 // than the other one, something may hide its silhouette, and it is taken to reach so much farther.
 //
 // @param points     n * 3, in leaf space
 // @param use        n, points of weight 0 are mapped but do not count
 // @param mapped     n; v is where the search for the foot begins
 // @param scanlines  written
-void map_points(const double* leaf, const LeafEllipse& ellipse, const double* points, const std::vector<double>& use,
+void map_points(const double* leaf, const LeafEllipse& ellipse, const double* points, const std::vector<unsigned char>& kept,
                 std::vector<Mapped>* mapped, std::vector<Scanline>* scanlines);
 
 }  // namespace usdfoliage

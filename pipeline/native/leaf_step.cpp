@@ -13,8 +13,10 @@ namespace {
 constexpr int kN = static_cast<int>(kLeafNumbers);
 constexpr int kMostSteps = 20, kMostTries = 8;
 constexpr double kFirstDamping = 1e-4;
-constexpr double kDone = 1e-10;      // share by which the cost falls in the last step
-constexpr double kOrderPull = 10.0;  // on v of the silhouette's points, times the pull on all else
+constexpr double kDone = 1e-8;      // share by which the cost falls in the last step
+// What points of the leaf's plane hardly tell and turns of mapping and fitting would drift in: at which pace the axis runs
+// along itself, and whether it sways to both sides. Pulls as shares of what all points pull.
+constexpr double kPacePull = 0.1, kSwayPull = 0.03;
 
 // Which terms and which parameters a coordinate has.
 struct Coordinate {
@@ -53,11 +55,11 @@ Bounds bounds_of(double half_width) {
 
 bool ordered(const double* leaf) { return leaf[1] < leaf[4] && leaf[6] < leaf[9] && leaf[9] < leaf[12]; }
 
-double pull_on(int number, double prior) {
-    return prior * (number == 6 || number == 9 || number == 12 ? kOrderPull : 1.0);
-}
+double pull_on(int number, double prior) { return prior + (number == 1 || number == 4 ? kPacePull : 0.0); }
 
-double mean_weight(const std::vector<LineMoments>& lines) {
+double sway(const double* leaf) { return leaf[0] - leaf[3]; }
+
+double total_weight(const std::vector<LineMoments>& lines) {
     double sum = 0;
     for (const LineMoments& line : lines) sum += line.weight;
     return sum > 0 ? sum : 1.0;
@@ -147,6 +149,11 @@ void normal_equations(const std::vector<LineMoments>& lines, double total, const
         hessian[k][k] += pull_on(k, prior);
         gradient[k] = gradient[k] / total + pull_on(k, prior) * (leaf[k] - start[k]);
     }
+    hessian[0][0] += kSwayPull;
+    hessian[3][3] += kSwayPull;
+    hessian[3][0] -= kSwayPull;
+    gradient[0] += kSwayPull * sway(leaf);
+    gradient[3] -= kSwayPull * sway(leaf);
 }
 
 }  // namespace
@@ -185,14 +192,28 @@ double fit_cost(const std::vector<LineMoments>& lines, const double* start, doub
             }
         }
     }
-    double cost = sum / mean_weight(lines);
+    double cost = sum / total_weight(lines) + kSwayPull * sway(leaf) * sway(leaf);
     for (int k = 0; k < kN; ++k) cost += pull_on(k, prior) * (leaf[k] - start[k]) * (leaf[k] - start[k]);
     return cost;
 }
 
+double mean_change(const std::vector<LineMoments>& lines, const double* before, const double* after) {
+    const LeafCurves first = leaf_curves(before), second = leaf_curves(after);
+    double sum = 0, was[3][kTerms], is[3][kTerms];
+    for (const LineMoments& line : lines) {
+        if (!(line.weight > 0)) continue;
+        line_values(first, line.along, was);
+        line_values(second, line.along, is);
+        for (int c = 0; c < 3; ++c)
+            for (int a = 0; a < kTerms; ++a)
+                for (int b = 0; b < kTerms; ++b) sum += (is[c][a] - was[c][a]) * line.terms[a][b] * (is[c][b] - was[c][b]);
+    }
+    return std::sqrt(std::max(sum, 0.0) / total_weight(lines));
+}
+
 void minimise(const std::vector<LineMoments>& lines, const double* start, double prior, double half_width, double* leaf) {
     const Bounds bounds = bounds_of(half_width);
-    const double total = mean_weight(lines);
+    const double total = total_weight(lines);
     double cost = fit_cost(lines, start, prior, leaf), damping = kFirstDamping;
     double hessian[kN][kN], gradient[kN], matrix[kN][kN], step[kN], trial[kN];
     for (int round = 0; round < kMostSteps; ++round) {

@@ -28,8 +28,11 @@ LineMoments empty_moments(double v);
 
 void add_point(double weight, const Across& across, const double* point, LineMoments* line);
 
-// Sum of weighted squares of the distances, by the mean weight, and of the pull towards the start.
+// Mean of weighted squares of the distances, and the pulls.
 double fit_cost(const std::vector<LineMoments>& lines, const double* start, double prior, const double* leaf);
+
+// How far the points of one leaf lie from those of the other at the same (u, v): root mean square.
+double mean_change(const std::vector<LineMoments>& lines, const double* before, const double* after);
 
 // Improve a leaf until it is the best within bounds that keep it from folding: the axis rises, the silhouette's points
 // keep their order and their side.

@@ -2,24 +2,30 @@
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from usdfoliage import _native
 from usdfoliage.leaf.fit.model import FittedLeaves
+from usdfoliage.leaf.fold import find_folds
 from usdfoliage.leaf.jitter import spread_phases
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.segmentation.model import LeafPoints
+from usdfoliage.leaf.surface import evaluate_points, grid_places
 
 logger = logging.getLogger(__name__)
 
 Robustness = Literal["none", "huber", "tukey"]
 ROBUSTNESS: Mapping[Robustness, int] = {"none": 0, "huber": 1, "tukey": 2}  # as leaf_fit.h numbers them
 FITTED, *_ = OUTCOMES = ("fitted", "too few points", "points that are not finite", "points on a line")  # likewise
+
+STEPS_BACK = 6  # of leaves that fold, each half of the way to the ellipse, the last one all of it
+DENSE = grid_places(np.linspace(-1, 1, 65), np.linspace(0, 1, 65))  # a leaf as points, for the few that folded
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,10 +35,10 @@ class AlternatingFitSettings:
     min_points: int = 20  # a leaf has 21 parameters, and three numbers a point
     scanlines: int = 32  # at most; a leaf of few points has fewer, so that each line meets some
     max_iterations: int = 15
-    tolerance: float = 1e-3  # leaf lengths; iterations end when no parameter changes by more
+    tolerance: float = 5e-4  # leaf lengths; iterations end when the surface moves by no more, root mean square
     robustness: Robustness = "tukey"  # what points off the surface count; "none" is the paper's
     isolation: float = 4.0  # points whose neighbours are this many times farther than usual are left out, unless "none"
-    prior: float = 1e-5  # pull of the enclosing ellipse where nothing is seen, as a share of what the points pull
+    prior: float = 1e-4  # pull of the enclosing ellipse where nothing is seen, as a share of what the points pull
     half_believed_residual: float = 0.05  # leaf lengths; a surface that far from its points has half the confidence
 
     def __post_init__(self) -> None:
@@ -68,7 +74,8 @@ def fit_leaves_alternating(
         the surface and isolated ones are left out is our own, as is the pull towards the ellipse.
     """
     count = len(points)
-    parameters, bases, axes = np.zeros((count, 7, 3)), np.zeros((count, 3)), np.zeros((count, 3, 3))
+    parameters, ellipses = np.zeros((count, 7, 3)), np.zeros((count, 7, 3))
+    bases, axes = np.zeros((count, 3)), np.zeros((count, 3, 3))
     lengths, residuals, coverages = (np.zeros(count) for _ in range(3))
     iterations, outcomes = (np.zeros(count, np.int32) for _ in range(2))
     _native.fit_leaves(
@@ -84,6 +91,7 @@ def fit_leaves_alternating(
         ROBUSTNESS[settings.robustness],
         settings.prior,
         parameters,
+        ellipses,
         bases,
         axes,
         lengths,
@@ -95,8 +103,6 @@ def fit_leaves_alternating(
     )
     source = np.flatnonzero(outcomes == 0)
     dropped = {reason: int(np.sum(outcomes == code)) for code, reason in enumerate(OUTCOMES) if reason != FITTED}
-    share = residuals[source] / lengths[source] / settings.half_believed_residual
-    confidence = points.confidence[source] * coverages[source] / (1 + share**2)
     logger.info("fitted %d of %d leaves in %d iterations", len(source), count, iterations[source].sum())
     leaves = Leaves(
         parameters=parameters[source],
@@ -104,11 +110,43 @@ def fit_leaves_alternating(
         orientation=_quaternions(axes[source]),
         length_m=lengths[source],
         phase=spread_phases(len(source)),
-        confidence=np.clip(confidence, 0, 1),
-        residual_m=residuals[source],
         view=points.view[source],
     )
-    return FittedLeaves(leaves=leaves, source=source, dropped={name: n for name, n in dropped.items() if n})
+    residual_m = residuals[source]
+    folded = np.flatnonzero(find_folds(leaves.parameters))
+    if len(folded):
+        leaves = _without_folds(leaves, folded, ellipses[source])
+        residual_m[folded] = _residuals(leaves, folded, points, source)
+    close = 1 / (1 + (residual_m / leaves.length_m / settings.half_believed_residual) ** 2)
+    confidence = np.clip(points.confidence[source] * coverages[source] * close, 0, 1)
+    return FittedLeaves(
+        leaves=replace(leaves, confidence=confidence, residual_m=residual_m),
+        source=source,
+        dropped={reason: number for reason, number in dropped.items() if number},
+    )
+
+
+def _without_folds(leaves: Leaves, folded: NDArray[np.int64], ellipses: NDArray[np.float64]) -> Leaves:
+    """Bring these leaves, which fold over themselves, nearer to their ellipses (N, 7, 3), which do not."""
+    parameters = leaves.parameters.copy()
+    for step in range(STEPS_BACK):
+        share = 1.0 if step == STEPS_BACK - 1 else 0.5
+        parameters[folded] += share * (ellipses[folded] - parameters[folded])
+        folded = folded[find_folds(parameters[folded])]
+    return replace(leaves, parameters=parameters)
+
+
+def _residuals(
+    leaves: Leaves, chosen: NDArray[np.int64], points: LeafPoints, source: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Root mean square distance of the points from the surface of these few leaves, in metres."""
+    placements, squares = leaves.asset_from_leaf(), []
+    for leaf in chosen:
+        surface_m = evaluate_points(leaves.parameters[leaf, None], DENSE, placements=placements[leaf, None])[0]
+        captured = slice(*points.offsets[source[leaf] : source[leaf] + 2])
+        distances_m, _ = KDTree(surface_m).query(points.points_m[captured])
+        squares.append(np.mean(distances_m**2))
+    return np.sqrt(squares)
 
 
 def _quaternions(axes: NDArray[np.float64]) -> NDArray[np.float64]:
