@@ -52,6 +52,12 @@ def test_what_is_outside_or_has_no_area_is_not_seen():
     assert (hits.depth == 0).all()
 
 
+def test_what_is_behind_the_camera_is_not_seen():
+    places = np.array([[1.0, 1.0], [7.0, 1.0], [np.nan, np.nan], [1.0, 1.0], [7.0, 1.0], [1.0, 7.0]])
+    hits = rasterise(places, np.array([1, 1, -1, 0.5, 0.5, 0.5]), np.arange(6, dtype=np.int32).reshape(2, 3), (8, 8))
+    assert set(np.unique(hits.triangle)) == {-1, 1}
+
+
 def test_every_leaf_pixel_lies_on_its_leaf():
     foliage = known_foliage()
     places = grid_places(np.linspace(-1, 1, 33), np.linspace(0, 1, 33))

@@ -37,14 +37,16 @@ def rasterise(
 
     Args:
         places_px: (V, 2), x and y in the picture; pixel (row i, column j) has its centre at (j + 0.5, i + 0.5).
-        inverse_depth: (V,), 1 / z, which is linear in the picture, and above 0; what is above is nearer.
+        inverse_depth: (V,), 1 / z, which is linear in the picture; the greatest is the nearest. Triangles with a corner
+            at 0 or below, behind the camera, are not seen.
         triangles: (F, 3), either way round.
         size: Rows and columns of the picture.
     """
     height, width = size
     nearest = np.zeros(height * width)
     found = np.full(height * width, -1, np.int32)
-    corners = places_px[triangles]
+    before_camera = np.flatnonzero((inverse_depth[triangles] > 0).all(axis=1))
+    corners = places_px[triangles[before_camera]]
     low = np.maximum(np.ceil(corners.min(axis=1) - 0.5), 0).astype(np.int64)
     high = np.minimum(np.floor(corners.max(axis=1) - 0.5), (width - 1, height - 1)).astype(np.int64)
     spans = np.maximum(high - low + 1, 0)
@@ -65,12 +67,12 @@ def rasterise(
         first, second, third = _screen_weights(corners[triangle], column + 0.5, row + 0.5)
         inside = np.flatnonzero((first >= 0) & (second >= 0) & (third >= 0))
         triangle, pixel = triangle[inside], (row * width + column)[inside]
-        at_first, at_second, at_third = inverse_depth[triangles[triangle]].T
+        at_first, at_second, at_third = inverse_depth[triangles[before_camera[triangle]]].T
         inverse = first[inside] * at_first + second[inside] * at_second + third[inside] * at_third
         kept = np.flatnonzero(inverse > nearest[pixel])
         kept = kept[np.argsort(inverse[kept], kind="stable")]  # the nearest is written last
         nearest[pixel[kept]] = inverse[kept]
-        found[pixel[kept]] = triangle[kept]
+        found[pixel[kept]] = before_camera[triangle[kept]]
     depth = np.divide(1.0, nearest, out=np.zeros_like(nearest), where=nearest > 0)
     return Hits(triangle=found.reshape(size), depth=depth.reshape(size))
 
