@@ -1,9 +1,9 @@
 """A plane for every superpixel, all of them at once.
 
 Source: G. Chaurasia, P. Beardsley, Editable Parametric Dense Foliage from 3D Capture, 2017, section 4.1. That a
-hypothesis is scored by truncated squares instead of by counting (P. Torr, A. Zisserman, MLESAC, 2000), and that the
-last fits trim by the points' own scatter, is ours: δ_plane is often as long as a superpixel, and then every plane
-counts all.
+hypothesis is scored by the median distance instead of by counting inliers (P. Rousseeuw, Least Median of Squares
+Regression, 1984), and that points are then trimmed by their own scatter, is ours: δ_plane is often as long as a
+superpixel, and then a plane across two leaves, or through a leaf, counts all points.
 """
 
 from collections.abc import Mapping
@@ -89,7 +89,7 @@ def fit_planes(
     numbers = np.flatnonzero(enough)
     for first in range(0, len(numbers), _BATCH):
         batch = numbers[first : first + _BATCH]
-        sample, normal, anchor = _ransac(local, starts[batch], sizes[batch], plane_threshold_m, settings, rng)
+        sample, normal, anchor = _ransac(local, starts[batch], sizes[batch], settings, rng)
         normals[batch], anchors[batch], middles[batch], reach[batch], limit[batch] = _refine(
             sample, normal, anchor, plane_threshold_m, settings
         )
@@ -134,7 +134,6 @@ def _ransac(
     local: NDArray[np.float64],
     starts: NDArray[np.intp],
     sizes: NDArray[np.intp],
-    threshold_m: float,
     settings: PlaneSettings,
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -150,7 +149,7 @@ def _ransac(
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
     offset = np.einsum("btk,btk->bt", normal, corner[:, :, 0])
     distance = np.matmul(normal, sample.transpose(0, 2, 1)) - offset[:, :, None]
-    cost = np.minimum(distance**2, threshold_m**2).sum(axis=2)
+    cost = np.partition(np.abs(distance), settings.scored_points // 2, axis=2)[:, :, settings.scored_points // 2]
     cost[length[..., 0] == 0] = np.inf
     best = np.argmin(cost, axis=1)
     rows = np.arange(len(starts))
@@ -170,8 +169,13 @@ def _refine(
         Normals (B, 3), points on the planes (B, 3), means of the inliers (B, 3), and how far an inlier may lie from its
         mean (B,) and from its plane (B,).
     """
-    limit = np.full(len(sample), threshold_m)
+
+    def narrow(median_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.clip(settings.trim_sigmas * 1.4826 * median_m, 0.1 * threshold_m, threshold_m)
+
     middle, reach = anchor, np.full(len(sample), np.inf)
+    residual = np.abs(np.einsum("bkc,bc->bk", sample - anchor[:, None], normal))
+    limit = narrow(_medians(residual, np.ones_like(residual, np.bool_)))
     for _ in range(settings.refinements):
         near = np.abs(np.einsum("bkc,bc->bk", sample - anchor[:, None], normal)) <= limit[:, None]
         middle = _weighted_mean(sample, near)
@@ -183,8 +187,7 @@ def _refine(
         _, vectors = np.linalg.eigh(np.matmul(centered.transpose(0, 2, 1), centered))
         normal = vectors[:, :, 0]
         residual = np.abs(np.einsum("bkc,bc->bk", sample - anchor[:, None], normal))
-        scatter = 1.4826 * _medians(residual, near)
-        limit = np.clip(settings.trim_sigmas * scatter, 0.1 * threshold_m, threshold_m)
+        limit = narrow(_medians(residual, near))
     return normal, anchor, middle, reach, limit
 
 

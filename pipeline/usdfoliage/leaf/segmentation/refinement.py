@@ -78,8 +78,11 @@ def refine_leaves(
         progress: Called with the candidates done and all.
     """
     ratio = float(np.ptp(template[:, 0]) / np.ptp(template[:, 1]))
-    # Points that may be claimed: those near the plane of a superpixel. -1 unclaimed, else the leaf; -2 never.
-    owner = [None if one is None else np.where(one.planes.inliers, -1, -2).astype(np.int32) for one in found]
+    # Points that may be claimed: of candidates, near the plane of their superpixel. -1 unclaimed, else the leaf; -2 never.
+    owner = [
+        None if one is None else np.where(one.planes.inliers & (one.candidates.labels > 0), -1, -2).astype(np.int32)
+        for one in found
+    ]
     queue = _order(found, settings)
     boxes = [[] if one is None else _boxes(one.candidates.labels) for one in found]
     dropped: Counter[str] = Counter()
