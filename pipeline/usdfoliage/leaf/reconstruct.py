@@ -140,7 +140,7 @@ def reconstruct_leaves(
         segmentation=segmentation,
         texture=texture,
         steps=_count_steps(segmentation, fitted, leaves, unsure),
-        notes=_describe(leaves, views, segmentation),
+        notes=describe_leaves(leaves, views, segmentation),
         seconds=seconds,
     )
 
@@ -190,7 +190,8 @@ def _count_steps(
     ]
 
 
-def _describe(leaves: Leaves, views: Sequence[View], segmentation: Segmentation) -> list[str]:
+def describe_leaves(leaves: Leaves, views: Sequence[View], segmentation: Segmentation) -> list[str]:
+    """What whoever uses the leaves should know, in sentences."""
     notes = []
     without = sum(not view.has_depth for view in views)
     if without == len(views):

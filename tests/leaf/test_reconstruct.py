@@ -1,0 +1,143 @@
+"""The whole run on arrays, after a segmentation that knows the truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from leaf_captures import known_foliage
+from true_segmentation import segment_truly
+from usdfoliage.leaf import reconstruct
+from usdfoliage.leaf.average_texture import AverageTextureSettings
+from usdfoliage.leaf.reconstruct import STEPS, ReconstructionSettings, describe_leaves, reconstruct_leaves
+
+METHODS = ("dense", "paper")
+FAST = ReconstructionSettings(texture=AverageTextureSettings(width_px=16, height_px=32, most_pictures=4))
+
+
+@pytest.fixture(scope="module")
+def bed():
+    return known_foliage()
+
+
+@pytest.fixture
+def segment(monkeypatch, bed):
+    """Put a segmentation in place of both methods'."""
+    ids = {view.name: ids for view, ids in zip(bed.views, bed.leaf_ids, strict=True)}
+
+    def use(confidence=0.9, change=lambda segmentation: segmentation):
+        def segmented(views, settings, progress):
+            progress(len(views), len(views))
+            return change(segment_truly(views, ids, confidence))
+
+        for method in METHODS:
+            monkeypatch.setattr(reconstruct, f"segment_{method}", segmented)
+
+    use()
+    return use
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_leaves_are_found_fitted_and_coloured(segment, bed, method):
+    told = []
+    found = reconstruct_leaves(bed.views, replace(FAST, method=method), lambda step, share: told.append((step, share)))
+    leaves = found.leaves
+    assert len(leaves) == len(found.source) > 0.6 * len(bed.leaves)
+    # Half of them at least lie where a true leaf does.
+    middles = [each.base_m + each.asset_from_leaf()[:, :, 1] / 2 for each in (leaves, bed.leaves)]
+    away = np.linalg.norm(middles[0][:, None] - middles[1], axis=2).min(axis=1)
+    assert np.median(away / leaves.length_m) < 0.15
+    for facts in (leaves.color, leaves.confidence, leaves.residual_m, leaves.view):
+        assert facts is not None
+    assert ((leaves.color > 0) & (leaves.color < 1)).all()
+    assert np.median(leaves.color[:, 1] - leaves.color[:, [0, 2]].max(axis=1)) > 0  # green
+    assert found.texture is not None
+    assert found.notes == []
+    assert tuple(found.seconds) == STEPS
+    assert [step for step, share in told if share == 0.0] == list(STEPS)
+    assert {step for step, share in told if share == 1.0} == set(STEPS)
+
+
+def test_every_step_is_counted(segment, bed):
+    found = reconstruct_leaves(bed.views, replace(FAST, min_confidence=0.5))
+    counts = {step.name: step.count for step in found.steps}
+    assert counts["candidates in single views"] > counts["leaves of the scene"] == len(found.segmentation.leaves)
+    assert counts["leaves of the scene"] >= counts["fitted leaves"] >= counts["kept leaves"] == len(found.leaves)
+    kept = found.steps[-1]
+    assert counts["fitted leaves"] - kept.count == sum(kept.dropped.values()) > 0
+    assert list(kept.dropped) == ["of less confidence than 0.5"]
+    assert (found.leaves.confidence >= 0.5).all()
+    assert found.steps[-3].dropped == found.segmentation.dropped
+
+
+def test_a_leaf_keeps_its_number(segment, bed):
+    found = reconstruct_leaves(bed.views, replace(FAST, min_confidence=0.3))
+    points = found.segmentation.leaves
+    for number, source in list(enumerate(found.source))[:10]:
+        mine = points.points_m[points.offsets[source] : points.offsets[source + 1]]
+        middle = found.leaves.base_m[number] + found.leaves.asset_from_leaf()[number, :, 1] / 2
+        assert np.linalg.norm(mine.mean(axis=0) - middle) < 0.6 * found.leaves.length_m[number]
+        assert found.leaves.view[number] == points.view[source]
+
+
+def test_one_view_says_what_it_cannot_do(segment, bed):
+    found = reconstruct_leaves(bed.views[:1], FAST)
+    assert len(found.leaves) > 0
+    assert any(note.startswith("there is one view only") for note in found.notes)
+
+
+def test_views_without_depth_are_counted(segment, bed):
+    blind = replace(bed.views[0], depth_m=np.zeros_like(bed.views[0].depth_m))
+    found = reconstruct_leaves([blind, *bed.views[1:]], FAST)
+    assert any(note.startswith("1 of 4 views have no depth") for note in found.notes)
+    assert len(found.leaves) > 0
+
+
+def test_no_depth_at_all_is_no_leaf(bed):
+    blind = [replace(view, depth_m=np.zeros_like(view.depth_m)) for view in bed.views]
+    found = reconstruct_leaves(blind)
+    assert len(found.leaves) == 0
+    assert found.texture is None
+    assert [step.count for step in found.steps] == [0, 0, 0, 0]
+    assert found.notes[0] == "no view has depth, and leaves are found in depth"
+    assert found.notes[1].startswith("no leaf was found, not even a candidate")
+
+
+def test_no_leaf_among_candidates_is_said(segment, bed):
+    nothing = reconstruct.find_nothing(bed.views).leaves
+    segment(change=lambda found: replace(found, leaves=nothing, dropped={"no plane": 7}))
+    found = reconstruct_leaves(bed.views)
+    assert len(found.leaves) == 0
+    assert any("no leaf was found, of" in note for note in found.notes)
+    assert found.steps[-3].dropped == {"no plane": 7}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, []),
+        ({"confidence": 0.1}, ["most leaves are guessed"]),
+        ({"width": 0.1}, ["grass-like"]),
+        ({"width": 6.0}, ["lobed"]),
+        ({"confidence": 0.1, "width": 6.0}, ["most leaves are guessed", "lobed"]),
+    ],
+)
+def test_leaves_that_are_doubtful_are_said(bed, changes, said):
+    width = changes.get("width", 1.0)
+    parameters = bed.leaves.parameters.copy()
+    parameters[:, 2:5, 1] *= width
+    confidence = np.full(len(parameters), changes.get("confidence", 0.8))
+    leaves = replace(bed.leaves, parameters=parameters, confidence=confidence)
+    notes = describe_leaves(leaves, bed.views, reconstruct.find_nothing(bed.views))
+    assert len(notes) == len(said)
+    assert all(words in note for words, note in zip(said, notes, strict=True))
+
+
+@pytest.mark.parametrize("wrong", [{"method": "magic"}, {"min_confidence": 1.5}, {"min_confidence": float("nan")}])
+def test_settings_that_cannot_be(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        ReconstructionSettings(**wrong)
+
+
+def test_no_views_are_a_wrong_argument():
+    with pytest.raises(ValueError, match="no views"):
+        reconstruct_leaves([])
