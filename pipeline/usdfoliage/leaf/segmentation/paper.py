@@ -100,7 +100,11 @@ def segment_paper(
         "%d candidate leaves in %d views, plane threshold %.4f m, %.1f s",
         len(confidence), len(views), threshold_m, time.perf_counter() - began,
     )  # fmt: skip
-    template = draw_template(measure_ratio(half_axes, confidence, settings.template), settings.template)
+    if (half_axes[:, 1:] > 0).any():
+        ratio = measure_ratio(half_axes, confidence, settings.template)
+    else:
+        ratio = 1.0  # there is nothing to lay a template on
+    template = draw_template(ratio, settings.template)
     refined = refine_leaves(views, found, template, threshold_m, settings.refinement)
     dropped.update(refined.dropped)
     logger.info("%d leaves, %.1f s", len(refined.leaves), time.perf_counter() - began)

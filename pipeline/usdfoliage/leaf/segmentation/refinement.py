@@ -78,7 +78,7 @@ def refine_leaves(
         progress: Called with the candidates done and all.
     """
     ratio = float(np.ptp(template[:, 0]) / np.ptp(template[:, 1]))
-    # Points that may be claimed: of candidates, near the plane of their superpixel. -1 unclaimed, else the leaf; -2 never.
+    # Points of candidates, near the plane of their superpixel, may be claimed: -1 not yet, else the leaf; -2 never.
     owner = [
         None if one is None else np.where(one.planes.inliers & (one.candidates.labels > 0), -1, -2).astype(np.int32)
         for one in found
