@@ -28,6 +28,7 @@ VIEWS_A_LEAF = 2  # at most, so that few leaves that are often seen do not make 
 LEAST_SEEN = 0.2  # of a leaf; showing less, a photograph adds more seams than leaf
 REDUCED = 4  # texels a side that share a low frequency
 LEAST_SHARE = 0.1  # of the pictures: where fewer show leaf, colours come from around
+OFTEN_SEEN = 0.4  # of the pictures: where fewer show leaf, veins fade
 SMOOTH = 0.06  # of the height: standard deviation that parts colour and shade from veins
 REACH = 0.05  # of the height: farthest that veins are moved to fit others
 FLOW_SMOOTH = 0.06  # of the width
@@ -249,7 +250,8 @@ def _pick_veins(veins: NDArray[np.float32], weight: NDArray[np.float32], count: 
     picked = np.where(used > 0, summed / np.maximum(used, 1e-6), 0)
     # Laid over each other, veins are fainter than on any leaf.
     usual = np.median([_deviation(one, seen) for one, seen in zip(veins, weight, strict=True)])
-    inside = np.minimum(used, 1)
+    # Where few leaves are seen, they are seen by mistake: others' edges and shadows.
+    inside = np.minimum(used, 1) * np.clip(np.mean(weight > 0, axis=0) / OFTEN_SEEN, 0, 1)
     picked *= min(STRONGEST, max(1.0, usual / max(_deviation(picked, inside), 1e-6)))
     most = CLEAR * usual  # beyond are shadows and the dark of edges
     return np.asarray(inside * most * np.tanh(picked / max(most, 1e-6)))
