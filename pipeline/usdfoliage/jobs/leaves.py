@@ -26,7 +26,7 @@ from usdfoliage.jobs.leaf_asset import MOST_LEAVES_OF_ALL
 from usdfoliage.jobs.leaf_change import move_leaves
 from usdfoliage.jobs.leaf_settings import check_memory, fingerprint, read_representations
 from usdfoliage.jobs.leaves_pictures import shrink_camera
-from usdfoliage.jobs.leaves_report import PICTURE_PX, LeavesReport, choose_shown, measure_rows, write_leaves_report
+from usdfoliage.jobs.leaves_report import LeavesReport, choose_shown, measure_rows, write_leaves_report
 from usdfoliage.jobs.leaves_settings import LeavesSettings, read_leaves_settings
 from usdfoliage.jobs.preview import PreviewSettings, PreviewView, encode_png, render_views
 from usdfoliage.jobs.settings_file import list_settings
@@ -46,6 +46,7 @@ logger = logging.getLogger(__name__)
 
 AUTO, SWEEP = "auto", "sweep"  # words of --depth that name no folder
 USUAL_DEPTH = "depth"
+PREVIEW_PX = 640  # longer side of Storm's pictures, which take more time than all the rest of a report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +126,8 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
         found = reconstruct_leaves(given.views, request.settings, progress)
         seconds.update(found.seconds)
 
+        if not len(found.leaves):
+            logger.warning("no leaf was found (%s)", request.capture)
         start = time.perf_counter()
         if progress:
             progress("asset", 0.0)
@@ -317,7 +320,7 @@ def draw_previews(
     progress: StepProgress | None,
 ) -> dict[int, str]:
     """Pictures of the asset from the cameras of these views, by the view's number here; PreviewError without Storm."""
-    cameras = [shrink_camera(given.views[number].camera, PICTURE_PX, asset_from_world) for number in shown]
+    cameras = [shrink_camera(given.views[number].camera, PREVIEW_PX, asset_from_world) for number in shown]
     files = [f"view_{given.numbers[number]:03}_storm.png" for number in shown]
     views = [PreviewView(output=folder / file, pinhole=camera) for file, camera in zip(files, cameras, strict=True)]
     render_views(interface, views, PreviewSettings(), _within("preview", progress))

@@ -16,7 +16,7 @@ BASE = (255, 60, 40)
 FILL = 0.55  # of the colour over the photograph
 SHADE = 0.45  # of the photograph where there is nothing to show
 MOST_GROWN_PX = 7  # by which points are made larger to close the gaps between them
-LEAST_SEEN_PX = 12  # of a leaf whose axis is drawn
+BESIDE_PX = 1  # how far from a leaf a place of its axis may lie to be drawn
 BEHIND = 0.1  # leaf lengths by which a leaf may lie behind the depth that is seen and still count as seen
 
 
@@ -25,7 +25,8 @@ def leaf_palette(count: int) -> NDArray[np.uint8]:
     number = np.arange(count)
     hue = (number * (5**0.5 - 1) / 2) % 1
     hsv = np.column_stack([hue * 179, 150 + 50 * (number % 3), 255 - 30 * (number // 3 % 3)])
-    return np.asarray(cv2.cvtColor(np.rint(hsv).astype(np.uint8)[None], cv2.COLOR_HSV2RGB)[0]).reshape(count, 3)
+    rgb = cv2.cvtColor(np.rint(hsv).astype(np.uint8)[None], cv2.COLOR_HSV2RGB)[0] if count else np.zeros((0, 3))
+    return np.asarray(rgb, np.uint8).reshape(count, 3)
 
 
 def draw_superpixels(view: View, labels: NDArray[np.int32]) -> NDArray[np.uint8]:
@@ -103,14 +104,30 @@ def draw_fitted(view: View, leaves: Leaves, color_of: NDArray[np.integer]) -> ND
         ids = np.where(hidden, -1, ids)
     palette = leaf_palette(int(color_of.max(initial=-1)) + 1)[color_of]
     picture = _fill(view.srgb, ids, palette, np.full(ids.shape, FILL))
-    seen = np.bincount(ids[ids >= 0], minlength=len(leaves)) >= LEAST_SEEN_PX
     bits = 4
-    for axis in project_axes(leaves.take(seen), view.camera):
-        if np.isfinite(axis).all() and np.abs(axis).max() < 1 << 20:
-            line = np.rint((axis - 0.5) * (1 << bits)).astype(np.int32)
-            cv2.polylines(picture, [line], False, EDGE, 1, cv2.LINE_AA, bits)
-            cv2.circle(picture, line[0].tolist(), 3 << bits, BASE, -1, cv2.LINE_AA, bits)
+    for leaf, axis in enumerate(project_axes(leaves, view.camera)):
+        for line in _runs(axis, _shown_there(ids, axis, leaf)):
+            fixed = np.rint((line - 0.5) * (1 << bits)).astype(np.int32)
+            cv2.polylines(picture, [fixed], False, EDGE, 1, cv2.LINE_AA, bits)
+            if np.array_equal(line[0], axis[0]):
+                cv2.circle(picture, fixed[0].tolist(), 3 << bits, BASE, -1, cv2.LINE_AA, bits)
     return picture
+
+
+def _shown_there(ids: NDArray[np.int32], places: NDArray[np.float64], leaf: int) -> NDArray[np.bool_]:
+    """(P,), whether a pixel beside each place shows the leaf: base and apex are the leaf's corners."""
+    shown = np.zeros(len(places), np.bool_)
+    for number in np.flatnonzero(np.isfinite(places).all(axis=1)):
+        column, row = (int(np.clip(place, -9, 1 << 20)) for place in places[number])
+        around = ids[max(row - BESIDE_PX, 0) : row + BESIDE_PX + 1, max(column - BESIDE_PX, 0) : column + BESIDE_PX + 1]
+        shown[number] = bool((around == leaf).any()) if row >= -BESIDE_PX and column >= -BESIDE_PX else False
+    return shown
+
+
+def _runs(places: NDArray[np.float64], chosen: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
+    """The parts of a polyline whose places are all chosen, two or more each."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(np.int8), [0]])))
+    return [places[start:end] for start, end in ends.reshape(-1, 2) if end - start > 1]
 
 
 def shrink_to(picture: NDArray[np.uint8], longest_px: int) -> NDArray[np.uint8]:
