@@ -43,6 +43,7 @@ def main() -> int:
     parser.add_argument("--width", type=int, help="reduce wider photographs to this")
     parser.add_argument("--views", help="which photographs, as usdfoliage leaves takes them")
     parser.add_argument("--green-mask", action="store_true", help="depth only where a photograph is green")
+    parser.add_argument("--crop", action="store_true", help="cut photographs to what is around their masks")
     parser.add_argument("--max-side", type=int, default=defaults.max_side_px, help="size to match at")
     parser.add_argument("--neighbors", type=int, default=defaults.neighbors, help="photographs matched with each")
     parser.add_argument("--step-px", type=float, default=defaults.step_px, help="between planes")
@@ -60,7 +61,15 @@ def main() -> int:
             points = read_ply_points(arguments.points)
         unit = arguments.metres_per_unit or source.settings.metres_per_unit
         arguments.out.mkdir(parents=True)
-        write_reduced(source, arguments.out, arguments.width, unit, points, green_mask=arguments.green_mask)
+        write_reduced(
+            source,
+            arguments.out,
+            arguments.width,
+            unit,
+            points,
+            green_mask=arguments.green_mask,
+            crop=arguments.crop,
+        )
 
         capture = read_capture(arguments.out)
         views = read_views(capture).views
@@ -84,6 +93,7 @@ def write_reduced(
     points: NDArray[np.float64],
     *,
     green_mask: bool,
+    crop: bool,
 ) -> None:
     """Write photographs, masks, capture.toml and cameras, in the unit of the source's cameras."""
     unit = source.settings.metres_per_unit
@@ -92,17 +102,20 @@ def write_reduced(
     for index, chosen in enumerate(source.views):
         view = read_view(source, index)
         reduced = reduce_view(view, width_px)
+        if green_mask:
+            reduced = replace(reduced, mask=_green(reduced.srgb))
+        if crop:
+            reduced = crop_view(reduced)
         path = out / "images" / view.name
         path.parent.mkdir(parents=True, exist_ok=True)
-        if reduced is view and chosen.lens.is_pinhole:
+        if reduced.srgb is view.srgb and chosen.lens.is_pinhole:
             shutil.copyfile(chosen.photo, path)
         else:
             write_picture(path, reduced.srgb)
-        mask = _green(reduced.srgb) if green_mask else reduced.mask
-        if mask is not None:
+        if reduced.mask is not None:
             mask_path = out / "masks" / f"{view.name}.png"
             mask_path.parent.mkdir(parents=True, exist_ok=True)
-            write_picture(mask_path, np.where(mask, 255, 0).astype(np.uint8))
+            write_picture(mask_path, np.where(reduced.mask, 255, 0).astype(np.uint8))
 
         camera = reduced.camera
         numbers = " ".join(f"{number:.15g}" for number in (*camera.focal_px, *camera.center_px))
@@ -153,6 +166,27 @@ def reduce_view(view: View, width_px: int | None) -> View:
     )
 
 
+def crop_view(view: View) -> View:
+    """The part of a view around its mask, a twentieth of its size more on each side; the view where it has no mask."""
+    if view.mask is None or not view.mask.any():
+        return view
+    sides = []
+    for axis in (1, 0):
+        inside = np.flatnonzero(view.mask.any(axis=axis))
+        margin = (inside[-1] - inside[0]) // 20 + 1
+        sides.append(slice(max(0, int(inside[0] - margin)), int(inside[-1] + margin + 1)))
+    rows, columns = sides
+    camera = view.camera
+    srgb, depth_m, mask = (np.ascontiguousarray(a[rows, columns]) for a in (view.srgb, view.depth_m, view.mask))
+    part = replace(
+        camera,
+        width_px=srgb.shape[1],
+        height_px=srgb.shape[0],
+        center_px=(camera.center_px[0] - columns.start, camera.center_px[1] - rows.start),
+    )
+    return View(name=view.name, camera=part, srgb=srgb, depth_m=depth_m, mask=mask)
+
+
 def read_ply_points(path: Path) -> NDArray[np.float64]:
     """(N, 3), the vertices of a binary little-endian PLY whose first element they are."""
     content = path.read_bytes()
@@ -173,11 +207,14 @@ def read_ply_points(path: Path) -> NDArray[np.float64]:
 
 
 def _green(srgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(H, W), where green stands out of red and blue, beyond Otsu's threshold."""
+    """(H, W), where green stands out of red and blue, beyond Otsu's threshold; without specks."""
     values = srgb.astype(np.int16)
     excess = np.clip(2 * values[..., 1] - values[..., 0] - values[..., 2], 0, 255).astype(np.uint8)
     _, mask = cv2.threshold(cv2.GaussianBlur(excess, (5, 5), 0), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    return np.asarray(mask > 0)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
+    large = stats[:, cv2.CC_STAT_AREA] >= 1e-3 * np.count_nonzero(mask)
+    large[0] = False  # all that is not green
+    return np.asarray(large[labels])
 
 
 def _report_progress(done: int, total: int) -> None:

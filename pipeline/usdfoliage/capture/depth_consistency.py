@@ -83,8 +83,16 @@ def _confirmed(
         alike.append(estimate_m)
     stays = (confirming >= settings.min_confirmed) & (contradicting <= confirming)
     if stays.any():
-        kept[rows[stays], columns[stays]] = np.nanmedian(np.stack(alike)[:, stays], axis=0)
+        kept[rows[stays], columns[stays]] = _median(np.stack(alike)[:, stays])
     return kept
+
+
+def _median(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Medians (N,) of columns (K, N), NaN left out; some seconds faster than numpy's own for a photograph."""
+    ordered = np.sort(values, axis=0)  # NaN goes last
+    count = np.count_nonzero(~np.isnan(ordered), axis=0)
+    each = np.arange(values.shape[1])
+    return np.asarray((ordered[(count - 1) // 2, each] + ordered[count // 2, each]) / 2)
 
 
 def _nearest(cameras: Sequence[Pinhole], index: int, count: int) -> list[int]:
