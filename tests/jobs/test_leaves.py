@@ -1,0 +1,273 @@
+"""What the job of leaves does with numbers and pictures, without a file; and once with Storm."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from leaf_assets import random_leaves
+from leaf_captures import known_foliage
+from scipy.spatial.transform import Rotation
+from usdfoliage.capture.view import View
+from usdfoliage.errors import PreviewError
+from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.leaves import choose_shown, encode_texture, finish_leaves, place_plant, usual_color
+from usdfoliage.jobs.leaves_pictures import (
+    draw_candidates,
+    draw_fitted,
+    draw_refined,
+    draw_superpixels,
+    label_points,
+    leaf_palette,
+    shrink_camera,
+    shrink_to,
+)
+from usdfoliage.jobs.leaves_report import draw_mean_leaf, leaf_histograms, measure_rows
+from usdfoliage.jobs.leaves_settings import LeavesSettings, set_everywhere
+from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views
+from usdfoliage.jobs.recorder import find_interpreter
+from usdfoliage.leaf.average_texture import AverageTexture
+from usdfoliage.leaf.bounds import leaf_bounds_m
+from usdfoliage.leaf.jitter import NO_JITTER
+from usdfoliage.leaf.segmentation.model import LeafPoints
+
+Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+@pytest.fixture(scope="module")
+def bed():
+    return known_foliage()
+
+
+# Where a plant stands
+
+
+@pytest.mark.parametrize("turned", [np.eye(4), Z_UP])
+def test_a_plant_stands_on_the_ground_over_the_origin(turned):
+    leaves = random_leaves(20, facts=True)
+    matrix = place_plant(leaves, turned)
+    np.testing.assert_array_equal(matrix[:3, :3], turned[:3, :3])
+    placed = finish_leaves(leaves, matrix, np.arange(20, dtype=np.int32))
+    low, high = leaf_bounds_m(placed, NO_JITTER)
+    assert low[1] == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose((low + high)[[0, 2]], 0, atol=1e-9)
+    np.testing.assert_allclose(placed.base_m, leaves.base_m @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-12)
+
+
+def test_no_plant_stays_where_it_is():
+    np.testing.assert_array_equal(place_plant(random_leaves(0), Z_UP), Z_UP)
+    assert len(finish_leaves(random_leaves(0, facts=True), Z_UP, np.arange(3, dtype=np.int32))) == 0
+
+
+def test_leaves_tell_the_photograph_of_the_capture_not_of_the_run():
+    leaves = replace(random_leaves(4, facts=True), view=np.array([0, 2, -1, 1], np.int32))
+    assert finish_leaves(leaves, np.eye(4), np.array([5, 7, 9], np.int32)).view.tolist() == [5, 9, -1, 7]
+
+
+# The texture
+
+
+def test_the_texture_is_written_as_it_is_displayed():
+    import cv2
+
+    rgba = np.zeros((16, 16, 4), np.float32)
+    rgba[..., :3] = (0.25, 0.5, 0.125)
+    rgba[8:, :, 3] = 1
+    rgba[:8, :, :3] = 1.0  # where nothing is of it
+    texture = AverageTexture(rgba=rgba, leaves=3)
+    assert usual_color(texture) == pytest.approx((0.25, 0.5, 0.125))
+    held = cv2.imdecode(np.frombuffer(encode_texture(texture), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert held[0, 0].tolist() == [255, 255, 255, 0]
+    assert held[15, 15].tolist() == [99, 188, 137, 255]  # blue, green, red, alpha
+
+
+def test_a_texture_without_color_divides_nothing_by_zero():
+    assert min(usual_color(AverageTexture(rgba=np.zeros((16, 16, 4), np.float32), leaves=0))) > 0
+
+
+# Settings
+
+
+def test_a_setting_is_set_wherever_it_is():
+    changed = set_everywhere(LeavesSettings(), "threads", 3)
+    assert (changed.threads, changed.sweep.threads) == (3, 3)
+    assert set_everywhere(changed, "threads", 0) == LeavesSettings()
+    assert set_everywhere(changed, "no such setting", 7) == changed
+
+
+# Pictures
+
+
+def test_colors_of_leaves_can_be_told_apart():
+    palette = leaf_palette(300).astype(int)
+    assert palette.shape == (300, 3)
+    for step in (1, 2, 3):
+        assert np.abs(palette[step:] - palette[:-step]).sum(axis=1).min() > 60
+    assert leaf_palette(0).shape == (0, 3)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    turn=st.tuples(*[st.floats(-3, 3)] * 3),
+    at=st.tuples(*[st.floats(-5, 5)] * 3),
+    size=st.tuples(st.integers(40, 400), st.integers(40, 400)),
+    longest=st.integers(20, 500),
+)
+def test_a_shrunk_camera_sees_the_same_in_another_frame(turn, at, size, longest):
+    camera = Pinhole(
+        width_px=size[0],
+        height_px=size[1],
+        focal_px=(200.0, 210.0),
+        center_px=(size[0] / 3, size[1] / 2),
+        cam_from_world=np.column_stack([Rotation.from_rotvec(turn).as_matrix(), [0.1, 0.2, 5.0]]),
+    )
+    stage_from_world = np.eye(4)
+    stage_from_world[:3, :3] = Rotation.from_rotvec(turn[::-1]).as_matrix()
+    stage_from_world[:3, 3] = at
+    points = np.random.default_rng(0).uniform(-1, 1, (20, 3))
+    shrunk = shrink_camera(camera, longest, stage_from_world)
+    assert max(shrunk.width_px, shrunk.height_px) == min(longest, max(size))
+    seen, depth_m = camera.project(points)
+    again, depth_again_m = shrunk.project(points @ stage_from_world[:3, :3].T + stage_from_world[:3, 3])
+    share = np.array([shrunk.width_px / size[0], shrunk.height_px / size[1]])
+    np.testing.assert_allclose(again, seen * share, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(depth_again_m, depth_m, atol=1e-9)
+    assert shrink_to(np.zeros((size[1], size[0], 3), np.uint8), longest).shape[:2] == (
+        shrunk.height_px,
+        shrunk.width_px,
+    )
+
+
+def square(depth_m=2.0) -> tuple[View, LeafPoints]:
+    """A grey wall seen from its front, and every second point of a square before it, of 20 by 20 pixels."""
+    camera = Pinhole(
+        width_px=80, height_px=60, focal_px=(80.0, 80.0), center_px=(40.0, 30.0), cam_from_world=np.eye(4)[:3]
+    )
+    wall_m = np.full((60, 80), 3.0, np.float32)
+    wall_m[20:40, 10:30] = depth_m
+    view = View(name="a.png", camera=camera, srgb=np.full((60, 80, 3), 200, np.uint8), depth_m=wall_m)
+    x, y = np.meshgrid(np.arange(10, 30, 2) + 0.5, np.arange(20, 40, 2) + 0.5)
+    points = camera.unproject(np.column_stack([x.ravel(), y.ravel()]), np.full(100, 2.0))
+    return view, LeafPoints(
+        points_m=points,
+        normals=np.tile([0.0, 0.0, -1.0], (100, 1)),
+        kind=np.zeros(100, np.uint8),
+        point_view=np.zeros(100, np.int32),
+        offsets=np.array([0, 100]),
+        confidence=np.ones(1),
+        view=np.zeros(1, np.int32),
+    )
+
+
+def test_points_fill_the_leaf_they_are_of():
+    view, points = square()
+    labels = label_points(points, view, 0)
+    assert (labels[20:39, 10:29] == 0).all()
+    assert np.count_nonzero(labels == 0) <= 24 * 24
+    picture = draw_refined(view, 0, points)
+    assert (picture[50, 70] == 90).all()  # shaded where nothing is
+    assert (picture[30, 20] != picture[50, 70]).any()
+
+
+def test_points_that_another_view_saw_may_be_hidden_in_this_one():
+    view, points = square(depth_m=1.0)  # something stands before the square
+    assert (label_points(points, view, 1) == -1).all()
+    assert (label_points(points, view, 0) >= 0).any()  # this one saw them itself
+    view, points = square()
+    assert (label_points(points, view, 1) >= 0).any()
+
+
+def test_pictures_of_nothing(bed):
+    view, points = square()
+    none = replace(
+        points,
+        points_m=np.zeros((0, 3)),
+        normals=np.zeros((0, 3)),
+        kind=np.zeros(0, np.uint8),
+        point_view=np.zeros(0, np.int32),
+        offsets=np.zeros(1, np.int64),
+        confidence=np.zeros(0),
+        view=np.zeros(0, np.int32),
+    )
+    labels = np.zeros((60, 80), np.int32)
+    for picture in (
+        draw_superpixels(view, labels - 1),
+        draw_candidates(view, labels, np.zeros(0)),
+        draw_refined(view, 0, none),
+        draw_fitted(view, random_leaves(0), np.zeros(0, np.int64)),
+    ):
+        np.testing.assert_array_equal(picture, np.full((60, 80, 3), 90))
+
+
+def test_superpixels_are_edged():
+    view, _ = square()
+    labels = np.repeat(np.arange(80, dtype=np.int32)[None] // 20, 60, axis=0)
+    picture = draw_superpixels(view, labels)
+    assert (picture[:, [19, 39, 59]] == (255, 210, 60)).all()
+    assert (picture[:, [10, 30, 50, 70]] == 200).all()
+
+
+def test_fitted_leaves_are_drawn_where_the_photograph_shows_them(bed):
+    view, ids = bed.views[0], bed.leaf_ids[0]
+    picture = draw_fitted(view, bed.leaves, np.arange(len(bed.leaves)))
+    shaded = np.rint(view.srgb * 0.45).astype(int)
+    drawn = np.abs(picture.astype(int) - shaded).max(axis=2) > 2
+    leaf = ids > 0
+    assert np.count_nonzero(drawn & leaf) / np.count_nonzero(drawn | leaf) > 0.9
+
+
+# The report's figures
+
+
+def test_figures_of_leaves():
+    leaves = random_leaves(50, facts=True)
+    assert [row.name for row in measure_rows(leaves)] == [
+        "length",
+        "width / length",
+        "residual",
+        "residual / length",
+        "confidence",
+    ]
+    for histogram in leaf_histograms(leaves):
+        assert sum(histogram.heights) == 50
+    assert measure_rows(random_leaves(0)) == leaf_histograms(random_leaves(0)) == []
+
+
+def test_the_mean_leaf_is_drawn_inside_its_box():
+    drawing = draw_mean_leaf(random_leaves(5))
+    places = np.array([[float(n) for n in place.split(",")] for line in drawing.lines for place in line.points.split()])
+    assert (places >= 0).all()
+    assert (places <= (drawing.width, drawing.height)).all()
+
+
+@pytest.mark.parametrize(
+    ("count", "most", "shown"), [(3, 12, [0, 1, 2]), (10, 4, [0, 3, 6, 9]), (5, 1, [0]), (5, 0, [])]
+)
+def test_an_even_selection_of_views_is_shown(count, most, shown):
+    assert choose_shown(count, most) == shown
+
+
+# Storm
+
+
+@pytest.mark.preview
+def test_storm_draws_leaves_where_the_camera_sees_them(bed, tmp_path):
+    from leaf_assets import write_spray
+
+    try:
+        find_interpreter()
+    except PreviewError as error:
+        pytest.skip(f"the preview interpreter is absent: {error}")
+    matrix = place_plant(bed.leaves, np.eye(4))
+    interface = write_spray(
+        tmp_path / "spray", finish_leaves(bed.leaves, matrix, np.arange(4)), representations=("bezier",)
+    )
+    view = bed.views[1]
+    pinhole = shrink_camera(view.camera, 360, matrix)
+    (picture,) = draw_views(interface, [PreviewView(output=tmp_path / "a.png", pinhole=pinhole)], PreviewSettings())
+    drawn = picture[..., 3] > 0.5
+    # Twigs and stalks of the capture hide next to nothing.
+    rows, columns = ((np.arange(size) + 0.5) * 480 / 360 for size in drawn.shape)
+    leaf = bed.leaf_ids[1][rows.astype(int)[:, None], columns.astype(int)] > 0
+    assert np.count_nonzero(drawn & leaf) / np.count_nonzero(drawn | leaf) > 0.85
