@@ -128,7 +128,7 @@ def map_points(leaf, half_width, points, lines):
     return np.column_stack([u, v]), line, weight
 
 
-def fit_leaf(points, normals, scanlines=32, max_iterations=15, tolerance=5e-4, prior=1e-4):
+def fit_leaf(points, normals, scanlines=32, max_iterations=15, tolerance=1e-3, prior=1e-4):
     base, axes, length, half_width = leaf_frame(points, normals)
     local = (points - base) @ axes.T / length
     lines = min(max(int(0.8 * np.sqrt(len(points))), 8), scanlines)

@@ -166,7 +166,9 @@ Ellipse enclosing_ellipse(const double* points, std::size_t n, double tolerance)
     }
     if (h < 3 || !(spread.reach[1] > kFlat * spread.reach[0])) {
         const double at = (low + high) / 2;
-        return {{spread.middle[0] + at * cosine, spread.middle[1] + at * sine}, {(high - low) / 2, 0}, half_turn(std::atan2(sine, cosine))};
+        return {{spread.middle[0] + at * cosine, spread.middle[1] + at * sine},
+                {(high - low) / 2, 0},
+                half_turn(std::atan2(sine, cosine))};
     }
     const std::vector<double> weights = khachiyan_weights(even, tolerance);
     double x = 0, y = 0, xx = 0, xy = 0, yy = 0;

@@ -7,7 +7,7 @@ namespace usdfoliage {
 namespace {
 
 constexpr int kFootSteps = 12;
-constexpr double kFootExact = 1e-12;
+constexpr double kFootExact = 1e-9;
 constexpr double kFewest = 4.0;     // points, from which the silhouette is guessed
 constexpr double kMostRatio = 2.0;  // of two half widths within one strip; near base and apex they have none
 

@@ -32,7 +32,9 @@ struct Mapped {
     int line;  // number of the scanline
 };
 
-inline double scanline_place(std::size_t j, std::size_t lines) { return (static_cast<double>(j) + 0.5) / static_cast<double>(lines); }
+inline double scanline_place(std::size_t j, std::size_t lines) {
+    return (static_cast<double>(j) + 0.5) / static_cast<double>(lines);
+}
 
 // How far the right silhouette of these curves stands off the axis at v.
 double half_width_at(const double* leaf, const LeafCurves& curves, double v);
@@ -44,6 +46,9 @@ double half_width_at(const double* leaf, const LeafCurves& curves, double v);
 // compared along the strip by the silhouette of the leaf as it is, and as much farther as the farthest of so many points
 // evenly spread falls short of the silhouette. Where one half reaches a smaller share of the ellipse
 // than the other one, something may hide its silhouette, and it is taken to reach so much farther.
+//
+// The paper takes the farthest distance of all scanlines for u = 1, by which leaves come out as broad at their ends as in the
+// middle; their surfaces are half as far again from the truth.
 //
 // @param points     n * 3, in leaf space
 // @param use        n, points of weight 0 are mapped but do not count

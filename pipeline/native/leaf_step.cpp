@@ -13,7 +13,7 @@ namespace {
 constexpr int kN = static_cast<int>(kLeafNumbers);
 constexpr int kMostSteps = 20, kMostTries = 8;
 constexpr double kFirstDamping = 1e-4;
-constexpr double kDone = 1e-8;      // share by which the cost falls in the last step
+constexpr double kDone = 1e-6;      // share by which the cost falls in the last step
 // What points of the leaf's plane hardly tell and turns of mapping and fitting would drift in: at which pace the axis runs
 // along itself, and whether it sways to both sides. Pulls as shares of what all points pull.
 constexpr double kPacePull = 0.1, kSwayPull = 0.03;

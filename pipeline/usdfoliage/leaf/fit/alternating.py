@@ -35,7 +35,7 @@ class AlternatingFitSettings:
     min_points: int = 20  # a leaf has 21 parameters, and three numbers a point
     scanlines: int = 32  # at most; a leaf of few points has fewer, so that each line meets some
     max_iterations: int = 15
-    tolerance: float = 5e-4  # leaf lengths; iterations end when the surface moves by no more, root mean square
+    tolerance: float = 1e-3  # leaf lengths; iterations end when the surface moves by no more, root mean square
     robustness: Robustness = "tukey"  # what points off the surface count; "none" is the paper's
     isolation: float = 4.0  # points whose neighbours are this many times farther than usual are left out, unless "none"
     prior: float = 1e-4  # pull of the enclosing ellipse where nothing is seen, as a share of what the points pull
@@ -71,7 +71,8 @@ def fit_leaves_alternating(
 
     Source:
         Chaurasia and Beardsley, Editable Parametric Dense Foliage from 3D Capture, sections 5 and 5.1. That points off
-        the surface and isolated ones are left out is our own, as is the pull towards the ellipse.
+        the surface and isolated ones are left out is our own, as are the pull towards the ellipse and u as a share of
+        the width at v, not of the greatest one.
     """
     count = len(points)
     parameters, ellipses = np.zeros((count, 7, 3)), np.zeros((count, 7, 3))
