@@ -151,6 +151,8 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
                 logger.warning("no pictures: %s", error)
                 notes.append(f"no pictures of the asset: {error}")
             seconds["preview"] = time.perf_counter() - start
+        if progress:
+            progress("report", 0.0)
         texture = sorted((folder / "maps").glob(f"{request.name}_leaf.*"))
         report = LeavesReport(
             name=request.name,

@@ -184,10 +184,15 @@ def _count_steps(
     return [
         *steps,
         Step(name="candidates in single views", count=candidates),
-        Step(name="leaves of the scene", count=len(segmentation.leaves), dropped=segmentation.dropped),
-        Step(name="fitted leaves", count=len(fitted.leaves), dropped=fitted.dropped),
+        Step(name="leaves of the scene", count=len(segmentation.leaves), dropped=_any(segmentation.dropped)),
+        Step(name="fitted leaves", count=len(fitted.leaves), dropped=_any(fitted.dropped)),
         Step(name="kept leaves", count=len(leaves), dropped=unsure),
     ]
+
+
+def _any(dropped: Mapping[str, int]) -> dict[str, int]:
+    """The reasons for which any were dropped."""
+    return {reason: count for reason, count in dropped.items() if count}
 
 
 def describe_leaves(leaves: Leaves, views: Sequence[View], segmentation: Segmentation) -> list[str]:
