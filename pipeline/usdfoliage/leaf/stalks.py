@@ -13,6 +13,7 @@ from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.reprojection import draw_leaf_ids
 from usdfoliage.leaf.surface import evaluate_points
+from usdfoliage.leaf.visibility import find_open_holes
 
 BOTH_ENDS = np.array([[0.0, 0.0], [0.0, 1.0]])
 DECODED = decode_srgb(np.arange(256) / 255.0)  # (256,), linear
@@ -87,7 +88,7 @@ def find_stalk_points(
 
 def _find_thin(depth_m: NDArray[np.float32], width_px: float, jump_m: float) -> NDArray[np.bool_]:
     """(H, W), what stands before its surroundings on both sides, and is not noise."""
-    filled = _fill_from_behind(depth_m, width_px)
+    filled = _fill_from_behind(depth_m, width_px, jump_m)
     smooth = cv2.medianBlur(filled, FINE_PX)
     radius = max(1, round(width_px / 2))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
@@ -99,12 +100,15 @@ def _find_thin(depth_m: NDArray[np.float32], width_px: float, jump_m: float) -> 
     return np.asarray(real & (before_m > np.maximum(jump_m, NOISE_WIDTHS * noise_m)))
 
 
-def _fill_from_behind(depth_m: NDArray[np.float32], width_px: float) -> NDArray[np.float32]:
-    """Depth with the greatest one around in place of holes: those beside a stalk show what is behind it."""
+def _fill_from_behind(depth_m: NDArray[np.float32], width_px: float, jump_m: float) -> NDArray[np.float32]:
+    """Depth with the greatest one around in place of holes: those beside a stalk show what is behind it.
+
+    Wide holes are the open sky, or what is too far to be measured.
+    """
     size = 2 * max(1, round(width_px / 2)) + 1
     around = cv2.dilate(depth_m, np.ones((size, size), np.uint8))
-    around = np.where(around > 0, around, depth_m.max())
-    return np.where(depth_m > 0, depth_m, around)
+    around = np.where((around > 0) & ~find_open_holes(depth_m, 2 * width_px), around, depth_m.max() + 2 * jump_m)
+    return np.where(depth_m > 0, depth_m, around.astype(np.float32))
 
 
 def _noise_by_depth(

@@ -19,15 +19,16 @@ from usdfoliage.leaf.reprojection import DrawnLeaves, DrawSettings, draw_leaf_id
 from usdfoliage.leaf.surface import evaluate_normals, grid_places
 
 HIDDEN, SEEN, PRESUMED, ABSENT, BESIDE = 0, 1, 2, 3, 4
-# HIDDEN: something stands before the place, or it lies outside of the picture.
+# HIDDEN: something stands before the place, it lies outside of the picture, or nobody knows.
 # SEEN: the depth is that of the leaf.
-# PRESUMED: no depth is known, but of all leaves this one is nearest.
+# PRESUMED: no depth is known, at most beside it, but of all leaves this one is nearest.
 # ABSENT: what is seen, there and in the pixels around, lies behind the place: the real leaf does not reach there.
 # BESIDE: what is seen there lies behind, but a pixel beside has the leaf's depth.
 
 STEEPEST = 0.1  # cosine below which a surface counts as this steep
 HALF_DIAGONAL_PX = 0.75  # how far a place lies from its pixel's centre, or a little more
 AROUND_PX = 3.0  # diagonal of a pixel with those around it, from centre to centre
+WIDE_HOLE = 0.15  # leaf lengths
 FIRST_GATE = 0.1  # of the length: farther from the leaf, depth is surely of something else
 GATE_TURNS = 6
 SAMPLES = grid_places(np.linspace(-0.8, 0.8, 5), np.linspace(0.1, 0.9, 9))  # where leaves and depth are compared
@@ -119,6 +120,8 @@ def find_sights(
 
     blank = project.inside & ~known
     if blank.any():
+        blank &= ~_find_open(leaves, view)[project.rows, project.columns]
+    if blank.any():
         nearest = draw_leaf_ids(leaves, view.camera, settings.draw) if drawn is None else drawn
         front_m = nearest.depth_m[project.rows, project.columns]
         # Beside its silhouette a leaf is not drawn though the place is its own, and nothing is in front of it.
@@ -131,6 +134,25 @@ def find_sights(
         least_m, most_m = _extremes(nearest.depth_m, project)
         inner |= presumed & (least_m > 0) & (most_m - least_m <= around_m)
     return Sights(project.places_px, state, project.facing, inner)
+
+
+def find_open_holes(depth_m: NDArray[np.float32], width_px: float) -> NDArray[np.bool_]:
+    """(H, W), True in holes of depth as wide as this or wider: nothing is there, or nothing that could be measured."""
+    size = 2 * max(1, round(width_px / 2)) + 1
+    # Beyond the picture holes go on.
+    holes = cv2.copyMakeBorder((depth_m <= 0).astype(np.uint8), *4 * (size,), cv2.BORDER_REPLICATE)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(cv2.morphologyEx(holes, cv2.MORPH_OPEN, disc)[size:-size, size:-size] > 0)
+
+
+def _find_open(leaves: Leaves, view: View) -> NDArray[np.bool_]:
+    """(H, W), holes too wide to be filled by guessing; none where all depth is missing or the mask shows the plant."""
+    if not view.has_depth:
+        return np.zeros(view.depth_m.shape, bool)
+    away = np.linalg.norm(leaves.base_m - view.camera.position_m, axis=1)
+    length_px = float(np.median(leaves.length_m / np.maximum(away, 1e-300))) * max(view.camera.focal_px)
+    holes = find_open_holes(view.depth_m, min(WIDE_HOLE * length_px, max(view.depth_m.shape)))
+    return holes if view.mask is None else np.zeros_like(holes)
 
 
 class _Projection(NamedTuple):
