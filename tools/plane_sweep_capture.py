@@ -207,14 +207,24 @@ def read_ply_points(path: Path) -> NDArray[np.float64]:
 
 
 def _green(srgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(H, W), where green stands out of red and blue, beyond Otsu's threshold; without specks."""
-    values = srgb.astype(np.int16)
-    excess = np.clip(2 * values[..., 1] - values[..., 0] - values[..., 2], 0, 255).astype(np.uint8)
-    _, mask = cv2.threshold(cv2.GaussianBlur(excess, (5, 5), 0), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    """(H, W), where the share of green stands out, beyond Otsu's threshold; without specks, with its highlights."""
+    values = cv2.GaussianBlur(srgb, (5, 5), 0).astype(np.float32)
+    light = values.sum(axis=2)
+    share = (2 * values[..., 1] - values[..., 0] - values[..., 2]) / (light + 30)  # the dark has no colour
+    _, mask = cv2.threshold(np.clip(255 * share, 0, 255).astype(np.uint8), 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
     large = stats[:, cv2.CC_STAT_AREA] >= 1e-3 * np.count_nonzero(mask)
     large[0] = False  # all that is not green
-    return np.asarray(large[labels])
+    green = large[labels]
+    typical = float(np.median(light[green])) if green.any() else 0.0
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(np.where(green, 0, 1).astype(np.uint8), connectivity=4)
+    for hole in range(1, count):
+        left, top, width, height, area = stats[hole]
+        box = np.s_[top : top + height, left : left + width]
+        inside = labels[box] == hole
+        if area < 0.01 * np.count_nonzero(green) and np.median(light[box][inside]) > typical:
+            green[box] |= inside  # as bright as a highlight; a gap between leaves is dark
+    return np.asarray(green)
 
 
 def _report_progress(done: int, total: int) -> None:
