@@ -207,11 +207,14 @@ def read_ply_points(path: Path) -> NDArray[np.float64]:
 
 
 def _green(srgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(H, W), where the share of green stands out, beyond Otsu's threshold; without specks, with its highlights."""
+    """(H, W), where green or its share stand out, beyond Otsu's threshold; without specks, with its highlights."""
     values = cv2.GaussianBlur(srgb, (5, 5), 0).astype(np.float32)
     light = values.sum(axis=2)
-    share = (2 * values[..., 1] - values[..., 0] - values[..., 2]) / (light + 30)  # the dark has no colour
-    _, mask = cv2.threshold(np.clip(255 * share, 0, 255).astype(np.uint8), 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    excess = 2 * values[..., 1] - values[..., 0] - values[..., 2]
+    mask = np.zeros(light.shape, np.uint8)
+    for measure in (excess, 255 * excess / (light + 30)):  # the one finds bright leaves, the other those in shade
+        _, found = cv2.threshold(np.clip(measure, 0, 255).astype(np.uint8), 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+        mask |= found
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
     large = stats[:, cv2.CC_STAT_AREA] >= 1e-3 * np.count_nonzero(mask)
     large[0] = False  # all that is not green
@@ -222,7 +225,7 @@ def _green(srgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
         left, top, width, height, area = stats[hole]
         box = np.s_[top : top + height, left : left + width]
         inside = labels[box] == hole
-        if area < 0.01 * np.count_nonzero(green) and np.median(light[box][inside]) > typical:
+        if area < 0.01 * np.count_nonzero(green) and np.median(light[box][inside]) > 0.9 * typical:
             green[box] |= inside  # as bright as a highlight; a gap between leaves is dark
     return np.asarray(green)
 
