@@ -24,14 +24,17 @@ class PlaneSettings:
     min_points: int = 12
     min_inliers: float = 0.5  # share of a superpixel's points that must lie near its plane
     max_spread: float = 3.0  # distance from the mean, in medians of it, beyond which a point is dropped
-    trim_sigmas: float = 3.0  # of the points' own scatter, never less than a tenth of the threshold
+    trim_sigmas: float = 3.0  # of the points' own scatter, beyond which a point is no inlier
+    trim_floor: float = 0.25  # share of the threshold within which it always is: leaves bend, depth is rounded
     refinements: int = 3
 
     def __post_init__(self) -> None:
         if min(self.hypotheses, self.refinements) < 1 or min(self.scored_points, self.min_points) < 3:
             raise ValueError(f"a plane takes three points and one trial, not {self}")
-        if not 0 < self.min_inliers <= 1 or self.max_spread <= 1 or self.trim_sigmas <= 0:
-            raise ValueError(f"min_inliers in (0, 1], max_spread above 1, trim_sigmas above 0, not {self}")
+        if not 0 < self.min_inliers <= 1 or not 0 < self.trim_floor <= 1:
+            raise ValueError(f"min_inliers and trim_floor must be in (0, 1], not {self}")
+        if self.max_spread <= 1 or self.trim_sigmas <= 0:
+            raise ValueError(f"max_spread must be above 1 and trim_sigmas above 0, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -171,7 +174,7 @@ def _refine(
     """
 
     def narrow(median_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.clip(settings.trim_sigmas * 1.4826 * median_m, 0.1 * threshold_m, threshold_m)
+        return np.clip(settings.trim_sigmas * 1.4826 * median_m, settings.trim_floor * threshold_m, threshold_m)
 
     middle, reach = anchor, np.full(len(sample), np.inf)
     residual = np.abs(np.einsum("bkc,bc->bk", sample - anchor[:, None], normal))
