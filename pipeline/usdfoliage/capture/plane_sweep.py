@@ -21,6 +21,7 @@ from usdfoliage.geometry.pinhole import Pinhole
 logger = logging.getLogger(__name__)
 
 _BRIGHTNESS_SCALE = 64  # of brightness as native code takes it: steps of a 64th of an 8-bit level
+_ONE_SURFACE_STEPS = 8  # a pixel and those around it, whose depths differ by more, belong to several surfaces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +112,7 @@ def sweep_depths(
     depths = []
     for view, depth in zip(views, swept, strict=True):
         size = view.camera.height_px, view.camera.width_px
-        full = np.zeros(size, np.float32) if depth is None else _enlarge(next(checked), size)
+        full = np.zeros(size, np.float32) if depth is None else _enlarge(next(checked), depth.step_m, size)
         depths.append(full if view.mask is None else np.where(view.mask, full, np.float32(0)))
     logger.info(
         "%d views swept, depth at %.0f %% of the pixels", len(known), 100 * np.mean([(d > 0).mean() for d in depths])
@@ -298,7 +299,7 @@ def _shift_px(camera: Pinhole, other: Pinhole, near_m: float, far_m: float) -> f
     return shift if np.isfinite(shift) else 0.0
 
 
-def _enlarge(depth_m: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+def _enlarge(depth_m: NDArray[np.float32], step_m: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
     """Depth at the photograph's size; between pixels on one surface it is interpolated, never across an edge."""
     if depth_m.shape == size:
         return depth_m
@@ -306,6 +307,6 @@ def _enlarge(depth_m: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.
     nearest = cv2.resize(depth_m, to, interpolation=cv2.INTER_NEAREST_EXACT)
     smooth = cv2.resize(depth_m, to, interpolation=cv2.INTER_LINEAR)
     around = np.ones((3, 3), np.uint8)
-    even = cv2.dilate(depth_m, around) - cv2.erode(depth_m, around) < 0.02 * depth_m
+    even = cv2.dilate(depth_m, around) - cv2.erode(depth_m, around) < _ONE_SURFACE_STEPS * step_m
     even = cv2.resize(even.astype(np.uint8), to, interpolation=cv2.INTER_NEAREST_EXACT) > 0
     return np.where(even & (nearest > 0), smooth, nearest).astype(np.float32)
