@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from leaf_captures import known_foliage
 from leaf_pictures import front_camera, photograph, place_leaves
 from usdfoliage.leaf.direction import DirectionSettings, learn_direction, tell_base_from_apex
 from usdfoliage.leaf.fit.flip import flip_leaves
@@ -30,6 +31,11 @@ def scatter(parameters, count=24, seed=2):
     turn = rng.uniform(0, 360, count)
     along = np.column_stack([-np.sin(np.radians(turn)), np.cos(np.radians(turn)), np.zeros(count)])
     return place_leaves(parameters, middle - 0.025 * along, length_m=0.05, turn_deg=turn)
+
+
+def scaled_view(view, scale):
+    pose = view.camera.cam_from_world * np.array([1, 1, 1, scale])
+    return replace(view, depth_m=view.depth_m * np.float32(scale), camera=replace(view.camera, cam_from_world=pose))
 
 
 def photograph_with_stalks(leaves, chosen, camera=CAMERA):
@@ -57,6 +63,27 @@ def test_stalks_tell_the_base(flip):
 
     assert told.flip.tolist() == flip
     assert told.certainty.min() > 0.6
+
+
+def test_stalks_before_the_open_sky_tell_the_base():
+    leaves = scatter(SYMMETRIC)
+    view = photograph_with_stalks(leaves, np.ones(24, bool))
+    view.depth_m[view.depth_m == np.float32(1.5)] = 0
+    flip = np.arange(24) % 2 == 0
+
+    assert tell_base_from_apex(flip_leaves(leaves, flip), [view]).flip.tolist() == flip.tolist()
+
+
+@pytest.mark.parametrize(("noisy", "scale"), [(False, 1.0), (True, 1.0), (False, 10.0), (False, 0.1)])
+def test_nearly_all_leaves_of_a_known_bed_are_told(noisy, scale):
+    known = known_foliage()
+    seen = known.visible >= 0.5
+    leaves = replace(known.leaves, base_m=known.leaves.base_m * scale, length_m=known.leaves.length_m * scale)
+    views = [scaled_view(view, scale) for view in (known.noisy_views if noisy else known.views)]
+    flip = np.random.default_rng(7).random(len(leaves)) < 0.5
+    told = tell_base_from_apex(flip_leaves(leaves, flip), views)
+
+    assert np.mean((told.flip == flip)[seen]) >= 0.95
 
 
 def test_one_leaf_with_a_stalk_is_told():
@@ -116,6 +143,21 @@ def test_stalks_are_found_where_they_are_and_nowhere_else():
     assert t.min() > -0.05
     assert t.max() < 0.4
     assert found.foreign.min() > 0.5
+
+
+def test_larger_photographs_show_the_same_stalks():
+    leaves = scatter(SYMMETRIC)
+    large = front_camera(width_px=2400, height_px=1800, focal_px=3500.0)
+    view = photograph(leaves, large, np.tile(GREEN, (24, 1)))
+    base, apex = leaves.base_m[8], leaves.asset_from_leaf()[8] @ [0, 1, 0, 1]
+    (start, end), depth_m = large.project(np.stack([base, base + 0.35 * (base - apex)]))
+    line = cv2.line(np.zeros(view.depth_m.shape, np.uint8), np.rint(start).astype(int), np.rint(end).astype(int), 1, 9)
+    stalk = (line > 0) & (view.depth_m > depth_m[0])
+    view.depth_m[stalk], view.srgb[stalk] = depth_m[0], BROWN
+    found = find_stalk_points(leaves, [view], SPREAD)
+
+    assert len(found.points_m) >= 4
+    assert np.linalg.norm(found.points_m - base, axis=1).max() < 0.025
 
 
 def test_noise_of_depth_makes_no_stalks():

@@ -69,6 +69,17 @@ def test_without_depth_leaves_hide_each_other(leaves):
     assert sights.inner[0, UV[:, 1] < 0.4].mean() > 0.7
 
 
+def test_small_holes_are_filled_by_guessing_and_the_open_sky_is_not(leaves):
+    view = photograph(leaves.take([0]), CAMERA, GREEN, wall_m=0.0)
+    view.depth_m[100:104, 110:130] = 0  # some pixels of the leaf
+    wider = replace(leaves, parameters=np.concatenate([flat_leaf(width=0.8)] * 2)).take([0])
+    sights = find_sights(wider, view, UV, SPREAD)
+
+    half, full = np.abs(UV[:, 0]) < 0.4, np.abs(UV[:, 0]) > 0.6
+    assert set(np.unique(sights.state[0, half])) == {SEEN, PRESUMED}
+    assert (sights.state[0, full] == HIDDEN).mean() > 0.95
+
+
 def test_a_mask_tells_where_there_is_no_leaf(leaves):
     view = photograph(leaves, CAMERA, GREEN, depth=False)
     left = np.zeros(view.depth_m.shape, bool)

@@ -24,6 +24,7 @@ NOISE_QUANTILE = 0.8  # of what a median filter changes: of pure noise a standar
 NOISE_WIDTHS = 5.0
 FOREIGN = 3.0  # standard deviations of the leaves' colour; beyond, a colour is not theirs
 LEAST_COLORS = 50  # pixels of leaves, below which nobody knows their colour
+ENOUGH_PX = 150  # length of a leaf, above which every other pixel, or every third, will do
 FINE_PX = 3  # median filter against single wrong pixels; stalks narrower than 2 pixels go with them
 
 
@@ -67,21 +68,23 @@ def find_stalk_points(
         drawn = draw_leaf_ids(leaves, view.camera)
         if not (drawn.ids >= 0).any():
             continue
-        footprint = view.depth_m / np.float32(max(view.camera.focal_px))
-        allowed_m = np.maximum(settings.widths * spread * length_m, 3 * footprint)
-        of_leaf = (drawn.ids >= 0) & (view.depth_m > 0) & (np.abs(view.depth_m - drawn.depth_m) <= allowed_m)
-        beside_leaf = cv2.dilate(of_leaf.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         distance_m = float(np.median(drawn.depth_m[drawn.ids >= 0]))
-        width_px = settings.width * length_m * max(view.camera.focal_px) / distance_m
-        thin = _find_thin(view.depth_m, width_px, settings.jump * length_m) & ~beside_leaf
-        thin &= _near_ends(leaves, view, settings.reach)
+        length_px = length_m * max(view.camera.focal_px) / distance_m
+        step = max(1, int(length_px / ENOUGH_PX))
+        depth_m, drawn_m = view.depth_m[::step, ::step], drawn.depth_m[::step, ::step]
+        allowed_m = np.maximum(settings.widths * spread * length_m, 3 * step * depth_m / max(view.camera.focal_px))
+        of_leaf = (drawn_m > 0) & (depth_m > 0) & (np.abs(depth_m - drawn_m) <= allowed_m)
+        beside_leaf = cv2.dilate(of_leaf.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        thin = _find_thin(depth_m, settings.width * length_px / step, settings.jump * length_m) & ~beside_leaf
+        thin &= _near_ends(leaves, view, settings.reach)[::step, ::step]
         if view.mask is not None:
-            thin &= view.mask
+            thin &= view.mask[::step, ::step]
         rows, columns = np.nonzero(thin)
-        places = np.column_stack([columns, rows]) + 0.5
-        points.append(view.camera.unproject(places, view.depth_m[rows, columns].astype(np.float64)))
-        colors.append(_chroma(view.srgb[rows, columns]))
-        leaf_colors.append(_chroma(view.srgb[of_leaf][::SAMPLE_STEP]))
+        places = np.column_stack([columns, rows]) * step + 0.5
+        srgb = view.srgb[::step, ::step]
+        points.append(view.camera.unproject(places, depth_m[rows, columns].astype(np.float64)))
+        colors.append(_chroma(srgb[rows, columns]))
+        leaf_colors.append(_chroma(srgb[of_leaf][::SAMPLE_STEP]))
     foreign = _is_foreign(np.concatenate(colors), np.concatenate(leaf_colors))
     return _one_a_cell(np.concatenate(points), foreign, settings.cell * length_m)
 
@@ -131,11 +134,12 @@ def _near_ends(leaves: Leaves, view: View, reach: float) -> NDArray[np.bool_]:
     places, depth_m = view.camera.project(ends.reshape(-1, 3))
     radius_px = reach * np.repeat(leaves.length_m, 2) * max(view.camera.focal_px) / np.maximum(depth_m, 1e-12)
     size = np.array([view.camera.width_px, view.camera.height_px])
+    radius_px = np.minimum(radius_px, size.max())
     with np.errstate(invalid="ignore"):
         shown = ((places > -radius_px[:, None]) & (places < size + radius_px[:, None])).all(axis=1)
     near = np.zeros(view.depth_m.shape, np.uint8)
     for (x, y), radius in zip(places[shown], radius_px[shown], strict=True):
-        cv2.circle(near, (round(x), round(y)), min(int(radius) + 1, int(size.max())), 1, cv2.FILLED)
+        cv2.circle(near, (round(x), round(y)), int(radius) + 1, 1, cv2.FILLED)
     return near > 0
 
 

@@ -28,6 +28,7 @@ HIDDEN, SEEN, PRESUMED, ABSENT, BESIDE = 0, 1, 2, 3, 4
 STEEPEST = 0.1  # cosine below which a surface counts as this steep
 HALF_DIAGONAL_PX = 0.75  # how far a place lies from its pixel's centre, or a little more
 AROUND_PX = 3.0  # diagonal of a pixel with those around it, from centre to centre
+COARSE_PX = 16  # what is wider is found in fewer pixels
 WIDE_HOLE = 0.15  # leaf lengths
 FIRST_GATE = 0.1  # of the length: farther from the leaf, depth is surely of something else
 GATE_TURNS = 6
@@ -138,11 +139,13 @@ def find_sights(
 
 def find_open_holes(depth_m: NDArray[np.float32], width_px: float) -> NDArray[np.bool_]:
     """(H, W), True in holes of depth as wide as this or wider: nothing is there, or nothing that could be measured."""
-    size = 2 * max(1, round(width_px / 2)) + 1
+    step = max(1, int(width_px / COARSE_PX))  # the widest holes need not be drawn to the pixel
+    size = 2 * max(1, round(width_px / step / 2)) + 1
     # Beyond the picture holes go on.
-    holes = cv2.copyMakeBorder((depth_m <= 0).astype(np.uint8), *4 * (size,), cv2.BORDER_REPLICATE)
+    holes = cv2.copyMakeBorder((depth_m[::step, ::step] <= 0).astype(np.uint8), *4 * (size,), cv2.BORDER_REPLICATE)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    return np.asarray(cv2.morphologyEx(holes, cv2.MORPH_OPEN, disc)[size:-size, size:-size] > 0)
+    opened = cv2.morphologyEx(holes, cv2.MORPH_OPEN, disc)[size:-size, size:-size] > 0
+    return np.asarray(opened.repeat(step, axis=0).repeat(step, axis=1)[: depth_m.shape[0], : depth_m.shape[1]])
 
 
 def _find_open(leaves: Leaves, view: View) -> NDArray[np.bool_]:
