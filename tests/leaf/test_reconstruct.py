@@ -8,7 +8,7 @@ from leaf_captures import known_foliage
 from true_segmentation import segment_truly
 from usdfoliage.leaf import reconstruct
 from usdfoliage.leaf.average_texture import AverageTextureSettings
-from usdfoliage.leaf.reconstruct import STEPS, ReconstructionSettings, describe_leaves, reconstruct_leaves
+from usdfoliage.leaf.reconstruct import STEPS, ReconstructionSettings, choose_sound, describe_leaves, reconstruct_leaves
 
 METHODS = ("dense", "paper")
 FAST = ReconstructionSettings(texture=AverageTextureSettings(width_px=16, height_px=32, most_pictures=4))
@@ -58,6 +58,7 @@ def test_leaves_are_found_fitted_and_coloured(segment, bed, method):
 
 
 def test_every_step_is_counted(segment, bed):
+    segment(change=lambda found: replace(found, dropped={"without a plane": 3, "too large": 0}))
     found = reconstruct_leaves(bed.views, replace(FAST, min_confidence=0.5))
     counts = {step.name: step.count for step in found.steps}
     assert counts["candidates in single views"] > counts["leaves of the scene"] == len(found.segmentation.leaves)
@@ -66,7 +67,23 @@ def test_every_step_is_counted(segment, bed):
     assert counts["fitted leaves"] - kept.count == sum(kept.dropped.values()) > 0
     assert list(kept.dropped) == ["of less confidence than 0.5"]
     assert (found.leaves.confidence >= 0.5).all()
-    assert found.steps[-3].dropped == found.segmentation.dropped
+    assert found.steps[-3].dropped == {"without a plane": 3}
+
+
+def test_what_no_asset_takes_is_left_out(bed):
+    leaves = bed.leaves.take(np.arange(4))
+    parameters = leaves.parameters.copy()
+    parameters[0, 3, 0] = parameters[0, 2, 0]
+    parameters[1, 6, 2] = np.nan
+    leaves = replace(leaves, parameters=parameters, confidence=np.array([0.9, 0.1, 0.1, 0.9]))
+    sound, dropped = choose_sound(leaves, 0.5)
+    assert sound.tolist() == [False, False, False, True]
+    assert dropped == {
+        "with numbers that are none": 1,
+        "whose silhouette's points are not in order": 1,
+        "of less confidence than 0.5": 1,
+    }
+    assert choose_sound(bed.leaves, 0.5) == (pytest.approx(np.ones(len(bed.leaves))), {})
 
 
 def test_a_leaf_keeps_its_number(segment, bed):

@@ -52,7 +52,7 @@ def label_points(points: LeafPoints, view: View, view_number: int) -> NDArray[np
     leaf = np.repeat(np.arange(len(points), dtype=np.int32), np.diff(points.offsets))
     places, depth_m = camera.project(points.points_m)
     with np.errstate(invalid="ignore"):
-        inside = ((places >= 0) & (places < (camera.width_px, camera.height_px))).all(axis=1)
+        inside = np.all((places >= 0) & (places < (camera.width_px, camera.height_px)), axis=1)
     columns, rows = np.where(inside[:, None], places, 0).astype(np.intp).T
     seen_m = view.depth_m[rows, columns]
     limit_m = np.where(seen_m > 0, seen_m + BEHIND * _sizes_m(points)[leaf], np.inf)

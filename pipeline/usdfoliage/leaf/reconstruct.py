@@ -129,17 +129,18 @@ def reconstruct_leaves(
     with step("direction"):
         flip = tell_base_from_apex(fitted.leaves, views, settings.direction).flip
         leaves = flip_leaves(fitted.leaves, flip)
-    leaves, source, unsure = _drop_unsure(leaves, fitted.source, settings.min_confidence)
+    sound, dropped = choose_sound(leaves, settings.min_confidence)
+    leaves = leaves.take(sound)
     with step("colours"):
         leaves = replace(leaves, color=sample_leaf_colors(leaves, views, settings.colors).color)
     with step("texture"):
         texture = average_leaf_texture(leaves, views, settings.texture) if len(leaves) else None
     return Reconstruction(
         leaves=leaves,
-        source=source,
+        source=fitted.source[sound],
         segmentation=segmentation,
         texture=texture,
-        steps=_count_steps(segmentation, fitted, leaves, unsure),
+        steps=_count_steps(segmentation, fitted, leaves, dropped),
         notes=describe_leaves(leaves, views, segmentation),
         seconds=seconds,
     )
@@ -160,19 +161,26 @@ def find_nothing(views: Sequence[View]) -> Segmentation:
     return Segmentation(candidates=candidates, leaves=nothing)
 
 
-def _drop_unsure(
-    leaves: Leaves, source: NDArray[np.int64], least: float
-) -> tuple[Leaves, NDArray[np.int64], dict[str, int]]:
-    """Leaves of enough confidence, their numbers, and how many were not."""
-    if leaves.confidence is None or not least > 0:
-        return leaves, source, {}
-    sure = leaves.confidence >= least
-    unsure = len(leaves) - int(np.count_nonzero(sure))
-    return leaves.take(sure), source[sure], {f"of less confidence than {least:g}": unsure} if unsure else {}
+def choose_sound(leaves: Leaves, least_confidence: float) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    """Which leaves (N,) an asset takes, and how many it does not, by reason: the first that holds of a leaf."""
+    finite = np.isfinite(leaves.parameters).all(axis=(1, 2)) & np.isfinite(leaves.length_m) & (leaves.length_m > 0)
+    feet = np.asarray(leaves.parameters[:, 2:5, 0], np.float32)  # as they are stored
+    feet = np.concatenate([np.zeros((len(leaves), 1)), feet, np.ones((len(leaves), 1))], axis=1)
+    sound, dropped = np.ones(len(leaves), np.bool_), {}
+    checks = {
+        "with numbers that are none": finite,
+        "whose silhouette's points are not in order": (np.diff(feet, axis=1) > 0).all(axis=1),
+    }
+    if leaves.confidence is not None:
+        checks[f"of less confidence than {least_confidence:g}"] = leaves.confidence >= least_confidence
+    for reason, good in checks.items():
+        dropped[reason] = int(np.count_nonzero(sound & ~good))
+        sound &= good
+    return sound, _any(dropped)
 
 
 def _count_steps(
-    segmentation: Segmentation, fitted: FittedLeaves, leaves: Leaves, unsure: Mapping[str, int]
+    segmentation: Segmentation, fitted: FittedLeaves, leaves: Leaves, dropped: Mapping[str, int]
 ) -> list[Step]:
     superpixels = [
         len(np.unique(view.superpixels[view.superpixels >= 0]))
@@ -186,7 +194,7 @@ def _count_steps(
         Step(name="candidates in single views", count=candidates),
         Step(name="leaves of the scene", count=len(segmentation.leaves), dropped=_any(segmentation.dropped)),
         Step(name="fitted leaves", count=len(fitted.leaves), dropped=_any(fitted.dropped)),
-        Step(name="kept leaves", count=len(leaves), dropped=unsure),
+        Step(name="kept leaves", count=len(leaves), dropped=dropped),
     ]
 
 
