@@ -10,39 +10,6 @@ namespace {
 
 constexpr std::size_t kBlockSamples = 1024;  // places a thread takes at once
 
-template <typename Real>
-void write_jacobian(const CurveSlopes& slopes, const Along& along, const Across& across, Real* jacobian) {
-    constexpr std::size_t kRow = kLeafNumbers;
-    std::fill(jacobian, jacobian + 3 * kRow, Real(0));
-    const auto put = [jacobian](std::size_t coordinate, std::size_t number, double value) {
-        jacobian[kRow * coordinate + number] = static_cast<Real>(value);
-    };
-    const double foot = across.foot - across.axis;  // what Q counts for: L = b_0 A + (1 - b_0) Q + ...
-    for (std::size_t k = 0; k < 2; ++k) {
-        double own = across.axis * along.axis[k], turned[4] = {0, 0, 0, 0};
-        for (std::size_t i = 0; i < 3; ++i) {
-            own += foot * along.quartic[i] * slopes.foot_axis[i][k];
-            for (int m = 0; m < 4; ++m) turned[m] += across.step * along.quartic[i] * slopes.step_axis[i][k][m];
-        }
-        put(0, 3 * k, own + turned[0]);
-        put(0, 3 * k + 1, turned[1]);
-        put(1, 3 * k, turned[2]);
-        put(1, 3 * k + 1, own + turned[3]);
-        put(2, 3 * k + 2, own);
-    }
-    for (std::size_t i = 0; i < 3; ++i) {
-        const double weight = along.quartic[i];
-        for (std::size_t c = 0; c < 2; ++c) {
-            put(c, 6 + 3 * i, weight * (foot * slopes.foot_v[i][c] + across.step * slopes.step_v[i][c]));
-            put(c, 7 + 3 * i, weight * across.step * slopes.step_x[i][c]);
-        }
-        put(2, 6 + 3 * i, weight * foot * slopes.foot_v[i][2]);
-        put(2, 8 + 3 * i, weight * across.height[2]);
-        put(2, 15 + i, weight * across.height[0]);
-        put(2, 18 + i, weight * across.height[1]);
-    }
-}
-
 }  // namespace
 
 CurveSlopes curve_slopes(const double* leaf) {
@@ -78,6 +45,39 @@ CurveSlopes curve_slopes(const double* leaf) {
 }
 
 template <typename Real>
+void write_jacobian(const CurveSlopes& slopes, const Along& along, const Across& across, Real* jacobian) {
+    constexpr std::size_t kRow = kLeafNumbers;
+    std::fill(jacobian, jacobian + 3 * kRow, Real(0));
+    const auto put = [jacobian](std::size_t coordinate, std::size_t number, double value) {
+        jacobian[kRow * coordinate + number] = static_cast<Real>(value);
+    };
+    const double foot = across.foot - across.axis;  // what Q counts for: L = b_0 A + (1 - b_0) Q + ...
+    for (std::size_t k = 0; k < 2; ++k) {
+        double own = across.axis * along.axis[k], turned[4] = {0, 0, 0, 0};
+        for (std::size_t i = 0; i < 3; ++i) {
+            own += foot * along.quartic[i] * slopes.foot_axis[i][k];
+            for (int m = 0; m < 4; ++m) turned[m] += across.step * along.quartic[i] * slopes.step_axis[i][k][m];
+        }
+        put(0, 3 * k, own + turned[0]);
+        put(0, 3 * k + 1, turned[1]);
+        put(1, 3 * k, turned[2]);
+        put(1, 3 * k + 1, own + turned[3]);
+        put(2, 3 * k + 2, own);
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+        const double weight = along.quartic[i];
+        for (std::size_t c = 0; c < 2; ++c) {
+            put(c, 6 + 3 * i, weight * (foot * slopes.foot_v[i][c] + across.step * slopes.step_v[i][c]));
+            put(c, 7 + 3 * i, weight * across.step * slopes.step_x[i][c]);
+        }
+        put(2, 6 + 3 * i, weight * foot * slopes.foot_v[i][2]);
+        put(2, 8 + 3 * i, weight * across.height[2]);
+        put(2, 15 + i, weight * across.height[0]);
+        put(2, 18 + i, weight * across.height[1]);
+    }
+}
+
+template <typename Real>
 void leaf_jacobians(const double* leaves, std::size_t n, const double* uv, std::size_t p, bool alike, Real* points,
                     Real* jacobians, int threads) {
     if (p == 0) return;
@@ -101,6 +101,8 @@ void leaf_jacobians(const double* leaves, std::size_t n, const double* uv, std::
         }
     });
 }
+
+template void write_jacobian<double>(const CurveSlopes&, const Along&, const Across&, double*);
 
 template void leaf_jacobians<float>(const double*, std::size_t, const double*, std::size_t, bool, float*, float*, int);
 template void leaf_jacobians<double>(const double*, std::size_t, const double*, std::size_t, bool, double*, double*, int);

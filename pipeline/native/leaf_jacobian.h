@@ -4,6 +4,8 @@
 
 #include <cstddef>
 
+#include "leaf_curves.h"
+
 namespace usdfoliage {
 
 // Derivatives of the control points of Q and D by what they hang on; i numbers the control points.
@@ -17,6 +19,12 @@ struct CurveSlopes {
 
 // Where the axis stands upright its normal has no derivative and is held.
 CurveSlopes curve_slopes(const double* leaf);
+
+// Derivatives of a point by the parameters; with the slopes of the weights by u or by v, those of a tangent.
+//
+// @param jacobian  3 * 21, written
+template <typename Real>
+void write_jacobian(const CurveSlopes& slopes, const Along& along, const Across& across, Real* jacobian);
 
 // Points of leaves and their derivatives by the parameters, in the order in which a leaf holds them.
 //

@@ -244,3 +244,54 @@ def pick_planes(
         large_step: penalty for more, where the photograph is even; below 8000.
         edge: difference of brightness that halves it.
     """
+
+def fit_leaf_surfaces(
+    points: NDArray[np.float64],
+    edge: NDArray[np.uint8],
+    weights: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    noise: NDArray[np.float64],
+    means: NDArray[np.float64],
+    precisions: NDArray[np.float64],
+    leaf: NDArray[np.int64],
+    prior: NDArray[np.int64],
+    parameters: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    bases: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+    costs: NDArray[np.float64],
+    iterations: int,
+    first_cutoff: float,
+    last_cutoff: float,
+    edge_noise: float,
+    fold_weight: float,
+    threads: int,
+) -> None:
+    """Improve S fits in place, each of a leaf's points under one of the priors.
+
+    Args:
+        points: (P, 3), leaf after leaf, as offsets (N + 1,) tell.
+        edge: (P,), 1 where the leaf ends.
+        weights: (P,)
+        noise: (N,), standard deviation of the points.
+        means: (K, 22), precisions (K, 22, 22): parameters and the logarithm of the length.
+        leaf: (S,), whose points; prior (S,), which prior.
+        parameters: (S, 7, 3), axes (S, 3, 3) with the leaf's x, y and z in the columns, bases (S, 3), lengths (S,).
+        costs: (S, 3), written: of the points, of the prior, of folds.
+        first_cutoff: noises beyond which points count less, at first; last_cutoff in the last third.
+        edge_noise: noise of points of the edge in that of the others.
+    """
+
+def project_to_leaves(
+    points: NDArray[np.float64],
+    edge: NDArray[np.uint8],
+    offsets: NDArray[np.int64],
+    parameters: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    bases: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+    uv: NDArray[np.float64],
+    distances: NDArray[np.float64],
+    threads: int,
+) -> None:
+    """Fill uv (P, 2) and distances (P,) of the closest places to points; on the silhouette for those of the edge."""

@@ -1,0 +1,429 @@
+"""Leaves fitted to their points by the closest places of the surface; what is hidden of a leaf as its siblings have it.
+
+First every leaf is fitted under a prior that knows nothing but the usual length and width; from the leaves that show
+most of their silhouette a prior of the set is learned; then every leaf is fitted under that, either way round and left-
+or right-handed, and keeps what explains it best. So a leaf that is half hidden gets the half of its siblings. Our own
+idea.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from usdfoliage import _native
+from usdfoliage.leaf.fit.model import FittedLeaves
+from usdfoliage.leaf.fit.prior import LeafPrior, exchange_ends, generic_prior, learn_prior
+from usdfoliage.leaf.fit.start import LeafSamples, sample_points, start_poses
+from usdfoliage.leaf.fold import find_folds
+from usdfoliage.leaf.jitter import spread_phases
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.segmentation.model import LeafPoints
+from usdfoliage.leaf.surface import evaluate_area_elements, grid_places
+
+CELLS_U, CELLS_V = 6, 8  # of a leaf's surface, to tell how much of it has points
+EDGE_CELLS = 12  # of either silhouette
+FIRST_CUTOFF = 6.0  # noises beyond which points count less, at first; the last is a setting
+STRONGER = 100.0  # how much more folds cost where leaves fold still
+STEPS_BACK = 4  # towards the mean leaf, where that did not help
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceFitSettings:
+    """How leaves are fitted, and which fits are given up."""
+
+    interior_points: int = 200  # of a leaf, at most
+    edge_points: int = 100  # likewise
+    min_points: int = 20  # a leaf with fewer is not fitted
+    evidence: float = 300.0  # independent points that all points of a leaf are worth at most, against the prior
+    misfit: float = 0.015  # leaf lengths by which the model may miss a natural leaf; noise below it does not count
+    edge_noise: float = 1.0  # noise of points of the edge, in that of the interior
+    cutoff: float = 2.5  # noises beyond which points count less
+    fold_weight: float = 2000.0  # of leaves that fold over themselves
+    start_iterations: int = 14
+    choice_iterations: int = 4  # for each version of the prior
+    iterations: int = 8  # for the version that was chosen
+    rounds: int = 2  # of learning the prior
+    max_residual: float = 0.08  # leaf lengths; a leaf whose points are farther from it on average is given up
+    narrow: float = 0.1  # width in leaf lengths below which confidence fades: blades are not told from parts of blades
+
+    def __post_init__(self) -> None:
+        for name in ("interior_points", "edge_points", "start_iterations", "choice_iterations", "iterations", "rounds"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+        if self.min_points < 4:
+            raise ValueError(f"min_points must be at least 4, not {self.min_points}")
+        for name in ("evidence", "misfit", "edge_noise", "cutoff", "max_residual", "narrow"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+        if not (np.isfinite(self.fold_weight) and self.fold_weight >= 0):
+            raise ValueError(f"fold_weight must be 0 or more, not {self.fold_weight}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FitQuality:
+    """How well N fits explain their points."""
+
+    cost: NDArray[np.float64]  # (N,), robust cost a point, in units of the noise; about 0.5 for a good fit, 3 at most
+    explained: NDArray[np.float64]  # (N,), share of the points that lie on the leaf
+    covered: NDArray[np.float64]  # (N,), share of the leaf's area that has points
+    supported: NDArray[np.float64]  # (N,), share of the silhouette that has points of the edge
+    unlikely: NDArray[np.float64]  # (N,), cost of the prior a number; about 0.5 for a leaf like its siblings
+    ends_gap: NDArray[np.float64]  # (N,), how much more the leaf costs with base and apex exchanged; 0 not told
+    residual_m: NDArray[np.float64]  # (N,), robust root mean square distance of the points
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurfaceFits:
+    """N fits, folded or not, good or bad."""
+
+    source: NDArray[np.int64]  # (N,), the number of each in the LeafPoints
+    parameters: NDArray[np.float64]  # (N, 7, 3)
+    axes: NDArray[np.float64]  # (N, 3, 3), the leaf's x, y and z in the columns
+    base_m: NDArray[np.float64]  # (N, 3)
+    length_m: NDArray[np.float64]  # (N,)
+    quality: FitQuality
+    prior: LeafPrior | None  # what was learned of the set; none of no leaves
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _State:
+    """Fits under way."""
+
+    parameters: NDArray[np.float64]  # (S, 7, 3)
+    axes: NDArray[np.float64]  # (S, 3, 3)
+    base_m: NDArray[np.float64]  # (S, 3)
+    length_m: NDArray[np.float64]  # (S,)
+    costs: NDArray[np.float64]  # (S, 3), of points, prior and folds
+
+    def take(self, index: NDArray[np.integer]) -> "_State":
+        fields = {name: getattr(self, name)[index] for name in self.__dataclass_fields__}
+        return replace(self, **fields)
+
+    def numbers(self) -> NDArray[np.float64]:
+        return np.concatenate([self.parameters.reshape(-1, 21), np.log(self.length_m)[:, None]], axis=1)
+
+
+def fit_leaves_to_surface(
+    points: LeafPoints,
+    settings: SurfaceFitSettings = SurfaceFitSettings(),
+    *,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> FittedLeaves:
+    """Fit a leaf to each of M sets of points.
+
+    All thresholds follow the scale of the points. A leaf's base is the end that is like the bases of the others; the
+    wider end of the mean leaf.
+
+    Args:
+        threads: At most so many, 0 for one per core; the result does not depend on it.
+        progress: Called with how much of the work is done.
+    """
+    fits = fit_surfaces(points, settings, threads=threads, progress=progress)
+    quality = fits.quality
+    reasons = {
+        "no surface close to the points": ~(quality.residual_m <= settings.max_residual * fits.length_m),
+        "folded over itself": find_folds(fits.parameters),
+    }
+    dropped = {"too few points": len(points) - len(fits.source)}
+    kept = np.ones(len(fits.source), bool)
+    for reason, failed in reasons.items():
+        dropped[reason] = int((failed & kept).sum())
+        kept &= ~failed
+    leaves = Leaves(
+        parameters=fits.parameters,
+        base_m=fits.base_m,
+        orientation=Rotation.from_matrix(fits.axes).as_quat() if len(fits.axes) else np.zeros((0, 4)),
+        length_m=fits.length_m,
+        phase=spread_phases(len(fits.source)),
+        confidence=_confidence(points.confidence[fits.source], fits, settings),
+        residual_m=quality.residual_m,
+        view=points.view[fits.source],
+    ).take(kept)
+    return FittedLeaves(
+        leaves=replace(leaves, phase=spread_phases(len(leaves))),
+        source=fits.source[kept],
+        dropped={reason: count for reason, count in dropped.items() if count},
+    )
+
+
+def fit_surfaces(
+    points: LeafPoints,
+    settings: SurfaceFitSettings = SurfaceFitSettings(),
+    *,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> SurfaceFits:
+    """The fits of all leaves with points enough, with how good they are; for a segmentation to judge its leaves by."""
+    samples = sample_points(points, settings.interior_points, settings.edge_points, settings.evidence)
+    counted = (
+        np.add.reduceat(np.append(samples.weights > 0, False), samples.offsets[:-1]) if len(points) else np.zeros(0)
+    )
+    counted = np.where(np.diff(samples.offsets) > 0, counted, 0)
+    source = np.flatnonzero(counted >= settings.min_points)
+    samples = samples.take(source)
+    total = len(source) * (1 + settings.rounds)
+    report = progress or (lambda done, of: None)
+    if not len(source):
+        return _no_fits()
+
+    state, prior, noise_m = _first_fits(points, samples, source, settings, threads)
+    generic = prior
+    report(len(source), total)
+    ends_gap = np.zeros(len(source))
+    for number in range(settings.rounds):
+        quality = _quality(samples, state, noise_m, ends_gap, settings, threads)
+        prior = learn_prior(state.numbers()[_well_seen(quality)], generic)
+        noise_m = _noise(quality.residual_m, state.length_m, settings)
+        state, ends_gap = _refit(samples, state, prior, noise_m, settings, threads)
+        report(len(source) * (2 + number), total)
+    if _tapers_to_base(prior):
+        prior, state = prior.exchanged(), _exchanged(state, np.ones(len(source), bool))
+    state = _unfold(samples, state, prior, noise_m, settings, threads)
+    return SurfaceFits(
+        source=source,
+        parameters=state.parameters,
+        axes=state.axes,
+        base_m=state.base_m,
+        length_m=state.length_m,
+        quality=_quality(samples, state, noise_m, ends_gap, settings, threads),
+        prior=prior,
+    )
+
+
+def _first_fits(
+    points: LeafPoints, samples: LeafSamples, source: NDArray[np.int64], settings: SurfaceFitSettings, threads: int
+) -> tuple[_State, LeafPrior, NDArray[np.float64]]:
+    """Fits under the generic prior, that prior, and the noise (N,) they were made with."""
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(np.nan_to_num(points.normals), axis=0)])
+    poses = start_poses(samples, sums[points.offsets[source + 1]] - sums[points.offsets[source]])
+    usual_m = float(np.median(poses.length_m))
+    prior = generic_prior(usual_m, float(np.median(poses.width_m / poses.length_m)))
+    noise_m = np.full(len(source), 2 * settings.misfit * usual_m)
+    start = _State(
+        parameters=np.repeat(prior.mean[:21].reshape(1, 7, 3), len(source), axis=0),
+        axes=poses.axes,
+        base_m=poses.base_m,
+        length_m=poses.length_m,
+        costs=np.zeros((len(source), 3)),
+    )
+    every = np.arange(len(source))
+    zeros = np.zeros(len(source), np.int64)
+    state = _fit(samples, start, prior, every, zeros, noise_m, settings, settings.start_iterations, threads)
+    return state, prior, noise_m
+
+
+def _refit(
+    samples: LeafSamples,
+    state: _State,
+    prior: LeafPrior,
+    noise_m: NDArray[np.float64],
+    settings: SurfaceFitSettings,
+    threads: int,
+) -> tuple[_State, NDArray[np.float64]]:
+    """Fits under the prior in the version that suits each leaf, ends as in the prior, and how surely they are told."""
+    count = len(state.length_m)
+    leaf, version = np.tile(np.arange(count), 4), np.repeat(np.arange(4), count)
+    tried = _fit(
+        samples, state.take(leaf), prior, leaf, version, noise_m, settings, settings.choice_iterations, threads
+    )
+    cost = tried.costs.sum(axis=1).reshape(4, count)
+    chosen = cost.argmin(axis=0)
+    every = np.arange(count)
+    fitted = _fit(
+        samples,
+        tried.take(chosen * count + every),
+        prior,
+        every,
+        chosen,
+        noise_m,
+        settings,
+        settings.iterations,
+        threads,
+    )
+    by_end = cost.reshape(2, 2, count).min(
+        axis=0
+    )  # versions 0 and 2 lie as the prior does, 1 and 3 the other way round
+    return _exchanged(fitted, chosen % 2 == 1), np.abs(by_end[1] - by_end[0])
+
+
+def _fit(
+    samples: LeafSamples,
+    start: _State,
+    prior: LeafPrior,
+    leaf: NDArray[np.int64],
+    version: NDArray[np.int64],
+    noise_m: NDArray[np.float64],
+    settings: SurfaceFitSettings,
+    iterations: int,
+    threads: int,
+) -> _State:
+    means, precisions = prior.versions()
+    parameters, axes, base_m, length_m = (
+        np.array(array, np.float64, order="C") for array in (start.parameters, start.axes, start.base_m, start.length_m)
+    )
+    costs = np.empty((len(leaf), 3))
+    _native.fit_leaf_surfaces(
+        samples.points_m,
+        samples.edge,
+        samples.weights,
+        samples.offsets,
+        noise_m,
+        means,
+        np.ascontiguousarray(precisions),
+        leaf,
+        version,
+        parameters,
+        axes,
+        base_m,
+        length_m,
+        costs,
+        iterations,
+        FIRST_CUTOFF,
+        settings.cutoff,
+        settings.edge_noise,
+        settings.fold_weight,
+        threads,
+    )
+    return _State(parameters=parameters, axes=axes, base_m=base_m, length_m=length_m, costs=costs)
+
+
+def _exchanged(state: _State, which: NDArray[np.bool_]) -> _State:
+    """The same surfaces, with base and apex exchanged where wanted."""
+    parameters, axes, base_m = state.parameters.copy(), state.axes.copy(), state.base_m.copy()
+    parameters[which] = exchange_ends(parameters[which])
+    base_m[which] += state.length_m[which, None] * axes[which, :, 1]
+    axes[which, :, :2] *= -1
+    return replace(state, parameters=parameters, axes=axes, base_m=base_m)
+
+
+def _tapers_to_base(prior: LeafPrior) -> bool:
+    """Whether the mean leaf is wider towards its apex."""
+    feet, widths = prior.mean[6:15:3], prior.mean[7:15:3]
+    return bool(np.sum((feet - 0.5) * np.abs(widths)) > 0)
+
+
+def _well_seen(quality: FitQuality) -> NDArray[np.bool_]:
+    """Leaves to learn from: those that show most of their silhouette and fit well."""
+    return np.asarray(
+        (quality.supported >= np.median(quality.supported)) & (quality.cost <= np.quantile(quality.cost, 0.7))
+    )
+
+
+def _noise(
+    residual_m: NDArray[np.float64], length_m: NDArray[np.float64], settings: SurfaceFitSettings
+) -> NDArray[np.float64]:
+    """Noise (N,) of the points of each leaf, not far from what is usual, nor below what the model misses."""
+    usual = np.median(residual_m)
+    return np.asarray(np.maximum(np.clip(residual_m, usual / 2, usual * 2), settings.misfit * length_m))
+
+
+def _quality(
+    samples: LeafSamples,
+    state: _State,
+    noise_m: NDArray[np.float64],
+    ends_gap: NDArray[np.float64],
+    settings: SurfaceFitSettings,
+    threads: int,
+) -> FitQuality:
+    count = len(state.length_m)
+    uv, distance_m = np.empty((len(samples.points_m), 2)), np.empty(len(samples.points_m))
+    _native.project_to_leaves(
+        samples.points_m,
+        samples.edge,
+        samples.offsets,
+        state.parameters,
+        state.axes,
+        state.base_m,
+        state.length_m,
+        uv,
+        distance_m,
+        threads,
+    )
+    sizes = np.diff(samples.offsets)
+    leaf = np.repeat(np.arange(count), sizes)
+    edge = samples.edge > 0
+    near = distance_m <= settings.cutoff * noise_m[leaf] * np.where(edge, settings.edge_noise, 1.0)
+    cell_u = np.minimum(((uv[:, 0] + 1) / 2 * CELLS_U).astype(int), CELLS_U - 1)
+    cell_v = np.minimum((uv[:, 1] * CELLS_V).astype(int), CELLS_V - 1)
+    filled = np.zeros((count, CELLS_V, CELLS_U), bool)
+    filled[leaf[near], cell_v[near], cell_u[near]] = True
+    middles = grid_places((np.arange(CELLS_U) + 0.5) / CELLS_U * 2 - 1, (np.arange(CELLS_V) + 0.5) / CELLS_V)
+    areas = evaluate_area_elements(state.parameters, middles, threads=threads)
+    supported = np.zeros((count, 2, EDGE_CELLS), bool)
+    on_edge = edge & near
+    along = np.minimum((uv[on_edge, 1] * EDGE_CELLS).astype(int), EDGE_CELLS - 1)
+    supported[leaf[on_edge], (uv[on_edge, 0] > 0).astype(int), along] = True
+    median_m = np.array([np.median(part) for part in np.split(distance_m, samples.offsets[1:-1])])
+    weight = np.add.reduceat(samples.weights, samples.offsets[:-1])
+    return FitQuality(
+        cost=state.costs[:, 0] / np.maximum(weight, 1e-12),
+        explained=np.bincount(leaf[near], minlength=count) / sizes,
+        covered=(areas * filled.reshape(count, -1)).sum(axis=1) / np.maximum(areas.sum(axis=1), 1e-300),
+        supported=supported.mean(axis=(1, 2)),
+        unlikely=state.costs[:, 1] / 22,
+        ends_gap=ends_gap,
+        residual_m=1.4826 * median_m,
+    )
+
+
+def _unfold(
+    samples: LeafSamples,
+    state: _State,
+    prior: LeafPrior,
+    noise_m: NDArray[np.float64],
+    settings: SurfaceFitSettings,
+    threads: int,
+) -> _State:
+    """Fits that fold are fitted again, with folds much dearer; what folds still is taken back towards the mean leaf."""
+    folded = np.flatnonzero(find_folds(state.parameters))
+    if not len(folded):
+        return state
+    parameters, axes, base_m, length_m, costs = (
+        state.parameters.copy(),
+        state.axes.copy(),
+        state.base_m.copy(),
+        state.length_m.copy(),
+        state.costs.copy(),
+    )
+    dearer = replace(settings, fold_weight=settings.fold_weight * STRONGER)
+    zeros = np.zeros(len(folded), np.int64)
+    again = _fit(samples, state.take(folded), prior, folded, zeros, noise_m, dearer, settings.start_iterations, threads)
+    mean = prior.mean[:21].reshape(7, 3)
+    repaired = again.parameters.copy()
+    for _ in range(STEPS_BACK):
+        still = find_folds(repaired)
+        repaired[still] = (repaired[still] + mean) / 2
+    parameters[folded], axes[folded], base_m[folded] = repaired, again.axes, again.base_m
+    length_m[folded], costs[folded] = again.length_m, again.costs
+    return _State(parameters=parameters, axes=axes, base_m=base_m, length_m=length_m, costs=costs)
+
+
+def _confidence(given: NDArray[np.float64], fits: SurfaceFits, settings: SurfaceFitSettings) -> NDArray[np.float64]:
+    """From 0 to 1: what the segmentation thinks, times what speaks for the fit."""
+    quality = fits.quality
+    close = 1 / (1 + np.square(quality.residual_m / (2 * settings.misfit * fits.length_m)) / 4)
+    seen = 0.4 + 0.3 * quality.covered + 0.3 * quality.supported
+    alike = np.minimum(1.0, 2.0 / np.maximum(quality.unlikely, 1e-9))
+    width = 2 * np.abs(fits.parameters[:, 3, 1])
+    wide = np.minimum(1.0, width / settings.narrow)
+    return np.asarray(np.clip(given * quality.explained * close * seen * np.sqrt(alike) * wide, 0.0, 1.0))
+
+
+def _no_fits() -> SurfaceFits:
+    none = np.zeros(0)
+    quality = FitQuality(**dict.fromkeys(FitQuality.__dataclass_fields__, none))
+    return SurfaceFits(
+        source=np.zeros(0, np.int64),
+        parameters=np.zeros((0, 7, 3)),
+        axes=np.zeros((0, 3, 3)),
+        base_m=np.zeros((0, 3)),
+        length_m=none,
+        quality=quality,
+        prior=None,
+    )
