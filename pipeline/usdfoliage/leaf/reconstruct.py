@@ -121,11 +121,13 @@ def reconstruct_leaves(
             segmentation = segment_paper(views, settings.paper, report)
         else:
             segmentation = segment_dense(views, settings.dense, report)
-    with step("fit"):
+    with step("fit") as report:
         if settings.method == "paper":
             fitted = fit_leaves_alternating(segmentation.leaves, settings.paper_fit, threads=settings.threads)
         else:
-            fitted = fit_leaves_to_surface(segmentation.leaves, settings.dense_fit, threads=settings.threads)
+            fitted = fit_leaves_to_surface(
+                segmentation.leaves, settings.dense_fit, threads=settings.threads, progress=report
+            )
     with step("direction"):
         flip = tell_base_from_apex(fitted.leaves, views, settings.direction).flip
         leaves = flip_leaves(fitted.leaves, flip)
