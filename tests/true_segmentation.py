@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from usdfoliage.capture.view import View
-from usdfoliage.leaf.segmentation.model import INTERIOR, Candidates, LeafPoints, Segmentation
+from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR, Candidates, LeafPoints, Segmentation
 
 FEWEST_PX = 150  # of a leaf in its best view
 
@@ -30,10 +30,14 @@ def segment_truly(
     best = np.argmax(pixels, axis=0)
     most = np.max(pixels, axis=0)
     leaves = [leaf for leaf in range(1, len(most)) if most[leaf] >= FEWEST_PX]
+    kinds = {view.name: _kinds(view, leaf_ids[view.name]) for view in views}
     points, normals, seen_by = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros(0, np.int32)]
+    kind = [np.zeros(0, np.uint8)]
     for leaf in leaves:
         view = views[best[leaf]]
-        mine = view.points()[(leaf_ids[view.name] == leaf) & (view.depth_m > 0)]
+        shown = (leaf_ids[view.name] == leaf) & (view.depth_m > 0)
+        mine = view.points()[shown]
+        kind.append(kinds[view.name][shown])
         _, _, axes = np.linalg.svd(mine - mine.mean(axis=0), full_matrices=False)
         normal = axes[2] * (1 if (view.camera.position_m - mine.mean(axis=0)) @ axes[2] > 0 else -1)
         points.append(mine)
@@ -45,7 +49,7 @@ def segment_truly(
         leaves=LeafPoints(
             points_m=every,
             normals=np.concatenate(normals),
-            kind=np.full(len(every), INTERIOR, np.uint8),
+            kind=np.concatenate(kind),
             point_view=np.concatenate(seen_by),
             offsets=np.cumsum([len(part) for part in points]).astype(np.int64),
             confidence=confidence * most[leaves] / max(most[1:].max(initial=1), 1),
@@ -53,3 +57,18 @@ def segment_truly(
         ),
         dropped={"seen in few pixels": len(most) - 1 - len(leaves)},
     )
+
+
+def _kinds(view: View, ids: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """(H, W), of the points that each pixel would be."""
+    ids = np.pad(ids.astype(np.int64), 1, constant_values=-1)
+    depth_m = np.pad(np.where(view.depth_m > 0, view.depth_m, np.inf), 1)  # 0 around: the picture hides what is there
+    kinds = np.full(view.depth_m.shape, INTERIOR, np.uint8)
+    inside = (slice(1, -1), slice(1, -1))
+    for axis in (0, 1):
+        for step in (-1, 1):
+            other = np.roll(ids, step, axis)[inside] != ids[inside]
+            nearer = np.roll(depth_m, step, axis)[inside] < depth_m[inside]
+            kinds[other & ~nearer & (kinds == INTERIOR)] = FREE_EDGE
+            kinds[other & nearer] = HIDDEN_EDGE
+    return kinds

@@ -137,4 +137,5 @@ def _format_value(value: Any) -> str:
         return repr(value)  # 1e-06, inf and nan are TOML too
     if isinstance(value, int):
         return str(value)
-    return json.dumps(value, ensure_ascii=False)  # a JSON text is a TOML text
+    # A JSON text is a TOML text, but for one control character.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
