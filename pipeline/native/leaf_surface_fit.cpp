@@ -19,8 +19,10 @@ constexpr int kTurn = 21, kShift = 24, kLength = 27;
 
 constexpr int kGridU = 9, kGridV = 15;    // places among which the closest is looked for
 constexpr int kEdgeV = 33;                // places along either silhouette
-constexpr int kSteps = 2;                 // towards the closest place, from where it was before
+constexpr int kSteps = 2;                 // towards the closest place after a search; one else
 constexpr int kSearchEvery = 5;           // iterations between searches among all places
+constexpr std::size_t kRows = 64;         // of the normal equations, added together
+constexpr double kSettled = 1e-4;         // share of the cost; less gain ends the iterations
 constexpr double kMostTurn = 0.3;         // of any unknown in one step
 constexpr double kMidrib = 1e-9;          // |u| of a place that came to the crease
 constexpr double kFoldMargin = 0.04;      // area elements below it count as near to a fold
@@ -213,6 +215,7 @@ class Fit {
     double prior_cost(const Pose& pose) const;
     double fold_cost(const Pose& pose) const;
     void add_points(const Pose& pose, double cutoff);
+    void add_rows(const double (*rows)[kUnknowns + 1], std::size_t count);
     void add_prior(const Pose& pose);
     void add_folds(const Pose& pose);
     void prior_offsets(const Pose& pose, double* offsets) const;
@@ -261,7 +264,7 @@ void match_points(const Pose& pose, const double* points, const std::uint8_t* ed
 }
 
 void Fit::match(const Pose& pose, std::vector<Match>& matches, bool anew) const {
-    match_points(pose, points_, edge_, count_, anew, kSteps, matches.data());
+    match_points(pose, points_, edge_, count_, anew, anew ? kSteps : 1, matches.data());
 }
 
 double Fit::data_cost(const Pose& pose, const std::vector<Match>& matches, double cutoff) const {
@@ -346,28 +349,50 @@ void Fit::add_prior(const Pose& pose) {
 void Fit::add_points(const Pose& pose, double cutoff) {
     const CurveSlopes slopes = curve_slopes(pose.parameters);
     const double c = cutoff * cutoff;
-    double jacobian[3 * kLeafNumbers], row[kUnknowns];
+    double jacobian[3 * kLeafNumbers], rows[kRows][kUnknowns + 1];
+    std::size_t filled = 0;
     for (std::size_t i = 0; i < count_; ++i) {
         const Match& match = matches_[i];
-        const double rate = pose.length / (noise_ * (edge_[i] ? settings_.edge_noise : 1.0));
-        const double drop = c / (c + match.square * rate * rate);
-        const double weight = weights_[i] * drop * drop * rate * rate;
-        if (!(weight > 0)) continue;
+        const double noises = pose.length / (noise_ * (edge_[i] ? settings_.edge_noise : 1.0));
+        const double drop = c / (c + match.square * noises * noises);
+        const double rate = std::sqrt(weights_[i]) * drop * noises;
+        if (!(rate > 0)) continue;
         write_jacobian(slopes, along_at(match.v), across_at(match.u), jacobian);
         for (int r = 0; r < match.count; ++r) {
             const double* direction = match.rows[r];
+            double* row = rows[filled];
             for (std::size_t k = 0; k < kLeafNumbers; ++k)
                 row[k] = direction[0] * jacobian[k] + direction[1] * jacobian[kLeafNumbers + k] +
                          direction[2] * jacobian[2 * kLeafNumbers + k];
             cross3(match.place, direction, row + kTurn);
             std::copy(direction, direction + 3, row + kShift);
             row[kLength] = dot3(direction, match.place);
-            for (std::size_t a = 0; a < kUnknowns; ++a) {
-                const double scaled_row = weight * row[a];
-                right_[a] += scaled_row * match.offset[r];
-                for (std::size_t b = 0; b <= a; ++b) matrix_[a][b] += scaled_row * row[b];
+            row[kUnknowns] = match.offset[r];
+            for (double& number : rows[filled]) number *= rate;
+            if (++filled == kRows) {
+                add_rows(rows, filled);
+                filled = 0;
             }
         }
+    }
+    add_rows(rows, filled);
+}
+
+// Add rows, each with what it should be at its end, to the normal equations: in tiles that stay in registers.
+void Fit::add_rows(const double (*rows)[kUnknowns + 1], std::size_t count) {
+    constexpr std::size_t kTile = 4;
+    static_assert(kUnknowns % kTile == 0);
+    for (std::size_t i = 0; i < kUnknowns; i += kTile) {
+        for (std::size_t k = 0; k <= i; k += kTile) {
+            double tile[kTile][kTile] = {};
+            for (std::size_t r = 0; r < count; ++r)
+                for (std::size_t a = 0; a < kTile; ++a)
+                    for (std::size_t b = 0; b < kTile; ++b) tile[a][b] += rows[r][i + a] * rows[r][k + b];
+            for (std::size_t a = 0; a < kTile; ++a)
+                for (std::size_t b = 0; b < kTile; ++b) matrix_[i + a][k + b] += tile[a][b];
+        }
+        for (std::size_t r = 0; r < count; ++r)
+            for (std::size_t a = 0; a < kTile; ++a) right_[i + a] += rows[r][i + a] * rows[r][kUnknowns];
     }
 }
 
@@ -410,11 +435,10 @@ void Fit::run(Pose& pose, double* costs) {
         add_prior(pose);
         add_folds(pose);
         for (std::size_t k = 0; k < kUnknowns; ++k) matrix_[k][k] += damping * matrix_[k][k] + 1e-6;
-        bool better = false;
+        bool better = false, settled = false;
         if (solve_positive<static_cast<int>(kUnknowns)>(matrix_, right_)) {
             double most = 0;
-            for (std::size_t k = 0; k < kLength; ++k) most = std::max(most, std::abs(right_[k]));
-            most = std::max(most, std::abs(right_[kLength]));
+            for (const double number : right_) most = std::max(most, std::abs(number));
             const double shorter = most > kMostTurn ? kMostTurn / most : 1.0;
             for (double& number : right_) number *= shorter;
             const Pose next = moved(pose, right_);
@@ -422,11 +446,13 @@ void Fit::run(Pose& pose, double* costs) {
             match(next, tried_, (iteration + 1) % kSearchEvery == 0);
             const double next_cost = data_cost(next, tried_, cutoff) + other_costs(next);
             better = next_cost < cost;
+            settled = better && iteration >= last && cost - next_cost < kSettled * cost;
             if (better) {
                 pose = next;
                 std::swap(matches_, tried_);
             }
         }
+        if (settled) break;
         damping = std::clamp(better ? damping * 0.3 : damping * 5, 1e-6, 1e4);
     }
     costs[0] = data_cost(pose, matches_, settings_.last_cutoff);

@@ -9,7 +9,10 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.leaf.segmentation.model import FREE_EDGE, LeafPoints
 
-MORTON_BITS = 10  # an axis
+MORTON_BITS = 6  # an axis
+BEFORE_SPREAD = 4  # times as many points are looked at as are wanted
+POSE_POINTS = 96  # of a leaf, for its pose
+POSE_ROUNDS = 4  # of leaving out what is far from the others
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,37 +50,63 @@ def sample_points(points: LeafPoints, interior: int, edge: int, evidence: float)
     Points whose neighbours are far, measured by what is usual in the leaf, get no weight. The weights of a leaf sum to
     evidence: points beside each other err alike.
     """
+    is_edge = np.equal(points.kind, FREE_EDGE)
     leaf = np.repeat(np.arange(len(points)), np.diff(points.offsets))
-    is_edge: NDArray[np.bool_] = np.equal(points.kind, FREE_EDGE)
     finite = np.isfinite(points.points_m).all(axis=1)
-    order = np.argsort(
-        _morton_codes(np.where(finite[:, None], points.points_m, 0.0), leaf, points.offsets), kind="stable"
+    some = np.concatenate(
+        [
+            _thin(np.flatnonzero(is_edge & finite), leaf, BEFORE_SPREAD * edge),
+            _thin(np.flatnonzero(~is_edge & finite), leaf, BEFORE_SPREAD * interior),
+        ]
     )
-    order = order[finite[order]]
-    chosen = np.sort(
-        np.concatenate([_thin(order[~is_edge[order]], leaf, interior), _thin(order[is_edge[order]], leaf, edge)])
-    )
+    order = some[np.argsort(_morton_codes(points.points_m[some], leaf[some]), kind="stable")]
+    inside, outside = order[~is_edge[order]], order[is_edge[order]]
+    wanted = np.zeros(len(leaf), bool)
+    wanted[_thin(inside, leaf, interior)] = True
+    wanted[_thin(outside, leaf, edge)] = True
+    chosen = order[wanted[order]]
     offsets = np.searchsorted(leaf[chosen], np.arange(len(points) + 1)).astype(np.int64)
-    samples, edges = points.points_m[chosen], is_edge[chosen]
+    samples = points.points_m[chosen]
     weights = np.ones(len(chosen))
     for first, last in pairwise(offsets):
         weights[first:last] = ~_lie_apart(samples[first:last])
-    total = np.add.reduceat(np.append(weights, 0.0), offsets[:-1]) if len(points) else np.zeros(0)
-    total = np.where(np.diff(offsets) > 0, total, 0.0)
-    weights *= np.repeat(evidence / np.maximum(total, evidence), np.diff(offsets))
-    return LeafSamples(points_m=samples, edge=edges.astype(np.uint8), weights=weights, offsets=offsets)
+    return _weighed(samples, is_edge[chosen].astype(np.uint8), weights, offsets, evidence)
 
 
-def _morton_codes(
-    points_m: NDArray[np.float64], leaf: NDArray[np.int64], offsets: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def thin_samples(samples: LeafSamples, step: int) -> LeafSamples:
+    """Every so manieth sample of either kind, with the weight of all."""
+    leaf = np.repeat(np.arange(len(samples.offsets) - 1), np.diff(samples.offsets))
+    kept = np.zeros(len(leaf), bool)
+    for kind in (0, 1):
+        kept[np.flatnonzero(samples.edge == kind)[::step]] = True
+    offsets = np.searchsorted(leaf[kept], np.arange(len(samples.offsets))).astype(np.int64)
+    return LeafSamples(
+        points_m=samples.points_m[kept], edge=samples.edge[kept], weights=samples.weights[kept] * step, offsets=offsets
+    )
+
+
+def _weighed(
+    points_m: NDArray[np.float64],
+    edge: NDArray[np.uint8],
+    weights: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    evidence: float,
+) -> LeafSamples:
+    total = np.diff(np.concatenate([[0.0], np.cumsum(weights)])[offsets])
+    factor = evidence / np.maximum(total, evidence)
+    return LeafSamples(
+        points_m=points_m, edge=edge, weights=weights * np.repeat(factor, np.diff(offsets)), offsets=offsets
+    )
+
+
+def _morton_codes(points_m: NDArray[np.float64], leaf: NDArray[np.int64]) -> NDArray[np.int64]:
     """Numbers (P,) that rise from leaf to leaf, and along a curve that fills the box of each."""
-    if not len(points_m):
-        return np.zeros(0, np.int64)
-    filled = np.diff(offsets) > 0
-    low, high = np.zeros((2, len(filled), 3))
-    low[filled] = np.minimum.reduceat(points_m, offsets[:-1][filled])
-    high[filled] = np.maximum.reduceat(points_m, offsets[:-1][filled])
+    low, high = (
+        np.full((int(leaf.max(initial=-1)) + 1, 3), np.inf),
+        np.full((int(leaf.max(initial=-1)) + 1, 3), -np.inf),
+    )
+    np.minimum.at(low, leaf, points_m)
+    np.maximum.at(high, leaf, points_m)
     extent = np.maximum((high - low).max(axis=1), np.finfo(np.float64).tiny)
     cell = ((points_m - low[leaf]) / extent[leaf, None] * ((1 << MORTON_BITS) - 1)).astype(np.int64)
     codes = leaf.astype(np.int64) << (3 * MORTON_BITS)
@@ -109,29 +138,30 @@ def start_poses(samples: LeafSamples, towards: NDArray[np.float64]) -> LeafPoses
     Args:
         towards: (N, 3), the mean normal of each leaf.
     """
-    count = len(samples.offsets) - 1
-    axes, base, length, width = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty(count), np.empty(count)
-    for i in range(count):
-        part = slice(samples.offsets[i], samples.offsets[i + 1])
-        points = samples.points_m[part][samples.weights[part] > 0]
-        center = np.median(points, axis=0)
-        weights = np.ones(len(points))
-        for _ in range(4):
-            center = np.average(points, axis=0, weights=weights)
-            offsets = points - center
-            covariance = (offsets * weights[:, None]).T @ offsets / weights.sum()
-            _, vectors = np.linalg.eigh(covariance)
-            local = offsets @ vectors
-            distance = np.abs(local) / np.maximum(1.4826 * np.median(np.abs(local), axis=0), 1e-12)
-            weights = (
-                1 / (1 + np.square(distance[:, 0] / 4) + np.square(np.maximum(distance[:, 1:].max(axis=1) - 2, 0))) ** 2
-            )
-        y, z = vectors[:, 2], vectors[:, 0]
-        z = -z if towards[i] @ z < 0 else z
-        x = np.cross(y, z)
-        inside = weights > 0.1
-        low, high = np.percentile(offsets[inside] @ np.stack([x, y], axis=1), [1, 99], axis=0)
-        axes[i] = np.stack([x, y, z], axis=1)
-        base[i] = center + (low[0] + high[0]) / 2 * x + low[1] * y
-        length[i], width[i] = high[1] - low[1], high[0] - low[0]
-    return LeafPoses(axes=axes, base_m=base, length_m=length, width_m=width)
+    sizes = np.diff(samples.offsets)
+    places = samples.offsets[:-1, None] + np.arange(POSE_POINTS) * sizes[:, None] // POSE_POINTS
+    points, weights = samples.points_m[places], (samples.weights[places] > 0).astype(np.float64)
+    given, local = weights, points
+    for _ in range(POSE_ROUNDS):
+        center = np.einsum("nk,nkc->nc", weights, points) / np.maximum(weights.sum(axis=1), 1e-12)[:, None]
+        offsets = points - center[:, None]
+        _, vectors = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weights, offsets, offsets))
+        local = offsets @ vectors
+        usual = np.maximum(1.4826 * np.median(np.abs(local), axis=1), np.finfo(np.float64).tiny)
+        far = np.abs(local) / usual[:, None]
+        beside = np.maximum(far[..., 1:].max(axis=-1) - 2, 0)
+        weights = given / (1 + np.square(far[..., 0] / 4) + np.square(beside)) ** 2
+    y, z = vectors[..., 2], vectors[..., 0]
+    z = z * np.where(np.einsum("nc,nc->n", towards, z) < 0, -1.0, 1.0)[:, None]
+    x = np.cross(y, z)
+    across = np.where(weights > 0.1, np.einsum("nkc,nc->nk", offsets, x), np.nan)
+    along = np.where(weights > 0.1, np.einsum("nkc,nc->nk", offsets, y), np.nan)
+    (left, low), (right, high) = (
+        [np.nanpercentile(each, percent, axis=1) for each in (across, along)] for percent in (1, 99)
+    )
+    return LeafPoses(
+        axes=np.stack([x, y, z], axis=-1),
+        base_m=center + ((left + right) / 2)[:, None] * x + low[:, None] * y,
+        length_m=high - low,
+        width_m=right - left,
+    )

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from usdfoliage import _native
 from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.prior import LeafPrior, exchange_ends, generic_prior, learn_prior
-from usdfoliage.leaf.fit.start import LeafSamples, sample_points, start_poses
+from usdfoliage.leaf.fit.start import LeafSamples, sample_points, start_poses, thin_samples
 from usdfoliage.leaf.fold import find_folds
 from usdfoliage.leaf.jitter import spread_phases
 from usdfoliage.leaf.model import Leaves
@@ -44,10 +44,10 @@ class SurfaceFitSettings:
     edge_noise: float = 1.0  # noise of points of the edge, in that of the interior
     cutoff: float = 2.5  # noises beyond which points count less
     fold_weight: float = 2000.0  # of leaves that fold over themselves
-    start_iterations: int = 14
-    choice_iterations: int = 4  # for each version of the prior
-    iterations: int = 8  # for the version that was chosen
-    rounds: int = 2  # of learning the prior
+    start_iterations: int = 12  # with half of the points
+    choice_iterations: int = 4  # for each version of the prior, with a quarter of the points
+    iterations: int = 10  # for the version that was chosen
+    rounds: int = 1  # of learning the prior
     max_residual: float = 0.08  # leaf lengths; a leaf whose points are farther from it on average is given up
     narrow: float = 0.1  # width in leaf lengths below which confidence fades: blades are not told from parts of blades
 
@@ -214,7 +214,9 @@ def _first_fits(
     )
     every = np.arange(len(source))
     zeros = np.zeros(len(source), np.int64)
-    state = _fit(samples, start, prior, every, zeros, noise_m, settings, settings.start_iterations, threads)
+    state = _fit(
+        thin_samples(samples, 2), start, prior, every, zeros, noise_m, settings, settings.start_iterations, threads
+    )
     return state, prior, noise_m
 
 
@@ -230,7 +232,15 @@ def _refit(
     count = len(state.length_m)
     leaf, version = np.tile(np.arange(count), 4), np.repeat(np.arange(4), count)
     tried = _fit(
-        samples, state.take(leaf), prior, leaf, version, noise_m, settings, settings.choice_iterations, threads
+        thin_samples(samples, 4),
+        state.take(leaf),
+        prior,
+        leaf,
+        version,
+        noise_m,
+        settings,
+        settings.choice_iterations,
+        threads,
     )
     cost = tried.costs.sum(axis=1).reshape(4, count)
     chosen = cost.argmin(axis=0)

@@ -1,0 +1,186 @@
+"""Fits to the points of known leaves: whole, half hidden, with outliers, at any scale, anywhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from leaf_points import known_leaves, leaf_points, world_points
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface, fit_surfaces
+from usdfoliage.leaf.fold import find_folds
+from usdfoliage.leaf.segmentation.model import LeafPoints
+from usdfoliage.leaf.surface import evaluate_points, grid_places
+
+PLACES = grid_places(np.linspace(-1, 1, 21), np.linspace(0, 1, 21))
+
+
+def distances(fitted, leaves):
+    """Mean symmetric distance between fitted and true leaves, in leaf lengths."""
+    true = world_points(leaves, PLACES)[0]
+    placed = fitted.leaves.asset_from_leaf()
+    found = evaluate_points(fitted.leaves.parameters, PLACES, placements=placed)
+    return np.array(
+        [
+            (cKDTree(found[i]).query(true[k])[0].mean() + cKDTree(true[k]).query(found[i])[0].mean()) / 2 / leaves[3][k]
+            for i, k in enumerate(fitted.source)
+        ]
+    )
+
+
+def residuals(fits, points):
+    """Root mean square distance of the points from the fits' tangent planes, in leaf lengths."""
+    return fits.quality.residual_m / fits.length_m
+
+
+def test_the_points_of_known_leaves_lie_on_the_fits():
+    leaves = known_leaves(12, amount=0.6)
+    settings = SurfaceFitSettings(misfit=2e-4, iterations=60, start_iterations=40, rounds=2)
+
+    fits = fit_surfaces(leaf_points(leaves), settings)
+
+    assert len(fits.source) == 12
+    assert np.median(residuals(fits, None)) < 1e-3
+    assert (residuals(fits, None) < 3e-3).all()
+
+
+def test_known_leaves_are_found_with_the_usual_settings():
+    leaves = known_leaves(30)
+
+    fitted = fit_leaves_to_surface(leaf_points(leaves))
+
+    assert fitted.source.tolist() == list(range(30))
+    assert fitted.dropped == {}
+    assert distances(fitted, leaves).max() < 0.04
+    assert np.median(distances(fitted, leaves)) < 0.02  # the samples themselves are 0.01 apart
+    assert fitted.leaves.length_m == pytest.approx(leaves[3], rel=0.06)
+    assert not find_folds(fitted.leaves.parameters).any()
+    assert (fitted.leaves.view == np.arange(30)).all()
+    assert fitted.leaves.confidence.min() > 0.6
+    upwards = Rotation.from_quat(fitted.leaves.orientation).as_matrix()[:, :, 2]
+    assert np.einsum("ni,ni->n", upwards, leaves[1][:, :, 2]).min() > 0.8
+
+
+def test_ends_are_alike_and_told():
+    leaves = known_leaves(40, seed=3)
+
+    fitted = fit_leaves_to_surface(leaf_points(leaves))
+
+    along = Rotation.from_quat(fitted.leaves.orientation).as_matrix()[:, :, 1]
+    right_way = np.einsum("ni,ni->n", along, leaves[1][:, :, 1]) > 0
+    assert right_way.mean() >= 0.95  # these leaves are wider at the base
+
+
+def test_hidden_halves_are_as_their_siblings_have_them():
+    leaves = known_leaves(40, seed=1, amount=0.5)
+    shown = np.tile([0.0, 1.0], (40, 1))
+    shown[::4, 1] = 0.5
+
+    fitted = fit_leaves_to_surface(leaf_points(leaves, shown=shown))
+
+    half = np.isin(fitted.source, np.arange(0, 40, 4))
+    length_error = np.abs(fitted.leaves.length_m / leaves[3][fitted.source] - 1)
+    assert half.sum() == 10
+    assert np.median(length_error[half]) < 0.1
+    assert np.median(distances(fitted, leaves)[half]) < 0.05
+    assert fitted.leaves.confidence[half].mean() < fitted.leaves.confidence[~half].mean() - 0.1
+
+
+def test_noise_and_outliers_do_little():
+    leaves = known_leaves(20, seed=2)
+
+    fitted = fit_leaves_to_surface(leaf_points(leaves, noise_m=0.0015, outliers=0.1, outlier_m=0.03))
+
+    assert len(fitted.source) == 20
+    assert np.median(distances(fitted, leaves)) < 0.025
+    assert distances(fitted, leaves).max() < 0.06
+
+
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+def test_scale_turn_and_place_do_not_matter(scale):
+    points = leaf_points(known_leaves(8))
+    turn, shift = Rotation.from_euler("xyz", [0.4, -1.0, 2.0]).as_matrix(), np.array([5.0, -3.0, 8.0]) * scale
+    moved = replace(points, points_m=scale * points.points_m @ turn.T + shift, normals=points.normals @ turn.T)
+
+    here, there = fit_surfaces(points), fit_surfaces(moved)
+
+    # The points are sampled along a curve that fills an upright box, so that turned ones are other samples.
+    assert there.length_m / scale == pytest.approx(here.length_m, rel=0.02)
+    assert there.base_m == pytest.approx(scale * here.base_m @ turn.T + shift, abs=0.003 * scale)
+    only_scaled = fit_surfaces(replace(points, points_m=scale * points.points_m))
+    assert only_scaled.length_m / scale == pytest.approx(here.length_m, rel=1e-4)
+
+
+def test_threads_do_not_matter():
+    points = leaf_points(known_leaves(9), noise_m=0.001)
+
+    one, many = (fit_surfaces(points, threads=threads) for threads in (1, 5))
+
+    for name in ("parameters", "axes", "base_m", "length_m"):
+        assert np.array_equal(getattr(one, name), getattr(many, name))
+
+
+def test_one_leaf_alone():
+    leaves = known_leaves(1)
+
+    fitted = fit_leaves_to_surface(leaf_points(leaves))
+
+    assert distances(fitted, leaves)[0] < 0.03
+
+
+def test_no_leaves_and_leaves_without_points():
+    assert len(fit_leaves_to_surface(leaf_points(known_leaves(0))).leaves) == 0
+
+    shown = [(0.0, 1.0), (2.0, 3.0), (0.0, 1.0)]
+    fitted = fit_leaves_to_surface(leaf_points(known_leaves(3), shown=shown))
+
+    assert fitted.source.tolist() == [0, 2]
+    assert fitted.dropped == {"too few points": 1}
+
+
+def test_points_of_no_surface_are_given_up_or_not_trusted():
+    points = leaf_points(known_leaves(6))
+    last = slice(points.offsets[5], points.offsets[6])
+    cloud = points.points_m.copy()
+    cloud[last] = np.random.default_rng(0).uniform(-0.05, 0.05, cloud[last].shape)
+
+    fitted = fit_leaves_to_surface(replace(points, points_m=cloud))
+
+    if 5 in fitted.source:
+        assert fitted.leaves.confidence[-1] < 0.4 * fitted.leaves.confidence[:-1].min()
+    else:
+        assert fitted.dropped == {"no surface close to the points": 1}
+
+
+def test_points_that_are_no_numbers_are_left_out():
+    points = leaf_points(known_leaves(2))
+    points.points_m[:20] = np.nan
+
+    assert np.isfinite(fit_leaves_to_surface(points).leaves.parameters).all()
+
+
+@pytest.mark.parametrize("bad", [{"evidence": 0.0}, {"min_points": 3}, {"iterations": 0}, {"fold_weight": -1.0}])
+def test_wrong_settings_are_refused(bad):
+    with pytest.raises(ValueError, match=next(iter(bad))):
+        SurfaceFitSettings(**bad)
+
+
+def test_progress_rises_to_all():
+    calls = []
+
+    fit_leaves_to_surface(leaf_points(known_leaves(2)), progress=lambda done, total: calls.append((done, total)))
+
+    assert calls[-1][0] == calls[-1][1]
+    assert [done for done, _ in calls] == sorted(done for done, _ in calls)
+
+
+def test_points_on_a_line_do_not_stop_the_others():
+    points = leaf_points(known_leaves(3))
+    line = slice(points.offsets[1], points.offsets[2])
+    placed = points.points_m.copy()
+    placed[line] = np.linspace(0, 0.1, 520)[:, None] * [1.0, 0.0, 0.0]
+
+    fitted = fit_leaves_to_surface(replace(points, points_m=placed))
+
+    assert {0, 2} <= set(fitted.source.tolist())
+    assert isinstance(points, LeafPoints)

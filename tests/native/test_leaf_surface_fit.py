@@ -1,0 +1,134 @@
+"""The native fit: what it minimises, written plainly in numpy, and that it does."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from leaf_reference import evaluate_jacobian, evaluate_points
+from scipy.optimize import minimize
+from usdfoliage import _native
+from usdfoliage.leaf.fit.prior import generic_prior
+from usdfoliage.leaf.fold import find_folds
+from usdfoliage.leaf.surface import evaluate_grid
+
+PRIOR = generic_prior(1.0, 0.4)
+LEAF = PRIOR.mean[:21].reshape(1, 7, 3)
+NOISE, CUTOFF = 0.02, 2.5
+
+
+def points_beside(leaf, count=60, seed=0):
+    rng = np.random.default_rng(seed)
+    uv = rng.uniform((-0.9, 0.1), (0.9, 0.9), (count, 2))
+    points = evaluate_points(leaf, uv)[0] + rng.normal(size=(count, 3)) * 0.01
+    ends = evaluate_points(leaf, np.stack([np.tile([-1.0, 1.0], 10), np.linspace(0.1, 0.9, 20)], axis=-1))[0]
+    return np.concatenate([points, ends]), np.repeat([0, 1], [count, 20]).astype(np.uint8)
+
+
+def fit(points, edge, leaf, iterations=1, fold_weight=0.0, first=CUTOFF, length=1.0):
+    state = [leaf.copy(), np.eye(3)[None].copy(), np.zeros((1, 3)), np.array([length])]
+    costs = np.empty((1, 3))
+    means, precisions = PRIOR.versions()
+    zero, ends = np.zeros(1, np.int64), np.array([0, len(points)], np.int64)
+    _native.fit_leaf_surfaces(
+        points, edge, np.ones(len(points)), ends, np.array([NOISE]), means, np.ascontiguousarray(precisions),
+        zero, zero, *state, costs, iterations, first, CUTOFF, 1.0, fold_weight, 1,
+    )  # fmt: skip
+    return state, costs[0]
+
+
+def project(points, edge, leaf):
+    uv, distance = np.empty((len(points), 2)), np.empty(len(points))
+    ends = np.array([0, len(points)], np.int64)
+    _native.project_to_leaves(
+        points, edge, ends, leaf, np.eye(3)[None].copy(), np.zeros((1, 3)), np.ones(1), uv, distance, 1
+    )
+    return uv, distance
+
+
+def test_places_are_the_closest():
+    points, edge = points_beside(LEAF)
+
+    uv, distance = project(points, edge, LEAF)
+
+    dense = np.stack(np.meshgrid(np.linspace(-1, 1, 201), np.linspace(0, 1, 201)), axis=-1).reshape(-1, 2)
+    for kind, places in ((0, dense), (1, dense[np.abs(dense[:, 0]) == 1])):
+        surface = evaluate_points(LEAF, places)[0]
+        mine = points[edge == kind]
+        least = np.linalg.norm(mine[:, None] - surface, axis=-1).min(axis=1)
+        assert distance[edge == kind] == pytest.approx(least, abs=4e-3)
+        assert (distance[edge == kind] <= least + 1e-4).all()
+    assert np.linalg.norm(points - evaluate_points(LEAF, uv)[0], axis=-1) == pytest.approx(distance)
+
+
+def test_costs_are_those_of_the_objective():
+    points, edge = points_beside(LEAF)
+    (leaf, axes, base, length), costs = fit(points, edge, LEAF, iterations=12)
+
+    local = (points - base) @ axes[0] / length
+    uv, _ = project(np.ascontiguousarray(local), edge, leaf)
+    grids = [evaluate_grid(leaf, [u], [v]) for u, v in uv]
+    square = np.empty(len(points))
+    for i, grid in enumerate(grids):
+        offset = local[i] - grid.points[0, 0, 0]
+        along = grid.tangents_v[0, 0, 0] / np.linalg.norm(grid.tangents_v[0, 0, 0])
+        side = edge[i] or abs(uv[i, 0]) == 1
+        square[i] = (offset @ offset - (offset @ along) ** 2) if side else (offset @ grid.normals[0, 0, 0]) ** 2
+    square *= (length / NOISE) ** 2
+    offset = np.append(leaf.ravel(), np.log(length)) - PRIOR.mean
+
+    assert costs[0] == pytest.approx((CUTOFF**2 * square / (CUTOFF**2 + square)).sum() / 2, rel=0.02)
+    assert costs[1] == pytest.approx(offset @ np.linalg.inv(PRIOR.covariance) @ offset / 2)
+    assert costs[2] == 0
+
+
+def test_without_points_it_finds_the_prior():
+    none = np.zeros((0, 3))
+    (leaf, _, _, length), costs = fit(none, np.zeros(0, np.uint8), LEAF + 0.02, iterations=40, length=1.4)
+
+    assert leaf == pytest.approx(LEAF, abs=1e-3)
+    assert length == pytest.approx(1, abs=1e-2)
+    assert costs.sum() < 1e-2
+
+
+def test_it_goes_as_low_as_a_library():
+    """With the places held, on the parameters alone, where the objective is smooth."""
+    target = LEAF.copy()
+    target[0, 0, 2] = target[0, 1, 2] = 0.05
+    points, edge = points_beside(target, count=120)
+    points, edge = points[:120], edge[:120]
+    (leaf, axes, base, length), costs = fit(points, edge, LEAF, iterations=40)
+    local = np.ascontiguousarray((points - base) @ axes[0] / length)
+    uv, _ = project(local, edge, leaf)
+    normals = np.array([evaluate_grid(leaf, [u], [v]).normals[0, 0, 0] for u, v in uv])
+    precision = np.linalg.inv(PRIOR.covariance)
+
+    def cost(numbers):
+        offset = local - evaluate_points(numbers.reshape(1, 7, 3), uv)[0]
+        square = np.square(np.einsum("kc,kc->k", offset, normals) * length / NOISE)
+        away = np.append(numbers, np.log(length)) - PRIOR.mean
+        return (CUTOFF**2 * square / (CUTOFF**2 + square)).sum() / 2 + away @ precision @ away / 2
+
+    better = minimize(cost, leaf.ravel(), method="BFGS").fun
+    assert costs.sum() <= 1.1 * better + 0.5
+    assert evaluate_jacobian(leaf, uv)[1].shape == (1, 120, 3, 21)
+
+
+def test_folds_cost_and_are_opened():
+    folded = LEAF.copy()
+    folded[0, :2, 0] = 0.5, -0.5  # an axis too crooked for the width
+    none, edge = np.zeros((0, 3)), np.zeros(0, np.uint8)
+
+    assert find_folds(folded)[0]
+    assert fit(none, edge, folded, iterations=0, fold_weight=100.0)[1][2] > 0
+    assert fit(none, edge, folded, iterations=30, fold_weight=100.0)[1][2] < 1e-3
+    assert fit(none, edge, LEAF, iterations=0, fold_weight=100.0)[1][2] == 0
+
+
+def test_more_iterations_never_cost_more():
+    points, edge = points_beside(LEAF, seed=4)
+    start = LEAF + np.random.default_rng(5).normal(size=LEAF.shape) * 0.03
+
+    costs = [fit(points, edge, start, iterations=n)[1].sum() for n in (0, 3, 10, 30)]
+
+    assert costs[-1] < 0.3 * costs[0]
+    assert all(after <= before * 1.02 for before, after in pairwise(costs))
