@@ -16,4 +16,5 @@ NB_MODULE(_native, m) {
     bind_leaf_fit(m);
     bind_leaf_surface_fit(m);
     bind_plane_sweep(m);
+    bind_dense_segmentation(m);
 }

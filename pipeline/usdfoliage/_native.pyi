@@ -295,3 +295,98 @@ def project_to_leaves(
     threads: int,
 ) -> None:
     """Fill uv (P, 2) and distances (P,) of the closest places to points; on the silhouette for those of the edge."""
+
+# What the functions below take for a camera: its depth (H, W), 0 where there is none; focal lengths and centre, x and y
+# each; cam_from_world (3, 4).
+_DepthView = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]
+
+def fit_local_planes(
+    camera: _DepthView,
+    pixels: NDArray[np.int64] | None,
+    radius: int,
+    footprints: float,
+    noise: float,
+    threads: int,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Planes (P, 3) around pixels (P,), all without: slopes of inverse depth to the right and down, its value; support.
+
+    Args:
+        radius: of the window.
+        footprints: the steepest surface, in footprints of depth a pixel.
+        noise: standard deviation of the depth, in metres.
+    """
+
+def measure_gaps(
+    camera: _DepthView, planes: NDArray[np.float32], threads: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Gaps (H, W) to the right and down, in footprints of a pixel, of planes (H * W, 3); 1e30 without a neighbour."""
+
+def join_pixels(
+    camera: _DepthView,
+    right: NDArray[np.float32],
+    down: NDArray[np.float32],
+    valid: NDArray[np.uint8],
+    limit: float,
+    noise: float,
+    least: int,
+) -> tuple[NDArray[np.int32], int]:
+    """Labels (H, W) of the pieces whose gaps are below limit + noise / footprint, 0 for none; how many there are."""
+
+def classify_edges(
+    camera: _DepthView, labels: NDArray[np.int32], footprints: float, noise: float, threads: int
+) -> NDArray[np.uint8]:
+    """Kinds (H, W) of labelled pixels: 0 interior, 1 free edge, 2 hidden edge, 3 edge to where no depth is known."""
+
+def sum_points(
+    camera: _DepthView, labels: NDArray[np.int32], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Pixels and sums of x, y, z, xx, xy, xz, yy, yz, zz (K, 10) in camera axes about a first point (K, 3)."""
+
+def measure_extents(
+    camera: _DepthView, labels: NDArray[np.int32], axes: NDArray[np.float64], least_cosine: float
+) -> NDArray[np.float64]:
+    """Extents along the first two rows of axes (K, 3, 3), and area for the third as normal: (K, 3)."""
+
+def fuse_depth(
+    camera: _DepthView,
+    others: list[_DepthView],
+    footprints: float,
+    noise: float,
+    least_own: int,
+    least_others: int,
+    threads: int,
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Depth (H, W) from a view's own and others'; what became of each pixel.
+
+    That is: 0 no depth, 1 alone, 2 confirmed, 3 replaced, 4 filled, 5 removed.
+    """
+
+def claim_pixels(
+    grids: NDArray[np.float64],
+    penalty: NDArray[np.float32],
+    camera: _DepthView,
+    footprints: float,
+    noise: float,
+    least_cosine: float,
+    threads: int,
+) -> NDArray[np.int32]:
+    """Labels (H, W) of the leaf, drawn as a grid (N, V, U, 3), nearest to the depth: 0 for none, k for the leaf k - 1.
+
+    Args:
+        penalty: (V, U), in tolerances, added to the distance.
+        footprints: and noise in metres: the distance allowed.
+    """
+
+def classify_points(
+    points: NDArray[np.float64], camera: _DepthView, footprints: float, noise: float, threads: int
+) -> NDArray[np.uint8]:
+    """States (P,) of points (P, 3): 0 unseen, 1 on the surface that is seen, 2 before it, 3 behind it."""
+
+def pick_pixels(
+    labels: NDArray[np.int32],
+    total: NDArray[np.int64],
+    kept: NDArray[np.int64],
+    offsets: NDArray[np.int64],
+    seen: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pixels that are kept[k] of total[k] of a leaf over all views, and their places; seen (N,) goes on."""

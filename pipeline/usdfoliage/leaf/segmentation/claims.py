@@ -1,0 +1,171 @@
+"""Which pixels of all views show which leaf, and the points that follow from it. Our own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage import _native
+from usdfoliage.capture.view import View
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.segmentation.depth_view import depth_view
+from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints
+from usdfoliage.leaf.segmentation.patches import PatchSettings, plane_normals
+from usdfoliage.leaf.surface import evaluate_points, grid_places
+
+_LEAST_SUPPORT = 6.0  # neighbours on a plane whose normal is taken
+_KINDS = np.array(
+    [INTERIOR, FREE_EDGE, HIDDEN_EDGE, HIDDEN_EDGE], np.uint8
+)  # an unknown edge may hide more of the leaf
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClaimSettings:
+    """When a pixel shows a leaf."""
+
+    footprints: float = 1.5  # of a pixel, between the leaf and what is seen
+    noises: float = 3.0  # standard deviations of the depth, besides
+    beyond_side: float = 0.12  # how far the leaf's surface is followed beyond its silhouette, in u
+    beyond_end: float = 0.05  # and beyond base and apex, in v
+    penalty: float = 0.6  # tolerances by which a place beyond counts as farther
+    columns: int = 11  # of the grid that stands for a leaf, without what lies beyond
+    rows: int = 13
+    least_cosine: float = 0.15  # at which a leaf is taken to be seen, for its distance along the ray
+
+    def __post_init__(self) -> None:
+        if self.footprints < 0 or self.noises < 0 or self.penalty < 0:
+            raise ValueError(f"footprints, noises and penalty must not be below 0, not {self}")
+        if not (self.beyond_side > 0 and self.beyond_end > 0 and 0 < self.least_cosine <= 1):
+            raise ValueError(f"beyond_side and beyond_end must be above 0 and least_cosine in (0, 1], not {self}")
+        if self.columns < 3 or self.rows < 3:
+            raise ValueError(f"the grid must have 3 rows and columns, not {self}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointSettings:
+    """Which points are kept of claimed pixels."""
+
+    most_per_leaf: int = 4000
+    edge: float = 3.0  # footprints that what is seen beside an edge lies farther or nearer
+    edge_noises: float = 0.0  # standard deviations of the depth, besides
+
+    def __post_init__(self) -> None:
+        if self.most_per_leaf < 1 or self.edge < 0 or self.edge_noises < 0:
+            raise ValueError(f"most_per_leaf must be at least 1, edge and edge_noises not below 0, not {self}")
+
+
+def claim_pixels(
+    leaves: Leaves,
+    views: Sequence[View],
+    depths_m: Sequence[NDArray[np.floating]],
+    noise_m: float | Sequence[float],
+    settings: ClaimSettings = ClaimSettings(),
+    *,
+    threads: int = 0,
+) -> tuple[NDArray[np.int32], ...]:
+    """Labels (H, W) of each view: 0 for none, k for the leaf k - 1, whose surface is nearest to what the pixel shows.
+
+    Args:
+        leaves: In the frame of the cameras.
+        views: V, of which the cameras are used.
+        depths_m: V of (H, W), 0 where there is none.
+        noise_m: Standard deviation of the depth, of all views or of each.
+        settings: How near is near.
+        threads: At most so many, 0 for one per core; the result is the same.
+
+    Raises:
+        ValueError: There are not as many depth maps as views, or one is not as large as its view.
+    """
+    noises = np.broadcast_to(np.asarray(noise_m, np.float64), len(views))
+    u = np.concatenate([[-1 - settings.beyond_side], np.linspace(-1, 1, settings.columns), [1 + settings.beyond_side]])
+    v = np.concatenate([[-settings.beyond_end], np.linspace(0, 1, settings.rows), [1 + settings.beyond_end]])
+    penalty = np.zeros((len(v), len(u)), np.float32)
+    penalty[[0, -1]] = settings.penalty
+    penalty[:, [0, -1]] = settings.penalty
+    grids = evaluate_points(
+        leaves.parameters, grid_places(u, v), placements=leaves.asset_from_leaf(), threads=threads
+    ).reshape(len(leaves), len(v), len(u), 3)
+    return tuple(
+        _native.claim_pixels(
+            grids, penalty, depth_view(view.camera, depth_m), settings.footprints, settings.noises * float(noise),
+            settings.least_cosine, threads,
+        )
+        for view, depth_m, noise in zip(views, depths_m, noises, strict=True)
+    )  # fmt: skip
+
+
+def collect_points(
+    views: Sequence[View],
+    depths_m: Sequence[NDArray[np.floating]],
+    labels: Sequence[NDArray[np.int32]],
+    count: int,
+    confidence: NDArray[np.float64] | None = None,
+    view: NDArray[np.int32] | None = None,
+    settings: PointSettings = PointSettings(),
+    *,
+    noise_m: float | Sequence[float] = 0.0,
+    threads: int = 0,
+) -> LeafPoints:
+    """The points of the pixels that show each of count leaves, picked evenly where there are many.
+
+    Args:
+        views: V, of which the cameras are used.
+        depths_m: V of (H, W), 0 where there is none.
+        labels: V of (H, W), 0 for none, k for the leaf k - 1; without effect where there is no depth.
+        count: Of leaves; those without pixels get no points.
+        confidence: (count,), 1 by default.
+        view: (count,), numbers of the views that the leaves are named after; by default the one that shows the most
+            pixels of each, 0 for a leaf without.
+        settings: How many points, and what an edge is.
+        noise_m: Standard deviation of the depth, of all views or of each.
+        threads: At most so many, 0 for one per core; the result is the same.
+
+    Raises:
+        ValueError: The numbers or sizes of the arrays do not match, or a label is above count.
+    """
+    noises = np.broadcast_to(np.asarray(noise_m, np.float64), len(views))
+    seen = [depth_view(one.camera, depth_m) for one, depth_m in zip(views, depths_m, strict=True)]
+    shown = np.zeros((len(views), count), np.int64)
+    known: list[NDArray[np.int32]] = []
+    for number, (one, claimed) in enumerate(zip(seen, labels, strict=True)):
+        if claimed.shape != one[0].shape:
+            raise ValueError(f"the labels must be {one[0].shape}, not {claimed.shape}")
+        known.append(np.where(one[0] > 0, claimed, np.int32(0)).astype(np.int32, copy=False))
+        times = np.bincount(np.maximum(known[-1], 0).ravel(), minlength=count + 1)
+        if len(times) > count + 1:
+            raise ValueError(f"labels must be at most {count}, not {len(times) - 1}")
+        shown[number] = times[1:]
+
+    total = shown.sum(axis=0)
+    kept = np.minimum(total, settings.most_per_leaf)
+    offsets = np.concatenate([[0], np.cumsum(kept)]).astype(np.int64)
+    points, normals = np.empty((offsets[-1], 3)), np.empty((offsets[-1], 3))
+    kind, point_view = np.empty(offsets[-1], np.uint8), np.empty(offsets[-1], np.int32)
+    before = np.zeros(count, np.int64)
+    for number, (one, claimed) in enumerate(zip(seen, known, strict=True)):
+        pixels, places = _native.pick_pixels(claimed, total, kept, offsets, before)
+        noise, camera = float(noises[number]), views[number].camera
+        rows, columns = np.divmod(pixels, camera.width_px)
+        edges = _native.classify_edges(one, claimed, settings.edge, settings.edge_noises * noise, threads)
+        planes, support = _native.fit_local_planes(
+            one, pixels, PatchSettings.radius_px, PatchSettings.steepest, noise, threads
+        )
+        points[places] = camera.unproject(np.column_stack([columns + 0.5, rows + 0.5]), one[0][rows, columns])
+        towards = camera.position_m - points[places]
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        normals[places] = np.where(
+            (support >= _LEAST_SUPPORT)[:, None], plane_normals(camera, planes, columns, rows), towards
+        )
+        kind[places] = _KINDS[edges[rows, columns]]
+        point_view[places] = number
+    most_shown = shown.argmax(axis=0) if len(views) else np.zeros(count)
+    return LeafPoints(
+        points_m=points,
+        normals=normals,
+        kind=kind,
+        point_view=point_view,
+        offsets=offsets,
+        confidence=np.ones(count) if confidence is None else np.asarray(confidence, np.float64),
+        view=(most_shown if view is None else view).astype(np.int32),
+    )
