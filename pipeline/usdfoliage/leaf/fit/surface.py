@@ -44,9 +44,9 @@ class SurfaceFitSettings:
     edge_noise: float = 1.0  # noise of points of the edge, in that of the interior
     cutoff: float = 2.5  # noises beyond which points count less
     fold_weight: float = 2000.0  # of leaves that fold over themselves
-    start_iterations: int = 12  # with half of the points
+    start_iterations: int = 12  # with a third of the points
     choice_iterations: int = 4  # for each version of the prior, with a quarter of the points
-    iterations: int = 10  # for the version that was chosen
+    iterations: int = 8  # for the version that was chosen
     rounds: int = 1  # of learning the prior
     max_residual: float = 0.08  # leaf lengths; a leaf whose points are farther from it on average is given up
     narrow: float = 0.1  # width in leaf lengths below which confidence fades: blades are not told from parts of blades
@@ -230,36 +230,32 @@ def _refit(
 ) -> tuple[_State, NDArray[np.float64]]:
     """Fits under the prior in the version that suits each leaf, ends as in the prior, and how surely they are told."""
     count = len(state.length_m)
-    leaf, version = np.tile(np.arange(count), 4), np.repeat(np.arange(4), count)
+    every = np.arange(count)
+    likely = _likely_versions(state, prior)
     tried = _fit(
         thin_samples(samples, 4),
-        state.take(leaf),
+        state.take(np.tile(every, 2)),
         prior,
-        leaf,
-        version,
+        np.tile(every, 2),
+        likely.ravel(),
         noise_m,
         settings,
         settings.choice_iterations,
         threads,
     )
-    cost = tried.costs.sum(axis=1).reshape(4, count)
-    chosen = cost.argmin(axis=0)
-    every = np.arange(count)
-    fitted = _fit(
-        samples,
-        tried.take(chosen * count + every),
-        prior,
-        every,
-        chosen,
-        noise_m,
-        settings,
-        settings.iterations,
-        threads,
-    )
-    by_end = cost.reshape(2, 2, count).min(
-        axis=0
-    )  # versions 0 and 2 lie as the prior does, 1 and 3 the other way round
-    return _exchanged(fitted, chosen % 2 == 1), np.abs(by_end[1] - by_end[0])
+    cost = tried.costs.sum(axis=1).reshape(2, count)
+    end = cost.argmin(axis=0)
+    best, version = tried.take(end * count + every), likely[end, every]
+    fitted = _fit(samples, best, prior, every, version, noise_m, settings, settings.iterations, threads)
+    return _exchanged(fitted, end == 1), np.abs(cost[1] - cost[0])
+
+
+def _likely_versions(state: _State, prior: LeafPrior) -> NDArray[np.int64]:
+    """(2, N): the hand of either end that suits each leaf as it is; versions 0 and 2 lie as the prior does."""
+    means, precisions = prior.versions()
+    offsets = state.numbers() - means[:, None]
+    cost = np.einsum("gni,gij,gnj->gn", offsets, precisions, offsets, optimize=True)
+    return np.stack([np.where(cost[2] < cost[0], 2, 0), np.where(cost[3] < cost[1], 3, 1)])
 
 
 def _fit(
