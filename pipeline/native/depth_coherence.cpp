@@ -30,20 +30,43 @@ std::array<double, 3> unproject(const DepthView& view, int column, int row, doub
     return {(column + 0.5 - view.center[0]) / view.focal[0] * depth, (row + 0.5 - view.center[1]) / view.focal[1] * depth, depth};
 }
 
-// Depth of other's points in the pixels of view.
+// Depth of other's points in the pixels of view, the nearest of each pixel.
 std::vector<float> warp(const DepthView& view, const DepthView& other) {
     std::vector<float> layer(view.pixels(), 0.0f);
     const Matrix m = relative(view.cam_from_world, other.cam_from_world);
+    // A point is its depth times the turned ray of its pixel, which is the sum of a part of the column and one of the row,
+    // plus the way between the cameras; scaled so that the quotient is in pixels.
+    const std::size_t width = static_cast<std::size_t>(other.width);
+    std::vector<float> across(width), along(width), ahead(width), u(width), v(width), z(width);
+    const auto scaled = [&](const double x, const double y, const double w) {
+        const double depth = m[8] * x + m[9] * y + m[10] * w;
+        return std::array<float, 3>{
+            static_cast<float>((m[0] * x + m[1] * y + m[2] * w) * view.focal[0] + depth * view.center[0]),
+            static_cast<float>((m[4] * x + m[5] * y + m[6] * w) * view.focal[1] + depth * view.center[1]), static_cast<float>(depth)};
+    };
+    for (std::size_t column = 0; column < width; ++column) {
+        const std::array<float, 3> part = scaled((static_cast<double>(column) + 0.5 - other.center[0]) / other.focal[0], 0, 1);
+        across[column] = part[0];
+        along[column] = part[1];
+        ahead[column] = part[2];
+    }
+    const float tu = static_cast<float>(m[3] * view.focal[0] + m[11] * view.center[0]);
+    const float tv = static_cast<float>(m[7] * view.focal[1] + m[11] * view.center[1]), tz = static_cast<float>(m[11]);
+    const float right = static_cast<float>(view.width), bottom = static_cast<float>(view.height);
     for (int row = 0; row < other.height; ++row) {
-        for (int column = 0; column < other.width; ++column) {
-            const float depth = other.depth_m[static_cast<std::ptrdiff_t>(row) * other.width + column];
-            if (!(depth > 0)) continue;
-            const std::array<double, 3> p = unproject(other, column, row, depth);
-            const Sighting seen = see(view, m.data(), p[0], p[1], p[2]);
-            if (seen.pixel < 0) continue;
-            float& nearest = layer[static_cast<std::size_t>(seen.pixel)];
-            const float z = static_cast<float>(seen.depth_m);
-            if (nearest == 0 || z < nearest) nearest = z;
+        const float* depth = other.depth_m + static_cast<std::size_t>(row) * width;
+        const std::array<float, 3> part = scaled(0, (row + 0.5 - other.center[1]) / other.focal[1], 0);
+        for (std::size_t k = 0; k < width; ++k) {
+            const float d = depth[k], distance = d * (ahead[k] + part[2]) + tz;
+            const bool known = (d > 0) & (distance > 0);
+            z[k] = known ? distance : 0.0f;
+            u[k] = (d * (across[k] + part[0]) + tu) / (known ? distance : 1.0f);
+            v[k] = (d * (along[k] + part[1]) + tv) / (known ? distance : 1.0f);
+        }
+        for (std::size_t k = 0; k < width; ++k) {
+            if (!(z[k] > 0 && u[k] >= 0 && u[k] < right && v[k] >= 0 && v[k] < bottom)) continue;
+            float& nearest = layer[static_cast<std::size_t>(v[k]) * static_cast<std::size_t>(view.width) + static_cast<std::size_t>(u[k])];
+            if (nearest == 0 || z[k] < nearest) nearest = z[k];
         }
     }
     return layer;

@@ -12,104 +12,109 @@ namespace usdfoliage {
 
 namespace {
 
-constexpr std::size_t kChunk = 1024;     // pixels a thread takes at once
-constexpr double kLeastSupport = 4;      // neighbours that a plane needs
-constexpr double kReach = 0.75;          // of the first tolerance: a surface this part of the steepest slope off counts
-constexpr double kNoises = 3;            // standard deviations that count as near
-constexpr double kSlopePrior = 1e-3;     // holds the slope of neighbours in a line
+constexpr std::size_t kBlock = 128;     // pixels worked on side by side
+constexpr float kLeastSupport = 4;      // neighbours that a plane needs
+constexpr float kReach = 0.75f;         // of the first tolerance: a surface this part of the steepest slope off counts
+constexpr float kNoises = 3;            // standard deviations that count as near
+constexpr float kSlopePrior = 1e-3f;    // holds the slope of neighbours in a line
+constexpr float kLeastSpread = 1e-6f;   // of the neighbours over the window, that tells a slope
 
 struct Neighbour {
-    int right;
-    int down;
-    std::ptrdiff_t step;   // to its index
+    float right;
+    float down;
+    std::ptrdiff_t step;  // to its index
     float distance_px;
 };
 
-std::vector<Neighbour> disc(int radius, int width) {
+std::vector<Neighbour> disc(int radius, std::ptrdiff_t stride) {
     std::vector<Neighbour> result;
     for (int down = -radius; down <= radius; ++down) {
         for (int right = -radius; right <= radius; ++right) {
             const int square = right * right + down * down;
             if (square > radius * radius + 1) continue;
-            result.push_back({right, down, static_cast<std::ptrdiff_t>(down) * width + right,
+            result.push_back({static_cast<float>(right), static_cast<float>(down), down * stride + right,
                               std::sqrt(static_cast<float>(square))});
         }
     }
     return result;
 }
 
-struct Plane {
-    float right;
-    float down;
-    float value;
-    float support;
+// Depth and its inverse with a border of none, so that no window leaves them.
+struct Padded {
+    std::vector<float> depth;
+    std::vector<float> inverse;
+    std::ptrdiff_t stride;
+    int border;
+
+    std::ptrdiff_t index(int row, int column) const { return (row + border) * stride + column + border; }
 };
 
-// Weighted sums of a fit; inverse depth is counted from the pixel's own, which keeps digits.
-struct Sums {
-    double w = 0, x = 0, y = 0, xx = kSlopePrior, xy = 0, yy = kSlopePrior, q = 0, qx = 0, qy = 0;
-
-    void add(double weight, int dx, int dy, double dq) {
-        const double wx = weight * dx, wy = weight * dy;
-        w += weight;
-        x += wx;
-        y += wy;
-        xx += wx * dx;
-        xy += wx * dy;
-        yy += wy * dy;
-        q += weight * dq;
-        qx += wx * dq;
-        qy += wy * dq;
-    }
-
-    Plane solve(double own) const {
-        Plane plane{0, 0, static_cast<float>(own), static_cast<float>(w)};
-        if (w < kLeastSupport) return plane;
-        const double m00 = xx - x * x / w, m01 = xy - x * y / w, m11 = yy - y * y / w;
-        const double r0 = qx - x * q / w, r1 = qy - y * q / w, determinant = m00 * m11 - m01 * m01;
-        if (!(determinant > 1e-6 * w * w)) return plane;
-        const double a = (m11 * r0 - m01 * r1) / determinant, b = (m00 * r1 - m01 * r0) / determinant;
-        plane.right = static_cast<float>(a);
-        plane.down = static_cast<float>(b);
-        plane.value = static_cast<float>(own + (q - a * x - b * y) / w);
-        return plane;
-    }
-};
-
-Plane fit_plane(const DepthView& view, std::ptrdiff_t pixel, const std::vector<Neighbour>& window, int radius,
-                float steepest, float noise, float footprint_at_one) {
-    const float depth = view.depth_m[pixel];
-    if (!(depth > 0)) return {0, 0, 0, 0};
-    const int row = static_cast<int>(pixel / view.width), column = static_cast<int>(pixel % view.width);
-    const bool inside = row >= radius && row < view.height - radius && column >= radius && column < view.width - radius;
-    const float footprint = depth * footprint_at_one;
-    const float own = 1 / depth;
-    Plane plane{0, 0, own, 0};
-    for (int pass = 0; pass < 2; ++pass) {
-        Sums sums;
-        for (const Neighbour& next : window) {
-            if (!inside) {
-                const int r = row + next.down, c = column + next.right;
-                if (r < 0 || r >= view.height || c < 0 || c >= view.width) continue;
-            }
-            const float other = view.depth_m[pixel + next.step];
-            if (!(other > 0)) continue;
-            float away, tolerance;
-            if (pass == 0) {
-                away = std::fabs(other - depth);
-                tolerance = (steepest * next.distance_px * static_cast<float>(kReach) + 1) * footprint + noise;
-            } else {
-                const float predicted = plane.value + plane.right * static_cast<float>(next.right) + plane.down * static_cast<float>(next.down);
-                away = std::fabs(other * predicted - 1) * other;  // of depth, to first order
-                tolerance = 0.5f * steepest * footprint + noise;
-            }
-            if (!(away < tolerance)) continue;
-            const float square = tolerance * tolerance;
-            sums.add(square / (square + 4 * away * away), next.right, next.down, 1 / static_cast<double>(other) - own);
+Padded pad(const DepthView& view, int border, int threads) {
+    Padded padded{{}, {}, static_cast<std::ptrdiff_t>(view.width) + 2 * border, border};
+    const std::size_t size = static_cast<std::size_t>(padded.stride) * static_cast<std::size_t>(view.height + 2 * border);
+    padded.depth.assign(size, 0.0f);
+    padded.inverse.assign(size, 0.0f);
+    parallel_for(static_cast<std::size_t>(view.height), threads, [&](std::size_t row) {
+        const float* from = view.depth_m + row * static_cast<std::size_t>(view.width);
+        const std::ptrdiff_t to = padded.index(static_cast<int>(row), 0);
+        for (int column = 0; column < view.width; ++column) {
+            const bool known = from[column] > 0;
+            padded.depth[static_cast<std::size_t>(to + column)] = known ? from[column] : 0.0f;
+            padded.inverse[static_cast<std::size_t>(to + column)] = known ? 1 / from[column] : 0.0f;
         }
-        plane = sums.solve(own);
+    });
+    return padded;
+}
+
+// The fits of some pixels at once, in lanes: plain loops over arrays that the compiler turns into vector instructions.
+struct Lanes {
+    float depth[kBlock], own[kBlock], footprint[kBlock];
+    float right[kBlock], down[kBlock], value[kBlock];  // the plane
+    // weighted sums; inverse depth is counted from the pixel's own, which keeps digits
+    float w[kBlock], x[kBlock], y[kBlock], xx[kBlock], xy[kBlock], yy[kBlock], q[kBlock], qx[kBlock], qy[kBlock];
+    float near_depth[kBlock], near_inverse[kBlock];
+};
+
+void clear_sums(Lanes& lanes) {
+    for (float* sum : {lanes.w, lanes.x, lanes.y, lanes.xy, lanes.q, lanes.qx, lanes.qy}) std::fill(sum, sum + kBlock, 0.0f);
+    for (float* sum : {lanes.xx, lanes.yy}) std::fill(sum, sum + kBlock, kSlopePrior);
+}
+
+template <bool first>
+void add_neighbour(Lanes& lanes, const Neighbour& next, const float* depths, const float* inverses, float steepest, float noise) {
+    const float dx = next.right, dy = next.down, reach = first ? steepest * next.distance_px * kReach + 1 : 0.5f * steepest;
+    for (std::size_t k = 0; k < kBlock; ++k) {
+        const float other = depths[k], predicted = lanes.value[k] + lanes.right[k] * dx + lanes.down[k] * dy;
+        // of depth: in the first pass exact, later to first order
+        const float away = first ? std::fabs(other - lanes.depth[k]) : std::fabs(other * predicted - 1) * other;
+        const float tolerance = reach * lanes.footprint[k] + noise, square = tolerance * tolerance;
+        // times the condition, since a choice would be a jump
+        const float weight = square / (square + 4 * away * away) * static_cast<float>((away < tolerance) & (other > 0));
+        const float wx = weight * dx, wy = weight * dy, dq = inverses[k] - lanes.own[k];
+        lanes.w[k] += weight;
+        lanes.x[k] += wx;
+        lanes.y[k] += wy;
+        lanes.xx[k] += wx * dx;
+        lanes.xy[k] += wx * dy;
+        lanes.yy[k] += wy * dy;
+        lanes.q[k] += weight * dq;
+        lanes.qx[k] += wx * dq;
+        lanes.qy[k] += wy * dq;
     }
-    return plane;
+}
+
+void solve(Lanes& lanes) {
+    for (std::size_t k = 0; k < kBlock; ++k) {
+        const float w = lanes.w[k], some = w > 0 ? w : 1.0f, x = lanes.x[k] / some, y = lanes.y[k] / some, q = lanes.q[k] / some;
+        const float m00 = lanes.xx[k] - lanes.x[k] * x, m01 = lanes.xy[k] - lanes.x[k] * y, m11 = lanes.yy[k] - lanes.y[k] * y;
+        const float r0 = lanes.qx[k] - lanes.x[k] * q, r1 = lanes.qy[k] - lanes.y[k] * q, determinant = m00 * m11 - m01 * m01;
+        const bool good = (w >= kLeastSupport) & (determinant > kLeastSpread * w * w);
+        const float divisor = good ? determinant : 1.0f;
+        const float a = (m11 * r0 - m01 * r1) / divisor, b = (m00 * r1 - m01 * r0) / divisor;
+        lanes.right[k] = good ? a : 0.0f;
+        lanes.down[k] = good ? b : 0.0f;
+        lanes.value[k] = lanes.own[k] + (good ? q - a * x - b * y : 0.0f);
+    }
 }
 
 // The lowest index of a piece stands for it.
@@ -138,17 +143,57 @@ std::array<double, 3> point_of(const DepthView& view, std::size_t pixel) {
 
 void fit_local_planes(const DepthView& view, const std::int64_t* pixels, std::size_t n, const PlaneOptions& options,
                       float* planes, float* support) {
-    const std::vector<Neighbour> window = disc(options.radius, view.width);
+    const Padded padded = pad(view, options.radius, options.threads);
+    const std::vector<Neighbour> window = disc(options.radius, padded.stride);
     const float steepest = static_cast<float>(options.footprints), noise = static_cast<float>(kNoises * options.noise_m);
     const float footprint_at_one = static_cast<float>(1 / view.focal_mean());
-    parallel_for((n + kChunk - 1) / kChunk, options.threads, [&](std::size_t chunk) {
-        for (std::size_t i = chunk * kChunk; i < std::min(n, (chunk + 1) * kChunk); ++i) {
-            const std::ptrdiff_t pixel = pixels ? static_cast<std::ptrdiff_t>(pixels[i]) : static_cast<std::ptrdiff_t>(i);
-            const Plane plane = fit_plane(view, pixel, window, options.radius, steepest, noise, footprint_at_one);
-            planes[3 * i] = plane.right;
-            planes[3 * i + 1] = plane.down;
-            planes[3 * i + 2] = plane.value;
-            support[i] = plane.support;
+    parallel_for((n + kBlock - 1) / kBlock, options.threads, [&](std::size_t block) {
+        const std::size_t start = block * kBlock, used = std::min(n - start, kBlock);
+        std::ptrdiff_t at[kBlock];
+        bool any = false, in_a_row = used == kBlock;
+        for (std::size_t k = 0; k < kBlock; ++k) {
+            const std::size_t i = start + std::min(k, used - 1);  // unused lanes repeat the last pixel
+            const std::size_t pixel = pixels ? static_cast<std::size_t>(pixels[i]) : i, width = static_cast<std::size_t>(view.width);
+            at[k] = padded.index(static_cast<int>(pixel / width), static_cast<int>(pixel % width));
+            any |= padded.depth[static_cast<std::size_t>(at[k])] > 0;
+            in_a_row &= at[k] == at[0] + static_cast<std::ptrdiff_t>(k);
+        }
+        if (!any) {
+            std::fill(planes + 3 * start, planes + 3 * (start + used), 0.0f);
+            std::fill(support + start, support + start + used, 0.0f);
+            return;
+        }
+        Lanes lanes;
+        for (std::size_t k = 0; k < kBlock; ++k) {
+            lanes.depth[k] = padded.depth[static_cast<std::size_t>(at[k])];
+            lanes.value[k] = lanes.own[k] = padded.inverse[static_cast<std::size_t>(at[k])];
+            lanes.footprint[k] = lanes.depth[k] * footprint_at_one;
+            lanes.right[k] = lanes.down[k] = 0;
+        }
+        const auto fit = [&](auto add) {
+            clear_sums(lanes);
+            for (const Neighbour& next : window) {
+                if (in_a_row) {
+                    add(lanes, next, padded.depth.data() + at[0] + next.step, padded.inverse.data() + at[0] + next.step, steepest, noise);
+                    continue;
+                }
+                for (std::size_t k = 0; k < kBlock; ++k) {
+                    lanes.near_depth[k] = padded.depth[static_cast<std::size_t>(at[k] + next.step)];
+                    lanes.near_inverse[k] = padded.inverse[static_cast<std::size_t>(at[k] + next.step)];
+                }
+                add(lanes, next, lanes.near_depth, lanes.near_inverse, steepest, noise);
+            }
+            solve(lanes);
+        };
+        fit(&add_neighbour<true>);
+        fit(&add_neighbour<false>);
+        for (std::size_t k = 0; k < used; ++k) {
+            const std::size_t i = start + k;
+            const bool known = lanes.depth[k] > 0;
+            planes[3 * i] = known ? lanes.right[k] : 0.0f;
+            planes[3 * i + 1] = known ? lanes.down[k] : 0.0f;
+            planes[3 * i + 2] = known ? lanes.value[k] : 0.0f;
+            support[i] = known ? lanes.w[k] : 0.0f;
         }
     });
 }

@@ -8,6 +8,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +24,8 @@ _MAD = 1.4826  # standard deviations of a normal distribution in its median abso
 _WINDOW_PX = 3  # of the planes that noise is measured about
 _STEEPEST = 4.0  # footprints of depth a pixel, on these planes
 _SUPPORT = 10.0  # neighbours that such a plane needs
+_FRONT_PX = 12  # from the edge of a surface that stands before others
+_FRONT_SHARE = 0.02  # of the pixels, that must be of such surfaces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +37,7 @@ class CoherenceSettings:
     noises: float = 4.0  # standard deviations of the noise, that they may differ by besides
     least_own: int = 2  # depths, its own with them, that confirm a pixel's own
     least_others: int = 3  # depths of other views that stand in for one that is not confirmed, or for none
-    noise_samples: int = 20_000  # pixels of a view that its noise is measured at
+    noise_samples: int = 10_000  # pixels of a view that its noise is measured at
 
     def __post_init__(self) -> None:
         if self.neighbors < 0 or self.footprints < 0 or self.noises < 0:
@@ -50,7 +53,7 @@ class CoherentDepth:
     """The depth of V views."""
 
     depth_m: tuple[NDArray[np.float32], ...]  # V of (H, W), along the optical axis, 0 where there is none
-    noise_m: tuple[float, ...]  # V, standard deviation of what is left, across the surface
+    noise_m: tuple[float, ...]  # V, standard deviation of what is left, along the optical axis
     raw_noise_m: tuple[float, ...]  # V, the same before
     filled_px: tuple[int, ...]  # V, pixels that had no depth
     replaced_px: tuple[int, ...]  # V, pixels that had another depth
@@ -135,8 +138,8 @@ def nearest_views(
     return [among[k] for k in order.tolist() if among[k] != index][:count]
 
 
-def measure_noise(view: View, samples: int = 20_000, *, threads: int = 0) -> float:
-    """Standard deviation of a view's depth about the surfaces it shows, across them, in metres; 0 without depth.
+def measure_noise(view: View, samples: int = 10_000, *, threads: int = 0) -> float:
+    """Standard deviation of a view's depth about the surfaces it shows, along the optical axis; 0 without depth.
 
     Measured robustly about planes through small windows; steps of rounded depth count as noise.
     """
@@ -148,11 +151,10 @@ def _measure(seen: DepthView, settings: CoherenceSettings, threads: int) -> floa
 
 
 def _measure_noise(seen: DepthView, samples: int, threads: int) -> float:
-    depth, intrinsics, _ = seen
-    pixels = np.flatnonzero(depth > 0)
+    depth, (focal_x, focal_y, _, _), _ = seen
+    pixels = _front_pixels(depth, float(np.sqrt(focal_x * focal_y)))
     if not len(pixels):
         return 0.0
-    # evenly over the picture, by a step that shares no factor with its width
     pixels = pixels[np.arange(min(samples, len(pixels))) * len(pixels) // min(samples, len(pixels))]
     rows, columns = np.divmod(pixels, depth.shape[1])
     noise_m = _noise_of_steps(depth, rows, columns)
@@ -163,13 +165,31 @@ def _measure_noise(seen: DepthView, samples: int, threads: int) -> float:
         good = support >= _SUPPORT
         if not good.any():
             return noise_m
-        a, b, q = planes[good].astype(np.float64).T
-        right, down = a * intrinsics[0], b * intrinsics[1]
-        ahead = q - a * (columns[good] + 0.5 - intrinsics[2]) - b * (rows[good] + 0.5 - intrinsics[3])
-        # the plane right x + down y + ahead z = 1
-        away_m = np.abs(own[good] * q - 1) / np.sqrt(right**2 + down**2 + ahead**2)
+        away_m = np.abs(own[good] * planes[good, 2] - 1) * own[good]
         noise_m = float(_MAD * np.median(away_m))
     return noise_m
+
+
+def _front_pixels(depth: NDArray[np.float32], focal_px: float) -> NDArray[np.intp]:
+    """Indices of pixels beside the edge of a surface that stands before others: there the leaves are.
+
+    Walls and ground behind them, often most of the picture, may be much noisier, or so coarsely rounded that the noise
+    does not show. So pixels whose neighbours are all as deep as they are tell nothing either. All pixels with depth if
+    too few are left.
+    """
+    known = depth > 0
+    smooth = cv2.medianBlur(depth, 5)  # without single outliers
+    behind = cv2.dilate(smooth, np.ones((2 * _FRONT_PX + 1, 2 * _FRONT_PX + 1), np.uint8))
+    # farther than any surface through the pixel could be
+    front = known & (smooth > 0) & (behind > depth * np.float32(1 + _STEEPEST * _FRONT_PX / focal_px))
+    wide = cv2.copyMakeBorder(depth, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+    front &= np.logical_or.reduce(
+        [part != depth for part in (wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:])]
+    )
+    pixels = np.flatnonzero(front)
+    if len(pixels) < _FRONT_SHARE * np.count_nonzero(known):
+        pixels = np.flatnonzero(known)
+    return pixels
 
 
 def _noise_of_steps(depth: NDArray[np.float32], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> float:
