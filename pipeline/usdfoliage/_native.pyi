@@ -134,7 +134,7 @@ def leaf_bounds(
 def draw_leaf_grids(
     places: NDArray[np.float64], height: int, width: int, threads: int
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Draw grids (N, V, U, 3), x, y and depth, with a z-buffer: ids (H, W), -1 for none, and depth (H, W), 0 for none."""
+    """Draw grids (N, V, U, 3), x, y and depth, with a z-buffer: ids (H, W), -1 for none, and depth (H, W), 0."""
 
 def enclosing_ellipses(
     points: NDArray[np.float64],

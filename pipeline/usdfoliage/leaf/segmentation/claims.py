@@ -95,6 +95,34 @@ def claim_pixels(
     )  # fmt: skip
 
 
+def complete_claims(
+    labels: NDArray[np.int32], patches: NDArray[np.int32], count: int, least_share: float, least_owned: float
+) -> NDArray[np.int32]:
+    """Claims (H, W) where patches (H, W) of one surface that one leaf has nearly alone are its to the last pixel.
+
+    So a leaf gets the tips and margins that its model did not reach yet.
+
+    Args:
+        labels: 0 for none, k for the leaf k - 1 of count.
+        patches: 0 for none, k for the patch k - 1.
+        least_share: Of a patch's claimed pixels that are of the leaf.
+        least_owned: Of all its pixels that are of the leaf.
+    """
+    pairs = np.bincount(patches.ravel().astype(np.int64) * (count + 1) + labels.ravel())
+    wide = np.zeros((int(patches.max(initial=0)) + 1) * (count + 1), np.int64)
+    wide[: len(pairs)] = pairs
+    pixels = wide.reshape(-1, count + 1)
+    claimed = pixels[:, 1:]
+    if not count:
+        return labels
+    owner = claimed.argmax(axis=1)
+    most = claimed.max(axis=1)
+    alone = (most >= least_share * claimed.sum(axis=1)) & (most >= least_owned * pixels.sum(axis=1)) & (most > 0)
+    alone[0] = False
+    given = np.where(alone, owner + 1, 0).astype(np.int32)
+    return np.where((labels == 0) & (patches > 0), given[patches], labels)
+
+
 def collect_points(
     views: Sequence[View],
     depths_m: Sequence[NDArray[np.floating]],

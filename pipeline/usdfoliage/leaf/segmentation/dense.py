@@ -1,0 +1,484 @@
+"""Leaves as hypotheses that all views judge: the method dense.
+
+Depth is made coherent across views and cut into patches of one surface where it jumps. To each patch, and to those of
+other views that show the same, a leaf is fitted; every view is asked whether it sees that leaf, sees through it, and
+sees it end where its silhouette is. What is most like a whole leaf claims its pixels first, is fitted again to all of
+them, and leaves the rest to the next pass, which also tries neighbouring pieces as one leaf. What size, form and colour
+leaves have is learned from the surest ones of the scene. Our own idea; where it is like section 4 of the paper is that
+the most visible leaves come first and help to find the others.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.view import View
+from usdfoliage.leaf.fit.prior import LeafPrior, generic_prior, learn_prior
+from usdfoliage.leaf.segmentation.claims import (
+    ClaimSettings,
+    PointSettings,
+    claim_pixels,
+    collect_points,
+    complete_claims,
+)
+from usdfoliage.leaf.segmentation.coherence import CoherenceSettings, make_depth_coherent, nearest_views
+from usdfoliage.leaf.segmentation.evidence import Evidence, EvidenceSettings, weigh_evidence
+from usdfoliage.leaf.segmentation.foliage_color import index_colors, judge_colors
+from usdfoliage.leaf.segmentation.fragments import append_points, join_points, pair_fragments
+from usdfoliage.leaf.segmentation.leafness import UsualLeaf, judge_leaves, judge_likeness, measure_usual
+from usdfoliage.leaf.segmentation.model import Candidates, LeafPoints, Segmentation
+from usdfoliage.leaf.segmentation.overlap import Overlaps, group_patches, measure_overlaps
+from usdfoliage.leaf.segmentation.patches import LocalPlanes, Patches, PatchSettings, find_patches, fit_planes_of_view
+from usdfoliage.leaf.segmentation.proposals import Proposals, join_proposals, propose_leaves, refit_proposals
+from usdfoliage.leaf.segmentation.selection import drop_twins, select_leaves
+
+Progress = Callable[[int, int], None]
+
+FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal
+USUAL_WIDTH = 0.5  # in lengths, before any leaf was seen
+
+
+@dataclass(frozen=True, kw_only=True)
+class PassSettings:
+    """When a pass keeps a leaf."""
+
+    least_quality: float  # 0 to 1
+    violation_weight: float  # of the share of a leaf that views look through
+    max_overlap: float  # share of a leaf that better ones may cover
+    complete: bool = False  # give leaves the rest of patches that they have nearly alone
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.least_quality <= 1 and self.violation_weight >= 0 and 0 < self.max_overlap <= 1):
+            raise ValueError(f"least_quality and max_overlap must be from 0 to 1, violation_weight 0 or more: {self}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DenseSegmentationSettings:
+    """How leaves are found. Distances are in pixel footprints, noises of the depth and usual leaf lengths."""
+
+    plane_threshold_m: float | None = None  # between a leaf and its points; None: from noise and footprints
+    coherence: CoherenceSettings = field(default_factory=CoherenceSettings)
+    patches: PatchSettings = field(default_factory=PatchSettings)
+    evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
+    claims: ClaimSettings = field(default_factory=ClaimSettings)
+    points: PointSettings = field(default_factory=PointSettings)
+    # First fits are rough: what sees through them counts less, and many are tried.
+    first: PassSettings = field(
+        default_factory=lambda: PassSettings(least_quality=0.1, violation_weight=0.5, max_overlap=0.6)
+    )
+    second: PassSettings = field(
+        default_factory=lambda: PassSettings(least_quality=0.12, violation_weight=0.6, max_overlap=0.5)
+    )
+    third: PassSettings = field(
+        default_factory=lambda: PassSettings(least_quality=0.15, violation_weight=0.8, max_overlap=0.5)
+    )
+    last: PassSettings = field(
+        default_factory=lambda: PassSettings(least_quality=0.2, violation_weight=1.0, max_overlap=0.5, complete=True)
+    )
+    piece_length: float = 0.3  # least length of a patch that may be a leaf, in usual lengths
+    piece_area: float = 0.04  # and its least area, in squares of it
+    whole: float = 2.5  # most of both
+    joined_quality: float = 0.6  # of the worse of two pieces, that both as one leaf need
+    owned: float = 0.5  # of a patch that a leaf must claim to get the rest of it
+    alone: float = 0.9  # of all claims to that patch
+    twins: float = 0.1  # leaf lengths between leaves that are the same
+
+    def __post_init__(self) -> None:
+        if self.plane_threshold_m is not None and not self.plane_threshold_m > 0:
+            raise ValueError(f"plane_threshold_m must be above 0, not {self.plane_threshold_m}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Scene:
+    """What all passes look at."""
+
+    views: Sequence[View]  # those with depth
+    numbers: NDArray[np.int64]  # of each among all views
+    depths_m: Sequence[NDArray[np.float32]]
+    noises_m: Sequence[float]
+    noise_m: float  # usual
+    tolerance_m: float  # between a leaf and its points
+    planes: Sequence[LocalPlanes]
+    patches: Sequence[Patches]
+    colors: Sequence[NDArray[np.int32]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pass:
+    """What a pass has found."""
+
+    proposals: Proposals
+    points: LeafPoints
+    labels: Sequence[NDArray[np.int32]]
+    prior: LeafPrior
+    usual: UsualLeaf
+
+
+def segment_dense(
+    views: Sequence[View],
+    settings: DenseSegmentationSettings = DenseSegmentationSettings(),
+    progress: Progress | None = None,
+    *,
+    threads: int = 0,
+) -> Segmentation:
+    """Find the leaves of a scene.
+
+    Args:
+        views: Of one world; those without depth are not used.
+        settings: How.
+        progress: Told of steps done, and how many there are.
+        threads: At most so many, 0 for one per core; the result is the same.
+    """
+    used = [index for index, view in enumerate(views) if view.has_depth]
+    if not used:
+        return _nothing(views)
+    tell = _Teller(progress, 2 * len(used) + 7)
+    scene = _look(views, used, settings, tell, threads)
+    patches = scene.patches
+    dropped: dict[str, int] = {}
+    candidates = _candidates(views, used, patches)
+
+    overlaps = _overlap(scene, patches, settings)
+    tell.step()
+    usual_m = _usual_length(patches, overlaps)
+    groups = _choose_groups(patches, overlaps, usual_m, settings)
+    _count(dropped, "patches too small, too large or without a free edge", len(overlaps.view) - sum(map(len, groups)))
+    if not groups:
+        return Segmentation(candidates=candidates, leaves=_no_points(), dropped=dropped)
+    points = _points_of_groups(scene, patches, overlaps, groups)
+    proposals = propose_leaves(points, usual_m, USUAL_WIDTH, scene.tolerance_m, threads=threads)
+    tell.step()
+
+    state = _settle(scene, proposals, None, None, settings.first, settings, dropped, threads=threads)
+    tell.step()
+    for passing in (settings.second, settings.third):
+        proposals, pairs = _propose_more(scene, state, settings, threads)
+        prior = None if passing is settings.second else state.prior
+        state = _settle(scene, proposals, state.usual, prior, passing, settings, dropped, pairs=pairs, threads=threads)
+        tell.step()
+    state = _settle(
+        scene, state.proposals, state.usual, state.prior, settings.last, settings, dropped, threads=threads
+    )  # fmt: skip
+    tell.step()
+    leaves = _finish(scene, state, settings, threads)
+    tell.step()
+    return Segmentation(candidates=candidates, leaves=leaves, dropped=dropped)
+
+
+class _Teller:
+    """Counts steps for a progress report."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self._progress, self._total, self._done = progress, total, 0
+
+    def step(self) -> None:
+        self._done = min(self._done + 1, self._total)
+        if self._progress:
+            self._progress(self._done, self._total)
+
+
+def _look(
+    views: Sequence[View], used: Sequence[int], settings: DenseSegmentationSettings, tell: _Teller, threads: int
+) -> _Scene:
+    chosen = [views[index] for index in used]
+    coherent = make_depth_coherent(chosen, settings.coherence, lambda done, total: tell.step(), threads=threads)
+    noise_m = float(np.median(coherent.noise_m))
+    footprint_m = float(
+        np.median([_footprint(view, depth) for view, depth in zip(chosen, coherent.depth_m, strict=True)])
+    )
+    planes, patches = [], []
+    for view, depth_m in zip(chosen, coherent.depth_m, strict=True):
+        fitted = fit_planes_of_view(view, depth_m, noise_m, settings.patches, threads=threads)
+        planes.append(fitted)
+        patches.append(
+            find_patches(view, depth_m, noise_m, settings.patches, planes=fitted, valid=view.mask, threads=threads)
+        )
+        tell.step()
+    return _Scene(
+        views=chosen,
+        numbers=np.asarray(used, np.int64),
+        depths_m=coherent.depth_m,
+        noises_m=coherent.noise_m,
+        noise_m=noise_m,
+        tolerance_m=settings.plane_threshold_m or 3 * noise_m + 1.5 * footprint_m,
+        planes=planes,
+        patches=patches,
+        colors=index_colors(chosen),
+    )
+
+
+def _footprint(view: View, depth_m: NDArray[np.float32]) -> float:
+    """Metres that a pixel of usual depth spans."""
+    known = depth_m[depth_m > 0]
+    return float(np.median(known)) / view.camera.focal_px[0] if len(known) else 0.0
+
+
+def _overlap(scene: _Scene, patches: Sequence[Patches], settings: DenseSegmentationSettings) -> Overlaps:
+    cameras = [view.camera for view in scene.views]
+    every = list(range(len(cameras)))
+    neighbors = []
+    for index in every:
+        known = scene.depths_m[index][scene.depths_m[index] > 0]
+        depth_m = float(np.median(known)) if len(known) else 1.0
+        neighbors.append(nearest_views(cameras, index, every, depth_m, settings.coherence.neighbors))
+    return measure_overlaps(
+        scene.views,
+        scene.depths_m,
+        [found.labels for found in patches],
+        [len(found.pixels) for found in patches],
+        neighbors,
+        4.0,
+        scene.noise_m,
+    )
+
+
+def _gather(patches: Sequence[Patches], name: str) -> NDArray[np.float64]:
+    return np.concatenate([np.asarray(getattr(found, name), np.float64) for found in patches])
+
+
+def _free_share(patches: Sequence[Patches]) -> NDArray[np.float64]:
+    free, hidden, unknown = (_gather(patches, name) for name in ("free_px", "hidden_px", "unknown_px"))
+    return free / np.maximum(free + hidden + unknown, 1)
+
+
+def _usual_length(patches: Sequence[Patches], overlaps: Overlaps) -> float:
+    """Length that half of the area of patches lies below that stand free, are flat ellipses and seen alike by views."""
+    length_m, width_m, area_m2, fill = (_gather(patches, name) for name in ("length_m", "width_m", "area_m2", "fill"))
+    slender, flat = width_m / np.maximum(length_m, 1e-30), _gather(patches, "thickness_m") < 0.08 * length_m
+    sure = (_free_share(patches) > 0.6) & (fill > 0.65) & (fill < 1.1) & (slender > 0.25) & flat
+    sure &= (overlaps.stability > 0.7) | (overlaps.views_seen == 0)
+    sure &= _gather(patches, "pixels") > 150
+    if np.count_nonzero(sure) < 10:
+        sure = (slender > 0.2) & (_free_share(patches) > 0.3)
+    if not sure.any():
+        return float(np.median(length_m)) if len(length_m) else 1.0
+    order = np.argsort(length_m[sure], kind="stable")
+    rising = np.cumsum(area_m2[sure][order])
+    return float(length_m[sure][order][np.searchsorted(rising, rising[-1] / 2)])
+
+
+def _may_be_leaves(
+    patches: Sequence[Patches], usual_m: float, least_free: float, settings: DenseSegmentationSettings
+) -> NDArray[np.bool_]:
+    length_m, width_m, area_m2 = (_gather(patches, name) for name in ("length_m", "width_m", "area_m2"))
+    return np.asarray(
+        (area_m2 > settings.piece_area * usual_m**2)
+        & (area_m2 < settings.whole * usual_m**2)
+        & (length_m > settings.piece_length * usual_m)
+        & (length_m < settings.whole * usual_m)
+        & (width_m > 0.08 * length_m)
+        & (_free_share(patches) > least_free)
+    )
+
+
+def _choose_groups(
+    patches: Sequence[Patches], overlaps: Overlaps, usual_m: float, settings: DenseSegmentationSettings
+) -> list[NDArray[np.int64]]:
+    plausible = _may_be_leaves(patches, usual_m, 0.08, settings)
+    stability = np.where(overlaps.views_seen > 0, overlaps.stability, 0.5)
+    size = np.minimum(_gather(patches, "area_m2") / usual_m**2, 0.5)
+    return group_patches(overlaps, plausible * _free_share(patches) * size * (stability + 0.01))
+
+
+def _points_of_groups(
+    scene: _Scene, patches: Sequence[Patches], overlaps: Overlaps, groups: Sequence[NDArray[np.int64]]
+) -> LeafPoints:
+    group_of = np.zeros(len(overlaps.view), np.int32)
+    for number, group in enumerate(groups):
+        group_of[group] = number + 1
+    labels = []
+    for index, found in enumerate(patches):
+        mine = group_of[overlaps.first[index] : overlaps.first[index + 1]]
+        labels.append(np.concatenate([[0], mine]).astype(np.int32)[found.labels])
+    return collect_points(
+        scene.views, scene.depths_m, labels, len(groups), settings=FEW_POINTS, noise_m=scene.noise_m
+    )  # fmt: skip
+
+
+def _propose_more(
+    scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, threads: int
+) -> tuple[Proposals, NDArray[np.int64]]:
+    """What was found, leaves of patches nobody claims, and pieces as one leaf: the last ones, as pairs (K, 2) tell."""
+    usual_m = state.usual.length_m
+    patches = []
+    for view, depth_m, planes, label in zip(scene.views, scene.depths_m, scene.planes, state.labels, strict=True):
+        # Claims end a pixel early or late; their rims are not leaves.
+        rest = cv2.erode((label == 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        if view.mask is not None:
+            rest &= view.mask
+        patches.append(
+            find_patches(view, depth_m, scene.noise_m, settings.patches, planes=planes, valid=rest, threads=threads)
+        )
+    plausible = _may_be_leaves(patches, usual_m, 0.05, settings)
+    first = np.concatenate([[0], np.cumsum([len(found.pixels) for found in patches])])
+    number = np.cumsum(plausible) * plausible
+    labels = [
+        np.concatenate([[0], number[first[index] : first[index + 1]]]).astype(np.int32)[found.labels]
+        for index, found in enumerate(patches)
+    ]
+    rest_points = collect_points(
+        scene.views, scene.depths_m, labels, int(plausible.sum()), settings=FEW_POINTS, noise_m=scene.noise_m,
+        threads=threads,
+    )  # fmt: skip
+    pairs = pair_fragments(state.proposals, state.points, usual_m)
+    points = append_points(rest_points, join_points(state.points, pairs))
+    width = state.usual.width_m / usual_m
+    more = propose_leaves(points, usual_m, width, scene.tolerance_m, threads=threads)
+    return join_proposals(state.proposals, more), pairs
+
+
+def _weigh(scene: _Scene, proposals: Proposals, settings: DenseSegmentationSettings, threads: int) -> Evidence:
+    return weigh_evidence(
+        proposals.leaves, scene.views, scene.depths_m, scene.noise_m, settings.evidence, threads=threads
+    )  # fmt: skip
+
+
+def _judge(
+    scene: _Scene,
+    proposals: Proposals,
+    evidence: Evidence,
+    usual: UsualLeaf | None,
+    prior: LeafPrior | None,
+    violation_weight: float,
+) -> tuple[NDArray[np.float64], UsualLeaf]:
+    """(N,), 0 to 1, of each proposal, and the usual leaf, measured where it is not known."""
+    everything = np.ones(len(proposals))
+    by_shape = judge_leaves(
+        proposals, evidence, usual or measure_usual(proposals, evidence, everything), violation_weight
+    )  # fmt: skip
+    by_color = judge_colors(
+        scene.colors, scene.views, scene.depths_m, evidence, scene.tolerance_m + 1e-12, by_shape
+    )  # fmt: skip
+    if usual is None:
+        usual = measure_usual(proposals, evidence, by_color)
+        by_shape = judge_leaves(proposals, evidence, usual, violation_weight)
+    likeness = judge_likeness(proposals, prior) if prior else everything
+    return by_shape * by_color * likeness, usual
+
+
+def _settle(
+    scene: _Scene,
+    proposals: Proposals,
+    usual: UsualLeaf | None,
+    prior: LeafPrior | None,
+    passing: PassSettings,
+    settings: DenseSegmentationSettings,
+    dropped: dict[str, int],
+    *,
+    pairs: NDArray[np.int64] | None = None,
+    threads: int,
+) -> _Pass:
+    """Keep the best proposals, give them the pixels that show them, and fit them to these."""
+    evidence = _weigh(scene, proposals, settings, threads)
+    quality, usual = _judge(scene, proposals, evidence, usual, prior, passing.violation_weight)
+    good = quality > passing.least_quality
+    _count(dropped, "proposals unlike a leaf", int(np.count_nonzero(~good)))
+    # Among leaves as good the larger goes first, so that a whole leaf comes before its pieces.
+    worth = quality * np.sqrt(np.clip(evidence.area_m2 * evidence.on / usual.area_m2, 0.1, 1.2)) * good
+    if pairs is not None and len(pairs):
+        _favour_joined(proposals, quality, worth, pairs, passing.least_quality, usual, settings)
+    overlap_m = max(scene.tolerance_m, 0.04 * usual.length_m)
+    kept = select_leaves(evidence, worth, overlap_m, passing.max_overlap)
+    kept = kept[drop_twins(proposals.leaves.take(kept), worth[kept], settings.twins)]
+    _count(dropped, "proposals of a leaf that another shows better", int(np.count_nonzero(good)) - len(kept))
+    proposals = proposals.take(kept)
+
+    labels = claim_pixels(
+        proposals.leaves, scene.views, scene.depths_m, scene.noise_m, settings.claims, threads=threads
+    )  # fmt: skip
+    if passing.complete:
+        labels = tuple(
+            complete_claims(label, found.labels, len(proposals), settings.alone, settings.owned)
+            for label, found in zip(labels, scene.patches, strict=True)
+        )
+    pixels = sum(np.bincount(label.ravel(), minlength=len(proposals) + 1) for label in labels)
+    enough = np.asarray(pixels)[1:] > settings.patches.least_px
+    _count(dropped, "leaves that too few pixels show", int(np.count_nonzero(~enough)))
+    proposals = proposals.take(np.flatnonzero(enough))
+    number = np.concatenate([[0], np.cumsum(enough) * enough]).astype(np.int32)
+    labels = tuple(number[label] for label in labels)
+    points = collect_points(
+        scene.views, scene.depths_m, labels, len(proposals), settings=settings.points, noise_m=scene.noise_m,
+        threads=threads,
+    )  # fmt: skip
+    generic = generic_prior(usual.length_m, usual.width_m / usual.length_m)
+    if not len(proposals):
+        return _Pass(proposals=proposals, points=points, labels=labels, prior=prior or generic, usual=usual)
+    evidence = _weigh(scene, proposals, settings, threads)
+    trust, _ = _judge(scene, replace(proposals, explained=np.ones(len(proposals))), evidence, usual, None, 1.0)
+    teachers = np.argsort(-trust * evidence.on, kind="stable")[: max(20, len(proposals) // 2)]
+    prior = learn_prior(proposals.numbers()[teachers], generic)
+    proposals = refit_proposals(points, proposals, prior, scene.tolerance_m, threads=threads)
+    return _Pass(proposals=proposals, points=points, labels=labels, prior=prior, usual=usual)
+
+
+def _favour_joined(
+    proposals: Proposals,
+    quality: NDArray[np.float64],
+    worth: NDArray[np.float64],
+    pairs: NDArray[np.int64],
+    least_quality: float,
+    usual: UsualLeaf,
+    settings: DenseSegmentationSettings,
+) -> None:
+    """Two pieces that make one good leaf go after it: half a leaf is often the better leaf by itself."""
+    lengths = proposals.leaves.length_m
+    begin = len(proposals) - len(pairs)
+    for number, (first, second) in enumerate(pairs, start=begin):
+        needed = max(settings.joined_quality * min(quality[first], quality[second]), least_quality)
+        longer = 1.02 * max(lengths[first], lengths[second]) < lengths[number] < 1.5 * usual.length_m
+        if quality[number] > needed and proposals.explained[number] > 0.9 and longer:
+            worth[number] = max(worth[number], 1.02 * max(worth[first], worth[second]))
+
+
+def _finish(scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, threads: int) -> LeafPoints:
+    """The points of the leaves, with how sure each is and the number of the view that shows most of it."""
+    if not len(state.proposals):
+        return _no_points()
+    evidence = _weigh(scene, state.proposals, settings, threads)
+    quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0)
+    points = state.points
+    return replace(
+        points,
+        confidence=np.clip(quality, 0, 1),
+        view=scene.numbers[points.view].astype(np.int32),
+        point_view=scene.numbers[points.point_view].astype(np.int32),
+    )
+
+
+def _candidates(views: Sequence[View], used: Sequence[int], patches: Sequence[Patches]) -> list[Candidates]:
+    """The patches of each view, for the report; the share of the ellipse that each fills as its confidence."""
+    found = dict(zip(used, patches, strict=True))
+    candidates = []
+    for index, view in enumerate(views):
+        if index in found:
+            fill = np.clip(found[index].fill, 0, 1)
+            candidates.append(Candidates(labels=found[index].labels, confidence=fill, superpixels=None))
+        else:
+            nothing = np.zeros((view.camera.height_px, view.camera.width_px), np.int32)
+            candidates.append(Candidates(labels=nothing, confidence=np.zeros(0)))
+    return candidates
+
+
+def _nothing(views: Sequence[View]) -> Segmentation:
+    return Segmentation(candidates=_candidates(views, [], []), leaves=_no_points())
+
+
+def _no_points() -> LeafPoints:
+    return LeafPoints(
+        points_m=np.zeros((0, 3)),
+        normals=np.zeros((0, 3)),
+        kind=np.zeros(0, np.uint8),
+        point_view=np.zeros(0, np.int32),
+        offsets=np.zeros(1, np.int64),
+        confidence=np.zeros(0),
+        view=np.zeros(0, np.int32),
+    )
+
+
+def _count(dropped: dict[str, int], reason: str, number: int) -> None:
+    if number > 0:
+        dropped[reason] = dropped.get(reason, 0) + number
