@@ -149,7 +149,7 @@ def _ring(leaves: Leaves, settings: EvidenceSettings, threads: int) -> tuple[NDA
     along = _unit(grid.tangents_v)
     outward = grid.tangents_u * np.array([-1.0, 1.0])[:, None]
     outward = _unit(outward - np.sum(outward * along, axis=-1, keepdims=True) * along)
-    return grid.points.reshape(len(leaves), -1, 3), outward.reshape(len(leaves), -1, 3)
+    return grid.points.reshape(-1, 2 * settings.ring, 3), outward.reshape(-1, 2 * settings.ring, 3)
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
