@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -95,32 +96,27 @@ def claim_pixels(
     )  # fmt: skip
 
 
-def complete_claims(
-    labels: NDArray[np.int32], patches: NDArray[np.int32], count: int, least_share: float, least_owned: float
-) -> NDArray[np.int32]:
-    """Claims (H, W) where patches (H, W) of one surface that one leaf has nearly alone are its to the last pixel.
+def complete_claims(labels: NDArray[np.int32], patches: NDArray[np.int32], reach_px: float) -> NDArray[np.int32]:
+    """Claims (H, W) that go on where the surface does: to unclaimed pixels of the same patch, not farther than reach_px.
 
-    So a leaf gets the tips and margins that its model did not reach yet.
+    So a leaf gets the tips and margins that its model did not reach yet, and not the whole of a leaf that it touches.
 
     Args:
-        labels: 0 for none, k for the leaf k - 1 of count.
+        labels: 0 for none, k for the leaf k - 1.
         patches: 0 for none, k for the patch k - 1.
-        least_share: Of a patch's claimed pixels that are of the leaf.
-        least_owned: Of all its pixels that are of the leaf.
+        reach_px: From the nearest claimed pixel, whose leaf gets it.
     """
-    pairs = np.bincount(patches.ravel().astype(np.int64) * (count + 1) + labels.ravel())
-    wide = np.zeros((int(patches.max(initial=0)) + 1) * (count + 1), np.int64)
-    wide[: len(pairs)] = pairs
-    pixels = wide.reshape(-1, count + 1)
-    claimed = pixels[:, 1:]
-    if not count:
+    claimed = labels > 0
+    if not claimed.any():
         return labels
-    owner = claimed.argmax(axis=1)
-    most = claimed.max(axis=1)
-    alone = (most >= least_share * claimed.sum(axis=1)) & (most >= least_owned * pixels.sum(axis=1)) & (most > 0)
-    alone[0] = False
-    given = np.where(alone, owner + 1, 0).astype(np.int32)
-    return np.where((labels == 0) & (patches > 0), given[patches], labels)
+    distance_px, nearest = cv2.distanceTransformWithLabels(
+        (~claimed).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    leaf_of, patch_of = (np.zeros(int(nearest.max()) + 1, np.int32) for _ in range(2))
+    leaf_of[nearest[claimed]] = labels[claimed]
+    patch_of[nearest[claimed]] = patches[claimed]
+    goes_on = ~claimed & (patches > 0) & (distance_px <= reach_px) & (patch_of[nearest] == patches)
+    return np.where(goes_on, leaf_of[nearest], labels).astype(np.int32)
 
 
 def collect_points(
@@ -179,13 +175,13 @@ def collect_points(
         planes, support = _native.fit_local_planes(
             one, pixels, PatchSettings.radius_px, PatchSettings.steepest, noise, threads
         )
-        points[places] = camera.unproject(np.column_stack([columns + 0.5, rows + 0.5]), one[0][rows, columns])
-        towards = camera.position_m - points[places]
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        normals[places] = np.where(
-            (support >= _LEAST_SUPPORT)[:, None], plane_normals(camera, planes, columns, rows), towards
-        )
-        kind[places] = _KINDS[edges[rows, columns]]
+        located = camera.unproject(np.column_stack([columns + 0.5, rows + 0.5]), one[0].ravel()[pixels])
+        facing = plane_normals(camera, planes, columns, rows)
+        alone = support < _LEAST_SUPPORT
+        towards = camera.position_m - located[alone]
+        facing[alone] = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+        points[places], normals[places] = located, facing
+        kind[places] = _KINDS[edges.ravel()[pixels]]
         point_view[places] = number
     most_shown = shown.argmax(axis=0) if len(views) else np.zeros(count)
     return LeafPoints(

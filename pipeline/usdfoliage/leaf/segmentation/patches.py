@@ -169,11 +169,12 @@ def plane_normals(
     A plane n X = 1 in the camera's axes has inverse depth n (x, y, 1) along the ray (x, y, 1).
     """
     right, down, own = np.asarray(slopes, np.float64).T
-    ahead = own - right * (columns + 0.5 - camera.center_px[0]) - down * (rows + 0.5 - camera.center_px[1])
-    away = np.stack([right * camera.focal_px[0], down * camera.focal_px[1], ahead], axis=1)
-    norm = np.linalg.norm(away, axis=1, keepdims=True)
-    unit = np.divide(away, -norm, out=np.zeros_like(away), where=norm > 0)
-    return np.asarray(unit @ camera.cam_from_world[:, :3])
+    away = np.empty((len(right), 3))
+    away[:, 0], away[:, 1] = right * camera.focal_px[0], down * camera.focal_px[1]
+    away[:, 2] = own - right * (columns + 0.5 - camera.center_px[0]) - down * (rows + 0.5 - camera.center_px[1])
+    norm = np.sqrt(np.einsum("ij,ij->i", away, away))
+    np.divide(away, -norm[:, None], out=away, where=norm[:, None] > 0)  # zeros stay zeros
+    return np.asarray(away @ camera.cam_from_world[:, :3])
 
 
 def _principal_axes(sums: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
