@@ -48,7 +48,6 @@ class PassSettings:
     least_quality: float  # 0 to 1
     violation_weight: float  # of the share of a leaf that views look through
     max_overlap: float  # share of a leaf that better ones may cover
-    complete: bool = False  # give leaves the rest of patches that they have nearly alone
 
     def __post_init__(self) -> None:
         if not (0 <= self.least_quality <= 1 and self.violation_weight >= 0 and 0 < self.max_overlap <= 1):
@@ -76,14 +75,13 @@ class DenseSegmentationSettings:
         default_factory=lambda: PassSettings(least_quality=0.15, violation_weight=0.8, max_overlap=0.5)
     )
     last: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.2, violation_weight=1.0, max_overlap=0.5, complete=True)
+        default_factory=lambda: PassSettings(least_quality=0.2, violation_weight=1.0, max_overlap=0.5)
     )
     piece_length: float = 0.3  # least length of a patch that may be a leaf, in usual lengths
     piece_area: float = 0.04  # and its least area, in squares of it
     whole: float = 2.5  # most of both
     joined_quality: float = 0.6  # of the worse of two pieces, that both as one leaf need
-    owned: float = 0.5  # of a patch that a leaf must claim to get the rest of it
-    alone: float = 0.9  # of all claims to that patch
+    reach: float = 0.15  # usual lengths that a leaf claims of the surface beyond its model
     twins: float = 0.1  # leaf lengths between leaves that are the same
 
     def __post_init__(self) -> None:
@@ -100,6 +98,7 @@ class _Scene:
     depths_m: Sequence[NDArray[np.float32]]
     noises_m: Sequence[float]
     noise_m: float  # usual
+    footprint_m: float  # usual, of a pixel
     tolerance_m: float  # between a leaf and its points
     planes: Sequence[LocalPlanes]
     patches: Sequence[Patches]
@@ -203,6 +202,7 @@ def _look(
         depths_m=coherent.depth_m,
         noises_m=coherent.noise_m,
         noise_m=noise_m,
+        footprint_m=footprint_m,
         tolerance_m=settings.plane_threshold_m or 3 * noise_m + 1.5 * footprint_m,
         planes=planes,
         patches=patches,
@@ -389,11 +389,10 @@ def _settle(
     labels = claim_pixels(
         proposals.leaves, scene.views, scene.depths_m, scene.noise_m, settings.claims, threads=threads
     )  # fmt: skip
-    if passing.complete:
-        labels = tuple(
-            complete_claims(label, found.labels, len(proposals), settings.alone, settings.owned)
-            for label, found in zip(labels, scene.patches, strict=True)
-        )
+    reach_px = settings.reach * usual.length_m / scene.footprint_m
+    labels = tuple(
+        complete_claims(label, found.labels, reach_px) for label, found in zip(labels, scene.patches, strict=True)
+    )
     pixels = sum(np.bincount(label.ravel(), minlength=len(proposals) + 1) for label in labels)
     enough = np.asarray(pixels)[1:] > settings.patches.least_px
     _count(dropped, "leaves that too few pixels show", int(np.count_nonzero(~enough)))
