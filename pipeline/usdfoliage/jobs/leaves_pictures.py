@@ -38,7 +38,7 @@ def draw_superpixels(view: View, labels: NDArray[np.int32]) -> NDArray[np.uint8]
 
 def draw_candidates(view: View, labels: NDArray[np.int32], confidence: NDArray[np.floating]) -> NDArray[np.uint8]:
     """The photograph (H, W, 3) with its candidates (labels (H, W), 0 for none), stronger where more is trusted."""
-    strength = np.concatenate([[0.0], FILL * (0.3 + 0.7 * np.clip(confidence, 0, 1))])
+    strength = np.concatenate([[0.0], FILL * (0.1 + 0.9 * np.clip(confidence, 0, 1))])
     return _fill(view.srgb, labels - 1, leaf_palette(len(confidence)), strength[labels])
 
 
