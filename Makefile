@@ -1,4 +1,5 @@
-# make demo   a photograph to an asset, its preview and its report; leaves and a look     make test   the whole suite, with lint and types
+# make demo   a photograph to an asset, its preview and its report; leaves and a look; leaves found in a capture
+# make test   the whole suite, with lint and types
 SHELL := /bin/bash
 PYTHON_VENV := .venv/bin/python
 DEMO := out/demo
@@ -14,6 +15,9 @@ demo: setup
 	@$(PYTHON_VENV) -m usdfoliage edit $(DEMO)_leaves --width 1.3 --bend 0.3 --jitter 0.02 12 -o $(DEMO)_look.usda
 	@$(PYTHON_VENV) -m usdfoliage preview $(DEMO)_leaves -o $(DEMO)_leaves.png
 	@$(PYTHON_VENV) -m usdfoliage preview $(DEMO)_look.usda -o $(DEMO)_look.png
+	@rm -rf $(DEMO)_capture
+	@$(PYTHON_VENV) tools/synthetic_foliage.py $(DEMO)_capture --leaves 40 --views 4 --size 480 360 --framed 40 --up Z
+	@$(PYTHON_VENV) -m usdfoliage leaves $(DEMO)_capture -o $(DEMO)_capture_leaves --report-views 2
 
 lint: setup
 	@.venv/bin/ruff check .
@@ -30,6 +34,8 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/leaf.py
 	@$(PYTHON_VENV) tools/bench/leaf_asset.py
 	@$(PYTHON_VENV) tools/bench/leaf_storm.py
+	@$(PYTHON_VENV) tools/bench/leaf_fit.py
+	@$(PYTHON_VENV) tools/bench/leaves.py
 	@$(PYTHON_VENV) -m pytest -m slow || [ $$? = 5 ]
 
 clean:

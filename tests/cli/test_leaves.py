@@ -45,7 +45,7 @@ def segmented(monkeypatch, bed):
     ids = {view.name: ids for view, ids in zip(bed.views, bed.leaf_ids, strict=True)}
     seen = []
 
-    def segment(views, settings, progress):
+    def segment(views, settings, progress, threads=0):
         seen[:] = views
         return segment_truly(views, ids)
 
@@ -174,7 +174,7 @@ def test_unsure_leaves_are_left_out(written, tmp_path, capsys):
 def test_no_leaf_is_an_empty_asset_and_a_warning(written, tmp_path, capsys, caplog, monkeypatch):
     nothing = reconstruct.find_nothing
 
-    def segment(views, settings, progress):
+    def segment(views, settings, progress, threads=0):
         return replace(nothing(views), dropped={"superpixels without a plane": 31})
 
     monkeypatch.setattr(reconstruct, "segment_dense", segment)

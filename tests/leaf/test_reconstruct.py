@@ -37,7 +37,7 @@ def segment(monkeypatch, bed):
     ids = {view.name: ids for view, ids in zip(bed.views, bed.leaf_ids, strict=True)}
 
     def use(confidence=0.9, change=lambda segmentation: segmentation):
-        def segmented(views, settings, progress):
+        def segmented(views, settings, progress, threads=0):
             progress(len(views), len(views))
             return change(segment_truly(views, ids, confidence))
 

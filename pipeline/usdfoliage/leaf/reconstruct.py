@@ -122,7 +122,7 @@ def reconstruct_leaves(
         elif settings.method == "paper":
             segmentation = segment_paper(views, settings.paper, report)
         else:
-            segmentation = segment_dense(views, settings.dense, report)
+            segmentation = segment_dense(views, settings.dense, report, threads=settings.threads)
     with step("fit") as report:
         if settings.method == "paper":
             fitted = fit_leaves_alternating(segmentation.leaves, settings.paper_fit, threads=settings.threads)
