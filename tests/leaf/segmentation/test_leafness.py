@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from leaf_proposals import evidence_of, flat_leaves, proposed
 from usdfoliage.leaf.fit.prior import exchange_ends, generic_prior, learn_prior
@@ -60,6 +60,7 @@ def test_what_does_not_explain_its_points_is_none():
     assert poor == 0
 
 
+@settings(max_examples=30, deadline=None)
 @given(
     low=share, high=share, on=share, weight=st.floats(0, 2), name=st.sampled_from(["violated", "unseen", "continued"])
 )
@@ -70,6 +71,7 @@ def test_more_against_a_leaf_never_makes_it_better(low, high, on, weight, name):
     assert 0 <= worse <= better <= 1
 
 
+@settings(max_examples=30, deadline=None)
 @given(low=share, high=share, free=share, name=st.sampled_from(["on", "free", "explained"]))
 def test_more_for_a_leaf_never_makes_it_worse(low, high, free, name):
     low, high = sorted((low, high))
@@ -78,6 +80,7 @@ def test_more_for_a_leaf_never_makes_it_worse(low, high, free, name):
     assert 0 <= worse <= better <= 1
 
 
+@settings(max_examples=30, deadline=None)
 @given(weights=st.tuples(st.floats(0, 2), st.floats(0, 2)), violated=share)
 def test_violations_weigh_as_told(weights, violated):
     light, heavy = (judge(USUAL, weight=weight, violated=violated)[0] for weight in sorted(weights))
@@ -123,6 +126,7 @@ def test_where_no_leaf_is_sure_all_count():
     assert usual.length_m == pytest.approx(0.1)
 
 
+@settings(max_examples=30, deadline=None)
 @given(st.permutations(range(6)))
 def test_the_order_of_leaves_does_not_matter(order):
     leaves = sized([0.05, 0.08, 0.1, 0.11, 0.15, 0.3], [0.3, 0.4, 0.5, 0.3, 0.4, 0.5])

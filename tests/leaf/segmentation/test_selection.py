@@ -112,7 +112,7 @@ def test_no_leaves_and_one():
     assert drop_twins(one, np.zeros(1), 0.1).tolist() == [True]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), count=st.integers(1, 12), max_overlap=st.sampled_from([0.2, 0.5, 0.9]))
 def test_the_same_as_the_plain_way(seed, count, max_overlap):
     leaves = scattered(count, seed)
@@ -121,7 +121,7 @@ def test_the_same_as_the_plain_way(seed, count, max_overlap):
     assert kept.tolist() == select_slowly(evidence, score, max_overlap)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), count=st.integers(2, 20), scale=st.sampled_from([0.125, 1.0, 8.0]))
 def test_neither_order_nor_scale_matters(seed, count, scale):
     leaves = scattered(count, seed)
