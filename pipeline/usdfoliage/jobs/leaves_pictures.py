@@ -17,6 +17,7 @@ FILL = 0.55  # of the colour over the photograph
 SHADE = 0.45  # of the photograph where there is nothing to show
 MOST_GROWN_PX = 7  # by which points are made larger to close the gaps between them
 BESIDE_PX = 1  # how far from a leaf a place of its axis may lie to be drawn
+NOISE_PX = 5  # side of the square whose majority tells whether a leaf is hidden there
 BEHIND = 0.1  # leaf lengths by which a leaf may lie behind the depth that is seen and still count as seen
 
 
@@ -101,7 +102,8 @@ def draw_fitted(view: View, leaves: Leaves, color_of: NDArray[np.integer]) -> ND
     if len(leaves):
         allowed_m = BEHIND * leaves.length_m[ids]  # -1 is the last, and not used
         hidden = (view.depth_m > 0) & (drawn.depth_m > view.depth_m + allowed_m)
-        ids = np.where(hidden, -1, ids)
+        # Single pixels of noisy depth hide nothing.
+        ids = np.where(cv2.medianBlur(hidden.astype(np.uint8), NOISE_PX) > 0, -1, ids)
     palette = leaf_palette(int(color_of.max(initial=-1)) + 1)[color_of]
     picture = _fill(view.srgb, ids, palette, np.full(ids.shape, FILL))
     bits = 4

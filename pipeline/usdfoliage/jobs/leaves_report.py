@@ -244,7 +244,8 @@ def _write_photograph(
         file = write("superpixels", draw_superpixels(view, candidates.superpixels))
         pictures.append(ReportPicture(file=file, caption="Superpixels that have a surface; dark where there is none."))
     file = write("candidates", draw_candidates(view, candidates.labels, candidates.confidence))
-    pictures.append(ReportPicture(file=file, caption="Candidates of this view, stronger where more is trusted."))
+    caption = "Candidates of this view, stronger where they are more like a leaf; walls and soil are dropped later."
+    pictures.append(ReportPicture(file=file, caption=caption))
     file = write("refined", draw_refined(view, number, segmentation.leaves))
     pictures.append(
         ReportPicture(
