@@ -22,6 +22,7 @@ from usdfoliage.jobs.leaves_pictures import (
     leaf_palette,
     shrink_camera,
     shrink_to,
+    thin_points,
 )
 from usdfoliage.jobs.leaves_report import draw_mean_leaf, leaf_histograms, measure_rows
 from usdfoliage.jobs.leaves_settings import LeavesSettings, set_everywhere
@@ -168,6 +169,23 @@ def test_points_fill_the_leaf_they_are_of():
     picture = draw_refined(view, 0, points)
     assert (picture[50, 70] == 90).all()  # shaded where nothing is
     assert (picture[30, 20] != picture[50, 70]).any()
+
+
+def test_thinned_points_fill_the_same_leaves():
+    view, points = square()
+    two = replace(
+        points,
+        offsets=np.array([0, 10, 10, 100]),
+        confidence=np.ones(3),
+        view=np.zeros(3, np.int32),
+        kind=np.arange(100).astype(np.uint8),
+    )
+    thinned = thin_points(two, 30)
+    assert thinned.offsets.tolist() == [0, 10, 10, 40]
+    assert thinned.kind.tolist() == [*range(10), *range(10, 100, 3)]
+    np.testing.assert_array_equal(thinned.points_m, points.points_m[thinned.kind])
+    few = label_points(thin_points(points, 25), view, 0)
+    assert np.mean((few == 0) == (label_points(points, view, 0) == 0)) > 0.97
 
 
 def test_points_that_another_view_saw_may_be_hidden_in_this_one():

@@ -1,5 +1,7 @@
 """What a run found, drawn over its photographs."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,8 @@ BASE = (255, 60, 40)
 FILL = 0.55  # of the colour over the photograph
 SHADE = 0.45  # of the photograph where there is nothing to show
 MOST_GROWN_PX = 7  # by which points are made larger to close the gaps between them
+DRAWN_POINTS = 2000  # of a leaf
+ELLIPSE = 4 * np.pi  # area of an even ellipse, in the root of its points' covariance's determinant
 BESIDE_PX = 1  # how far from a leaf a place of its axis may lie to be drawn
 NOISE_PX = 5  # side of the square whose majority tells whether a leaf is hidden there
 BEHIND = 0.1  # leaf lengths by which a leaf may lie behind the depth that is seen and still count as seen
@@ -67,21 +71,46 @@ def label_points(points: LeafPoints, view: View, view_number: int) -> NDArray[np
     return np.where(labels >= 0, labels, grown)
 
 
+def thin_points(points: LeafPoints, most: int = DRAWN_POINTS) -> LeafPoints:
+    """The same leaves with so many points each at most, evenly chosen among them: enough for a picture."""
+    counts = np.diff(points.offsets)
+    kept = np.minimum(counts, most)
+    offsets = np.concatenate([[0], np.cumsum(kept)])
+    leaf = np.repeat(np.arange(len(points)), kept)
+    number = np.arange(offsets[-1]) - offsets[leaf]
+    chosen = points.offsets[leaf] + number * counts[leaf] // np.maximum(kept[leaf], 1)
+    return replace(
+        points,
+        points_m=points.points_m[chosen],
+        normals=points.normals[chosen],
+        kind=points.kind[chosen],
+        point_view=points.point_view[chosen],
+        offsets=offsets,
+    )
+
+
 def _sizes_m(points: LeafPoints) -> NDArray[np.float64]:
     """About how long leaves (M,) are: four standard deviations of their points."""
-    sizes = np.zeros(len(points))
-    for leaf, (start, end) in enumerate(zip(points.offsets[:-1], points.offsets[1:], strict=True)):
-        if end > start:
-            sizes[leaf] = 4 * np.sqrt(points.points_m[start:end].var(axis=0).max())
-    return sizes
+    leaf = np.repeat(np.arange(len(points)), np.diff(points.offsets))
+    return np.asarray(4 * np.sqrt(np.einsum("nii->ni", _covariances(points.points_m, leaf)).max(axis=1, initial=0.0)))
 
 
 def _spacing_px(places: NDArray[np.float64], leaf: NDArray[np.int32]) -> float:
     """How far apart points of a leaf are seen, as the median of leaves."""
-    order = np.argsort(leaf, kind="stable")
-    parts = np.split(places[order], np.flatnonzero(np.diff(leaf[order])) + 1)
-    areas = [cv2.contourArea(cv2.convexHull(part.astype(np.float32))) for part in parts]
-    return float(np.median([np.sqrt(area / len(part)) for area, part in zip(areas, parts, strict=True)]))
+    leaves, counts = np.unique(leaf, return_counts=True)
+    spread = np.linalg.det(_covariances(places, np.searchsorted(leaves, leaf)))
+    areas = ELLIPSE * np.sqrt(np.maximum(spread, 0))
+    return float(np.median(np.sqrt(areas / counts)))
+
+
+def _covariances(points: NDArray[np.float64], group: NDArray[np.integer]) -> NDArray[np.float64]:
+    """(G, D, D) of points (P, D) by group (P,); 0 of groups that have none."""
+    groups, axes = int(group.max(initial=-1)) + 1, range(points.shape[1])
+    count = np.maximum(np.bincount(group, minlength=groups), 1)
+    mean = np.column_stack([np.bincount(group, points[:, axis], groups) / count for axis in axes])
+    away = points - mean[group]
+    products = [[np.bincount(group, away[:, i] * away[:, j], groups) / count for j in axes] for i in axes]
+    return np.moveaxis(np.array(products), -1, 0)
 
 
 def draw_refined(view: View, view_number: int, points: LeafPoints) -> NDArray[np.uint8]:
@@ -107,8 +136,9 @@ def draw_fitted(view: View, leaves: Leaves, color_of: NDArray[np.integer]) -> ND
     palette = leaf_palette(int(color_of.max(initial=-1)) + 1)[color_of]
     picture = _fill(view.srgb, ids, palette, np.full(ids.shape, FILL))
     bits = 4
-    for leaf, axis in enumerate(project_axes(leaves, view.camera)):
-        for line in _runs(axis, _shown_there(ids, axis, leaf)):
+    axes = project_axes(leaves, view.camera)
+    for axis, shown in zip(axes, _shown_there(ids, axes), strict=True):
+        for line in _runs(axis, shown):
             fixed = np.rint((line - 0.5) * (1 << bits)).astype(np.int32)
             cv2.polylines(picture, [fixed], False, EDGE, 1, cv2.LINE_AA, bits)
             if np.array_equal(line[0], axis[0]):
@@ -116,14 +146,20 @@ def draw_fitted(view: View, leaves: Leaves, color_of: NDArray[np.integer]) -> ND
     return picture
 
 
-def _shown_there(ids: NDArray[np.int32], places: NDArray[np.float64], leaf: int) -> NDArray[np.bool_]:
-    """(P,), whether a pixel beside each place shows the leaf: base and apex are the leaf's corners."""
-    shown = np.zeros(len(places), np.bool_)
-    for number in np.flatnonzero(np.isfinite(places).all(axis=1)):
-        column, row = (int(np.clip(place, -9, 1 << 20)) for place in places[number])
-        around = ids[max(row - BESIDE_PX, 0) : row + BESIDE_PX + 1, max(column - BESIDE_PX, 0) : column + BESIDE_PX + 1]
-        shown[number] = bool((around == leaf).any()) if row >= -BESIDE_PX and column >= -BESIDE_PX else False
-    return shown
+def _shown_there(ids: NDArray[np.int32], places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N, P), whether a pixel beside each place (N, P, 2) shows its leaf: base and apex are the leaf's corners."""
+    height, width = ids.shape
+    known = np.asarray(np.isfinite(places).all(axis=2))
+    near = np.clip(np.where(known[:, :, None], places, -9), -9, max(ids.shape) + 9)
+    column, row = np.floor(near).astype(np.intp).transpose(2, 0, 1)
+    leaf = np.arange(len(places))[:, None]
+    shown = np.zeros(known.shape, np.bool_)
+    for down in range(-BESIDE_PX, BESIDE_PX + 1):
+        for across in range(-BESIDE_PX, BESIDE_PX + 1):
+            y, x = row + down, column + across
+            inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+            shown |= inside & (ids[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)] == leaf)
+    return shown & known
 
 
 def _runs(places: NDArray[np.float64], chosen: NDArray[np.bool_]) -> list[NDArray[np.float64]]:

@@ -18,10 +18,12 @@ from usdfoliage.jobs.leaves_pictures import (
     draw_refined,
     draw_superpixels,
     shrink_to,
+    thin_points,
 )
 from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.reconstruct import Reconstruction
+from usdfoliage.leaf.segmentation.model import LeafPoints
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 
 PICTURE_PX = 900  # longer side of a picture
@@ -123,6 +125,7 @@ def write_leaves_report(
             "The average of all leaves' pictures, from (0, 0) on the left below to (1, 1), as the material takes it."
         )
         texture = TexturePicture(file=report.texture, caption=caption)
+    drawn_points = thin_points(reconstruction.segmentation.leaves)
     page = environment.get_template("leaves_report.html").render(
         name=report.name,
         capture=report.capture,
@@ -135,7 +138,10 @@ def write_leaves_report(
         mean_leaf=draw_mean_leaf(leaves) if len(leaves) else None,
         texture=texture,
         left_out=left_out,
-        views=[_write_photograph(folder, report, reconstruction, views[number], number) for number in report.shown],
+        views=[
+            _write_photograph(folder, report, reconstruction, drawn_points, views[number], number)
+            for number in report.shown
+        ],
         seconds=[Row(name=name, value=f"{value:.2f}") for name, value in report.seconds.items()]
         + [Row(name="all", value=f"{sum(report.seconds.values()):.2f}")],
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
@@ -218,7 +224,12 @@ def draw_mean_leaf(leaves: Leaves) -> Drawing:
 
 
 def _write_photograph(
-    folder: Path, report: LeavesReport, reconstruction: Reconstruction, view: View, number: int
+    folder: Path,
+    report: LeavesReport,
+    reconstruction: Reconstruction,
+    drawn_points: LeafPoints,
+    view: View,
+    number: int,
 ) -> ReportPhotograph:
     segmentation, leaves = reconstruction.segmentation, reconstruction.leaves
     candidates = segmentation.candidates[number]
@@ -246,7 +257,7 @@ def _write_photograph(
     file = write("candidates", draw_candidates(view, candidates.labels, candidates.confidence))
     caption = "Candidates of this view, stronger where they are more like a leaf; walls and soil are dropped later."
     pictures.append(ReportPicture(file=file, caption=caption))
-    file = write("refined", draw_refined(view, number, segmentation.leaves))
+    file = write("refined", draw_refined(view, number, drawn_points))
     pictures.append(
         ReportPicture(
             file=file,
