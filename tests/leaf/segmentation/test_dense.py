@@ -139,7 +139,6 @@ def test_points_are_of_one_leaf(known, noisy):
     assert purity.min() > 0.8
 
 
-@pytest.mark.xfail(reason="leaves that are one patch with ground or wall claim a rim of it", strict=False)
 def test_points_are_of_one_leaf_where_depth_is_exact(known, exact):
     purity = owners(known, exact.leaves).purity
     assert np.quantile(purity, 0.1) > 0.85
@@ -302,16 +301,12 @@ def test_a_mask_limits_candidates(few):
     assert len(segment_dense([replace(view, mask=left & False) for view in views]).leaves) == 0
 
 
-@pytest.mark.xfail(
-    reason="holes beside edges leave no surely free patch, and the wall sets the usual length", strict=False
-)
 def test_a_mask_with_holes_in_depth(few):
     left = np.zeros_like(few.views[0].depth_m, bool)
     left[:, : left.shape[1] // 2] = True
     assert len(segment_dense([replace(view, mask=left) for view in few.noisy_views]).leaves) >= 3
 
 
-@pytest.mark.xfail(reason="a silhouette counts as free only where something is seen behind it", strict=False)
 def test_leaves_before_the_sky_which_has_no_depth():
     assert len(segment_dense(drawn(LEAVES)).leaves) == 3
 

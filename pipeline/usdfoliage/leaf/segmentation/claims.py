@@ -21,6 +21,9 @@ _KINDS = np.array(
 )  # an unknown edge may hide more of the leaf
 
 
+LEAST_CLAIMED = 0.5  # share of a patch that leaves claim, where they may claim more of it
+
+
 @dataclass(frozen=True, kw_only=True)
 class ClaimSettings:
     """When a pixel shows a leaf."""
@@ -97,7 +100,7 @@ def claim_pixels(
 
 
 def complete_claims(labels: NDArray[np.int32], patches: NDArray[np.int32], reach_px: float) -> NDArray[np.int32]:
-    """Claims (H, W) that go on where the surface does: to unclaimed pixels of the same patch, not farther than reach_px.
+    """Claims (H, W) that go on where the surface does: to unclaimed pixels of the same patch within reach_px.
 
     So a leaf gets the tips and margins that its model did not reach yet, and not the whole of a leaf that it touches.
 
@@ -115,7 +118,12 @@ def complete_claims(labels: NDArray[np.int32], patches: NDArray[np.int32], reach
     leaf_of, patch_of = (np.zeros(int(nearest.max()) + 1, np.int32) for _ in range(2))
     leaf_of[nearest[claimed]] = labels[claimed]
     patch_of[nearest[claimed]] = patches[claimed]
-    goes_on = ~claimed & (patches > 0) & (distance_px <= reach_px) & (patch_of[nearest] == patches)
+    count = int(patches.max()) + 1
+    pixels = np.bincount(patches.ravel(), minlength=count)
+    # A leaf may be one patch with the ground or wall it touches; that is not its margin.
+    own = np.bincount(patches[claimed], minlength=count) >= LEAST_CLAIMED * np.maximum(pixels, 1)
+    own[0] = False
+    goes_on = ~claimed & own[patches] & (distance_px <= reach_px) & (patch_of[nearest] == patches)
     return np.where(goes_on, leaf_of[nearest], labels).astype(np.int32)
 
 

@@ -27,7 +27,7 @@ from usdfoliage.leaf.segmentation.claims import (
 from usdfoliage.leaf.segmentation.coherence import CoherenceSettings, make_depth_coherent, nearest_views
 from usdfoliage.leaf.segmentation.evidence import Evidence, EvidenceSettings, weigh_evidence
 from usdfoliage.leaf.segmentation.foliage_color import index_colors, judge_colors
-from usdfoliage.leaf.segmentation.fragments import append_points, join_points, pair_fragments
+from usdfoliage.leaf.segmentation.fragments import append_points, join_points, pair_fragments, take_leaves
 from usdfoliage.leaf.segmentation.leafness import UsualLeaf, judge_leaves, judge_likeness, measure_usual
 from usdfoliage.leaf.segmentation.model import Candidates, LeafPoints, Segmentation
 from usdfoliage.leaf.segmentation.overlap import Overlaps, group_patches, measure_overlaps
@@ -39,6 +39,9 @@ Progress = Callable[[int, int], None]
 
 FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal
 USUAL_WIDTH = 0.5  # in lengths, before any leaf was seen
+MOST_OF_PICTURE = 0.05  # share of a picture that one leaf takes, at most, to say what is usual
+OPEN_PX, OPEN_SHARE = 6, 0.01  # radius of a disc that fits into open sky, in pixels and in the longer side
+FAR = 4.0  # times the greatest depth, where the sky is put
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,22 +69,25 @@ class DenseSegmentationSettings:
     points: PointSettings = field(default_factory=PointSettings)
     # First fits are rough: what sees through them counts less, and many are tried.
     first: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.1, violation_weight=0.5, max_overlap=0.6)
+        default_factory=lambda: PassSettings(least_quality=0.06, violation_weight=0.4, max_overlap=0.6)
     )
     second: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.12, violation_weight=0.6, max_overlap=0.5)
+        default_factory=lambda: PassSettings(least_quality=0.08, violation_weight=0.4, max_overlap=0.5)
     )
     third: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.15, violation_weight=0.8, max_overlap=0.5)
+        default_factory=lambda: PassSettings(least_quality=0.1, violation_weight=0.5, max_overlap=0.5)
     )
     last: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.2, violation_weight=1.0, max_overlap=0.5)
+        default_factory=lambda: PassSettings(least_quality=0.12, violation_weight=0.7, max_overlap=0.35)
     )
     piece_length: float = 0.3  # least length of a patch that may be a leaf, in usual lengths
     piece_area: float = 0.04  # and its least area, in squares of it
     whole: float = 2.5  # most of both
-    joined_quality: float = 0.6  # of the worse of two pieces, that both as one leaf need
+    crease_deg: float = 20.0  # turn of the surface at which a patch may be two leaves
+    part: float = 0.8  # most of a patch that a part of it is
+    joined_quality: float = 0.5  # of the worse of two pieces, that both as one leaf need
     reach: float = 0.15  # usual lengths that a leaf claims of the surface beyond its model
+    least_confidence: float = 0.07  # of a leaf that is given to the fit
     twins: float = 0.1  # leaf lengths between leaves that are the same
 
     def __post_init__(self) -> None:
@@ -148,21 +154,20 @@ def segment_dense(
     if not groups:
         return Segmentation(candidates=candidates, leaves=_no_points(), dropped=dropped)
     points = _points_of_groups(scene, patches, overlaps, groups)
+    points = append_points(points, _points_of_parts(scene, usual_m, settings, threads))
     proposals = propose_leaves(points, usual_m, USUAL_WIDTH, scene.tolerance_m, threads=threads)
     tell.step()
 
     state = _settle(scene, proposals, None, None, settings.first, settings, dropped, threads=threads)
     tell.step()
-    for passing in (settings.second, settings.third):
+    for passing in (settings.second, settings.third, settings.last):
         proposals, pairs = _propose_more(scene, state, settings, threads)
+        # The first fits say of size, and the second of form, what the next are judged by.
+        usual = state.usual if passing is settings.second else None
         prior = None if passing is settings.second else state.prior
-        state = _settle(scene, proposals, state.usual, prior, passing, settings, dropped, pairs=pairs, threads=threads)
+        state = _settle(scene, proposals, usual, prior, passing, settings, dropped, pairs=pairs, threads=threads)
         tell.step()
-    state = _settle(
-        scene, state.proposals, state.usual, state.prior, settings.last, settings, dropped, threads=threads
-    )  # fmt: skip
-    tell.step()
-    leaves = _finish(scene, state, settings, threads)
+    leaves = _finish(scene, state, settings, dropped, threads)
     tell.step()
     return Segmentation(candidates=candidates, leaves=leaves, dropped=dropped)
 
@@ -189,7 +194,8 @@ def _look(
         np.median([_footprint(view, depth) for view, depth in zip(chosen, coherent.depth_m, strict=True)])
     )
     planes, patches = [], []
-    for view, depth_m in zip(chosen, coherent.depth_m, strict=True):
+    depths_m = _put_sky_far(coherent.depth_m)
+    for view, depth_m in zip(chosen, depths_m, strict=True):
         fitted = fit_planes_of_view(view, depth_m, noise_m, settings.patches, threads=threads)
         planes.append(fitted)
         patches.append(
@@ -199,7 +205,7 @@ def _look(
     return _Scene(
         views=chosen,
         numbers=np.asarray(used, np.int64),
-        depths_m=coherent.depth_m,
+        depths_m=depths_m,
         noises_m=coherent.noise_m,
         noise_m=noise_m,
         footprint_m=footprint_m,
@@ -208,6 +214,23 @@ def _look(
         patches=patches,
         colors=index_colors(chosen),
     )
+
+
+def _put_sky_far(depths_m: Sequence[NDArray[np.float32]]) -> list[NDArray[np.float32]]:
+    """Depth maps (H, W) in which large areas without depth lie far behind all else: leaves end before them.
+
+    Small ones are holes, which say nothing.
+    """
+    far_m = FAR * max(float(depth_m.max(initial=0.0)) for depth_m in depths_m)
+    filled = []
+    for depth_m in depths_m:
+        empty = (depth_m <= 0).astype(np.uint8)
+        radius = max(OPEN_PX, round(OPEN_SHARE * max(depth_m.shape)))
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+        wide = cv2.copyMakeBorder(empty, radius, radius, radius, radius, cv2.BORDER_REPLICATE)
+        sky = cv2.morphologyEx(wide, cv2.MORPH_OPEN, disc)[radius:-radius, radius:-radius] > 0
+        filled.append(np.where(sky & (empty > 0), np.float32(far_m), depth_m).astype(np.float32))
+    return filled
 
 
 def _footprint(view: View, depth_m: NDArray[np.float32]) -> float:
@@ -248,11 +271,15 @@ def _usual_length(patches: Sequence[Patches], overlaps: Overlaps) -> float:
     """Length that half of the area of patches lies below that stand free, are flat ellipses and seen alike by views."""
     length_m, width_m, area_m2, fill = (_gather(patches, name) for name in ("length_m", "width_m", "area_m2", "fill"))
     slender, flat = width_m / np.maximum(length_m, 1e-30), _gather(patches, "thickness_m") < 0.08 * length_m
-    sure = (_free_share(patches) > 0.6) & (fill > 0.65) & (fill < 1.1) & (slender > 0.25) & flat
-    sure &= (overlaps.stability > 0.7) | (overlaps.views_seen == 0)
-    sure &= _gather(patches, "pixels") > 150
-    if np.count_nonzero(sure) < 10:
-        sure = (slender > 0.2) & (_free_share(patches) > 0.3)
+    small = _gather(patches, "pixels") < MOST_OF_PICTURE * min(found.labels.size for found in patches)
+    shaped = small & (fill > 0.65) & (fill < 1.1) & (slender > 0.25) & flat & (_gather(patches, "pixels") > 150)
+    shaped &= (overlaps.stability > 0.7) | (overlaps.views_seen == 0)
+    sure = shaped & (_free_share(patches) > 0.6)
+    for least in (0.3, 0.1):  # where depth has holes along its edges, few edges are known to be free
+        if np.count_nonzero(sure) < 10:
+            sure = shaped & (_free_share(patches) > least)
+    if not sure.any():
+        sure = small & (slender > 0.2)
     if not sure.any():
         return float(np.median(length_m)) if len(length_m) else 1.0
     order = np.argsort(length_m[sure], kind="stable")
@@ -296,6 +323,48 @@ def _points_of_groups(
     return collect_points(
         scene.views, scene.depths_m, labels, len(groups), settings=FEW_POINTS, noise_m=scene.noise_m
     )  # fmt: skip
+
+
+def _points_of_parts(scene: _Scene, usual_m: float, settings: DenseSegmentationSettings, threads: int) -> LeafPoints:
+    """Parts of patches between creases, each as a leaf: touching leaves are often one patch, bent where they touch."""
+    parts, first_of = [], [0]
+    looked = zip(scene.views, scene.depths_m, scene.planes, scene.patches, strict=True)
+    for view, depth_m, planes, whole in looked:
+        smooth = ~_find_creases(planes.normals(view.camera), settings)
+        if view.mask is not None:
+            smooth &= view.mask
+        found = find_patches(
+            view, depth_m, scene.noise_m, settings.patches, planes=planes, valid=smooth, threads=threads
+        )
+        # What is nearly the whole patch was tried as that.
+        parent = np.zeros(len(found.pixels) + 1, np.int64)
+        parent[found.labels] = whole.labels
+        size = np.concatenate([[0], whole.pixels])[parent[1:]]
+        parts.append((found, (found.pixels < settings.part * size) & (size > 0)))
+        first_of.append(first_of[-1] + len(found.pixels))
+    chosen = _may_be_leaves([found for found, _ in parts], usual_m, 0.05, settings)
+    chosen &= np.concatenate([proper for _, proper in parts])
+    number = np.cumsum(chosen) * chosen
+    labels = [
+        np.concatenate([[0], number[first_of[index] : first_of[index + 1]]]).astype(np.int32)[found.labels]
+        for index, (found, _) in enumerate(parts)
+    ]
+    return collect_points(
+        scene.views, scene.depths_m, labels, int(chosen.sum()), settings=FEW_POINTS, noise_m=scene.noise_m,
+        threads=threads,
+    )  # fmt: skip
+
+
+def _find_creases(normals: NDArray[np.float32], settings: DenseSegmentationSettings) -> NDArray[np.bool_]:
+    """(H, W), where the surface turns by more than an angle within the window its planes are fitted in."""
+    reach = max(1, settings.patches.radius_px - 1)
+    least = np.cos(np.radians(settings.crease_deg))
+    crease = np.zeros(normals.shape[:2], bool)
+    across = np.sum(normals[:, 2 * reach :] * normals[:, : -2 * reach], axis=2) < least
+    down = np.sum(normals[2 * reach :] * normals[: -2 * reach], axis=2) < least
+    crease[:, reach:-reach] |= across
+    crease[reach:-reach] |= down
+    return crease
 
 
 def _propose_more(
@@ -428,21 +497,25 @@ def _favour_joined(
     begin = len(proposals) - len(pairs)
     for number, (first, second) in enumerate(pairs, start=begin):
         needed = max(settings.joined_quality * min(quality[first], quality[second]), least_quality)
-        longer = 1.02 * max(lengths[first], lengths[second]) < lengths[number] < 1.5 * usual.length_m
+        longer = 1.02 * max(lengths[first], lengths[second]) < lengths[number] < 1.6 * usual.length_m
         if quality[number] > needed and proposals.explained[number] > 0.9 and longer:
             worth[number] = max(worth[number], 1.02 * max(worth[first], worth[second]))
 
 
-def _finish(scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, threads: int) -> LeafPoints:
+def _finish(
+    scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, dropped: dict[str, int], threads: int
+) -> LeafPoints:
     """The points of the leaves, with how sure each is and the number of the view that shows most of it."""
     if not len(state.proposals):
         return _no_points()
     evidence = _weigh(scene, state.proposals, settings, threads)
     quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0)
-    points = state.points
+    kept = np.flatnonzero(quality > settings.least_confidence)
+    _count(dropped, "leaves that the views doubt in the end", len(quality) - len(kept))
+    points = take_leaves(state.points, kept)
     return replace(
         points,
-        confidence=np.clip(quality, 0, 1),
+        confidence=np.clip(quality[kept], 0, 1),
         view=scene.numbers[points.view].astype(np.int32),
         point_view=scene.numbers[points.point_view].astype(np.int32),
     )

@@ -8,7 +8,7 @@ from usdfoliage.leaf.segmentation.model import LeafPoints
 from usdfoliage.leaf.segmentation.proposals import Proposals
 
 MOST_POINTS = 150  # of a piece, to measure gaps with
-GAP, LENGTH, SHORT = 0.12, 1.5, 0.95  # usual lengths: between pieces, of both together, of the shorter piece
+GAP, LENGTH, SHORT = 0.12, 1.6, 1.2  # usual lengths: between pieces, of both together, of the shorter piece
 
 
 def pair_fragments(proposals: Proposals, points: LeafPoints, usual_m: float) -> NDArray[np.int64]:
@@ -56,6 +56,21 @@ def join_points(points: LeafPoints, pairs: NDArray[np.int64]) -> LeafPoints:
         offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         confidence=points.confidence[pairs].min(axis=1) if len(pairs) else np.zeros(0),
         view=points.view[pairs[:, 0]] if len(pairs) else np.zeros(0, np.int32),
+    )
+
+
+def take_leaves(points: LeafPoints, chosen: NDArray[np.integer]) -> LeafPoints:
+    """The points of the leaves of these numbers, in this order."""
+    parts = [np.arange(points.offsets[leaf], points.offsets[leaf + 1]) for leaf in chosen]
+    index = np.concatenate([*parts, np.zeros(0, np.int64)]).astype(np.int64)
+    return LeafPoints(
+        points_m=points.points_m[index],
+        normals=points.normals[index],
+        kind=points.kind[index],
+        point_view=points.point_view[index],
+        offsets=np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64),
+        confidence=points.confidence[chosen],
+        view=points.view[chosen],
     )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.view import View
 
 SAMPLES = 150  # pixels of a patch that are looked for in other views
+SAME = 0.85  # share of either of two patches that lies on the other, if they show the same
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,8 +111,9 @@ def group_patches(overlaps: Overlaps, worth: NDArray[np.float64]) -> list[NDArra
         begin, end = share.indptr[patch], share.indptr[patch + 1]
         others = share.indices[begin:end].astype(np.int64)
         back = np.asarray(share[others, np.full(len(others), patch)]).ravel()
-        same = np.minimum(share.data[begin:end], back) > 0.7
-        same &= ~used[others] & (seen[patch, view[others]] > 0.4) & (seen[others, view[patch]] > 0.4)
+        same = np.minimum(share.data[begin:end], back) > SAME
+        same &= ~used[others] & (worth[others] > 0)
+        same &= (seen[patch, view[others]] > 0.4) & (seen[others, view[patch]] > 0.4)
         group = np.concatenate([[patch], others[same]])
         used[group] = True
         groups.append(group)
