@@ -68,11 +68,14 @@ def test_missed_targets_are_named(capture):
 
 def test_results_print_as_a_table(capture, capsys):
     result = bench.run_case(bench.Case(capture=capture), write_truth_as_asset)
-    bench.print_results([("bed depth dense", result)])
+    bench.print_result("bed depth dense", bench.print_head(["bed depth dense"]), result)
+    bench.print_stages([("bed depth dense", result)])
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split()[:4] == ["true", "found", "recall", "precision"]
     assert lines[1].startswith("bed depth dense")
-    assert "segmentation" in lines[-1]
+    assert len(lines[0]) == len(lines[1])
+    assert lines[3].split() == ["cpu", "s", "(s)", "start", "segmentation", "fit"]
+    assert [line.split()[0] for line in lines[4:]] == ["bed", "ms"]
 
 
 @pytest.mark.parametrize("factor", [0.1, 10.0])

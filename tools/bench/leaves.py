@@ -195,26 +195,42 @@ COLUMNS: Mapping[str, Callable[[Result], str]] = {
     "twice": lambda result: f"{result.scores.duplicates}",
     "poor": lambda result: f"{result.scores.poor}",
     "s": lambda result: f"{result.wall_s:.1f}",
+    "cpu s": lambda result: f"{sum(result.cpu_seconds.values()):.1f}",
     "GiB": lambda result: f"{result.peak_gib:.2f}",
 }
 
 
-def print_results(rows: Sequence[tuple[str, Result]]) -> None:
-    """One line a run, then its stages."""
-    name_width = max(len(name) for name, _ in rows) + 2
-    cells = [[column(result) for column in COLUMNS.values()] for _, result in rows]
-    widths = [max(len(head), *(len(row[k]) for row in cells)) + 2 for k, head in enumerate(COLUMNS)]
-    print(" " * name_width + "".join(head.rjust(width) for head, width in zip(COLUMNS, widths, strict=True)))
-    for (name, _), row in zip(rows, cells, strict=True):
-        print(name.ljust(name_width) + "".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
-    print("\nseconds by stage, of all threads in brackets; milliseconds a leaf found")
+WIDTHS = {head: max(len(head), 6) + 2 for head in COLUMNS}
+
+
+def print_head(names: Sequence[str]) -> int:
+    """The line over the runs of these names; returns how wide the names are."""
+    width = max(map(len, names)) + 2
+    print(" " * width + "".join(head.rjust(WIDTHS[head]) for head in COLUMNS), flush=True)
+    return width
+
+
+def print_result(name: str, width: int, result: Result) -> None:
+    """The line of a run."""
+    cells = (column(result).rjust(WIDTHS[head]) for head, column in COLUMNS.items())
+    print(name.ljust(width) + "".join(cells), flush=True)
+
+
+def print_stages(rows: Sequence[tuple[str, Result]]) -> None:
+    """What runs took by stage, a table of its own."""
+    names = [*(name for name, _ in rows), "cpu s (s)"]
+    width = max(map(len, names)) + 2
+    stages = list(dict.fromkeys(stage for _, result in rows for stage in result.seconds))
+    print("\n" + names[-1].ljust(width) + "".join(stage.rjust(max(len(stage), 13) + 2) for stage in stages))
     for name, result in rows:
-        stages = [
-            f"{stage} {seconds:.2f} ({result.cpu_seconds[stage]:.2f}) "
-            f"{1000 * seconds / max(result.scores.found, 1):.1f} ms"
-            for stage, seconds in result.seconds.items()
-        ]
-        print(f"{name.ljust(name_width)}{', '.join(stages)}")
+        each, found = name.ljust(width), max(result.scores.found, 1)
+        ms = "  ms a leaf".ljust(width)
+        for stage in stages:
+            wide = max(len(stage), 13) + 2
+            seconds, cpu_s = result.seconds.get(stage, 0.0), result.cpu_seconds.get(stage, 0.0)
+            each += f"{cpu_s:.2f} ({seconds:.2f})".rjust(wide)
+            ms += f"{1000 * cpu_s / found:.2f} ({1000 * seconds / found:.2f})".rjust(wide)
+        print(f"{each}\n{ms}", flush=True)
 
 
 def check_result(name: str, case: Case, result: Result) -> list[str]:
@@ -230,26 +246,30 @@ def check_result(name: str, case: Case, result: Result) -> list[str]:
 
 def bench_captures(captures: Sequence[Path], options: argparse.Namespace) -> list[str]:
     """Every capture with every depth and method."""
+    cases = [
+        Case(
+            capture=capture,
+            depth=depth,
+            method=method,
+            visible_within_m=options.visible_within,
+            threads=options.threads,
+        )
+        for capture in captures
+        for depth in options.depths
+        for method in options.methods
+        if (capture / depth).is_dir()
+    ]
+    if not cases:
+        sys.exit(f"error: no capture has {' or '.join(options.depths)}")
+    names = [f"{case.capture.name} {case.depth} {case.method}" for case in cases]
     rows, missed = [], []
-    for capture in captures:
-        for depth in options.depths:
-            if not (capture / depth).is_dir():
-                print(f"{capture.name} has no {depth}/")
-                continue
-            for method in options.methods:
-                case = Case(
-                    capture=capture,
-                    depth=depth,
-                    method=method,
-                    visible_within_m=options.visible_within,
-                    threads=options.threads,
-                )
-                name = f"{capture.name} {depth} {method}"
-                rows.append((name, run_in_a_process(case)))
-                if method == "dense":
-                    missed += check_result(name, case, rows[-1][1])
-    if rows:
-        print_results(rows)
+    width = print_head(names)
+    for name, case in zip(names, cases, strict=True):
+        rows.append((name, run_in_a_process(case)))
+        print_result(name, width, rows[-1][1])
+        if case.method == "dense":
+            missed += check_result(name, case, rows[-1][1])
+    print_stages(rows)
     return missed
 
 
@@ -257,7 +277,10 @@ def bench_scales(capture: Path, work: Path, options: argparse.Namespace) -> list
     """One capture in other sizes; with the first depth and method asked for."""
     depth, method, within_m = options.depths[0], options.methods[0], options.visible_within
     case = Case(capture=capture, depth=depth, method=method, visible_within_m=within_m, threads=options.threads)
+    print(f"{capture.name}, {depth}, {method}, scaled")
+    width = print_head(["× 0.1"])
     rows = [("× 1", run_in_a_process(case))]
+    print_result(rows[0][0], width, rows[0][1])
     for factor in FACTORS:
         scaled = work / f"{capture.name}_x{factor:g}"
         scale_capture(capture, scaled, factor)
@@ -265,8 +288,8 @@ def bench_scales(capture: Path, work: Path, options: argparse.Namespace) -> list
             capture=scaled, depth=depth, method=method, visible_within_m=within_m * factor, threads=options.threads
         )
         rows.append((f"× {factor:g}", run_in_a_process(case)))
-    print(f"{capture.name}, {depth}, {method}, scaled")
-    print_results(rows)
+        print_result(rows[-1][0], width, rows[-1][1])
+    print_stages(rows)
     missed = []
     first = rows[0][1].scores
     for name, result in rows[1:]:
