@@ -87,7 +87,7 @@ class DenseSegmentationSettings:
     part: float = 0.8  # most of a patch that a part of it is
     joined_quality: float = 0.5  # of the worse of two pieces, that both as one leaf need
     reach: float = 0.15  # usual lengths that a leaf claims of the surface beyond its model
-    least_confidence: float = 0.07  # of a leaf that is given to the fit
+    least_confidence: float = 0.12  # of a leaf that is given to the fit
     twins: float = 0.1  # leaf lengths between leaves that are the same
 
     def __post_init__(self) -> None:

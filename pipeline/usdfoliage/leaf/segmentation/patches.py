@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from usdfoliage import _native
 from usdfoliage.capture.view import View
-from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.geometry.pinhole import Pinhole, turn_rows
 from usdfoliage.leaf.segmentation.depth_view import depth_view
 from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE
 
@@ -174,7 +174,7 @@ def plane_normals(
     away[:, 2] = own - right * (columns + 0.5 - camera.center_px[0]) - down * (rows + 0.5 - camera.center_px[1])
     norm = np.sqrt(np.einsum("ij,ij->i", away, away))
     np.divide(away, -norm[:, None], out=away, where=norm[:, None] > 0)  # zeros stay zeros
-    return np.asarray(away @ camera.cam_from_world[:, :3])
+    return turn_rows(away, camera.cam_from_world[:, :3])
 
 
 def _principal_axes(sums: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
