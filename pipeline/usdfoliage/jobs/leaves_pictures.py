@@ -43,8 +43,8 @@ def draw_superpixels(view: View, labels: NDArray[np.int32]) -> NDArray[np.uint8]
 
 def draw_candidates(view: View, labels: NDArray[np.int32], confidence: NDArray[np.floating]) -> NDArray[np.uint8]:
     """The photograph (H, W, 3) with its candidates (labels (H, W), 0 for none), stronger where more is trusted."""
-    strength = np.concatenate([[0.0], FILL * (0.1 + 0.9 * np.clip(confidence, 0, 1))])
-    return _fill(view.srgb, labels - 1, leaf_palette(len(confidence)), strength[labels])
+    strength = FILL * (0.1 + 0.9 * np.clip(confidence, 0, 1))
+    return _fill(view.srgb, labels - 1, leaf_palette(len(confidence)), strength)
 
 
 def label_points(points: LeafPoints, view: View, view_number: int) -> NDArray[np.int32]:
@@ -116,7 +116,7 @@ def _covariances(points: NDArray[np.float64], group: NDArray[np.integer]) -> NDA
 def draw_refined(view: View, view_number: int, points: LeafPoints) -> NDArray[np.uint8]:
     """The photograph (H, W, 3) with the points of leaves that it shows, a leaf in the same colour in every view."""
     labels = label_points(points, view, view_number)
-    return _fill(view.srgb, labels, leaf_palette(len(points)), np.full(labels.shape, FILL))
+    return _fill(view.srgb, labels, leaf_palette(len(points)), np.full(len(points), FILL))
 
 
 def draw_fitted(view: View, leaves: Leaves, color_of: NDArray[np.integer]) -> NDArray[np.uint8]:
@@ -134,7 +134,7 @@ def draw_fitted(view: View, leaves: Leaves, color_of: NDArray[np.integer]) -> ND
         # Single pixels of noisy depth hide nothing.
         ids = np.where(cv2.medianBlur(hidden.astype(np.uint8), NOISE_PX) > 0, -1, ids)
     palette = leaf_palette(int(color_of.max(initial=-1)) + 1)[color_of]
-    picture = _fill(view.srgb, ids, palette, np.full(ids.shape, FILL))
+    picture = _fill(view.srgb, ids, palette, np.full(len(palette), FILL))
     bits = 4
     axes = project_axes(leaves, view.camera)
     for axis, shown in zip(axes, _shown_there(ids, axes), strict=True):
@@ -201,14 +201,17 @@ def shrunk_size(size: tuple[int, ...], longest_px: int) -> tuple[int, int]:
 def _fill(
     srgb: NDArray[np.uint8], ids: NDArray[np.integer], palette: NDArray[np.uint8], strength: NDArray[np.floating]
 ) -> NDArray[np.uint8]:
-    """The photograph with areas (ids (H, W), -1 for none) in their colours, edged, and shaded where there are none."""
-    inside = ids >= 0
-    picture = srgb.astype(np.float32)
-    picture[~inside] *= SHADE
-    share = strength[inside][:, None]
-    picture[inside] = (1 - share) * picture[inside] + share * palette[ids[inside]]
-    filled = np.rint(picture).astype(np.uint8)
-    filled[_edges(ids) & inside] = EDGE
+    """The photograph with areas (ids (H, W), -1 for none) in their colours, edged, and shaded where there are none.
+
+    Args:
+        palette: (N, 3), of each area.
+        strength: (N,), share of its colour.
+    """
+    left = np.concatenate([[SHADE], 1 - strength]).astype(np.float32)
+    added = np.concatenate([np.zeros((1, 3)), strength[:, None] * palette]).astype(np.float32)
+    place = ids + 1
+    filled = np.rint(srgb * left[place][..., None] + added[place]).astype(np.uint8)
+    filled[_edges(ids) & (ids >= 0)] = EDGE
     return filled
 
 
