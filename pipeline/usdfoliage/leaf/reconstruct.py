@@ -32,6 +32,7 @@ STEPS = ("segmentation", "fit", "direction", "colours", "texture")
 LOW_CONFIDENCE = 0.3  # as the median of all leaves: most of them are guessed
 LEAST_STEP = 1e-3  # of the axis, from one silhouette point's foot to the next
 MOST_MOVED = 0.1  # of the axis, of a foot that is put in order; the silhouette moves by less than half of it
+ROUND = 0.75  # width by length from which the longest extent of a leaf is no sure sign of its axis
 SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one silhouette describe
 
 
@@ -258,5 +259,10 @@ def describe_leaves(leaves: Leaves, views: Sequence[View], segmentation: Segment
         notes.append(
             f"leaves are {shape:.2f} times as wide as long, which is not what leaves of one lobe are "
             f"({low:g} to {high:g}): they may be {kind}, and one axis and one silhouette do not describe them well"
+        )
+    elif np.mean(leaf_width(leaves.parameters) > ROUND) > 0.5:
+        notes.append(
+            "most leaves are about as wide as long: what is taken for their length may be their width, and lobed "
+            "leaves come out like this too; look at the fitted leaves over the photographs"
         )
     return notes

@@ -39,7 +39,7 @@ Progress = Callable[[int, int], None]
 
 FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal
 USUAL_WIDTH = 0.5  # in lengths, before any leaf was seen
-MOST_OF_PICTURE = 0.05  # share of a picture that one leaf takes, at most, to say what is usual
+MOST_OF_PICTURE = 0.2  # share of a picture that one leaf takes, at most, to say what is usual
 OPEN_PX, OPEN_SHARE = 6, 0.01  # radius of a disc that fits into open sky, in pixels and in the longer side
 FAR = 4.0  # times the greatest depth, where the sky is put
 
