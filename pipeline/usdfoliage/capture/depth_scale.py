@@ -1,10 +1,12 @@
 """Whether depth and poses are in the same unit: metres taken for millimetres, or a reconstruction without scale."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.capture.listing import named
 from usdfoliage.capture.view import View
 
 _MIN_SAMPLES = 20  # 3-D points on depth that a median is worth
@@ -12,6 +14,9 @@ _AGREEMENT = 1.25  # factor that occlusion and noise leave between the depth and
 _PLAUSIBLE = 30.0  # factor between the depth and the place that the cameras look at, which may be a tree before a hill
 _PLAUSIBLE_SPREAD = 300.0  # factor between the depth and the spread of cameras that look one way
 _NEAR_THOUSAND = 3.0  # factor around 1000 that is called millimetres
+_NEAR_UNIT = 10**0.5  # factor around 100 or 1000 that is called centimetres or millimetres: half way between them
+_UNITS = {1000: "millimetres", 100: "centimetres"}  # in a metre, that depth of some views may be in
+_QUANTILES = (0.1, 0.5)  # of depth: both are off where the unit is, one where a view has more of what is far
 _STRIDE = 7  # of pixels whose median is taken
 
 
@@ -49,6 +54,66 @@ def check_depth_scale(views: Sequence[View], points_m: NDArray[np.float64], metr
     if not len(ratios):
         return ()
     return _sentence(float(np.median(ratios)), plausible, what, metres_per_unit, False)
+
+
+def leave_out_other_units(
+    views: Sequence[View], points_m: NDArray[np.float64]
+) -> tuple[tuple[View, ...], tuple[str, ...]]:
+    """Take the depth from those views where it is in another unit than in most views.
+
+    Two views are compared by the points of the cameras' model if both see enough of them, else by their depths. Our
+    own.
+
+    Args:
+        views: Those read, in metres.
+        points_m: (N, 3), points of the model in the views' world; may be none.
+
+    Returns:
+        The views in their order, the depth of the odd ones 0 everywhere; and sentences for the user.
+    """
+    places = [place for place, view in enumerate(views) if view.has_depth]
+    factors = _factors_between([views[place] for place in places], points_m)  # log
+    agree = np.abs(factors) < np.log(_PLAUSIBLE)
+    if agree.all():
+        return tuple(views), ()
+    most = agree[agree.sum(axis=1).argmax()]
+    if 2 * most.sum() <= len(places):
+        doubt = "the depth of the views is in different units, and no unit is that of most; give all depth in metres"
+        return tuple(views), (doubt,)
+
+    kept = list(views)
+    odd: dict[tuple[int, bool], list[str]] = {}
+    for place, factor in zip(places, np.median(factors[:, most], axis=1), strict=True):
+        for unit in _UNITS:
+            if abs(factor) >= np.log(_PLAUSIBLE) and abs(abs(factor) - np.log(unit)) < np.log(_NEAR_UNIT):
+                odd.setdefault((unit, factor > 0), []).append(views[place].name)
+                kept[place] = replace(views[place], depth_m=np.zeros_like(views[place].depth_m))
+    notes = []
+    for (unit, larger), names in odd.items():
+        times = f"{unit}" if larger else f"1/{unit}"
+        whose = "it is" if larger else "that of the others is"
+        notes.append(
+            f"{named(names)}: the depth is about {times} times that of most views and is left out; "
+            f"{whose} probably in {_UNITS[unit]}: give all depth in metres"
+        )
+    return tuple(kept), tuple(notes)
+
+
+def _factors_between(views: Sequence[View], points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, N), logarithm of how many times the depth of a view (row) is that of another (column)."""
+    by_points = np.full(len(views), np.nan)
+    quantiles = np.zeros((len(views), len(_QUANTILES)))
+    for place, view in enumerate(views):
+        quantiles[place] = np.log(np.quantile(_samples(view), _QUANTILES))
+        ratios = _depth_over_points(view, points_m)
+        if len(ratios) >= _MIN_SAMPLES:
+            by_points[place] = np.log(np.median(ratios))
+    apart = quantiles[:, None] - quantiles[None]
+    # The smaller of both where they have the same sign, else they do not tell of a unit.
+    by_depth = np.where(np.prod(np.sign(apart), axis=2) > 0, np.abs(apart).min(axis=2), 0.0)
+    by_depth *= np.sign(apart[..., 0])
+    exact = by_points[:, None] - by_points[None]
+    return np.where(np.isnan(exact), by_depth, exact)
 
 
 def _samples(view: View) -> NDArray[np.float32]:

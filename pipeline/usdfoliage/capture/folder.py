@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.cameras import find_camera_model, read_camera_model, read_model_points
 from usdfoliage.capture.capture_settings import CaptureSettings, read_capture_settings
 from usdfoliage.capture.depth import DEPTH_CHANNEL, DEPTH_SUFFIXES, read_depth
-from usdfoliage.capture.depth_scale import check_depth_scale
+from usdfoliage.capture.depth_scale import check_depth_scale, leave_out_other_units
 from usdfoliage.capture.images import Photo, read_photo
 from usdfoliage.capture.lens import Lens, Undistortion, scale_lens, undistort
 from usdfoliage.capture.listing import (
@@ -219,9 +219,10 @@ def read_views(capture: Capture, progress: Callable[[int, int], None] | None = N
     ignored = [remark for remark in remarks if remark.text == _DEPTH_IGNORED]
     if ignored and len(ignored) == with_depth_map:
         raise CaptureError(f"none of {counted(len(ignored), 'depth map')} can be used; the first: {ignored[0].detail}")
-    scale = check_depth_scale(views, capture.points_m, capture.settings.metres_per_unit)
-    notes = (*_merge(unreadable), *_merge(remarks), *scale)
-    return CaptureViews(views=tuple(views), notes=notes)
+    in_one_unit, units = leave_out_other_units(views, capture.points_m)
+    scale = check_depth_scale(in_one_unit, capture.points_m, capture.settings.metres_per_unit)
+    notes = (*_merge(unreadable), *_merge(remarks), *units, *scale)
+    return CaptureViews(views=in_one_unit, notes=notes)
 
 
 def read_view(capture: Capture, index: int) -> View:
