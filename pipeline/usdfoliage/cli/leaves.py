@@ -6,9 +6,12 @@ colours, an average leaf texture, and a report that shows every step over the ph
 """
 
 import argparse
+import logging
 from pathlib import Path
 
 from usdfoliage.cli.leaf_options import add_representation, add_writing
+
+logger = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         default="auto",
         help="the folder of depth maps inside CAPTURE; sweep: computed from the photographs "
-        "(the folder depth where it has any, else sweep)",
+        "(the folder depth where it has any maps, else sweep)",
     )
     parser.add_argument(
         "--plane-threshold",
@@ -78,7 +81,10 @@ def run(options: argparse.Namespace) -> int:
     with StepBar() as bar:
         made = make_leaves_asset(request, bar.show)
     for note in made.notes:
-        print(f"note: {note}")
+        if note in made.warnings:
+            logger.warning("%s", note)
+        else:
+            print(f"note: {note}")
     for step in made.steps:
         print(f"{step.name}: {step.count:,}")
     for row in made.measures:

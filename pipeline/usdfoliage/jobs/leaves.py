@@ -16,7 +16,8 @@ from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLoo
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import publish_folder
-from usdfoliage.capture.folder import Capture, read_capture, read_view, read_views
+from usdfoliage.capture.depth_scale import check_depth_scale
+from usdfoliage.capture.folder import Capture, CaptureViews, read_capture, read_view, read_views
 from usdfoliage.capture.plane_sweep import sweep_depths
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError, FoliageError, PreviewError
@@ -101,6 +102,7 @@ class MadeLeaves:
     notes: tuple[str, ...]
     steps: Sequence[Step]
     measures: Sequence[Row]
+    warnings: tuple[str, ...] = ()  # those of the notes that put the whole asset in doubt
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,6 +113,7 @@ class LeavesInput:
     views: Sequence[View]
     numbers: NDArray[np.int32]  # of each view among all posed photographs of the capture
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()  # those of the notes that put all depth in doubt
 
 
 def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = None) -> MadeLeaves:
@@ -174,6 +177,8 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
         notes=tuple(notes),
         steps=found.steps,
         measures=measure_rows(leaves),
+        # Without a leaf, whatever is said of the leaves is why.
+        warnings=(*given.warnings, *(() if len(leaves) else found.notes)),
     )
 
 
@@ -206,25 +211,59 @@ def find_capture(request: LeavesRequest) -> Capture:
 def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = None) -> LeavesInput:
     """Read the photographs asked for, with their depth; compute that where there is none.
 
+    Depth maps that hold nothing are not replaced unasked: whoever gave them should hear of it.
+
     Raises:
         CaptureError: see read_capture, read_views and sweep_depths.
     """
     capture = find_capture(request)
-    read = read_views(capture, _within("capture", progress))
+    if request.depth == SWEEP:
+        capture = _without_depth(capture)
+    has_maps = any(view.depth is not None for view in capture.views)
+    read = _read_what_can_be(capture, request, _within("capture", progress))
     views, notes = list(read.views), [*capture.notes, *read.notes]
-    if request.depth == SWEEP or (request.depth == AUTO and not any(view.has_depth for view in views)):
+    warnings = list(check_depth_scale(views, capture.points_m, capture.settings.metres_per_unit))  # among the notes
+    if request.depth != SWEEP and has_maps and not any(view.has_depth for view in views):
+        warnings.append(
+            "the depth maps hold no depth that can be used; --depth sweep would compute it from the photographs"
+        )
+        notes.append(warnings[-1])
+    if request.depth == SWEEP or (request.depth == AUTO and not has_maps):
         if len(views) < 2:
             raise CaptureError(
                 f"{request.capture} has no depth for the one photograph that is used, and it takes two to compute it; "
                 "give depth maps, or more photographs"
             )
-        depths = sweep_depths(views, capture.points_m, request.settings.sweep, _within("sweep", progress))
+        try:
+            depths = sweep_depths(views, capture.points_m, request.settings.sweep, _within("sweep", progress))
+        except CaptureError as error:
+            raise CaptureError(
+                f"depth cannot be computed from the photographs: {error}; put depth maps into "
+                f"{request.capture / USUAL_DEPTH}, or give photographs that overlap"
+            ) from error
         views = [replace(view, depth_m=depth_m) for view, depth_m in zip(views, depths, strict=True)]
         notes.append("depth was computed from the photographs: it is coarse, and so are the leaves")
     everything = capture if request.views is None else find_capture(replace(request, views=None))
     places = {view.name: number for number, view in enumerate(everything.views)}
     numbers = np.array([places[view.name] for view in views], np.int32)
-    return LeavesInput(capture=capture, views=views, numbers=numbers, notes=tuple(notes))
+    return LeavesInput(capture=capture, views=views, numbers=numbers, notes=tuple(notes), warnings=tuple(warnings))
+
+
+def _read_what_can_be(
+    capture: Capture, request: LeavesRequest, progress: Callable[[int, int], None] | None
+) -> CaptureViews:
+    """The views; without depth where all of its maps are damaged and none was asked for by its folder."""
+    try:
+        return read_views(capture, progress)
+    except CaptureError as error:
+        if request.depth != AUTO or all(view.depth is None for view in capture.views):
+            raise
+        bare = read_views(_without_depth(capture), progress)  # raises what is wrong with the photographs, if they are
+        return replace(bare, notes=(*bare.notes, str(error)))
+
+
+def _without_depth(capture: Capture) -> Capture:
+    return replace(capture, views=tuple(replace(view, depth=None) for view in capture.views))
 
 
 def place_plant(leaves: Leaves, turned_from_world: NDArray[np.float64]) -> NDArray[np.float64]:
