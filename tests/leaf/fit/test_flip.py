@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from leaf_shapes import random_leaves, wild_leaves
 from scipy.spatial.transform import Rotation
@@ -27,9 +27,20 @@ def leaves_of(parameters, seed=0):
     )
 
 
+def slowest_axis(parameters):
+    """The least speed of the axes in the leaf's plane where the silhouettes stand on them."""
+    leaves = np.asarray(parameters, np.float64)
+    first, second = leaves[:, None, 0, :2], leaves[:, None, 1, :2]
+    v = leaves[:, 2:5, :1]
+    rest = np.array([0.0, 1.0]) - second
+    tangents = 3 * (1 - v) ** 2 * first + 6 * (1 - v) * v * (second - first) + 3 * v**2 * rest
+    return np.linalg.norm(tangents, axis=-1).min()
+
+
 @settings(max_examples=25, deadline=None)
 @given(parameters=wild_leaves(), seed=st.integers(0, 100))
 def test_the_surface_stays_where_it_is(parameters, seed):
+    assume(slowest_axis(parameters) > 1e-3)  # where the axis stands still rounding decides on its normal
     leaves = leaves_of(parameters, seed)
 
     flipped = flip_leaves(leaves, np.array([True, False, True, True]))
