@@ -20,7 +20,7 @@ from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photo_colors import PhotoColorSettings, sample_leaf_colors
 from usdfoliage.leaf.segmentation.dense import DenseSegmentationSettings, segment_dense
-from usdfoliage.leaf.segmentation.model import Candidates, LeafPoints, Segmentation
+from usdfoliage.leaf.segmentation.model import Segmentation, find_nothing
 from usdfoliage.leaf.segmentation.paper import PaperSegmentationSettings, segment_paper
 
 # Says which step runs and how far it is, in [0, 1].
@@ -149,21 +149,6 @@ def reconstruct_leaves(
         notes=describe_leaves(leaves, views, segmentation),
         seconds=seconds,
     )
-
-
-def find_nothing(views: Sequence[View]) -> Segmentation:
-    """A segmentation without candidates and leaves."""
-    nothing = LeafPoints(
-        points_m=np.zeros((0, 3)),
-        normals=np.zeros((0, 3)),
-        kind=np.zeros(0, np.uint8),
-        point_view=np.zeros(0, np.int32),
-        offsets=np.zeros(1, np.int64),
-        confidence=np.zeros(0),
-        view=np.zeros(0, np.int32),
-    )
-    candidates = [Candidates(labels=np.zeros(view.depth_m.shape, np.int32), confidence=np.zeros(0)) for view in views]
-    return Segmentation(candidates=candidates, leaves=nothing)
 
 
 def order_silhouettes(leaves: Leaves) -> Leaves:

@@ -29,19 +29,18 @@ from usdfoliage.leaf.segmentation.evidence import Evidence, EvidenceSettings, we
 from usdfoliage.leaf.segmentation.foliage_color import index_colors, judge_colors
 from usdfoliage.leaf.segmentation.fragments import append_points, join_points, pair_fragments, take_leaves
 from usdfoliage.leaf.segmentation.leafness import UsualLeaf, judge_leaves, judge_likeness, measure_usual
-from usdfoliage.leaf.segmentation.model import Candidates, LeafPoints, Segmentation
+from usdfoliage.leaf.segmentation.model import Candidates, LeafPoints, Segmentation, find_nothing, no_points
+from usdfoliage.leaf.segmentation.open_sky import put_sky_far
 from usdfoliage.leaf.segmentation.overlap import Overlaps, group_patches, measure_overlaps
 from usdfoliage.leaf.segmentation.patches import LocalPlanes, Patches, PatchSettings, find_patches, fit_planes_of_view
 from usdfoliage.leaf.segmentation.proposals import Proposals, join_proposals, propose_leaves, refit_proposals
 from usdfoliage.leaf.segmentation.selection import drop_twins, select_leaves
+from usdfoliage.leaf.segmentation.usual_length import free_share, gather_measure, measure_usual_length
 
 Progress = Callable[[int, int], None]
 
 FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal
 USUAL_WIDTH = 0.5  # in lengths, before any leaf was seen
-MOST_OF_PICTURE = 0.2  # share of a picture that one leaf takes, at most, to say what is usual
-OPEN_PX, OPEN_SHARE = 6, 0.01  # radius of a disc that fits into open sky, in pixels and in the longer side
-FAR = 4.0  # times the greatest depth, where the sky is put
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +101,6 @@ class _Scene:
     views: Sequence[View]  # those with depth
     numbers: NDArray[np.int64]  # of each among all views
     depths_m: Sequence[NDArray[np.float32]]
-    noises_m: Sequence[float]
     noise_m: float  # usual
     footprint_m: float  # usual, of a pixel
     tolerance_m: float  # between a leaf and its points
@@ -139,7 +137,7 @@ def segment_dense(
     """
     used = [index for index, view in enumerate(views) if view.has_depth]
     if not used:
-        return _nothing(views)
+        return find_nothing(views)
     tell = _Teller(progress, 2 * len(used) + 7)
     scene = _look(views, used, settings, tell, threads)
     patches = scene.patches
@@ -148,12 +146,15 @@ def segment_dense(
 
     overlaps = _overlap(scene, patches, settings)
     tell.step()
-    usual_m = _usual_length(patches, overlaps)
+    usual_m = measure_usual_length(patches, overlaps)
     groups = _choose_groups(patches, overlaps, usual_m, settings)
     _count(dropped, "patches too small, too large or without a free edge", len(overlaps.view) - sum(map(len, groups)))
     if not groups:
-        return Segmentation(candidates=candidates, leaves=_no_points(), dropped=dropped)
-    points = _points_of_groups(scene, patches, overlaps, groups)
+        return Segmentation(candidates=candidates, leaves=no_points(), dropped=dropped)
+    group_of = np.zeros(len(overlaps.view), np.int64)
+    for number, group in enumerate(groups, start=1):
+        group_of[group] = number
+    points = _points_of_patches(scene, patches, group_of, len(groups), threads)
     points = append_points(points, _points_of_parts(scene, usual_m, settings, threads))
     proposals = propose_leaves(points, usual_m, USUAL_WIDTH, scene.tolerance_m, threads=threads)
     tell.step()
@@ -194,7 +195,7 @@ def _look(
         np.median([_footprint(view, depth) for view, depth in zip(chosen, coherent.depth_m, strict=True)])
     )
     planes, patches = [], []
-    depths_m = _put_sky_far(coherent.depth_m)
+    depths_m = put_sky_far(coherent.depth_m)
     for view, depth_m in zip(chosen, depths_m, strict=True):
         fitted = fit_planes_of_view(view, depth_m, noise_m, settings.patches, threads=threads)
         planes.append(fitted)
@@ -206,7 +207,6 @@ def _look(
         views=chosen,
         numbers=np.asarray(used, np.int64),
         depths_m=depths_m,
-        noises_m=coherent.noise_m,
         noise_m=noise_m,
         footprint_m=footprint_m,
         tolerance_m=settings.plane_threshold_m or 3 * noise_m + 1.5 * footprint_m,
@@ -214,23 +214,6 @@ def _look(
         patches=patches,
         colors=index_colors(chosen),
     )
-
-
-def _put_sky_far(depths_m: Sequence[NDArray[np.float32]]) -> list[NDArray[np.float32]]:
-    """Depth maps (H, W) in which large areas without depth lie far behind all else: leaves end before them.
-
-    Small ones are holes, which say nothing.
-    """
-    far_m = FAR * max(float(depth_m.max(initial=0.0)) for depth_m in depths_m)
-    filled = []
-    for depth_m in depths_m:
-        empty = (depth_m <= 0).astype(np.uint8)
-        radius = max(OPEN_PX, round(OPEN_SHARE * max(depth_m.shape)))
-        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-        wide = cv2.copyMakeBorder(empty, radius, radius, radius, radius, cv2.BORDER_REPLICATE)
-        sky = cv2.morphologyEx(wide, cv2.MORPH_OPEN, disc)[radius:-radius, radius:-radius] > 0
-        filled.append(np.where(sky & (empty > 0), np.float32(far_m), depth_m).astype(np.float32))
-    return filled
 
 
 def _footprint(view: View, depth_m: NDArray[np.float32]) -> float:
@@ -258,46 +241,17 @@ def _overlap(scene: _Scene, patches: Sequence[Patches], settings: DenseSegmentat
     )
 
 
-def _gather(patches: Sequence[Patches], name: str) -> NDArray[np.float64]:
-    return np.concatenate([np.asarray(getattr(found, name), np.float64) for found in patches])
-
-
-def _free_share(patches: Sequence[Patches]) -> NDArray[np.float64]:
-    free, hidden, unknown = (_gather(patches, name) for name in ("free_px", "hidden_px", "unknown_px"))
-    return free / np.maximum(free + hidden + unknown, 1)
-
-
-def _usual_length(patches: Sequence[Patches], overlaps: Overlaps) -> float:
-    """Length that half of the area of patches lies below that stand free, are flat ellipses and seen alike by views."""
-    length_m, width_m, area_m2, fill = (_gather(patches, name) for name in ("length_m", "width_m", "area_m2", "fill"))
-    slender, flat = width_m / np.maximum(length_m, 1e-30), _gather(patches, "thickness_m") < 0.08 * length_m
-    small = _gather(patches, "pixels") < MOST_OF_PICTURE * min(found.labels.size for found in patches)
-    shaped = small & (fill > 0.65) & (fill < 1.1) & (slender > 0.25) & flat & (_gather(patches, "pixels") > 150)
-    shaped &= (overlaps.stability > 0.7) | (overlaps.views_seen == 0)
-    sure = shaped & (_free_share(patches) > 0.6)
-    for least in (0.3, 0.1):  # where depth has holes along its edges, few edges are known to be free
-        if np.count_nonzero(sure) < 10:
-            sure = shaped & (_free_share(patches) > least)
-    if not sure.any():
-        sure = small & (slender > 0.2)
-    if not sure.any():
-        return float(np.median(length_m)) if len(length_m) else 1.0
-    order = np.argsort(length_m[sure], kind="stable")
-    rising = np.cumsum(area_m2[sure][order])
-    return float(length_m[sure][order][np.searchsorted(rising, rising[-1] / 2)])
-
-
 def _may_be_leaves(
     patches: Sequence[Patches], usual_m: float, least_free: float, settings: DenseSegmentationSettings
 ) -> NDArray[np.bool_]:
-    length_m, width_m, area_m2 = (_gather(patches, name) for name in ("length_m", "width_m", "area_m2"))
+    length_m, width_m, area_m2 = (gather_measure(patches, name) for name in ("length_m", "width_m", "area_m2"))
     return np.asarray(
         (area_m2 > settings.piece_area * usual_m**2)
         & (area_m2 < settings.whole * usual_m**2)
         & (length_m > settings.piece_length * usual_m)
         & (length_m < settings.whole * usual_m)
         & (width_m > 0.08 * length_m)
-        & (_free_share(patches) > least_free)
+        & (free_share(patches) > least_free)
     )
 
 
@@ -306,28 +260,27 @@ def _choose_groups(
 ) -> list[NDArray[np.int64]]:
     plausible = _may_be_leaves(patches, usual_m, 0.08, settings)
     stability = np.where(overlaps.views_seen > 0, overlaps.stability, 0.5)
-    size = np.minimum(_gather(patches, "area_m2") / usual_m**2, 0.5)
-    return group_patches(overlaps, plausible * _free_share(patches) * size * (stability + 0.01))
+    size = np.minimum(gather_measure(patches, "area_m2") / usual_m**2, 0.5)
+    return group_patches(overlaps, plausible * free_share(patches) * size * (stability + 0.01))
 
 
-def _points_of_groups(
-    scene: _Scene, patches: Sequence[Patches], overlaps: Overlaps, groups: Sequence[NDArray[np.int64]]
+def _points_of_patches(
+    scene: _Scene, patches: Sequence[Patches], number: NDArray[np.integer], count: int, threads: int
 ) -> LeafPoints:
-    group_of = np.zeros(len(overlaps.view), np.int32)
-    for number, group in enumerate(groups):
-        group_of[group] = number + 1
-    labels = []
-    for index, found in enumerate(patches):
-        mine = group_of[overlaps.first[index] : overlaps.first[index + 1]]
-        labels.append(np.concatenate([[0], mine]).astype(np.int32)[found.labels])
+    """The points of count leaves, where number (P,) says whose each patch of all views is, from 1, or 0 for none."""
+    first = np.concatenate([[0], np.cumsum([len(found.pixels) for found in patches])])
+    labels = [
+        np.concatenate([[0], number[first[index] : first[index + 1]]]).astype(np.int32)[found.labels]
+        for index, found in enumerate(patches)
+    ]
     return collect_points(
-        scene.views, scene.depths_m, labels, len(groups), settings=FEW_POINTS, noise_m=scene.noise_m
-    )  # fmt: skip
+        scene.views, scene.depths_m, labels, count, settings=FEW_POINTS, noise_m=scene.noise_m, threads=threads
+    )
 
 
 def _points_of_parts(scene: _Scene, usual_m: float, settings: DenseSegmentationSettings, threads: int) -> LeafPoints:
     """Parts of patches between creases, each as a leaf: touching leaves are often one patch, bent where they touch."""
-    parts, first_of = [], [0]
+    parts, proper = [], []
     looked = zip(scene.views, scene.depths_m, scene.planes, scene.patches, strict=True)
     for view, depth_m, planes, whole in looked:
         smooth = ~_find_creases(planes.normals(view.camera), settings)
@@ -340,19 +293,10 @@ def _points_of_parts(scene: _Scene, usual_m: float, settings: DenseSegmentationS
         parent = np.zeros(len(found.pixels) + 1, np.int64)
         parent[found.labels] = whole.labels
         size = np.concatenate([[0], whole.pixels])[parent[1:]]
-        parts.append((found, (found.pixels < settings.part * size) & (size > 0)))
-        first_of.append(first_of[-1] + len(found.pixels))
-    chosen = _may_be_leaves([found for found, _ in parts], usual_m, 0.05, settings)
-    chosen &= np.concatenate([proper for _, proper in parts])
-    number = np.cumsum(chosen) * chosen
-    labels = [
-        np.concatenate([[0], number[first_of[index] : first_of[index + 1]]]).astype(np.int32)[found.labels]
-        for index, (found, _) in enumerate(parts)
-    ]
-    return collect_points(
-        scene.views, scene.depths_m, labels, int(chosen.sum()), settings=FEW_POINTS, noise_m=scene.noise_m,
-        threads=threads,
-    )  # fmt: skip
+        parts.append(found)
+        proper.append((found.pixels < settings.part * size) & (size > 0))
+    chosen = _may_be_leaves(parts, usual_m, 0.05, settings) & np.concatenate(proper)
+    return _points_of_patches(scene, parts, np.where(chosen, np.cumsum(chosen), 0), int(chosen.sum()), threads)
 
 
 def _find_creases(normals: NDArray[np.float32], settings: DenseSegmentationSettings) -> NDArray[np.bool_]:
@@ -382,16 +326,8 @@ def _propose_more(
             find_patches(view, depth_m, scene.noise_m, settings.patches, planes=planes, valid=rest, threads=threads)
         )
     plausible = _may_be_leaves(patches, usual_m, 0.05, settings)
-    first = np.concatenate([[0], np.cumsum([len(found.pixels) for found in patches])])
-    number = np.cumsum(plausible) * plausible
-    labels = [
-        np.concatenate([[0], number[first[index] : first[index + 1]]]).astype(np.int32)[found.labels]
-        for index, found in enumerate(patches)
-    ]
-    rest_points = collect_points(
-        scene.views, scene.depths_m, labels, int(plausible.sum()), settings=FEW_POINTS, noise_m=scene.noise_m,
-        threads=threads,
-    )  # fmt: skip
+    number = np.where(plausible, np.cumsum(plausible), 0)
+    rest_points = _points_of_patches(scene, patches, number, int(plausible.sum()), threads)
     pairs = pair_fragments(state.proposals, state.points, usual_m)
     points = append_points(rest_points, join_points(state.points, pairs))
     width = state.usual.width_m / usual_m
@@ -507,7 +443,7 @@ def _finish(
 ) -> LeafPoints:
     """The points of the leaves, with how sure each is and the number of the view that shows most of it."""
     if not len(state.proposals):
-        return _no_points()
+        return no_points()
     evidence = _weigh(scene, state.proposals, settings, threads)
     quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0)
     kept = np.flatnonzero(quality > settings.least_confidence)
@@ -533,22 +469,6 @@ def _candidates(views: Sequence[View], used: Sequence[int], patches: Sequence[Pa
             nothing = np.zeros((view.camera.height_px, view.camera.width_px), np.int32)
             candidates.append(Candidates(labels=nothing, confidence=np.zeros(0)))
     return candidates
-
-
-def _nothing(views: Sequence[View]) -> Segmentation:
-    return Segmentation(candidates=_candidates(views, [], []), leaves=_no_points())
-
-
-def _no_points() -> LeafPoints:
-    return LeafPoints(
-        points_m=np.zeros((0, 3)),
-        normals=np.zeros((0, 3)),
-        kind=np.zeros(0, np.uint8),
-        point_view=np.zeros(0, np.int32),
-        offsets=np.zeros(1, np.int64),
-        confidence=np.zeros(0),
-        view=np.zeros(0, np.int32),
-    )
 
 
 def _count(dropped: dict[str, int], reason: str, number: int) -> None:

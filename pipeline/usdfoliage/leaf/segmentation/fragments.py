@@ -41,37 +41,25 @@ def pair_fragments(proposals: Proposals, points: LeafPoints, usual_m: float) -> 
     return np.asarray(chosen, np.int64).reshape(-1, 2)
 
 
-def join_points(points: LeafPoints, pairs: NDArray[np.int64]) -> LeafPoints:
-    """The points of both leaves of each pair (K, 2), as K leaves."""
-    parts = [
-        np.arange(points.offsets[leaf], points.offsets[leaf + 1]) for pair in pairs for leaf in pair
-    ]  # fmt: skip
+def join_points(points: LeafPoints, pairs: NDArray[np.integer]) -> LeafPoints:
+    """The points of the leaves of each row (K, S) together, as K leaves; the view is that of the first."""
+    parts = [np.arange(points.offsets[leaf], points.offsets[leaf + 1]) for pair in pairs for leaf in pair]
     index = np.concatenate([*parts, np.zeros(0, np.int64)]).astype(np.int64)
-    sizes = np.array([len(part) for part in parts], np.int64).reshape(-1, 2).sum(axis=1)
+    sizes = np.array([len(part) for part in parts], np.int64).reshape(pairs.shape).sum(axis=1)
     return LeafPoints(
         points_m=points.points_m[index],
         normals=points.normals[index],
         kind=points.kind[index],
         point_view=points.point_view[index],
         offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
-        confidence=points.confidence[pairs].min(axis=1) if len(pairs) else np.zeros(0),
-        view=points.view[pairs[:, 0]] if len(pairs) else np.zeros(0, np.int32),
+        confidence=points.confidence[pairs].min(axis=1),
+        view=points.view[pairs[:, 0]],
     )
 
 
 def take_leaves(points: LeafPoints, chosen: NDArray[np.integer]) -> LeafPoints:
     """The points of the leaves of these numbers, in this order."""
-    parts = [np.arange(points.offsets[leaf], points.offsets[leaf + 1]) for leaf in chosen]
-    index = np.concatenate([*parts, np.zeros(0, np.int64)]).astype(np.int64)
-    return LeafPoints(
-        points_m=points.points_m[index],
-        normals=points.normals[index],
-        kind=points.kind[index],
-        point_view=points.point_view[index],
-        offsets=np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64),
-        confidence=points.confidence[chosen],
-        view=points.view[chosen],
-    )
+    return join_points(points, chosen[:, None])
 
 
 def append_points(first: LeafPoints, second: LeafPoints) -> LeafPoints:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.capture.view import View
+
 INTERIOR, FREE_EDGE, HIDDEN_EDGE = 0, 1, 2  # kinds of points
 # FREE_EDGE: the leaf ends here, since what is seen beside it lies behind it.
 # HIDDEN_EDGE: something stands before the leaf here, or the picture ends; the leaf may go on.
@@ -59,3 +61,22 @@ class Segmentation:
     candidates: Sequence[Candidates]  # one a view
     leaves: LeafPoints
     dropped: Mapping[str, int] = field(default_factory=dict)  # how many candidates or leaves went, by reason
+
+
+def no_points() -> LeafPoints:
+    """The points of no leaf."""
+    return LeafPoints(
+        points_m=np.zeros((0, 3)),
+        normals=np.zeros((0, 3)),
+        kind=np.zeros(0, np.uint8),
+        point_view=np.zeros(0, np.int32),
+        offsets=np.zeros(1, np.int64),
+        confidence=np.zeros(0),
+        view=np.zeros(0, np.int32),
+    )
+
+
+def find_nothing(views: Sequence[View]) -> Segmentation:
+    """A segmentation without candidates and leaves."""
+    candidates = [Candidates(labels=np.zeros(view.depth_m.shape, np.int32), confidence=np.zeros(0)) for view in views]
+    return Segmentation(candidates=candidates, leaves=no_points())

@@ -22,7 +22,7 @@ from usdfoliage.geometry.enclosing_ellipse import enclosing_ellipses
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.leaf.segmentation.candidates import ViewCandidates, plane_frames
 from usdfoliage.leaf.segmentation.icp import IcpSettings, Registration, register_points
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints
+from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints, no_points
 
 _EXCESS = 1.25  # a candidate longer or wider than the template by this factor may be more leaves than one
 _CLOUD = 300  # points of a candidate that ICP sees
@@ -280,11 +280,7 @@ def _gather(
         kinds.append(find_edges(claimed, view.depth_m)[rows, columns])
         seen.append(np.full(len(rows), number, np.int32))
     if not leaf:
-        empty = np.empty((0, 3))
-        return LeafPoints(
-            points_m=empty, normals=empty, kind=np.empty(0, np.uint8), point_view=np.empty(0, np.int32),
-            offsets=np.zeros(1, np.int64), confidence=np.empty(0), view=np.empty(0, np.int32),
-        )  # fmt: skip
+        return no_points()
     leaf_of = np.concatenate(leaf)
     order = np.argsort(leaf_of, kind="stable")
     point_view = np.concatenate(seen)
