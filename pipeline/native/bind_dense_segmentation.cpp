@@ -59,6 +59,16 @@ nb::tuple planes(const Camera& camera, const std::optional<Integers>& pixels, in
     return nb::make_tuple(to_numpy(std::move(found), {n, 3}), to_numpy(std::move(support), {n}));
 }
 
+nb::ndarray<nb::numpy, float> normals(const Camera& camera, const Planes& fitted, const std::optional<Integers>& pixels, int threads) {
+    const std::size_t n = fitted.shape(0);
+    std::vector<float> found(3 * n);
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::plane_normals(to_view(camera), fitted.data(), pixels ? pixels->data() : nullptr, n, threads, found.data());
+    }
+    return to_numpy(std::move(found), {n, 3});
+}
+
 nb::tuple gaps(const Camera& camera, const Planes& fitted, int threads) {
     const usdfoliage::DepthView view = to_view(camera);
     std::vector<float> right(view.pixels()), down(view.pixels());
@@ -82,14 +92,17 @@ nb::tuple pieces(const Camera& camera, const Floats& right, const Floats& down, 
     return nb::make_tuple(to_numpy(std::move(labels), {rows(camera), columns(camera)}), count);
 }
 
-nb::ndarray<nb::numpy, std::uint8_t> edges(const Camera& camera, const Labels& labels, double footprints, double noise, int threads) {
+nb::ndarray<nb::numpy, std::uint8_t> edges(const Camera& camera, const Labels& labels, const std::optional<Integers>& pixels,
+                                           double footprints, double noise, int threads) {
     const usdfoliage::DepthView view = to_view(camera);
-    std::vector<std::uint8_t> kinds(view.pixels());
+    const std::size_t n = pixels ? pixels->shape(0) : view.pixels();
+    std::vector<std::uint8_t> kinds(n);
     {
         nb::gil_scoped_release unlocked;
-        usdfoliage::classify_edges(view, labels.data(), footprints, noise, threads, kinds.data());
+        usdfoliage::classify_edges(view, labels.data(), pixels ? pixels->data() : nullptr, n, footprints, noise, threads,
+                                   kinds.data());
     }
-    return to_numpy(std::move(kinds), {rows(camera), columns(camera)});
+    return to_numpy(std::move(kinds), {n});
 }
 
 nb::tuple sums(const Camera& camera, const Labels& labels, std::size_t count) {
@@ -147,11 +160,21 @@ nb::ndarray<nb::numpy, std::uint8_t> classify(const Points& points, const Camera
     return to_numpy(std::move(states), {points.shape(0)});
 }
 
-nb::tuple pick(const Labels& labels, const Integers& total, const Integers& kept, const Integers& offsets, const IntegersOut& seen) {
+nb::ndarray<nb::numpy, std::int64_t> count(const Camera& camera, const Labels& labels, std::size_t leaves) {
+    std::vector<std::int64_t> counts;
+    {
+        nb::gil_scoped_release unlocked;
+        counts = usdfoliage::count_labels(to_view(camera), labels.data(), leaves);
+    }
+    return to_numpy(std::move(counts), {leaves});
+}
+
+nb::tuple pick(const Camera& camera, const Labels& labels, const Integers& total, const Integers& kept, const Integers& offsets,
+               const IntegersOut& seen) {
     usdfoliage::PickedPixels picked;
     {
         nb::gil_scoped_release unlocked;
-        picked = usdfoliage::pick_pixels(labels.data(), labels.size(), total.data(), kept.data(), offsets.data(), seen.data());
+        picked = usdfoliage::pick_pixels(to_view(camera), labels.data(), total.data(), kept.data(), offsets.data(), seen.data());
     }
     const std::size_t n = picked.pixel.size();
     return nb::make_tuple(to_numpy(std::move(picked.pixel), {n}), to_numpy(std::move(picked.place), {n}));
@@ -162,12 +185,14 @@ nb::tuple pick(const Labels& labels, const Integers& total, const Integers& kept
 void bind_dense_segmentation(nb::module_& m) {
     m.def("fit_local_planes", &planes, "camera"_a, "pixels"_a.none(), "radius"_a, "footprints"_a, "noise"_a, "threads"_a,
           "Planes (P, 3) around pixels, slopes and value of inverse depth, and their support (P,).");
+    m.def("plane_normals", &normals, "camera"_a, "planes"_a, "pixels"_a.none(), "threads"_a,
+          "Unit normals (P, 3) in the world, towards the camera, of planes (P, 3) around pixels.");
     m.def("measure_gaps", &gaps, "camera"_a, "planes"_a, "threads"_a,
           "Gaps (H, W) between the planes of neighbours, to the right and down, in footprints of a pixel.");
     m.def("join_pixels", &pieces, "camera"_a, "right"_a, "down"_a, "valid"_a, "limit"_a, "noise"_a, "least"_a,
           "Connected pieces (H, W), 0 for none, and their number.");
-    m.def("classify_edges", &edges, "camera"_a, "labels"_a, "footprints"_a, "noise"_a, "threads"_a,
-          "Kinds (H, W) of labelled pixels: 0 interior, 1 free, 2 hidden, 3 unknown edge.");
+    m.def("classify_edges", &edges, "camera"_a, "labels"_a, "pixels"_a.none(), "footprints"_a, "noise"_a, "threads"_a,
+          "Kinds (P,) of pixels by their labels (H, W): 0 interior, 1 free, 2 hidden, 3 unknown edge.");
     m.def("sum_points", &sums, "camera"_a, "labels"_a, "count"_a,
           "Sums (K, 10) over each label's points in camera axes about its first (K, 3).");
     m.def("measure_extents", &extents, "camera"_a, "labels"_a, "axes"_a, "least_cosine"_a,
@@ -178,6 +203,8 @@ void bind_dense_segmentation(nb::module_& m) {
           "Which leaf (H, W) each pixel shows, from grids (N, V, U, 3); 0 for none, k for the leaf k - 1.");
     m.def("classify_points", &classify, "points"_a, "camera"_a, "footprints"_a, "noise"_a, "threads"_a,
           "States (P,) of points to what a view sees: 0 unseen, 1 on it, 2 before it, 3 behind it.");
-    m.def("pick_pixels", &pick, "labels"_a, "total"_a, "kept"_a, "offsets"_a, "seen"_a,
+    m.def("count_labels", &count, "camera"_a, "labels"_a, "leaves"_a,
+          "How many pixels with depth each label from 1 to leaves has: (N,).");
+    m.def("pick_pixels", &pick, "camera"_a, "labels"_a, "total"_a, "kept"_a, "offsets"_a, "seen"_a,
           "Pixels picked evenly of each leaf and their places among all points; seen (N,) is brought up to date.");
 }

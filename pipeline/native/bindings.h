@@ -15,3 +15,5 @@ void bind_leaf_fit(nanobind::module_& m);
 void bind_leaf_surface_fit(nanobind::module_& m);
 void bind_plane_sweep(nanobind::module_& m);
 void bind_dense_segmentation(nanobind::module_& m);
+void bind_leaf_samples(nanobind::module_& m);
+void bind_pinhole(nanobind::module_& m);

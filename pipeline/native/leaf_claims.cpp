@@ -138,11 +138,19 @@ void classify_points(const double* points_m, std::size_t n, const DepthView& vie
     });
 }
 
-PickedPixels pick_pixels(const std::int32_t* labels, std::size_t n, const std::int64_t* total, const std::int64_t* kept,
+std::vector<std::int64_t> count_labels(const DepthView& view, const std::int32_t* labels, std::size_t count) {
+    std::vector<std::int64_t> counts(count, 0);
+    for (std::size_t i = 0; i < view.pixels(); ++i) {
+        if (labels[i] > 0 && view.depth_m[i] > 0) ++counts[static_cast<std::size_t>(labels[i] - 1)];
+    }
+    return counts;
+}
+
+PickedPixels pick_pixels(const DepthView& view, const std::int32_t* labels, const std::int64_t* total, const std::int64_t* kept,
                          const std::int64_t* offsets, std::int64_t* seen) {
     PickedPixels picked;
-    for (std::size_t i = 0; i < n; ++i) {
-        if (labels[i] <= 0) continue;
+    for (std::size_t i = 0; i < view.pixels(); ++i) {
+        if (labels[i] <= 0 || !(view.depth_m[i] > 0)) continue;
         const std::size_t leaf = static_cast<std::size_t>(labels[i] - 1);
         const std::int64_t rank = seen[leaf]++;
         const std::int64_t before = rank * kept[leaf] / total[leaf];

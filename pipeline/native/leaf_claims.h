@@ -52,12 +52,17 @@ struct PickedPixels {
     std::vector<std::int64_t> place;  // among the points
 };
 
-// Pick evenly, over all views in turn, kept[k] of the total[k] pixels of leaf k.
+// How many pixels with depth each of count labels has.
 //
-// @param labels   n, 0 for none, k for the leaf k - 1.
+// @param labels  height x width, 0 for none, k for the leaf k - 1; none above count.
+std::vector<std::int64_t> count_labels(const DepthView& view, const std::int32_t* labels, std::size_t count);
+
+// Pick evenly, over all views in turn, kept[k] of the total[k] pixels with depth of leaf k.
+//
+// @param labels   height x width, 0 for none, k for the leaf k - 1.
 // @param offsets  the place of each leaf's first point.
 // @param seen     a leaf's pixels in the views before; brought up to date.
-PickedPixels pick_pixels(const std::int32_t* labels, std::size_t n, const std::int64_t* total, const std::int64_t* kept,
+PickedPixels pick_pixels(const DepthView& view, const std::int32_t* labels, const std::int64_t* total, const std::int64_t* kept,
                          const std::int64_t* offsets, std::int64_t* seen);
 
 }  // namespace usdfoliage

@@ -13,6 +13,7 @@ namespace usdfoliage {
 namespace {
 
 constexpr std::size_t kBlock = 128;     // pixels worked on side by side
+constexpr std::size_t kChunk = 8192;    // pixels that a thread takes at once
 constexpr float kLeastSupport = 4;      // neighbours that a plane needs
 constexpr float kReach = 0.75f;         // of the first tolerance: a surface this part of the steepest slope off counts
 constexpr float kNoises = 3;            // standard deviations that count as near
@@ -198,6 +199,24 @@ void fit_local_planes(const DepthView& view, const std::int64_t* pixels, std::si
     });
 }
 
+void plane_normals(const DepthView& view, const float* planes, const std::int64_t* pixels, std::size_t n, int threads,
+                   float* normals) {
+    const std::size_t width = static_cast<std::size_t>(view.width);
+    const double* m = view.cam_from_world;
+    parallel_for((n + kChunk - 1) / kChunk, threads, [&](std::size_t chunk) {
+        for (std::size_t i = chunk * kChunk; i < std::min(n, (chunk + 1) * kChunk); ++i) {
+            const std::size_t pixel = pixels ? static_cast<std::size_t>(pixels[i]) : i;
+            const double column = static_cast<double>(pixel % width) + 0.5, row = static_cast<double>(pixel / width) + 0.5;
+            const double right = planes[3 * i], down = planes[3 * i + 1], own = planes[3 * i + 2];
+            const double x = right * view.focal[0], y = down * view.focal[1];
+            const double z = own - right * (column - view.center[0]) - down * (row - view.center[1]);
+            const double norm = std::sqrt(x * x + y * y + z * z), rate = norm > 0 ? -1 / norm : 0;
+            for (std::size_t c = 0; c < 3; ++c)
+                normals[3 * i + c] = static_cast<float>(rate * (m[c] * x + m[4 + c] * y + m[8 + c] * z));
+        }
+    });
+}
+
 void measure_gaps(const DepthView& view, const float* planes, int threads, float* right, float* down) {
     const float focal = static_cast<float>(view.focal_mean());
     const std::size_t width = static_cast<std::size_t>(view.width), height = static_cast<std::size_t>(view.height);
@@ -246,40 +265,41 @@ std::int32_t join_pixels(const DepthView& view, const float* right, const float*
     return count;
 }
 
-void classify_edges(const DepthView& view, const std::int32_t* labels, double footprints, double noise_m, int threads,
-                    std::uint8_t* kinds) {
-    const int width = view.width, height = view.height;
-    const float slope = static_cast<float>(footprints / view.focal_mean()), noise = static_cast<float>(noise_m);
-    parallel_for(static_cast<std::size_t>(height), threads, [&](std::size_t index) {
-        const int row = static_cast<int>(index);
-        for (int column = 0; column < width; ++column) {
-            const std::ptrdiff_t i = static_cast<std::ptrdiff_t>(row) * width + column;
-            kinds[i] = kInterior;
-            if (labels[i] <= 0) continue;
-            const float depth = view.depth_m[i], tolerance = slope * depth + noise;
-            bool is_free = false, hidden = false, unknown = false;
-            const auto look = [&](bool inside, std::ptrdiff_t j) {
-                if (!inside) {
-                    hidden = true;
-                } else if (labels[j] != labels[i]) {
-                    const float other = view.depth_m[j];
-                    unknown |= !(other > 0);
-                    is_free |= other > depth + tolerance;
-                    hidden |= other > 0 && other < depth - tolerance;
-                }
-            };
-            look(column > 0, i - 1);
-            look(column + 1 < width, i + 1);
-            look(row > 0, i - width);
-            look(row + 1 < height, i + width);
-            if (hidden) {
-                kinds[i] = kHiddenEdge;
-            } else if (is_free) {
-                kinds[i] = kFreeEdge;
-            } else if (unknown) {
-                kinds[i] = kUnknownEdge;
-            }
+namespace {
+
+// Labels of pixels without depth count as none.
+EdgeKind edge_kind(const DepthView& view, const std::int32_t* labels, float slope, float noise, std::size_t pixel) {
+    const std::ptrdiff_t i = static_cast<std::ptrdiff_t>(pixel), width = view.width;
+    const std::ptrdiff_t row = i / width, column = i % width;
+    const float depth = view.depth_m[i], tolerance = slope * depth + noise;
+    if (labels[i] <= 0 || !(depth > 0)) return kInterior;
+    bool is_free = false, hidden = false, unknown = false;
+    const auto look = [&](bool inside, std::ptrdiff_t j) {
+        if (!inside) {
+            hidden = true;
+            return;
         }
+        const float other = view.depth_m[j];
+        if (labels[j] == labels[i] && other > 0) return;
+        unknown |= !(other > 0);
+        is_free |= other > depth + tolerance;
+        hidden |= other > 0 && other < depth - tolerance;
+    };
+    look(column > 0, i - 1);
+    look(column + 1 < width, i + 1);
+    look(row > 0, i - width);
+    look(row + 1 < view.height, i + width);
+    return hidden ? kHiddenEdge : is_free ? kFreeEdge : unknown ? kUnknownEdge : kInterior;
+}
+
+}  // namespace
+
+void classify_edges(const DepthView& view, const std::int32_t* labels, const std::int64_t* pixels, std::size_t n,
+                    double footprints, double noise_m, int threads, std::uint8_t* kinds) {
+    const float slope = static_cast<float>(footprints / view.focal_mean()), noise = static_cast<float>(noise_m);
+    parallel_for((n + kChunk - 1) / kChunk, threads, [&](std::size_t chunk) {
+        for (std::size_t i = chunk * kChunk; i < std::min(n, (chunk + 1) * kChunk); ++i)
+            kinds[i] = edge_kind(view, labels, slope, noise, pixels ? static_cast<std::size_t>(pixels[i]) : i);
     });
 }
 

@@ -29,6 +29,16 @@ struct PlaneOptions {
 void fit_local_planes(const DepthView& view, const std::int64_t* pixels, std::size_t n, const PlaneOptions& options,
                       float* planes, float* support);
 
+// Normals of planes around pixels: unit, in the world, towards the camera; 0 where there is no plane.
+//
+// A plane n X = 1 in the camera's axes has inverse depth n (x, y, 1) along the ray (x, y, 1).
+//
+// @param planes   n x 3, as fit_local_planes writes them
+// @param pixels   n indices of pixels; nullptr for all of them
+// @param normals  n x 3 written
+void plane_normals(const DepthView& view, const float* planes, const std::int64_t* pixels, std::size_t n, int threads,
+                   float* normals);
+
 // Gap without a surface on one side.
 constexpr float kNoSurface = 1e30f;
 
@@ -53,9 +63,14 @@ enum EdgeKind : std::uint8_t { kInterior = 0, kFreeEdge = 1, kHiddenEdge = 2, kU
 // What kind each labelled pixel is, by the depth of those of its four neighbours that are not of its own label.
 //
 // Hidden where one of them is nearer by more than footprints + noise_m, or the picture ends; else free where one is
-// farther by as much; else unknown where one has no depth; else interior, and so are pixels without a label.
-void classify_edges(const DepthView& view, const std::int32_t* labels, double footprints, double noise_m, int threads,
-                    std::uint8_t* kinds);
+// farther by as much; else unknown where one has no depth; else interior, and so are pixels without a label. Labels of
+// pixels without depth count as none.
+//
+// @param labels  height x width, 0 for none
+// @param pixels  n indices of pixels; nullptr for all of them
+// @param kinds   n written
+void classify_edges(const DepthView& view, const std::int32_t* labels, const std::int64_t* pixels, std::size_t n,
+                    double footprints, double noise_m, int threads, std::uint8_t* kinds);
 
 // Sums over the points of each of count labels, in the camera's axes: 10 numbers a label.
 //

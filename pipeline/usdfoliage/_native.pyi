@@ -316,6 +316,11 @@ def fit_local_planes(
         noise: standard deviation of the depth, in metres.
     """
 
+def plane_normals(
+    camera: _DepthView, planes: NDArray[np.float32], pixels: NDArray[np.int64] | None, threads: int
+) -> NDArray[np.float32]:
+    """Unit normals (P, 3) in the world, towards the camera, of planes (P, 3) around pixels; 0 where there is none."""
+
 def measure_gaps(
     camera: _DepthView, planes: NDArray[np.float32], threads: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -333,9 +338,14 @@ def join_pixels(
     """Labels (H, W) of the pieces whose gaps are below limit + noise / footprint, 0 for none; how many there are."""
 
 def classify_edges(
-    camera: _DepthView, labels: NDArray[np.int32], footprints: float, noise: float, threads: int
+    camera: _DepthView,
+    labels: NDArray[np.int32],
+    pixels: NDArray[np.int64] | None,
+    footprints: float,
+    noise: float,
+    threads: int,
 ) -> NDArray[np.uint8]:
-    """Kinds (H, W) of labelled pixels: 0 interior, 1 free edge, 2 hidden edge, 3 edge to where no depth is known."""
+    """Kinds (P,) of pixels, all by default, by labels (H, W): 0 interior, 1 free, 2 hidden edge, 3 no depth beside."""
 
 def sum_points(
     camera: _DepthView, labels: NDArray[np.int32], count: int
@@ -382,11 +392,41 @@ def classify_points(
 ) -> NDArray[np.uint8]:
     """States (P,) of points (P, 3): 0 unseen, 1 on the surface that is seen, 2 before it, 3 behind it."""
 
+def count_labels(camera: _DepthView, labels: NDArray[np.int32], leaves: int) -> NDArray[np.int64]:
+    """How many pixels with depth each label (H, W) from 1 to leaves has: (N,). No label may be above leaves."""
+
 def pick_pixels(
+    camera: _DepthView,
     labels: NDArray[np.int32],
     total: NDArray[np.int64],
     kept: NDArray[np.int64],
     offsets: NDArray[np.int64],
     seen: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pixels that are kept[k] of total[k] of a leaf over all views, and their places; seen (N,) goes on."""
+    """Pixels with depth that are kept[k] of total[k] of a leaf over all views, and their places; seen (N,) goes on."""
+
+def sample_leaf_points(
+    points: NDArray[np.float64],
+    edge: NDArray[np.uint8],
+    offsets: NDArray[np.int64],
+    interior: int,
+    most_edge: int,
+    before: int,
+    apart: float,
+    threads: int,
+) -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.int64]]:
+    """Indices (S,) of points (P, 3) even over their leaves, 1 for those that lie apart (S,), offsets (N + 1,)."""
+
+def project_points(
+    points: NDArray[np.float64], intrinsics: NDArray[np.float64], cam_from_world: NDArray[np.float64], threads: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places (N, 2) in pixels, NaN behind the camera, and depths (N,) of points (N, 3)."""
+
+def unproject_places(
+    places: NDArray[np.float64],
+    depths: NDArray[np.float64],
+    intrinsics: NDArray[np.float64],
+    cam_from_world: NDArray[np.float64],
+    threads: int,
+) -> NDArray[np.float64]:
+    """Points (N, 3) of the world from places (N, 2) in pixels and depths (N,)."""

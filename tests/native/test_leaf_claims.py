@@ -102,11 +102,17 @@ def test_states_of_points_follow_the_depth():
 def test_pixels_are_picked_evenly_over_all_views(most):
     rng = np.random.default_rng(4)
     labels = [rng.integers(0, 4, (20, 30)).astype(np.int32) for _ in range(3)]
-    total = np.bincount(np.concatenate([one.ravel() for one in labels]), minlength=4)[1:].astype(np.int64)
+    depths = [(rng.random((20, 30)) < 0.9).astype(np.float32) for _ in range(3)]
+    views = [(depth, np.array([20.0, 20, 15, 10]), np.eye(3, 4)) for depth in depths]
+    total = sum(_native.count_labels(view, one, 3) for view, one in zip(views, labels, strict=True))
+    labels = [one * (depth > 0) for one, depth in zip(labels, depths, strict=True)]
+    assert np.array_equal(total, np.bincount(np.concatenate([one.ravel() for one in labels]), minlength=4)[1:])
     kept = np.minimum(total, most)
     offsets, seen = np.concatenate([[0], np.cumsum(kept)]), np.zeros(3, np.int64)
 
-    picked = [_native.pick_pixels(one, total, kept, offsets, seen) for one in labels]
+    picked = [
+        _native.pick_pixels(view, one, total, kept, offsets, seen) for view, one in zip(views, labels, strict=True)
+    ]
 
     assert np.array_equal(seen, total)
     places = np.concatenate([place for _, place in picked])

@@ -102,7 +102,7 @@ def test_any_number_of_threads_gives_the_same():
     gaps = [_native.measure_gaps(camera(depth), one[0], threads) for threads in (1, 3)]
     assert np.array_equal(gaps[0], gaps[1])
     labels, _ = _native.join_pixels(camera(depth), *gaps[0], np.ones(depth.shape, np.uint8), 1.5, 0.0, 5)
-    kinds = [_native.classify_edges(camera(depth), labels, 3.0, 0.0, threads) for threads in (1, 3)]
+    kinds = [_native.classify_edges(camera(depth), labels, None, 3.0, 0.0, threads) for threads in (1, 3)]
     assert np.array_equal(kinds[0], kinds[1])
 
 
@@ -158,9 +158,11 @@ def test_pieces_are_the_connected_components(noise):
 def test_edges_are_told_by_what_lies_beside_them():
     depth = foliage(7, (60, 70))
     rng = np.random.default_rng(2)
-    labels = np.kron(rng.integers(0, 4, (12, 14)), np.ones((5, 5))).astype(np.int32)
+    labels = (np.kron(rng.integers(0, 4, (12, 14)), np.ones((5, 5))) * (depth > 0)).astype(np.int32)
 
-    kinds = _native.classify_edges(camera(depth), labels, 3.0, 0.002, 0)
+    kinds = _native.classify_edges(camera(depth), labels, None, 3.0, 0.002, 0).reshape(depth.shape)
+    some = rng.choice(depth.size, 50)
+    assert np.array_equal(_native.classify_edges(camera(depth), labels, some, 3.0, 0.002, 0), kinds.ravel()[some])
 
     wide_labels, wide_depth = np.pad(labels, 1, constant_values=-1), np.pad(depth, 1)
     free, hidden, unknown = (np.zeros(depth.shape, bool) for _ in range(3))

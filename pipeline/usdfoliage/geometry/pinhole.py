@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage import _native
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pinhole:
@@ -42,24 +44,18 @@ class Pinhole:
 
     def unproject(self, places_px: NDArray[np.floating], depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
         """Points in the world: (N, 3) from places (N, 2), x and y, and their planar depth (N,)."""
-        in_cam = np.empty((len(places_px), 3))
-        in_cam[:, 0] = (places_px[:, 0] - self.center_px[0]) / self.focal_px[0] * depth_m
-        in_cam[:, 1] = (places_px[:, 1] - self.center_px[1]) / self.focal_px[1] * depth_m
-        in_cam[:, 2] = depth_m
-        return turn_rows(in_cam - self.cam_from_world[:, 3], self.cam_from_world[:, :3])
+        return np.asarray(
+            _native.unproject_places(
+                np.ascontiguousarray(places_px, np.float64), np.ascontiguousarray(depth_m, np.float64), *self._numbers()
+            )
+        )
 
     def project(self, points_m: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where points (N, 3) of the world are seen: places (N, 2), x and y, NaN behind the camera; depth (N,)."""
-        in_cam = turn_rows(points_m, self.cam_from_world[:, :3].T) + self.cam_from_world[:, 3]
-        depth_m = in_cam[:, 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            places = in_cam[:, :2] / np.where(depth_m > 0, depth_m, np.nan)[:, None]
-        return places * np.array(self.focal_px) + np.array(self.center_px), depth_m
+        places, depth_m = _native.project_points(np.ascontiguousarray(points_m, np.float64), *self._numbers())
+        return places, depth_m
 
-
-def turn_rows(vectors: NDArray[np.floating], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """vectors (N, 3) @ matrix (3, 3), without the threads of a matrix product, which cost more than so small a one."""
-    result = vectors[:, :1] * matrix[0]
-    result += vectors[:, 1:2] * matrix[1]
-    result += vectors[:, 2:] * matrix[2]
-    return np.asarray(result, np.float64)
+    def _numbers(self) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+        """Focal lengths and centre (4,), cam_from_world (3, 4), and threads, one per core, as native functions ask."""
+        intrinsics = np.array([*self.focal_px, *self.center_px], np.float64)
+        return intrinsics, np.ascontiguousarray(self.cam_from_world, np.float64), 0

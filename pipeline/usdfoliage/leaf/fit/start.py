@@ -1,16 +1,15 @@
 """Where fits begin: even samples of the points of leaves, without those that lie apart, and first poses."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from usdfoliage import _native
 from usdfoliage.leaf.segmentation.model import FREE_EDGE, LeafPoints
 
-MORTON_BITS = 6  # an axis
 BEFORE_SPREAD = 4  # times as many points are looked at as are wanted
+APART = 3.0  # usual distances to a near neighbour, beyond which a point lies apart from its leaf
 POSE_POINTS = 96  # of a leaf, for its pose
 POSE_ROUNDS = 4  # of leaving out what is far from the others
 
@@ -44,33 +43,18 @@ class LeafPoses:
     width_m: NDArray[np.float64]  # (N,), across y
 
 
-def sample_points(points: LeafPoints, interior: int, edge: int, evidence: float) -> LeafSamples:
+def sample_points(points: LeafPoints, interior: int, edge: int, evidence: float, *, threads: int = 0) -> LeafSamples:
     """At most so many points of either kind of each leaf, spread evenly, always the same ones.
 
     Points whose neighbours are far, measured by what is usual in the leaf, get no weight. The weights of a leaf sum to
-    evidence: points beside each other err alike.
+    evidence: points beside each other err alike. No point that is not finite is taken.
     """
-    is_edge = np.equal(points.kind, FREE_EDGE)
-    leaf = np.repeat(np.arange(len(points)), np.diff(points.offsets))
-    finite = np.isfinite(points.points_m).all(axis=1)
-    some = np.concatenate(
-        [
-            _thin(np.flatnonzero(is_edge & finite), leaf, BEFORE_SPREAD * edge),
-            _thin(np.flatnonzero(~is_edge & finite), leaf, BEFORE_SPREAD * interior),
-        ]
-    )
-    order = some[np.argsort(_morton_codes(points.points_m[some], leaf[some]), kind="stable")]
-    inside, outside = order[~is_edge[order]], order[is_edge[order]]
-    wanted = np.zeros(len(leaf), bool)
-    wanted[_thin(inside, leaf, interior)] = True
-    wanted[_thin(outside, leaf, edge)] = True
-    chosen = order[wanted[order]]
-    offsets = np.searchsorted(leaf[chosen], np.arange(len(points) + 1)).astype(np.int64)
-    samples = points.points_m[chosen]
-    weights = np.ones(len(chosen))
-    for first, last in pairwise(offsets):
-        weights[first:last] = ~_lie_apart(samples[first:last])
-    return _weighed(samples, is_edge[chosen].astype(np.uint8), weights, offsets, evidence)
+    is_edge = np.equal(points.kind, FREE_EDGE).astype(np.uint8)
+    chosen, apart, offsets = _native.sample_leaf_points(
+        np.ascontiguousarray(points.points_m, np.float64), is_edge, np.asarray(points.offsets, np.int64), interior,
+        edge, BEFORE_SPREAD, APART, threads,
+    )  # fmt: skip
+    return _weighed(points.points_m[chosen], is_edge[chosen], (apart == 0).astype(np.float64), offsets, evidence)
 
 
 def thin_samples(samples: LeafSamples, step: int) -> LeafSamples:
@@ -97,39 +81,6 @@ def _weighed(
     return LeafSamples(
         points_m=points_m, edge=edge, weights=weights * np.repeat(factor, np.diff(offsets)), offsets=offsets
     )
-
-
-def _morton_codes(points_m: NDArray[np.float64], leaf: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers (P,) that rise from leaf to leaf, and along a curve that fills the box of each."""
-    low, high = (
-        np.full((int(leaf.max(initial=-1)) + 1, 3), np.inf),
-        np.full((int(leaf.max(initial=-1)) + 1, 3), -np.inf),
-    )
-    np.minimum.at(low, leaf, points_m)
-    np.maximum.at(high, leaf, points_m)
-    extent = np.maximum((high - low).max(axis=1), np.finfo(np.float64).tiny)
-    cell = ((points_m - low[leaf]) / extent[leaf, None] * ((1 << MORTON_BITS) - 1)).astype(np.int64)
-    codes = leaf.astype(np.int64) << (3 * MORTON_BITS)
-    for bit in range(MORTON_BITS):
-        for axis in range(3):
-            codes |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return codes
-
-
-def _thin(order: NDArray[np.int64], leaf: NDArray[np.int64], most: int) -> NDArray[np.int64]:
-    """At most so many of each leaf's points, at even steps along an order that goes leaf by leaf."""
-    counts = np.bincount(leaf[order], minlength=1)
-    rank = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
-    count = np.repeat(counts, counts)
-    kept = np.minimum(count, most)
-    return order[(rank * kept) // count != ((rank - 1) * kept) // count]
-
-
-def _lie_apart(points_m: NDArray[np.float64], neighbours: int = 4, factor: float = 3.0) -> NDArray[np.bool_]:
-    if len(points_m) <= neighbours:
-        return np.zeros(len(points_m), bool)
-    distance = np.asarray(cKDTree(points_m).query(points_m, k=[neighbours + 1])[0])[:, 0]
-    return np.asarray(distance > factor * np.median(distance))
 
 
 def start_poses(samples: LeafSamples, towards: NDArray[np.float64]) -> LeafPoses:

@@ -12,7 +12,7 @@ from usdfoliage.capture.view import View
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.segmentation.depth_view import depth_view
 from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints
-from usdfoliage.leaf.segmentation.patches import PatchSettings, plane_normals
+from usdfoliage.leaf.segmentation.patches import LocalPlanes, PatchSettings
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 
 _LEAST_SUPPORT = 6.0  # neighbours on a plane whose normal is taken
@@ -137,6 +137,7 @@ def collect_points(
     settings: PointSettings = PointSettings(),
     *,
     noise_m: float | Sequence[float] = 0.0,
+    planes: Sequence[LocalPlanes] | None = None,
     threads: int = 0,
 ) -> LeafPoints:
     """The points of the pixels that show each of count leaves, picked evenly where there are many.
@@ -151,6 +152,7 @@ def collect_points(
             pixels of each, 0 for a leaf without.
         settings: How many points, and what an edge is.
         noise_m: Standard deviation of the depth, of all views or of each.
+        planes: V, around the pixels of these depths, if they are there already.
         threads: At most so many, 0 for one per core; the result is the same.
 
     Raises:
@@ -159,15 +161,12 @@ def collect_points(
     noises = np.broadcast_to(np.asarray(noise_m, np.float64), len(views))
     seen = [depth_view(one.camera, depth_m) for one, depth_m in zip(views, depths_m, strict=True)]
     shown = np.zeros((len(views), count), np.int64)
-    known: list[NDArray[np.int32]] = []
     for number, (one, claimed) in enumerate(zip(seen, labels, strict=True)):
         if claimed.shape != one[0].shape:
             raise ValueError(f"the labels must be {one[0].shape}, not {claimed.shape}")
-        known.append(np.where(one[0] > 0, claimed, np.int32(0)).astype(np.int32, copy=False))
-        times = np.bincount(np.maximum(known[-1], 0).ravel(), minlength=count + 1)
-        if len(times) > count + 1:
-            raise ValueError(f"labels must be at most {count}, not {len(times) - 1}")
-        shown[number] = times[1:]
+        if (most := int(claimed.max(initial=0))) > count:
+            raise ValueError(f"labels must be at most {count}, not {most}")
+        shown[number] = _native.count_labels(one, claimed, count)
 
     total = shown.sum(axis=0)
     kept = np.minimum(total, settings.most_per_leaf)
@@ -175,21 +174,25 @@ def collect_points(
     points, normals = np.empty((offsets[-1], 3)), np.empty((offsets[-1], 3))
     kind, point_view = np.empty(offsets[-1], np.uint8), np.empty(offsets[-1], np.int32)
     before = np.zeros(count, np.int64)
-    for number, (one, claimed) in enumerate(zip(seen, known, strict=True)):
-        pixels, places = _native.pick_pixels(claimed, total, kept, offsets, before)
+    for number, (one, claimed) in enumerate(zip(seen, labels, strict=True)):
+        pixels, places = _native.pick_pixels(one, claimed, total, kept, offsets, before)
         noise, camera = float(noises[number]), views[number].camera
         rows, columns = np.divmod(pixels, camera.width_px)
-        edges = _native.classify_edges(one, claimed, settings.edge, settings.edge_noises * noise, threads)
-        planes, support = _native.fit_local_planes(
-            one, pixels, PatchSettings.radius_px, PatchSettings.steepest, noise, threads
-        )
+        edges = _native.classify_edges(one, claimed, pixels, settings.edge, settings.edge_noises * noise, threads)
+        if planes is None:
+            slopes, support = _native.fit_local_planes(
+                one, pixels, PatchSettings.radius_px, PatchSettings.steepest, noise, threads
+            )
+        else:
+            slopes = planes[number].slopes.reshape(-1, 3)[pixels]
+            support = planes[number].support.ravel()[pixels]
         located = camera.unproject(np.column_stack([columns + 0.5, rows + 0.5]), one[0].ravel()[pixels])
-        facing = plane_normals(camera, planes, columns, rows)
+        facing = np.asarray(_native.plane_normals(one, slopes, pixels, threads), np.float64)
         alone = support < _LEAST_SUPPORT
         towards = camera.position_m - located[alone]
         facing[alone] = towards / np.linalg.norm(towards, axis=1, keepdims=True)
         points[places], normals[places] = located, facing
-        kind[places] = _KINDS[edges.ravel()[pixels]]
+        kind[places] = _KINDS[edges]
         point_view[places] = number
     most_shown = shown.argmax(axis=0) if len(views) else np.zeros(count)
     return LeafPoints(

@@ -274,8 +274,9 @@ def _points_of_patches(
         for index, found in enumerate(patches)
     ]
     return collect_points(
-        scene.views, scene.depths_m, labels, count, settings=FEW_POINTS, noise_m=scene.noise_m, threads=threads
-    )
+        scene.views, scene.depths_m, labels, count, settings=FEW_POINTS, noise_m=scene.noise_m,
+        planes=scene.planes, threads=threads,
+    )  # fmt: skip
 
 
 def _points_of_parts(scene: _Scene, usual_m: float, settings: DenseSegmentationSettings, threads: int) -> LeafPoints:
@@ -283,7 +284,7 @@ def _points_of_parts(scene: _Scene, usual_m: float, settings: DenseSegmentationS
     parts, proper = [], []
     looked = zip(scene.views, scene.depths_m, scene.planes, scene.patches, strict=True)
     for view, depth_m, planes, whole in looked:
-        smooth = ~_find_creases(planes.normals(view.camera), settings)
+        smooth = ~_find_creases(planes.normals(view.camera, threads=threads), settings)
         if view.mask is not None:
             smooth &= view.mask
         found = find_patches(
@@ -406,7 +407,7 @@ def _settle(
     labels = tuple(number[label] for label in labels)
     points = collect_points(
         scene.views, scene.depths_m, labels, len(proposals), settings=settings.points, noise_m=scene.noise_m,
-        threads=threads,
+        planes=scene.planes, threads=threads,
     )  # fmt: skip
     generic = generic_prior(usual.length_m, usual.width_m / usual.length_m)
     if not len(proposals):

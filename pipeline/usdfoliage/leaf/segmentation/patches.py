@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from usdfoliage import _native
 from usdfoliage.capture.view import View
-from usdfoliage.geometry.pinhole import Pinhole, turn_rows
+from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.leaf.segmentation.depth_view import depth_view
 from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE
 
@@ -49,11 +49,11 @@ class LocalPlanes:
     gap_right: NDArray[np.float32]  # (H, W), to the plane of the next pixel, in footprints; 1e30 where there is none
     gap_down: NDArray[np.float32]  # (H, W)
 
-    def normals(self, camera: Pinhole) -> NDArray[np.float32]:
+    def normals(self, camera: Pinhole, *, threads: int = 0) -> NDArray[np.float32]:
         """(H, W, 3), unit, in the world, towards the camera; 0 where there is no depth."""
-        rows, columns = np.indices(self.support.shape)
-        flat = plane_normals(camera, self.slopes.reshape(-1, 3), columns.ravel(), rows.ravel())
-        return flat.reshape(self.slopes.shape).astype(np.float32)
+        seen = depth_view(camera, self.support)
+        flat = _native.plane_normals(seen, self.slopes.reshape(-1, 3), None, threads)
+        return np.asarray(flat, np.float32).reshape(self.slopes.shape)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,7 +136,9 @@ def find_patches(
     labels, count = _native.join_pixels(
         seen, planes.gap_right, planes.gap_down, allowed, settings.gap, settings.gap_noises * noise_m, settings.least_px
     )
-    kind = _native.classify_edges(seen, labels, settings.edge, settings.edge_noises * noise_m, threads)
+    kind = _native.classify_edges(seen, labels, None, settings.edge, settings.edge_noises * noise_m, threads).reshape(
+        depth_m.shape
+    )
 
     sums, _ = _native.sum_points(seen, labels, count)
     pixels = sums[:, 0]
@@ -157,24 +159,8 @@ def find_patches(
         hidden_px=at_edges[:, HIDDEN_EDGE],
         unknown_px=at_edges[:, UNKNOWN_EDGE],
         fill=fill,
-        normals=planes.normals(view.camera) if with_normals else None,
+        normals=planes.normals(view.camera, threads=threads) if with_normals else None,
     )
-
-
-def plane_normals(
-    camera: Pinhole, slopes: NDArray[np.floating], columns: NDArray[np.integer], rows: NDArray[np.integer]
-) -> NDArray[np.float64]:
-    """(N, 3), unit, in the world, towards the camera, of planes (N, 3) around these pixels; 0 where there is none.
-
-    A plane n X = 1 in the camera's axes has inverse depth n (x, y, 1) along the ray (x, y, 1).
-    """
-    right, down, own = np.asarray(slopes, np.float64).T
-    away = np.empty((len(right), 3))
-    away[:, 0], away[:, 1] = right * camera.focal_px[0], down * camera.focal_px[1]
-    away[:, 2] = own - right * (columns + 0.5 - camera.center_px[0]) - down * (rows + 0.5 - camera.center_px[1])
-    norm = np.sqrt(np.einsum("ij,ij->i", away, away))
-    np.divide(away, -norm[:, None], out=away, where=norm[:, None] > 0)  # zeros stay zeros
-    return turn_rows(away, camera.cam_from_world[:, :3])
 
 
 def _principal_axes(sums: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

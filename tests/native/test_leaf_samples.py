@@ -1,0 +1,89 @@
+"""Native samples of leaves' points against the same written plainly in numpy."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+from usdfoliage import _native
+
+BITS = 6
+
+
+def thin(indices, most):
+    rank, count = np.arange(len(indices)), max(len(indices), 1)
+    kept = min(len(indices), most)
+    return indices[(rank * kept) // count != ((rank - 1) * kept) // count]
+
+
+def curve(points):
+    extent = max(np.ptp(points, axis=0).max(), np.finfo(float).tiny)
+    cell = ((points - points.min(axis=0)) / extent * (2**BITS - 1)).astype(int)
+    return sum(((cell[:, axis] >> bit) & 1) << (3 * bit + axis) for bit in range(BITS) for axis in range(3))
+
+
+def sample(points, edge, offsets, interior, most_edge, before, apart):
+    chosen, alone, ends = [], [], [0]
+    for first, last in pairwise(offsets):
+        own = np.arange(first, last)[np.isfinite(points[first:last]).all(axis=1)]
+        order = np.concatenate(
+            [thin(own[edge[own] == 1], before * most_edge), thin(own[edge[own] == 0], before * interior)]
+        )
+        if len(order):
+            order = order[np.argsort(curve(points[order]), kind="stable")]
+        kept = np.concatenate([thin(order[edge[order] == 0], interior), thin(order[edge[order] == 1], most_edge)])
+        picked = order[np.isin(order, kept)]
+        far = np.zeros(len(picked), bool)
+        if len(picked) > 4:
+            distance = cKDTree(points[picked]).query(points[picked], k=5)[0][:, 4]
+            far = distance > apart * np.median(distance)
+        chosen.append(picked)
+        alone.append(far)
+        ends.append(ends[-1] + len(picked))
+    return np.concatenate(chosen), np.concatenate(alone), np.array(ends)
+
+
+def clouds(rng, sizes):
+    points = np.concatenate([rng.normal(size=(size, 3)) * (1, 0.3, 0.05) + rng.normal(size=3) for size in sizes])
+    points[rng.random(len(points)) < 0.05] += 3
+    points[rng.random(len(points)) < 0.02, 1] = np.nan
+    edge = (rng.random(len(points)) < 0.2).astype(np.uint8)
+    return points, edge, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(st.integers(0, 400), min_size=1, max_size=5),
+    st.integers(1, 120),
+    st.integers(1, 50),
+    st.integers(1, 4),
+    st.integers(0, 2**32 - 1),
+)
+def test_the_same_points_as_plainly_written(sizes, interior, most_edge, before, seed):
+    points, edge, offsets = clouds(np.random.default_rng(seed), sizes)
+
+    found = _native.sample_leaf_points(points, edge, offsets, interior, most_edge, before, 3.0, 2)
+
+    index, apart, ends = sample(points, edge, offsets, interior, most_edge, before, 3.0)
+    assert np.array_equal(found[0], index)
+    assert np.array_equal(found[1], apart)
+    assert np.array_equal(found[2], ends)
+
+
+@pytest.mark.parametrize("threads", [2, 5])
+def test_threads_change_nothing(threads):
+    points, edge, offsets = clouds(np.random.default_rng(1), [300] * 20)
+    one, more = (_native.sample_leaf_points(points, edge, offsets, 50, 20, 4, 3.0, count) for count in (1, threads))
+    for a, b in zip(one, more, strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_points_in_one_place_do_not_lie_apart():
+    points = np.ones((30, 3))
+    index, apart, _ = _native.sample_leaf_points(
+        points, np.zeros(30, np.uint8), np.array([0, 30], np.int64), 20, 5, 4, 3.0, 1
+    )
+    assert len(index) == 20
+    assert not apart.any()
