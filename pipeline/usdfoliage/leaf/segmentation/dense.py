@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
+from usdfoliage.concurrent import map_threaded
 from usdfoliage.leaf.fit.prior import LeafPrior, generic_prior, learn_prior
 from usdfoliage.leaf.segmentation.claims import (
     ClaimSettings,
@@ -194,14 +195,19 @@ def _look(
     footprint_m = float(
         np.median([_footprint(view, depth) for view, depth in zip(chosen, coherent.depth_m, strict=True)])
     )
-    planes, patches = [], []
     depths_m = put_sky_far(coherent.depth_m)
-    for view, depth_m in zip(chosen, depths_m, strict=True):
-        fitted = fit_planes_of_view(view, depth_m, noise_m, settings.patches, threads=threads)
+
+    def look(number: int) -> tuple[LocalPlanes, Patches]:
+        view, depth_m = chosen[number], depths_m[number]
+        fitted = fit_planes_of_view(view, depth_m, noise_m, settings.patches, threads=1)
+        return fitted, find_patches(
+            view, depth_m, noise_m, settings.patches, planes=fitted, valid=view.mask, threads=1
+        )  # fmt: skip
+
+    planes, patches = [], []
+    for fitted, found in map_threaded(look, range(len(chosen)), threads=threads):
         planes.append(fitted)
-        patches.append(
-            find_patches(view, depth_m, noise_m, settings.patches, planes=fitted, valid=view.mask, threads=threads)
-        )
+        patches.append(found)
         tell.step()
     return _Scene(
         views=chosen,
@@ -281,23 +287,30 @@ def _points_of_patches(
 
 def _points_of_parts(scene: _Scene, usual_m: float, settings: DenseSegmentationSettings, threads: int) -> LeafPoints:
     """Parts of patches between creases, each as a leaf: touching leaves are often one patch, bent where they touch."""
-    parts, proper = [], []
-    looked = zip(scene.views, scene.depths_m, scene.planes, scene.patches, strict=True)
-    for view, depth_m, planes, whole in looked:
-        smooth = ~_find_creases(planes.normals(view.camera, threads=threads), settings)
-        if view.mask is not None:
-            smooth &= view.mask
-        found = find_patches(
-            view, depth_m, scene.noise_m, settings.patches, planes=planes, valid=smooth, threads=threads
-        )
+
+    def part(number: int) -> tuple[Patches, NDArray[np.bool_]]:
+        view, planes, whole = scene.views[number], scene.planes[number], scene.patches[number]
+        found = _find_within(scene, number, ~_find_creases(planes.normals(view.camera, threads=1), settings), settings)
         # What is nearly the whole patch was tried as that.
         parent = np.zeros(len(found.pixels) + 1, np.int64)
         parent[found.labels] = whole.labels
         size = np.concatenate([[0], whole.pixels])[parent[1:]]
-        parts.append(found)
-        proper.append((found.pixels < settings.part * size) & (size > 0))
+        return found, (found.pixels < settings.part * size) & (size > 0)
+
+    parts, proper = zip(*map_threaded(part, range(len(scene.views)), threads=threads), strict=True)
     chosen = _may_be_leaves(parts, usual_m, 0.05, settings) & np.concatenate(proper)
     return _points_of_patches(scene, parts, np.where(chosen, np.cumsum(chosen), 0), int(chosen.sum()), threads)
+
+
+def _find_within(
+    scene: _Scene, number: int, allowed: NDArray[np.bool_], settings: DenseSegmentationSettings
+) -> Patches:
+    """The patches of a view within allowed (H, W) and its mask."""
+    view = scene.views[number]
+    return find_patches(
+        view, scene.depths_m[number], scene.noise_m, settings.patches, planes=scene.planes[number],
+        valid=allowed if view.mask is None else allowed & view.mask, threads=1,
+    )  # fmt: skip
 
 
 def _find_creases(normals: NDArray[np.float32], settings: DenseSegmentationSettings) -> NDArray[np.bool_]:
@@ -317,15 +330,13 @@ def _propose_more(
 ) -> tuple[Proposals, NDArray[np.int64]]:
     """What was found, leaves of patches nobody claims, and pieces as one leaf: the last ones, as pairs (K, 2) tell."""
     usual_m = state.usual.length_m
-    patches = []
-    for view, depth_m, planes, label in zip(scene.views, scene.depths_m, scene.planes, state.labels, strict=True):
+
+    def look_again(number: int) -> Patches:
         # Claims end a pixel early or late; their rims are not leaves.
-        rest = cv2.erode((label == 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        if view.mask is not None:
-            rest &= view.mask
-        patches.append(
-            find_patches(view, depth_m, scene.noise_m, settings.patches, planes=planes, valid=rest, threads=threads)
-        )
+        rest = cv2.erode((state.labels[number] == 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        return _find_within(scene, number, rest, settings)
+
+    patches = list(map_threaded(look_again, range(len(scene.views)), threads=threads))
     plausible = _may_be_leaves(patches, usual_m, 0.05, settings)
     number = np.where(plausible, np.cumsum(plausible), 0)
     rest_points = _points_of_patches(scene, patches, number, int(plausible.sum()), threads)
@@ -396,9 +407,12 @@ def _settle(
         proposals.leaves, scene.views, scene.depths_m, scene.noise_m, settings.claims, threads=threads
     )  # fmt: skip
     reach_px = settings.reach * usual.length_m / scene.footprint_m
-    labels = tuple(
-        complete_claims(label, found.labels, reach_px) for label, found in zip(labels, scene.patches, strict=True)
+    completed = map_threaded(
+        lambda pair: complete_claims(pair[0], pair[1].labels, reach_px),
+        zip(labels, scene.patches, strict=True),
+        threads=threads,
     )
+    labels = tuple(completed)
     pixels = sum(np.bincount(label.ravel(), minlength=len(proposals) + 1) for label in labels)
     enough = np.asarray(pixels)[1:] > settings.patches.least_px
     _count(dropped, "leaves that too few pixels show", int(np.count_nonzero(~enough)))
