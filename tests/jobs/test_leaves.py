@@ -20,11 +20,20 @@ from usdfoliage.jobs.leaves_pictures import (
     draw_superpixels,
     label_points,
     leaf_palette,
+    pick_pixels,
+    prepare_points,
     shrink_camera,
     shrink_to,
+    shrink_view,
     thin_points,
 )
-from usdfoliage.jobs.leaves_report import draw_mean_leaf, leaf_histograms, measure_rows
+from usdfoliage.jobs.leaves_report import (
+    certainty_histograms,
+    certainty_rows,
+    draw_mean_leaf,
+    leaf_histograms,
+    measure_rows,
+)
 from usdfoliage.jobs.leaves_settings import LeavesSettings, set_everywhere
 from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views
 from usdfoliage.jobs.recorder import find_interpreter
@@ -163,10 +172,11 @@ def square(depth_m=2.0) -> tuple[View, LeafPoints]:
 
 def test_points_fill_the_leaf_they_are_of():
     view, points = square()
-    labels = label_points(points, view, 0)
-    assert (labels[20:39, 10:29] == 0).all()
-    assert np.count_nonzero(labels == 0) <= 24 * 24
-    picture = draw_refined(view, 0, points)
+    drawn = prepare_points(points)
+    labels = label_points(drawn, view, 0)
+    assert (labels[21:38, 11:28] == 0).all()
+    assert np.count_nonzero(labels == 0) <= 20 * 20  # gaps are filled, and nothing grows
+    picture = draw_refined(view, 0, drawn)
     assert (picture[50, 70] == 90).all()  # shaded where nothing is
     assert (picture[30, 20] != picture[50, 70]).any()
 
@@ -184,16 +194,44 @@ def test_thinned_points_fill_the_same_leaves():
     assert thinned.offsets.tolist() == [0, 10, 10, 40]
     assert thinned.kind.tolist() == [*range(10), *range(10, 100, 3)]
     np.testing.assert_array_equal(thinned.points_m, points.points_m[thinned.kind])
-    few = label_points(thin_points(points, 25), view, 0)
-    assert np.mean((few == 0) == (label_points(points, view, 0) == 0)) > 0.97
+    few = label_points(prepare_points(thin_points(points, 25)), view, 0)
+    assert np.mean((few == 0) == (label_points(prepare_points(points), view, 0) == 0)) > 0.97
+
+
+def test_points_tell_how_large_leaves_are_and_how_far_apart_they_lie():
+    _, points = square()
+    drawn = prepare_points(points)
+    side = 2.0 * 18 / 80
+    assert drawn.size_m == pytest.approx([4 * side / 12**0.5], rel=0.15)
+    assert drawn.spacing_m == pytest.approx([2.0 * 2 / 80], rel=0.15)
+    assert drawn.middle_m == pytest.approx(points.points_m.mean(axis=0)[None])
+
+
+@given(moved=st.permutations(range(3)))
+def test_the_nearest_points_are_seen(moved):
+    view, points = square()
+    away = np.array([1.0, 0.9, 0.8])[moved]
+    all_three = replace(
+        points,
+        points_m=np.concatenate([points.points_m * share for share in away]),
+        normals=np.tile(points.normals, (3, 1)),
+        kind=np.tile(points.kind, 3),
+        point_view=np.tile(points.point_view, 3),
+        offsets=np.array([0, 100, 200, 300]),
+        confidence=np.ones(3),
+        view=np.zeros(3, np.int32),
+    )
+    labels = label_points(prepare_points(all_three), view, 0)
+    assert set(np.unique(labels)) == {-1, moved.index(2)}
 
 
 def test_points_that_another_view_saw_may_be_hidden_in_this_one():
     view, points = square(depth_m=1.0)  # something stands before the square
-    assert (label_points(points, view, 1) == -1).all()
-    assert (label_points(points, view, 0) >= 0).any()  # this one saw them itself
+    drawn = prepare_points(points)
+    assert (label_points(drawn, view, 1) == -1).all()
+    assert (label_points(drawn, view, 0) >= 0).any()  # this one saw them itself
     view, points = square()
-    assert (label_points(points, view, 1) >= 0).any()
+    assert (label_points(prepare_points(points), view, 1) >= 0).any()
 
 
 def test_pictures_of_nothing(bed):
@@ -212,8 +250,8 @@ def test_pictures_of_nothing(bed):
     for picture in (
         draw_superpixels(view, labels - 1),
         draw_candidates(view, labels, np.zeros(0)),
-        draw_refined(view, 0, none),
-        draw_fitted(view, random_leaves(0), np.zeros(0, np.int64)),
+        draw_refined(view, 0, prepare_points(none)),
+        draw_fitted(view, random_leaves(0), np.zeros(0, np.int64), np.zeros(0)),
     ):
         np.testing.assert_array_equal(picture, np.full((60, 80, 3), 90))
 
@@ -228,14 +266,70 @@ def test_superpixels_are_edged():
 
 def test_fitted_leaves_are_drawn_where_the_photograph_shows_them(bed):
     view, ids = bed.views[0], bed.leaf_ids[0]
-    picture = draw_fitted(view, bed.leaves, np.arange(len(bed.leaves)))
+    picture = draw_fitted(view, bed.leaves, np.arange(len(bed.leaves)), np.ones(len(bed.leaves)))
     shaded = np.rint(view.srgb * 0.45).astype(int)
     drawn = np.abs(picture.astype(int) - shaded).max(axis=2) > 2
     leaf = ids > 0
     assert np.count_nonzero(drawn & leaf) / np.count_nonzero(drawn | leaf) > 0.9
 
 
+def test_dots_are_hollow_where_the_base_is_a_guess(bed):
+    view, number = bed.views[0], np.arange(len(bed.leaves))
+    sure, guessed = (
+        draw_fitted(view, bed.leaves, number, np.full(len(bed.leaves), certainty), threads=1)
+        for certainty in (0.99, 0.6)
+    )
+    changed = (sure != guessed).any(axis=2)
+    places, _ = view.camera.project(bed.leaves.base_m)
+    rows, columns = np.nonzero(changed)
+    away = np.linalg.norm(np.column_stack([columns, rows])[:, None] + 0.5 - places, axis=2).min(axis=1)
+    assert changed.any()
+    assert np.nanmax(away) < 5
+    red = [np.count_nonzero((picture == (255, 60, 40)).all(axis=2)) for picture in (sure, guessed)]
+    assert red[1] < 0.6 * red[0]
+
+
+@pytest.mark.parametrize("longest", [200, 479, 2000])
+def test_a_shrunk_view_shows_the_same(bed, longest):
+    view = bed.views[0]
+    small = shrink_view(view, longest)
+    assert max(small.depth_m.shape) == min(longest, max(view.depth_m.shape))
+    ids = pick_pixels(bed.leaf_ids[0], small.depth_m.shape)
+    share = np.mean(bed.leaf_ids[0] > 0)
+    assert np.mean(ids > 0) == pytest.approx(share, rel=0.03)
+    # Depth unprojects to the surfaces of which it is.
+    rows, columns = np.nonzero((small.depth_m > 0) & (ids > 0))
+    points = small.camera.unproject(np.column_stack([columns, rows]) + 0.5, small.depth_m[rows, columns].astype(float))
+    places, depth_m = view.camera.project(points)
+    same = np.abs(depth_m - view.depth_m[tuple(places.astype(int).T[::-1])]) < 1e-6
+    assert np.mean(same) > 0.99  # not where a pixel's centre lies on the border of two
+
+
 # The report's figures
+
+
+@pytest.mark.parametrize(
+    ("length_m", "said"),
+    [
+        (0.07, "70 (70 to 70) mm"),
+        (0.9, "900 (900 to 900) mm"),
+        (0.9999, "1 (1 to 1) m"),
+        (1.234, "1.23 (1.23 to 1.23) m"),
+    ],
+)
+def test_lengths_are_told_in_the_unit_in_which_they_read_well(length_m, said):
+    leaves = replace(random_leaves(5), length_m=np.full(5, length_m))
+    assert measure_rows(leaves)[0].value == said
+    assert leaf_histograms(leaves)[0].title == f"length in {said.split()[-1]}"
+
+
+def test_guesses_of_the_base_are_counted():
+    certainty = np.array([0.5, 0.7, 0.949, 0.95, 1.0])
+    (row,) = certainty_rows(certainty)
+    assert "3 of 5 leaves are below 0.95" in row.remark
+    (histogram,) = certainty_histograms(certainty)
+    assert (histogram.low, histogram.high, sum(histogram.heights)) == ("0.5", "1", 5)
+    assert certainty_rows(np.zeros(0)) == certainty_histograms(np.zeros(0)) == []
 
 
 def test_figures_of_leaves():

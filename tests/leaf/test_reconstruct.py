@@ -140,6 +140,8 @@ def test_a_leaf_keeps_its_number(segment, bed):
         middle = found.leaves.base_m[number] + found.leaves.asset_from_leaf()[number, :, 1] / 2
         assert np.linalg.norm(mine.mean(axis=0) - middle) < 0.6 * found.leaves.length_m[number]
         assert found.leaves.view[number] == points.view[source]
+    assert found.certainty.shape == (len(found.leaves),)
+    assert ((found.certainty >= 0.5) & (found.certainty <= 1)).all()
 
 
 def test_one_view_says_what_it_cannot_do(segment, bed):

@@ -1,9 +1,7 @@
 """The main job on one photograph: a mask and colours in, a crown model and its measures out."""
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 
 import cv2
 import numpy as np
@@ -19,9 +17,7 @@ from usdfoliage.crown.surface import SurfaceSettings, inflate_silhouette
 from usdfoliage.crown.texture import TextureSettings
 from usdfoliage.crown.tone import measure_color_statistics
 from usdfoliage.geometry.cubemap import FACES, face_directions, sample_cubemap, share_borders
-
-# Says which step runs and how far it is, in [0, 1].
-StepProgress = Callable[[str, float], None]
+from usdfoliage.steps import StepProgress, follow_step
 
 STEPS = ("silhouette", "base surface", "radius", "photograph", "texture", "relief", "composition")
 
@@ -118,16 +114,7 @@ def reconstruct_crown(
         raise ValueError(f"photograph {color.shape[:2]} and mask {mask.shape} differ in size")
     rng = np.random.default_rng(settings.seed)
     seconds: dict[str, float] = {}
-
-    @contextmanager
-    def step(name: str) -> Iterator[Callable[[int, int], None]]:
-        start = time.perf_counter()
-        if progress:
-            progress(name, 0.0)
-        yield lambda done, total: progress(name, done / max(total, 1)) if progress else None
-        seconds[name] = time.perf_counter() - start
-        if progress:
-            progress(name, 1.0)
+    step = partial(follow_step, seconds=seconds, progress=progress)
 
     with step("silhouette"):
         silhouette = fit_star_silhouette(mask, SilhouetteSettings())

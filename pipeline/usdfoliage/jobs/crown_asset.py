@@ -20,10 +20,11 @@ from usdfoliage.capture.foreground import propose_mask
 from usdfoliage.capture.images import Photo, read_photo
 from usdfoliage.capture.masks import CleanMask, clean_mask, read_mask
 from usdfoliage.errors import AssetError, FoliageError, PreviewError
-from usdfoliage.jobs.crown import STEPS, CrownSettings, StepProgress, reconstruct_crown
+from usdfoliage.jobs.crown import STEPS, CrownSettings, reconstruct_crown
 from usdfoliage.jobs.crown_report import CrownReport, ReportView, Row, measure_rows, write_crown_report
 from usdfoliage.jobs.preview import PreviewSettings, PreviewView, render_views
 from usdfoliage.jobs.tangent import read_tangent
+from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)
 

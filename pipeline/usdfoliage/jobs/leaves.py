@@ -35,13 +35,8 @@ from usdfoliage.leaf.average_texture import AverageTexture
 from usdfoliage.leaf.bounds import leaf_bounds_m
 from usdfoliage.leaf.jitter import NO_JITTER, spread_phases
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.reconstruct import (
-    STEPS,
-    Reconstruction,
-    Step,
-    StepProgress,
-    reconstruct_leaves,
-)
+from usdfoliage.leaf.reconstruct import STEPS, Reconstruction, Step, reconstruct_leaves
+from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)
 
@@ -169,7 +164,7 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
             texture=f"../maps/{texture[0].name}" if texture else "",
             previews=previews,
         )
-        write_leaves_report(report_folder, report, found, given.views)
+        write_leaves_report(report_folder, report, found, given.views, threads=request.settings.threads)
     return MadeLeaves(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",

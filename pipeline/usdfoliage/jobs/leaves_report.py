@@ -1,6 +1,8 @@
 """The report of leaves found in a capture: what one looks at before they are accepted."""
 
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,17 +15,19 @@ from usdfoliage.capture.view import View
 from usdfoliage.errors import AssetError
 from usdfoliage.jobs.crown_report import TEMPLATES, Row
 from usdfoliage.jobs.leaves_pictures import (
+    SURE,
+    DrawnPoints,
     draw_candidates,
     draw_fitted,
     draw_refined,
     draw_superpixels,
-    shrink_to,
-    thin_points,
+    pick_pixels,
+    prepare_points,
+    shrink_view,
 )
 from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.reconstruct import Reconstruction
-from usdfoliage.leaf.segmentation.model import LeafPoints
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 
 PICTURE_PX = 900  # longer side of a picture
@@ -107,9 +111,13 @@ class TexturePicture:
 
 
 def write_leaves_report(
-    folder: Path, report: LeavesReport, reconstruction: Reconstruction, views: Sequence[View]
+    folder: Path, report: LeavesReport, reconstruction: Reconstruction, views: Sequence[View], *, threads: int = 0
 ) -> Path:
-    """Write index.html and its pictures into folder, which exists; returns the page."""
+    """Write index.html and its pictures into folder, which exists; returns the page.
+
+    Args:
+        threads: That draw pictures; 0: one per core. The pictures are the same.
+    """
     leaves = reconstruction.leaves
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
@@ -122,10 +130,19 @@ def write_leaves_report(
     texture = None
     if report.texture:
         caption = (
-            "The average of all leaves' pictures, from (0, 0) on the left below to (1, 1), as the material takes it."
+            "The average leaf that the material shows, from (0, 0) on the left below to (1, 1): the base is below, the "
+            "silhouette left and right. Its alpha tells how many of the leaves that go into it reach a place of the "
+            "surfaces that were fitted to them: opaque where three quarters or more do, clear (the checkers show) "
+            "where a quarter or fewer do."
         )
         texture = TexturePicture(file=report.texture, caption=caption)
-    drawn_points = thin_points(reconstruction.segmentation.leaves)
+    drawn_points = prepare_points(reconstruction.segmentation.leaves)
+
+    def write_photograph(number: int) -> ReportPhotograph:
+        return _write_photograph(folder, report, reconstruction, drawn_points, views[number], number)
+
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        photographs = list(pool.map(write_photograph, report.shown))
     page = environment.get_template("leaves_report.html").render(
         name=report.name,
         capture=report.capture,
@@ -133,15 +150,12 @@ def write_leaves_report(
         notes=report.notes,
         count=f"{len(leaves):,}",
         steps=reconstruction.steps,
-        measures=measure_rows(leaves),
-        histograms=leaf_histograms(leaves),
+        measures=[*measure_rows(leaves), *certainty_rows(reconstruction.certainty)],
+        histograms=[*leaf_histograms(leaves), *certainty_histograms(reconstruction.certainty)],
         mean_leaf=draw_mean_leaf(leaves) if len(leaves) else None,
         texture=texture,
         left_out=left_out,
-        views=[
-            _write_photograph(folder, report, reconstruction, drawn_points, views[number], number)
-            for number in report.shown
-        ],
+        views=photographs,
         seconds=[Row(name=name, value=f"{value:.2f}") for name, value in report.seconds.items()]
         + [Row(name="all", value=f"{sum(report.seconds.values()):.2f}")],
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
@@ -162,14 +176,10 @@ def measure_rows(leaves: Leaves) -> list[Row]:
     """The figures of leaves, for report and terminal; none without leaves."""
     if not len(leaves):
         return []
-    rows = [
-        Row(name="length", value=_spread(leaves.length_m * 1000, "mm"), remark="median, from the 5th to the 95th %")
-    ]
+    rows = [Row(name="length", value=_spread_of_lengths(leaves.length_m), remark="median, from the 5th to the 95th %")]
     rows.append(Row(name="width / length", value=_spread(leaf_width(leaves.parameters), "")))
     if leaves.residual_m is not None:
-        rows.append(
-            Row(name="residual", value=_spread(leaves.residual_m * 1000, "mm"), remark="of the captured points")
-        )
+        rows.append(Row(name="residual", value=_spread_of_lengths(leaves.residual_m), remark="of the captured points"))
         share = 100 * leaves.residual_m / leaves.length_m
         rows.append(Row(name="residual / length", value=_spread(share, "%")))
     if leaves.confidence is not None:
@@ -177,14 +187,28 @@ def measure_rows(leaves: Leaves) -> list[Row]:
     return rows
 
 
+def certainty_rows(certainty: NDArray[np.floating]) -> list[Row]:
+    """How sure it is which end of leaves (N,) is the base, in figures; none without leaves."""
+    if not len(certainty):
+        return []
+    guessed = int(np.count_nonzero(certainty < SURE))
+    remark = f"0.5 nothing is known to 1; {guessed:,} of {len(certainty):,} leaves are below {SURE:g}, a guess"
+    return [Row(name="base told from apex: certainty", value=_spread(certainty, ""), remark=remark)]
+
+
+def certainty_histograms(certainty: NDArray[np.floating]) -> list[Histogram]:
+    """The same as bars."""
+    return [_histogram(certainty, "base told from apex: certainty", 0.5, 1.0)] if len(certainty) else []
+
+
 def leaf_histograms(leaves: Leaves) -> list[Histogram]:
     """What is shown of leaves as bars; none without leaves."""
     if not len(leaves):
         return []
-    shown = [_histogram(leaves.length_m * 1000, "length in mm", 0.0, None)]
+    shown = [_histogram_of_lengths(leaves.length_m, "length")]
     if leaves.residual_m is not None:
         shown.insert(0, _histogram(100 * leaves.residual_m / leaves.length_m, "residual in % of the length", 0.0, None))
-        shown.insert(0, _histogram(leaves.residual_m * 1000, "residual in mm", 0.0, None))
+        shown.insert(0, _histogram_of_lengths(leaves.residual_m, "residual"))
     if leaves.confidence is not None:
         shown.append(_histogram(leaves.confidence, "confidence", 0.0, 1.0))
     return shown
@@ -227,24 +251,28 @@ def _write_photograph(
     folder: Path,
     report: LeavesReport,
     reconstruction: Reconstruction,
-    drawn_points: LeafPoints,
+    drawn_points: DrawnPoints,
     view: View,
     number: int,
 ) -> ReportPhotograph:
     segmentation, leaves = reconstruction.segmentation, reconstruction.leaves
     candidates = segmentation.candidates[number]
     stem = f"view_{report.numbers[number]:03}"
+    small = shrink_view(view, PICTURE_PX)
+    size = small.depth_m.shape
 
     def write(what: str, picture: NDArray[np.uint8]) -> str:
-        return _write_jpeg(folder / f"{stem}_{what}.jpg", shrink_to(picture, PICTURE_PX))
+        return _write_jpeg(folder / f"{stem}_{what}.jpg", picture)
 
-    photograph = write("photograph", view.srgb)
-    fitted = write("fitted", draw_fitted(view, leaves, reconstruction.source))
+    photograph = write("photograph", small.srgb)
+    # Photographs are drawn by one thread each.
+    fitted = write("fitted", draw_fitted(small, leaves, reconstruction.source, reconstruction.certainty, threads=1))
     pictures = [
         ReportPicture(
             file=photograph,
             over=fitted,
-            caption="The photograph, and the fitted leaves laid over it; a dot at each base. Move the bar.",
+            caption="The photograph, and the fitted leaves laid over it, with their axes; a dot at each base, hollow "
+            f"where it is a guess which end is the base (certainty below {SURE:g}). Move the bar.",
         )
     ]
     if number in report.previews:
@@ -252,12 +280,17 @@ def _write_photograph(
         caption = "The photograph, and the asset drawn by Storm from the same camera. Move the bar."
         pictures.append(ReportPicture(file=photograph, over=preview, caption=caption))
     if candidates.superpixels is not None:
-        file = write("superpixels", draw_superpixels(view, candidates.superpixels))
+        superpixels = pick_pixels(candidates.superpixels, size)
+        file = write("superpixels", draw_superpixels(small, superpixels))
         pictures.append(ReportPicture(file=file, caption="Superpixels that have a surface; dark where there is none."))
-    file = write("candidates", draw_candidates(view, candidates.labels, candidates.confidence))
-    caption = "Candidates of this view, stronger where they are more like a leaf; walls and soil are dropped later."
+    labels = pick_pixels(candidates.labels, size)
+    file = write("candidates", draw_candidates(small, labels, candidates.confidence))
+    caption = (
+        "Candidates of this view. The colour only parts neighbours; its strength is how much a candidate is like a "
+        "leaf, from a trace (not at all) to full. What is left of walls and soil is dropped later."
+    )
     pictures.append(ReportPicture(file=file, caption=caption))
-    file = write("refined", draw_refined(view, number, drawn_points))
+    file = write("refined", draw_refined(small, number, drawn_points))
     pictures.append(
         ReportPicture(
             file=file,
@@ -284,6 +317,21 @@ def _own(leaves: Leaves, number: int) -> NDArray[np.bool_]:
 def _spread(values: NDArray[np.floating], unit: str) -> str:
     middle, low, high = np.percentile(values, (50, 5, 95))
     return f"{middle:.3g} ({low:.3g} to {high:.3g}){f' {unit}' if unit else ''}"
+
+
+def _spread_of_lengths(lengths_m: NDArray[np.floating]) -> str:
+    factor, unit = _length_unit(float(np.percentile(lengths_m, 95)))
+    return _spread(lengths_m * factor, unit)
+
+
+def _length_unit(length_m: float) -> tuple[float, str]:
+    """How many of a unit are in a metre, and the unit in which so long a thing reads well."""
+    return (1000.0, "mm") if length_m < 0.9995 else (1.0, "m")  # from there on it would be printed as 1e+03 mm
+
+
+def _histogram_of_lengths(lengths_m: NDArray[np.floating], what: str) -> Histogram:
+    factor, unit = _length_unit(float(lengths_m.max()))
+    return _histogram(lengths_m * factor, f"{what} in {unit}", 0.0, None)
 
 
 def _histogram(values: NDArray[np.floating], title: str, low: float, high: float | None) -> Histogram:

@@ -1,9 +1,8 @@
 """The main job on posed photographs with depth: views in, leaves with colours and an average texture out."""
 
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -22,9 +21,7 @@ from usdfoliage.leaf.photo_colors import PhotoColorSettings, sample_leaf_colors
 from usdfoliage.leaf.segmentation.dense import DenseSegmentationSettings, segment_dense
 from usdfoliage.leaf.segmentation.model import Segmentation, find_nothing
 from usdfoliage.leaf.segmentation.paper import PaperSegmentationSettings, segment_paper
-
-# Says which step runs and how far it is, in [0, 1].
-StepProgress = Callable[[str, float], None]
+from usdfoliage.steps import StepProgress, follow_step
 
 METHODS = ("dense", "paper")
 STEPS = ("segmentation", "fit", "direction", "colours", "texture")
@@ -75,6 +72,7 @@ class Reconstruction:
 
     leaves: Leaves  # N, in the world of the views, with color, confidence, residual_m and view
     source: NDArray[np.int64]  # (N,), the number of each in segmentation.leaves
+    certainty: NDArray[np.float64]  # (N,), that its base is not its apex: 0.5 nothing is known to 1
     segmentation: Segmentation
     texture: AverageTexture | None  # None without leaves
     steps: Sequence[Step]
@@ -106,16 +104,7 @@ def reconstruct_leaves(
     if not views:
         raise ValueError("there are no views to find leaves in")
     seconds: dict[str, float] = {}
-
-    @contextmanager
-    def step(name: str) -> Iterator[Callable[[int, int], None]]:
-        start = time.perf_counter()
-        if progress:
-            progress(name, 0.0)
-        yield lambda done, total: progress(name, done / max(total, 1)) if progress else None
-        seconds[name] = time.perf_counter() - start
-        if progress:
-            progress(name, 1.0)
+    step = partial(follow_step, seconds=seconds, progress=progress)
 
     with step("segmentation") as report:
         if not any(view.has_depth for view in views):
@@ -132,8 +121,8 @@ def reconstruct_leaves(
                 segmentation.leaves, settings.dense_fit, threads=settings.threads, progress=report
             )
     with step("direction"):
-        flip = tell_base_from_apex(fitted.leaves, views, settings.direction).flip
-        leaves = order_silhouettes(flip_leaves(fitted.leaves, flip))
+        told = tell_base_from_apex(fitted.leaves, views, settings.direction)
+        leaves = order_silhouettes(flip_leaves(fitted.leaves, told.flip))
     sound, dropped = choose_sound(leaves, settings.min_confidence)
     leaves = leaves.take(sound)
     with step("colours"):
@@ -143,6 +132,7 @@ def reconstruct_leaves(
     return Reconstruction(
         leaves=leaves,
         source=fitted.source[sound],
+        certainty=told.certainty[sound],
         segmentation=segmentation,
         texture=texture,
         steps=_count_steps(segmentation, fitted, leaves, dropped),
