@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from leaf_pictures import WALL, front_camera, photograph, place_leaves
@@ -89,6 +90,46 @@ def test_the_wall_does_not_bleed_in(leaves):
     color = average_leaf_texture(leaves, [paint(leaves, CAMERA)], SIZE).rgba[20:, :, :3]
 
     assert (color[..., 2] / color[..., 1]).max() < 0.6 * WALL[2] / WALL[1]
+
+
+def test_shadows_on_some_leaves_are_left_out(leaves):
+    view = paint(leaves, CAMERA)
+    whole = average_leaf_texture(leaves, [view], SIZE).rgba
+    places, _ = CAMERA.project(leaves.base_m + leaves.asset_from_leaf()[:, :, 1] / 2)
+    for leaf in (0, 3):  # a bar of shadow across a third of them
+        x, y = places[leaf].astype(int)
+        bar = view.srgb[y - 6 : y + 6, x - 40 : x + 40].astype(int)
+        view.srgb[y - 6 : y + 6, x - 40 : x + 40] = bar // 2
+    shaded = average_leaf_texture(leaves, [view], SIZE).rgba
+
+    octaves = np.abs(np.log2(luminance(shaded[4:60, 4:28, :3]) / luminance(whole[4:60, 4:28, :3])))
+    assert octaves.max() < 0.02
+
+
+def test_the_background_does_not_color_the_silhouette(leaves):
+    """Lenses mix what lies side by side: here white into leaves, up to two pixels far."""
+    view = paint(leaves, CAMERA)
+    view.srgb[view.depth_m > 1.4] = 255
+    blurred = replace(view, srgb=cv2.GaussianBlur(view.srgb, (0, 0), 1.6))
+    rim = average_leaf_texture(leaves, [blurred], replace(SIZE, vein_pictures=0)).rgba[22:44, [0, 1, -2, -1], :3]
+
+    assert luminance(rim).max() < 1.01 * luminance(GREEN)
+
+
+def test_threads_change_nothing(leaves):
+    views = [paint(leaves, CAMERA, 1.04), paint(leaves, replace(CAMERA), 0.97)]
+    one, many = (average_leaf_texture(leaves, views, SIZE, threads=threads).rgba for threads in (1, 5))
+
+    assert np.array_equal(one, many)
+
+
+def test_a_leaf_that_reaches_out_of_the_picture_is_unwrapped(leaves):
+    aside = front_camera(0.14, width_px=480, height_px=360, focal_px=800.0)
+    texture = average_leaf_texture(leaves, [paint(leaves, aside)], SIZE)
+
+    assert texture.leaves > 0
+    assert np.isfinite(texture.rgba).all()
+    assert np.median(texture.rgba[24:48, 10:14, :3], axis=(0, 1)) == pytest.approx(GREEN, rel=0.2)
 
 
 def test_without_veins_the_picture_is_smooth(leaves):

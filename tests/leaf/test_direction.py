@@ -160,6 +160,15 @@ def test_larger_photographs_show_the_same_stalks():
     assert np.linalg.norm(found.points_m - base, axis=1).max() < 0.025
 
 
+def test_threads_change_no_stalk():
+    leaves = scatter(SYMMETRIC)
+    views = [photograph_with_stalks(leaves, np.arange(24) % 3 == rest) for rest in range(3)]
+    one, many = (find_stalk_points(leaves, views, SPREAD, threads=threads) for threads in (1, 5))
+
+    assert np.array_equal(one.points_m, many.points_m)
+    assert np.array_equal(one.foreign, many.foreign)
+
+
 def test_noise_of_depth_makes_no_stalks():
     leaves = scatter(SYMMETRIC)
     view = photograph(leaves, CAMERA, np.tile(GREEN, (24, 1)))

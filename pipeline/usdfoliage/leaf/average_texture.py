@@ -1,12 +1,16 @@
 """The average leaf of a scene as a picture: what photographs show of its leaves, laid out over (u, v).
 
 Colours are those that leaves have on average. Averaged veins are a blur, since no two leaves have theirs at the same
-places; they come from the few leaves that are most like the average one, brought into register. Our own.
+places; they come from the leaves that are most like the average one, brought into register: a few, or many where
+leaves are alike. Medians leave out shadows and what stands before leaves, as long as most leaves have none there. Our
+own.
 """
 
 import logging
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import cv2
@@ -25,9 +29,16 @@ logger = logging.getLogger(__name__)
 
 GREY = 0.18  # linear, of a leaf that nobody saw
 VIEWS_A_LEAF = 2  # at most, so that few leaves that are often seen do not make up the average
+MIXED_PX = 1.5  # how far from a leaf's silhouette, or from what stands before it, pixels show something else besides
 LEAST_SEEN = 0.2  # of a leaf; showing less, a photograph adds more seams than leaf
+ACROSS = 0.5  # places at which is looked what is seen, across a leaf for one along it: one of these for each pixel
+LEAST_ROWS = 24
+TYPICAL_STEP = 3  # of so many texels along and across, one tells the usual colour
 REDUCED = 4  # texels a side that share a low frequency
-LEAST_SHARE = 0.1  # of the pictures: where fewer show leaf, colours come from around
+LEAST_SHARE = 0.25  # of the pictures: where fewer show leaf, colours come from around
+VEIN = 0.02  # of the height: standard deviation that parts single veins from what is wider
+MOST_ALIKE = 24  # of the pictures, the most typical: what veins come from
+ALIKE = 0.75  # of the likeness of the likest: pictures as like as this, or more, all give their veins
 OFTEN_SEEN = 0.4  # of the pictures: where fewer show leaf, veins fade
 SMOOTH = 0.06  # of the height: standard deviation that parts colour and shade from veins
 REACH = 0.05  # of the height: farthest that veins are moved to fit others
@@ -86,7 +97,11 @@ class _Unwrapped(NamedTuple):
 
 
 def average_leaf_texture(
-    leaves: Leaves, views: Sequence[View], settings: AverageTextureSettings = AverageTextureSettings()
+    leaves: Leaves,
+    views: Sequence[View],
+    settings: AverageTextureSettings = AverageTextureSettings(),
+    *,
+    threads: int = 0,
 ) -> AverageTexture:
     """Unwrap the leaves that are seen best and average them.
 
@@ -95,6 +110,7 @@ def average_leaf_texture(
 
     Args:
         leaves: In the world of the views, base and apex told from each other.
+        threads: 0: one per core. The result is the same.
     """
     spread = estimate_spread(leaves, views, settings.visibility)
     drawn = [
@@ -106,16 +122,14 @@ def average_leaf_texture(
         rgba = np.full((settings.height_px, settings.width_px, 4), GREY, np.float32)
         rgba[..., 3] = 1
         return AverageTexture(rgba=rgba, leaves=0)
-    unwrapped = _unwrap(pairs, leaves, views, drawn, spread, settings)
-    typical = np.stack(
-        [weighted_median(one[seen > 0], seen[seen > 0]) for one, seen in zip(*unwrapped[:2], strict=True)]
-    ).astype(np.float32)
+    unwrapped = _unwrap(pairs, leaves, views, drawn, spread, settings, threads)
+    typical = np.stack([_typical(one, seen) for one, seen in zip(*unwrapped[:2], strict=True)])
     octaves = unwrapped.octaves - typical[:, None, None]  # leaves differ in colour, photographs in exposure
     shade = _low_frequencies(octaves, unwrapped.weight)
     average = np.median(typical, axis=0) + _average_shade(shade, unwrapped.weight, settings)
     if settings.vein_pictures:
-        veins = luminance(octaves - _enlarge(shade, settings))
-        average += _pick_veins(veins, unwrapped.weight, settings.vein_pictures)[..., None]
+        veins = luminance(octaves - _enlarge(shade, settings)).astype(np.float32)
+        average += _pick_veins(veins, unwrapped.weight, settings.vein_pictures, threads)[..., None]
     rgba = np.dstack([2**average, _opacity(unwrapped, settings)]).astype(np.float32)
     count = len({leaf for _, leaf in pairs})
     logger.info("an average leaf of %d pictures of %d leaves", len(pairs), count)
@@ -129,8 +143,11 @@ def _choose_pictures(
     spread: float,
     settings: AverageTextureSettings,
 ) -> list[tuple[int, int]]:
-    """Numbers of view and leaf, those first that show most pixels, all of the side that is seen more."""
-    uv = grid_places((np.arange(8) + 0.5) / 4 - 1, (np.arange(16) + 0.5) / 16)
+    """Numbers of view and leaf, all of the side that is seen more.
+
+    Those first that show most pixels; leaves come a second time, from another view, only where there are too few.
+    """
+    uv = grid_places((np.arange(6) + 0.5) / 3 - 1, (np.arange(10) + 0.5) / 10)
     pixels = np.zeros((len(views), len(leaves)))
     for number, view in enumerate(views):
         sights = find_sights(leaves, view, uv, spread, settings.visibility, drawn[number])
@@ -139,16 +156,11 @@ def _choose_pictures(
         seen[np.mean(sights.inner, axis=1) < LEAST_SEEN] = 0
         pixels[number] = seen * (leaves.length_m * max(view.camera.focal_px) / np.maximum(away, 1e-12)) ** 2
     pixels *= 1 if pixels.sum() >= 0 else -1
-    taken = np.zeros(len(leaves), int)
-    pairs: list[tuple[int, int]] = []
-    for place in np.argsort(-pixels, axis=None, kind="stable"):
-        number, leaf = divmod(int(place), len(leaves))
-        if not pixels[number, leaf] > 0 or len(pairs) == settings.most_pictures:
-            break
-        if taken[leaf] < VIEWS_A_LEAF:
-            pairs.append((number, leaf))
-            taken[leaf] += 1
-    return pairs
+    order = np.argsort(-pixels, axis=0, kind="stable")[:VIEWS_A_LEAF]  # best views of each leaf first
+    best = np.take_along_axis(pixels, order, axis=0)
+    rank, leaf = np.nonzero(best > 0)
+    chosen = np.lexsort((leaf, -best[rank, leaf], rank))[: settings.most_pictures]
+    return [(int(order[rank[place], leaf[place]]), int(leaf[place])) for place in chosen]
 
 
 def _unwrap(
@@ -158,27 +170,87 @@ def _unwrap(
     drawn: Sequence[DrawnLeaves | None],
     spread: float,
     settings: AverageTextureSettings,
+    threads: int,
 ) -> _Unwrapped:
-    size, uv = (settings.height_px, settings.width_px), settings.uv
-    octaves = np.zeros((len(pairs), *size, 3), np.float32)
-    weight, reached, absent = np.zeros((len(pairs), *size), np.float32), np.zeros(size), np.zeros(size)
-    for number, view in enumerate(views):
+    size = (settings.height_px, settings.width_px)
+    octaves, weight = np.zeros((len(pairs), *size, 3), np.float32), np.zeros((len(pairs), *size), np.float32)
+
+    def unwrap(number: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Into octaves and weight, what one view shows; returns its shares of reached and absent."""
+        view = views[number]
         places = [place for place, pair in enumerate(pairs) if pair[0] == number]
-        if not places:
-            continue
-        linear = DECODED[view.srgb].astype(np.float32)
         shown = leaves.take([pairs[place][1] for place in places])
+        # Finer than the photograph, nothing is to be learnt of what is seen where.
+        away = np.linalg.norm(shown.base_m - view.camera.position_m, axis=1)
+        length_px = float(np.max(shown.length_m / np.maximum(away, 1e-12))) * max(view.camera.focal_px)
+        rows, columns = (max(LEAST_ROWS, int(share * length_px)) for share in (1, ACROSS))
+        coarse = (min(size[0], rows), min(size[1], columns))
+        uv = replace(settings, height_px=coarse[0], width_px=coarse[1]).uv
         sights = find_sights(shown, view, uv, spread, settings.visibility, drawn[number])
+        reached, absent = np.zeros(size, np.float32), np.zeros(size, np.float32)
         for one, place in enumerate(places):
-            # OpenCV counts from the centre of the first pixel.
-            x, y = np.moveaxis(sights.places_px[one].reshape(*size, 2).astype(np.float32) - np.float32(0.5), -1, 0)
-            seen = cv2.remap(linear, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            octaves[place] = np.log2(np.maximum(seen, np.float32(DARKEST)))
-            weight[place] = (sights.inner[one] * np.abs(sights.facing[one])).reshape(size)
-            state = sights.state[one].reshape(size)
-            reached += (state == SEEN) | (state == PRESUMED)
-            absent += state == ABSENT
-    return _Unwrapped(octaves, weight, reached.astype(np.float32), absent.astype(np.float32))
+            at = sights.places_px[one].reshape(*coarse, 2)
+            clear = _leave_out_mixed(sights.inner[one].reshape(coarse), at)
+            octaves[place] = np.log2(_sample(view, _resize(at.astype(np.float32), size)))
+            weight[place] = _resize(clear * np.abs(sights.facing[one]).reshape(coarse).astype(np.float32), size)
+            state = sights.state[one].reshape(coarse)
+            reached += _resize(((state == SEEN) | (state == PRESUMED)).astype(np.float32), size)
+            absent += _resize((state == ABSENT).astype(np.float32), size)
+        return reached, absent
+
+    numbers = sorted({number for number, _ in pairs})
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        shares = list(pool.map(unwrap, numbers))
+    reached, absent = np.sum(np.array(shares), axis=0)
+    return _Unwrapped(octaves, weight, reached, absent)
+
+
+def _sample(view: View, at: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, 3), linear colours at places (H, W, 2) of the photograph; beyond it, those of its border."""
+    # OpenCV counts from the centre of the first pixel.
+    last = np.array([view.camera.width_px, view.camera.height_px], np.float32) - 1
+    at = np.clip(np.nan_to_num(at - np.float32(0.5)), 0, last)
+    left, top = at.min(axis=(0, 1)).astype(int).tolist()
+    right, bottom = at.max(axis=(0, 1)).astype(int).tolist()
+    part = DECODED[view.srgb[top : bottom + 2, left : right + 2]].astype(np.float32)
+    at -= np.array([left, top], np.float32)
+    seen = cv2.remap(part, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.maximum(seen, np.float32(DARKEST))
+
+
+def _leave_out_mixed(inner: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(H, W), 1 where a leaf is seen, falling to 0 where pixels show something else besides.
+
+    Args:
+        inner: (H, W), where it is seen.
+        at: (H, W, 2), place in the photograph.
+    """
+    rows, columns = inner.shape
+    along_px = np.linalg.norm(np.diff(at[:, columns // 2], axis=0), axis=1).mean()
+    across_px = np.linalg.norm(np.diff(at[rows // 2], axis=0), axis=1).mean()
+    # Odd numbers of rows and columns; of a leaf that is seen from its edge, nothing is left.
+    down, aside = (
+        2 * min(int(np.ceil(MIXED_PX / max(px, 1e-6))), most) + 1
+        for px, most in ((along_px, rows), (across_px, columns))
+    )
+    border = cv2.BORDER_CONSTANT
+    clear = cv2.erode(inner.astype(np.float32), np.ones((down, aside), np.uint8), borderType=border, borderValue=0)
+    return np.asarray(cv2.blur(clear, (aside, down)) * clear, np.float32)
+
+
+def _resize(picture: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+    """(h, w[, C]) as (H, W[, C])."""
+    if picture.shape[:2] == size:
+        return picture
+    return np.asarray(cv2.resize(picture, size[::-1], interpolation=cv2.INTER_LINEAR))
+
+
+def _typical(octaves: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(3,), the median colour of a picture (H, W, 3) where it is seen."""
+    some, counted = octaves[::TYPICAL_STEP, ::TYPICAL_STEP], weight[::TYPICAL_STEP, ::TYPICAL_STEP]
+    if not counted.any():
+        some, counted = octaves, np.maximum(weight, 1e-6)
+    return weighted_median(some[counted > 0], counted[counted > 0]).astype(np.float32)
 
 
 def _low_frequencies(octaves: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -207,10 +279,8 @@ def _average_shade(
     height, width = shade.shape[1:3]
     seen = np.stack([cv2.resize(one, (width, height), interpolation=cv2.INTER_AREA) for one in weight])
     used = seen > 0.05
-    ordered = np.sort(np.where(used[..., None], shade, np.inf), axis=0)
-    count = used.sum(axis=0)
-    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[None, ..., None] // 2, axis=0)[0]
-    known = count >= max(1, LEAST_SHARE * len(shade))
+    middle = _median_of_pictures(shade, np.where(used, seen, 0)[..., None])
+    known = used.sum(axis=0) >= max(1, LEAST_SHARE * len(shade))
     filled = np.where(known[..., None], middle, 0).astype(np.float32)
     near = known.astype(np.float32)
     sigma = 1.0
@@ -224,56 +294,89 @@ def _average_shade(
     return np.asarray(cv2.resize(filled, (settings.width_px, settings.height_px), interpolation=cv2.INTER_CUBIC))
 
 
-def _pick_veins(veins: NDArray[np.float32], weight: NDArray[np.float32], count: int) -> NDArray[np.float32]:
-    """Light and dark (H, W) of the most typical picture and those most like it, laid over each other.
+def _median_of_pictures(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Weighted median over the first axis of values (K, ...); 0 where weights (K, ...) are."""
+    weight = np.broadcast_to(weight, values.shape)
+    order = np.argsort(values, axis=0)
+    summed = np.cumsum(np.take_along_axis(weight, order, axis=0), axis=0)
+    place = np.argmax(summed >= summed[-1] / 2, axis=0)
+    middle = np.take_along_axis(values, np.take_along_axis(order, place[None], axis=0), axis=0)[0]
+    return np.where(summed[-1] > 0, middle, np.float32(0))
+
+
+def _pick_veins(
+    veins: NDArray[np.float32], weight: NDArray[np.float32], count: int, threads: int
+) -> NDArray[np.float32]:
+    """Light and dark (H, W) of the most typical picture and those most like it, their median.
 
     Args:
         veins: (K, H, W), octaves about the low frequencies.
-        count: How many pictures.
+        count: How many pictures at least.
     """
+    usual = np.median([_deviation(one, seen) for one, seen in zip(veins, weight, strict=True)])
+    most = CLEAR * usual  # beyond are shadows and the dark of edges
+    veins = np.clip(veins, -most, most)
     total = np.maximum(weight.sum(axis=0), 1e-6)
     mean = np.sum(veins * weight, axis=0) / total
-    best = int(
-        np.argmax([_likeness(one, mean, seen) * np.mean(seen > 0) for one, seen in zip(veins, weight, strict=True)])
+    often = np.mean(weight > 0, axis=0)
+    typical = np.array(
+        [_likeness(one, mean, seen) * np.mean(seen > 0) for one, seen in zip(veins, weight, strict=True)]
     )
-    moved, moved_weight = _register(veins, weight, best)
+    first = np.argsort(-typical, kind="stable")[: max(count, MOST_ALIKE)]
+    veins, weight, best = veins[first], weight[first], 0
+    moved, moved_weight = _register(veins, weight, best, threads)
     likeness = np.array(
         [_likeness(one, veins[best], seen * weight[best]) for one, seen in zip(moved, moved_weight, strict=True)]
     )
     order = np.argsort(-likeness, kind="stable")
-    used = np.zeros(mean.shape, np.float32)  # how many have given their veins to a place
-    summed = np.zeros(mean.shape, np.float32)
+    alike = order[: max(count, int(np.count_nonzero(likeness >= ALIKE * np.sort(likeness)[-2:].min())))]
+    summed, used = np.zeros(mean.shape, np.float32), np.zeros(mean.shape, np.float32)
     for place in order:
-        share = np.minimum(np.clip(moved_weight[place] * 4, 0, 1), count - used)
-        summed += share * moved[place]
+        share = np.minimum(np.clip(4 * moved_weight[place], 0, 1), count - used)
+        summed += share * (moved[place] - _blur_seen(moved[place], moved_weight[place]))
         used += share
-    picked = np.where(used > 0, summed / np.maximum(used, 1e-6), 0)
+    lines = np.where(used > 0, summed / np.maximum(used, 1e-6), 0)
     # Laid over each other, veins are fainter than on any leaf.
-    usual = np.median([_deviation(one, seen) for one, seen in zip(veins, weight, strict=True)])
+    fine = np.median([_deviation(one - _blur_seen(one, seen), seen) for one, seen in zip(veins, weight, strict=True)])
+    lines *= min(STRONGEST, max(1.0, fine / max(_deviation(lines, used), 1e-6)))
+    # What is wider than veins and on some leaves only is shadow: the median of many has none.
+    wide = _median_of_pictures(moved[alike], moved_weight[alike])
+    seen = np.clip(4 * np.sum(moved_weight[alike], axis=0), 0, 1)
+    picked = lines + _blur_seen(wide, seen)
     # Where few leaves are seen, they are seen by mistake: others' edges and shadows.
-    inside = np.minimum(used, 1) * np.clip(np.mean(weight > 0, axis=0) / OFTEN_SEEN, 0, 1)
-    picked *= min(STRONGEST, max(1.0, usual / max(_deviation(picked, inside), 1e-6)))
-    most = CLEAR * usual  # beyond are shadows and the dark of edges
+    inside = np.minimum(used, 1) * np.clip(often / OFTEN_SEEN, 0, 1)
     return np.asarray(inside * most * np.tanh(picked / max(most, 1e-6)))
 
 
+def _blur_seen(veins: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """What is wider than single veins of a picture (H, W), from where it is seen."""
+    sigma = VEIN * len(veins)
+    near = cv2.GaussianBlur(weight, (0, 0), sigma)
+    return np.asarray(cv2.GaussianBlur(veins * weight, (0, 0), sigma) / np.maximum(near, 1e-4), np.float32)
+
+
 def _register(
-    veins: NDArray[np.float32], weight: NDArray[np.float32], best: int
+    veins: NDArray[np.float32], weight: NDArray[np.float32], best: int, threads: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Veins and weights moved, a little and smoothly, to where those of one picture are."""
     height, width = weight.shape[1:]
-    flow_between = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     target = _as_bytes(veins[best], weight[best])
     moved, moved_weight = veins.copy(), weight.copy()
-    for place in range(len(veins)):
-        if place == best:
-            continue
-        flow = flow_between.calc(target, _as_bytes(veins[place], weight[place]), None)
-        flow = np.clip(cv2.GaussianBlur(flow, (0, 0), FLOW_SMOOTH * width), -REACH * height, REACH * height)
-        map_x, map_y = x + flow[..., 0], y + flow[..., 1]
-        moved[place] = cv2.remap(veins[place], map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        moved_weight[place] = cv2.remap(weight[place], map_x, map_y, cv2.INTER_LINEAR)
+
+    def move(places: list[int]) -> None:
+        flow_between = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)  # it keeps a state: one a thread
+        for place in places:
+            flow = flow_between.calc(target, _as_bytes(veins[place], weight[place]), None)
+            flow = np.clip(cv2.GaussianBlur(flow, (0, 0), FLOW_SMOOTH * width), -REACH * height, REACH * height)
+            map_x, map_y = x + flow[..., 0], y + flow[..., 1]
+            moved[place] = cv2.remap(veins[place], map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            moved_weight[place] = cv2.remap(weight[place], map_x, map_y, cv2.INTER_LINEAR)
+
+    others = [place for place in range(len(veins)) if place != best]
+    workers = threads or os.cpu_count() or 1
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(move, [others[start::workers] for start in range(workers)]))
     return moved, moved_weight
 
 

@@ -61,18 +61,19 @@ class DirectionResult:
 
 
 def tell_base_from_apex(
-    leaves: Leaves, views: Sequence[View], settings: DirectionSettings = DirectionSettings()
+    leaves: Leaves, views: Sequence[View], settings: DirectionSettings = DirectionSettings(), *, threads: int = 0
 ) -> DirectionResult:
     """Tell which end of each leaf is the one at its stalk.
 
     Args:
         leaves: In the world of the views, base and apex as they came.
         views: Those without depth show no stalks.
+        threads: That look for stalks; 0: one per core. The result is the same.
     """
     if not len(leaves):
         return DirectionResult(flip=np.zeros(0, bool), certainty=np.zeros(0))
     spread = estimate_spread(leaves, views, settings.visibility)
-    stalks = find_stalk_points(leaves, views, spread, settings.stalks)
+    stalks = find_stalk_points(leaves, views, spread, settings.stalks, threads=threads)
     of_stalks = _measure_stalks(leaves, stalks, settings.stalks.reach)
     of_place = _measure_place(leaves)
     of_shape = _measure_shape(leaves, views)

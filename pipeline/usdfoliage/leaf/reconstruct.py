@@ -121,14 +121,16 @@ def reconstruct_leaves(
                 segmentation.leaves, settings.dense_fit, threads=settings.threads, progress=report
             )
     with step("direction"):
-        told = tell_base_from_apex(fitted.leaves, views, settings.direction)
+        told = tell_base_from_apex(fitted.leaves, views, settings.direction, threads=settings.threads)
         leaves = order_silhouettes(flip_leaves(fitted.leaves, told.flip))
     sound, dropped = choose_sound(leaves, settings.min_confidence)
     leaves = leaves.take(sound)
     with step("colours"):
         leaves = replace(leaves, color=sample_leaf_colors(leaves, views, settings.colors).color)
     with step("texture"):
-        texture = average_leaf_texture(leaves, views, settings.texture) if len(leaves) else None
+        texture = (
+            average_leaf_texture(leaves, views, settings.texture, threads=settings.threads) if len(leaves) else None
+        )
     return Reconstruction(
         leaves=leaves,
         source=fitted.source[sound],

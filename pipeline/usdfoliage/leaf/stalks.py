@@ -1,6 +1,8 @@
 """Where depth maps show what is thin and no leaf: stalks and twigs. Our own."""
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -51,56 +53,86 @@ class StalkPoints(NamedTuple):
     foreign: NDArray[np.float64]  # (Q,), share of pixels whose colour is not that of leaves
 
 
+class _Seen(NamedTuple):
+    """What one view shows."""
+
+    points_m: NDArray[np.float64]  # (K, 3), that may be of stalks
+    colors: NDArray[np.float64]  # (K, 2)
+    leaf_colors: NDArray[np.float64]  # (L, 2)
+
+
+_NOTHING = _Seen(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2)))
+
+
 def find_stalk_points(
-    leaves: Leaves, views: Sequence[View], spread: float, settings: StalkSettings = StalkSettings()
+    leaves: Leaves,
+    views: Sequence[View],
+    spread: float,
+    settings: StalkSettings = StalkSettings(),
+    *,
+    threads: int = 0,
 ) -> StalkPoints:
     """Collect what stands before its surroundings, is narrow, and is none of the leaves.
 
     Args:
         leaves: In the world of the views.
         spread: As leaf.visibility.estimate_spread gives it.
+        threads: That look at views; 0: one per core. The result is the same.
     """
-    points, colors, leaf_colors = [np.zeros((0, 3))], [np.zeros((0, 2))], [np.zeros((0, 2))]
-    length_m = float(np.median(leaves.length_m)) if len(leaves) else 1.0
-    for view in views:
-        if not view.has_depth or not len(leaves):
-            continue
-        drawn = draw_leaf_ids(leaves, view.camera)
-        if not (drawn.ids >= 0).any():
-            continue
-        distance_m = float(np.median(drawn.depth_m[drawn.ids >= 0]))
-        length_px = length_m * max(view.camera.focal_px) / distance_m
-        step = max(1, int(length_px / ENOUGH_PX))
-        depth_m, drawn_m = view.depth_m[::step, ::step], drawn.depth_m[::step, ::step]
-        allowed_m = np.maximum(settings.widths * spread * length_m, 3 * step * depth_m / max(view.camera.focal_px))
-        of_leaf = (drawn_m > 0) & (depth_m > 0) & (np.abs(depth_m - drawn_m) <= allowed_m)
-        beside_leaf = cv2.dilate(of_leaf.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        thin = _find_thin(depth_m, settings.width * length_px / step, settings.jump * length_m) & ~beside_leaf
-        thin &= _near_ends(leaves, view, settings.reach)[::step, ::step]
-        if view.mask is not None:
-            thin &= view.mask[::step, ::step]
-        rows, columns = np.nonzero(thin)
-        places = np.column_stack([columns, rows]) * step + 0.5
-        srgb = view.srgb[::step, ::step]
-        points.append(view.camera.unproject(places, depth_m[rows, columns].astype(np.float64)))
-        colors.append(_chroma(srgb[rows, columns]))
-        leaf_colors.append(_chroma(srgb[of_leaf][::SAMPLE_STEP]))
-    foreign = _is_foreign(np.concatenate(colors), np.concatenate(leaf_colors))
-    return _one_a_cell(np.concatenate(points), foreign, settings.cell * length_m)
+    if not len(leaves):
+        return StalkPoints(np.zeros((0, 3)), np.zeros(0))
+    ends_m = evaluate_points(leaves.parameters, BOTH_ENDS, placements=leaves.asset_from_leaf()).reshape(-1, 3)
+
+    def look(view: View) -> _Seen:
+        return _look_for_stalks(leaves, ends_m, view, spread, settings)
+
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        seen = [_NOTHING, *pool.map(look, [view for view in views if view.has_depth])]
+    points_m, colors, leaf_colors = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    return _one_a_cell(points_m, _is_foreign(colors, leaf_colors), settings.cell * float(np.median(leaves.length_m)))
 
 
-def _find_thin(depth_m: NDArray[np.float32], width_px: float, jump_m: float) -> NDArray[np.bool_]:
-    """(H, W), what stands before its surroundings on both sides, and is not noise."""
+def _look_for_stalks(
+    leaves: Leaves, ends_m: NDArray[np.float64], view: View, spread: float, settings: StalkSettings
+) -> _Seen:
+    length_m = float(np.median(leaves.length_m))
+    drawn = draw_leaf_ids(leaves, view.camera, threads=1)
+    if not (drawn.ids >= 0).any():
+        return _NOTHING
+    distance_m = float(np.median(drawn.depth_m[drawn.ids >= 0]))
+    length_px = length_m * max(view.camera.focal_px) / distance_m
+    step = max(1, int(length_px / ENOUGH_PX))
+    depth_m, drawn_m = view.depth_m[::step, ::step], drawn.depth_m[::step, ::step]
+    allowed_m = np.maximum(settings.widths * spread * length_m, 3 * step * depth_m / max(view.camera.focal_px))
+    of_leaf = (drawn_m > 0) & (depth_m > 0) & (np.abs(depth_m - drawn_m) <= allowed_m)
+    beside_leaf = cv2.dilate(of_leaf.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    wanted = _near_ends(ends_m, leaves.length_m, view, settings.reach)[::step, ::step] & ~beside_leaf
+    if view.mask is not None:
+        wanted &= view.mask[::step, ::step]
+    rows, columns = _find_thin(depth_m, settings.width * length_px / step, settings.jump * length_m, wanted)
+    places = np.column_stack([columns, rows]) * step + 0.5
+    srgb = view.srgb[::step, ::step]
+    return _Seen(
+        points_m=view.camera.unproject(places, depth_m[rows, columns].astype(np.float64)),
+        colors=_chroma(srgb[rows, columns]),
+        leaf_colors=_chroma(srgb[of_leaf][::SAMPLE_STEP]),
+    )
+
+
+def _find_thin(
+    depth_m: NDArray[np.float32], width_px: float, jump_m: float, wanted: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of what stands before its surroundings on both sides, is not noise, and is wanted (H, W)."""
     filled = _fill_from_behind(depth_m, width_px, jump_m)
     smooth = cv2.medianBlur(filled, FINE_PX)
     radius = max(1, round(width_px / 2))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     before_m = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, disc) - depth_m
-    known = depth_m > 0
     change_m = np.abs(filled - smooth)
-    noise_m = _noise_by_depth(depth_m, change_m, known)
-    real = known & (change_m <= np.maximum(jump_m / 3, NOISE_WIDTHS * noise_m))
-    return np.asarray(real & (before_m > np.maximum(jump_m, NOISE_WIDTHS * noise_m)))
+    rows, columns = np.nonzero(wanted & (depth_m > 0) & (before_m > jump_m))
+    noise_m = NOISE_WIDTHS * _noise_by_depth(depth_m, change_m, depth_m[rows, columns])
+    real = (change_m[rows, columns] <= np.maximum(jump_m / 3, noise_m)) & (before_m[rows, columns] > noise_m)
+    return rows[real], columns[real]
 
 
 def _fill_from_behind(depth_m: NDArray[np.float32], width_px: float, jump_m: float) -> NDArray[np.float32]:
@@ -108,38 +140,49 @@ def _fill_from_behind(depth_m: NDArray[np.float32], width_px: float, jump_m: flo
 
     Wide holes are the open sky, or what is too far to be measured.
     """
+    holes = depth_m <= 0
+    if not holes.any():
+        return depth_m
     size = 2 * max(1, round(width_px / 2)) + 1
     around = cv2.dilate(depth_m, np.ones((size, size), np.uint8))
     around = np.where((around > 0) & ~find_open_holes(depth_m, 2 * width_px), around, depth_m.max() + 2 * jump_m)
-    return np.where(depth_m > 0, depth_m, around.astype(np.float32))
+    return np.where(holes, around.astype(np.float32), depth_m)
 
 
 def _noise_by_depth(
-    depth_m: NDArray[np.float32], change_m: NDArray[np.float32], known: NDArray[np.bool_]
+    depth_m: NDArray[np.float32], change_m: NDArray[np.float32], asked_m: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """(H, W), how much single pixels differ from those around, at about this depth: noise grows with the distance."""
-    some_m, changes_m = depth_m[known][::SAMPLE_STEP], change_m[known][::SAMPLE_STEP]
+    """(K,), how much single pixels differ from those around, at depths (K,): noise grows with the distance."""
+    some_m, changes_m = depth_m.ravel()[::SAMPLE_STEP], change_m.ravel()[::SAMPLE_STEP]
+    known = some_m > 0
+    if not known.any():
+        return np.zeros(len(asked_m), np.float32)
+    some_m, changes_m = some_m[known], changes_m[known]
     borders = np.quantile(some_m, np.linspace(0, 1, NOISE_BINS + 1))
     noise_m = np.zeros(NOISE_BINS, np.float32)
     bins = np.searchsorted(borders[1:-1], some_m)
-    for number in np.unique(bins):
-        noise_m[number] = np.quantile(changes_m[bins == number], NOISE_QUANTILE)
+    for number in range(NOISE_BINS):
+        inside = changes_m[bins == number]
+        if len(inside):
+            noise_m[number] = np.quantile(inside, NOISE_QUANTILE)
     centers = (borders[:-1] + borders[1:]) / 2
-    return np.interp(depth_m, centers, noise_m).astype(np.float32)
+    return np.interp(asked_m, centers, noise_m).astype(np.float32)
 
 
-def _near_ends(leaves: Leaves, view: View, reach: float) -> NDArray[np.bool_]:
+def _near_ends(
+    ends_m: NDArray[np.float64], length_m: NDArray[np.float64], view: View, reach: float
+) -> NDArray[np.bool_]:
     """(H, W), pixels within reach of a base or apex, as far as the picture tells."""
-    ends = evaluate_points(leaves.parameters, BOTH_ENDS, placements=leaves.asset_from_leaf())
-    places, depth_m = view.camera.project(ends.reshape(-1, 3))
-    radius_px = reach * np.repeat(leaves.length_m, 2) * max(view.camera.focal_px) / np.maximum(depth_m, 1e-12)
+    places, depth_m = view.camera.project(ends_m)
+    radius_px = reach * np.repeat(length_m, 2) * max(view.camera.focal_px) / np.maximum(depth_m, 1e-12)
     size = np.array([view.camera.width_px, view.camera.height_px])
     radius_px = np.minimum(radius_px, size.max())
     with np.errstate(invalid="ignore"):
         shown = ((places > -radius_px[:, None]) & (places < size + radius_px[:, None])).all(axis=1)
     near = np.zeros(view.depth_m.shape, np.uint8)
-    for (x, y), radius in zip(places[shown], radius_px[shown], strict=True):
-        cv2.circle(near, (round(x), round(y)), int(radius) + 1, 1, cv2.FILLED)
+    centers, radii = np.rint(places[shown]).astype(int).tolist(), (radius_px[shown].astype(int) + 1).tolist()
+    for center, radius in zip(centers, radii, strict=True):
+        cv2.circle(near, center, radius, 1, cv2.FILLED)
     return near > 0
 
 
