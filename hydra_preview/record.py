@@ -409,6 +409,8 @@ def record_views(request: dict) -> dict:
 
 def main(request_path: str, result_path: str) -> int:
     request = json.loads(Path(request_path).read_text(encoding="utf-8"))
+    if "samples" in request:
+        os.environ["HDX_MSAA_SAMPLE_COUNT"] = str(request["samples"])  # USD reads it once
     try:
         version = load_usd()
         from gl_context import ContextError, make_context

@@ -79,6 +79,18 @@ def test_orthographic_silhouette_of_a_ball(ball):
     check_disc(ball[1], (150, 100), 100 * (1 - 2 * MARGIN))
 
 
+def test_pictures_of_one_sample_are_the_same_but_for_their_edges(ball, tmp_path):
+    scene = tmp_path / "ball.usda"
+    write_ball(scene, BALL_RADIUS_M, BALL_CENTER_M)
+    (jagged,) = draw_views(scene, [look("front")], PreviewSettings(width_px=300, height_px=200, samples=1))
+    soft = ball[0][..., 3]
+    assert set(np.unique(jagged[..., 3])) == {0, 1}
+    assert ((soft > 0) & (soft < 1)).any()
+    whole = (soft == 1) & (jagged[..., 3] == 1)
+    assert np.abs(jagged[whole] - ball[0][whole]).mean() < 0.005
+    assert jagged[..., 3].sum() == pytest.approx(soft.sum(), rel=0.01)
+
+
 def test_a_window_places_the_picture_in_the_assets_own_coordinates(ball):
     check_disc(ball[2], (160, 200), BALL_RADIUS_M * 320 / 8)
 

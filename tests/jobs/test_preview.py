@@ -63,6 +63,7 @@ def one_view(tmp_path: Path) -> list[PreviewView]:
         {"width_px": 8193},
         {"width_px": 8000, "height_px": 8000},
         {"complexity": "extreme"},
+        {"samples": 0},
         {"background": (0.5, 0.5, 1.5)},
         {"purposes": ()},
         {"purposes": ("default", "Render")},

@@ -359,7 +359,7 @@ def draw_previews(
     cameras = [shrink_camera(given.views[number].camera, PREVIEW_PX, asset_from_world) for number in shown]
     files = [f"view_{given.numbers[number]:03}_storm.png" for number in shown]
     views = [PreviewView(output=folder / file, pinhole=camera) for file, camera in zip(files, cameras, strict=True)]
-    render_views(interface, views, PreviewSettings(), _within("preview", progress))
+    render_views(interface, views, PreviewSettings(samples=1), _within("preview", progress))
     return dict(zip(shown, files, strict=True))
 
 
