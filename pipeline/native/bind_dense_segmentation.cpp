@@ -30,6 +30,7 @@ using Camera = std::tuple<Depth, Intrinsics, Matrix>;  // depth; focal lengths a
 using Labels = Array<std::int32_t, nb::shape<-1, -1>>;
 using Floats = Array<float, nb::shape<-1, -1>>;
 using Bytes = Array<std::uint8_t, nb::shape<-1, -1>>;
+using Kinds = Array<std::uint8_t, nb::shape<-1>>;
 using Planes = Array<float, nb::shape<-1, 3>>;
 using Points = Array<double, nb::shape<-1, 3>>;
 using Integers = Array<std::int64_t, nb::shape<-1>>;
@@ -103,6 +104,18 @@ nb::ndarray<nb::numpy, std::uint8_t> edges(const Camera& camera, const Labels& l
                                    kinds.data());
     }
     return to_numpy(std::move(kinds), {n});
+}
+
+nb::tuple outermost(const Camera& camera, const Labels& labels, const Planes& fitted, const Integers& pixels, const Kinds& kinds,
+                   int most, int threads) {
+    const std::size_t n = pixels.shape(0);
+    std::vector<double> places(2 * n), depths(n);
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::place_edges(to_view(camera), labels.data(), fitted.data(), pixels.data(), kinds.data(), n, most, threads,
+                                places.data(), depths.data());
+    }
+    return nb::make_tuple(to_numpy(std::move(places), {n, 2}), to_numpy(std::move(depths), {n}));
 }
 
 nb::tuple sums(const Camera& camera, const Labels& labels, std::size_t count) {
@@ -193,6 +206,8 @@ void bind_dense_segmentation(nb::module_& m) {
           "Connected pieces (H, W), 0 for none, and their number.");
     m.def("classify_edges", &edges, "camera"_a, "labels"_a, "pixels"_a.none(), "footprints"_a, "noise"_a, "threads"_a,
           "Kinds (P,) of pixels by their labels (H, W): 0 interior, 1 free, 2 hidden, 3 unknown edge.");
+    m.def("place_edges", &outermost, "camera"_a, "labels"_a, "planes"_a, "pixels"_a, "kinds"_a, "most"_a, "threads"_a,
+          "Places (P, 2) in pixels and depths (P,) where what pixels show ends, or of their centres.");
     m.def("sum_points", &sums, "camera"_a, "labels"_a, "count"_a,
           "Sums (K, 10) over each label's points in camera axes about its first (K, 3).");
     m.def("measure_extents", &extents, "camera"_a, "labels"_a, "axes"_a, "least_cosine"_a,

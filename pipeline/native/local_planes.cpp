@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::size_t kBlock = 128;     // pixels worked on side by side
 constexpr std::size_t kChunk = 8192;    // pixels that a thread takes at once
+constexpr double kOneSided = 0.5;       // of the sum of the directions to other pixels, at which a pixel has an outer side
 constexpr float kLeastSupport = 4;      // neighbours that a plane needs
 constexpr float kReach = 0.75f;         // of the first tolerance: a surface this part of the steepest slope off counts
 constexpr float kNoises = 3;            // standard deviations that count as near
@@ -300,6 +301,51 @@ void classify_edges(const DepthView& view, const std::int32_t* labels, const std
     parallel_for((n + kChunk - 1) / kChunk, threads, [&](std::size_t chunk) {
         for (std::size_t i = chunk * kChunk; i < std::min(n, (chunk + 1) * kChunk); ++i)
             kinds[i] = edge_kind(view, labels, slope, noise, pixels ? static_cast<std::size_t>(pixels[i]) : i);
+    });
+}
+
+void place_edges(const DepthView& view, const std::int32_t* labels, const float* planes, const std::int64_t* pixels,
+                 const std::uint8_t* kinds, std::size_t n, int most, int threads, double* places, double* depths) {
+    const std::ptrdiff_t width = view.width, height = view.height;
+    const auto own = [&](std::ptrdiff_t pixel, std::ptrdiff_t column, std::ptrdiff_t row) {
+        const std::ptrdiff_t j = row * width + column;
+        return labels[j] == labels[pixel] && view.depth_m[j] > 0;
+    };
+    const auto inside = [&](std::ptrdiff_t column, std::ptrdiff_t row) {
+        return column >= 0 && row >= 0 && column < width && row < height;
+    };
+    parallel_for((n + kChunk - 1) / kChunk, threads, [&](std::size_t chunk) {
+        for (std::size_t i = chunk * kChunk; i < std::min(n, (chunk + 1) * kChunk); ++i) {
+            const std::ptrdiff_t pixel = pixels[i], column = pixel % width, row = pixel / width;
+            double right = 0, down = 0;
+            if (kinds[i] == kFreeEdge) {
+                for (std::ptrdiff_t dy = -1; dy <= 1; ++dy) {
+                    for (std::ptrdiff_t dx = -1; dx <= 1; ++dx) {
+                        if ((dx == 0 && dy == 0) || !inside(column + dx, row + dy) || own(pixel, column + dx, row + dy)) continue;
+                        const double share = dx != 0 && dy != 0 ? std::sqrt(0.5) : 1.0;
+                        right += share * static_cast<double>(dx);
+                        down += share * static_cast<double>(dy);
+                    }
+                }
+                const double norm = std::hypot(right, down);
+                if (norm > kOneSided) {
+                    int steps = 1;
+                    for (; steps < most; ++steps) {
+                        const std::ptrdiff_t x = column + std::lround(steps * right / norm), y = row + std::lround(steps * down / norm);
+                        if (!inside(x, y) || (view.depth_m[y * width + x] > 0 && !own(pixel, x, y))) break;
+                    }
+                    right *= 0.5 * steps / norm;
+                    down *= 0.5 * steps / norm;
+                } else {
+                    right = down = 0;
+                }
+            }
+            places[2 * i] = static_cast<double>(column) + 0.5 + right;
+            places[2 * i + 1] = static_cast<double>(row) + 0.5 + down;
+            const double depth = view.depth_m[pixel], tilt = right * planes[3 * i] + down * planes[3 * i + 1];
+            const double inverse = 1 / depth + tilt;
+            depths[i] = inverse > 0 ? 1 / inverse : depth;
+        }
     });
 }
 

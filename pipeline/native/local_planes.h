@@ -72,6 +72,20 @@ enum EdgeKind : std::uint8_t { kInterior = 0, kFreeEdge = 1, kHiddenEdge = 2, kU
 void classify_edges(const DepthView& view, const std::int32_t* labels, const std::int64_t* pixels, std::size_t n,
                     double footprints, double noise_m, int threads, std::uint8_t* kinds);
 
+// Where what pixels show ends: half way between a pixel at a free edge and the first that shows what is behind.
+//
+// The centre of the last pixel that shows a surface lies inside of it; where depth is missing beside edges, by much.
+//
+// @param labels  height x width, as for classify_edges
+// @param planes  n x 3, around the pixels
+// @param pixels  n indices of pixels
+// @param kinds   n, as classify_edges tells; all but kFreeEdge stay at the pixel's centre
+// @param most    pixels without depth that are passed to see what is behind
+// @param places  n x 2 written: x and y in pixels
+// @param depths  n written, on the plane around the pixel
+void place_edges(const DepthView& view, const std::int32_t* labels, const float* planes, const std::int64_t* pixels,
+                 const std::uint8_t* kinds, std::size_t n, int most, int threads, double* places, double* depths);
+
 // Sums over the points of each of count labels, in the camera's axes: 10 numbers a label.
 //
 // @return  the number of pixels, then the sums of x, y, z, xx, xy, xz, yy, yz, zz about the label's first point, which

@@ -347,6 +347,17 @@ def classify_edges(
 ) -> NDArray[np.uint8]:
     """Kinds (P,) of pixels, all by default, by labels (H, W): 0 interior, 1 free, 2 hidden edge, 3 no depth beside."""
 
+def place_edges(
+    camera: _DepthView,
+    labels: NDArray[np.int32],
+    planes: NDArray[np.float32],
+    pixels: NDArray[np.int64],
+    kinds: NDArray[np.uint8],
+    most: int,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places (P, 2) in pixels and depths (P,): for free edges half way to what is behind, within most pixels."""
+
 def sum_points(
     camera: _DepthView, labels: NDArray[np.int32], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -202,3 +202,42 @@ def test_sums_and_extents_are_those_of_the_points():
         assert extents[k, 2] == pytest.approx(np.sum(depth[labels == k + 1].astype(float) ** 2 / slant) / FOCAL.prod())
     assert not sums[3].any()
     assert not extents[3].any()
+
+
+@pytest.mark.parametrize("missing", [0, 2])
+@pytest.mark.parametrize("tilt", [0.0, 0.4])
+def test_edges_are_placed_between_what_ends_and_what_is_behind(missing, tilt):
+    radius, shape = 17.3, (60, 70)
+    row, column = np.indices(shape) + 0.5
+    away = np.hypot(column - 33.2, row - 29.6)
+    inverse = 1 + tilt * (column - 33.2) / MEAN_FOCAL
+    depth = np.where(away < radius, 1 / inverse, 3.0).astype(np.float32)
+    depth[(away >= radius - missing) & (away < radius + missing)] = 0
+    labels = ((away < radius) & (depth > 0)).astype(np.int32)
+    planes, _ = _native.fit_local_planes(camera(depth), None, 3, 4.0, 0.0, 0)
+    kinds = _native.classify_edges(camera(depth), labels, None, 3.0, 0.0, 0)
+    kinds[kinds == 3] = 1  # what misses depth beside it ends too, here
+    pixels = np.flatnonzero(labels)
+
+    places, depths = _native.place_edges(
+        camera(depth), labels, planes[pixels], pixels, kinds[pixels], 2 * missing + 2, 0
+    )
+
+    edge = kinds[pixels] == 1
+    found = np.hypot(places[:, 0] - 33.2, places[:, 1] - 29.6)
+    assert edge.sum() > 80
+    assert abs(np.mean(found[edge]) - radius) < 0.2
+    centers = np.column_stack([column.ravel(), row.ravel()])[pixels]
+    assert np.array_equal(places[~edge], centers[~edge])
+    assert depths == pytest.approx(1 / (1 + tilt * (places[:, 0] - 33.2) / MEAN_FOCAL), rel=2e-3)
+
+
+def test_a_pixel_by_itself_stays_where_it_is():
+    depth = np.full((5, 6), 3.0, np.float32)
+    depth[2, 3] = 1.0
+    labels = (depth < 2).astype(np.int32)
+    places, depths = _native.place_edges(
+        camera(depth), labels, np.zeros((1, 3), np.float32), np.array([15]), np.ones(1, np.uint8), 4, 1
+    )
+    assert places.tolist() == [[3.5, 2.5]]
+    assert depths.tolist() == [1.0]

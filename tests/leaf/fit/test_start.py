@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from leaf_points import known_leaves, leaf_points
-from usdfoliage.leaf.fit.start import sample_points, start_poses, thin_samples
+from usdfoliage.leaf.fit.start import sample_points, start_poses, thin_samples, turn_across
 from usdfoliage.leaf.segmentation.model import FREE_EDGE
 
 
@@ -73,3 +73,18 @@ def test_no_leaves_and_leaves_without_points():
 
     empty = sample_points(leaf_points(known_leaves(3), shown=[(0, 1), (2, 3), (0, 1)]), 20, 10, 100.0)
     assert np.diff(empty.offsets).tolist() == [30, 0, 30]
+
+
+def test_poses_turned_across_span_the_same():
+    leaves = known_leaves(10)
+    poses = start_poses(sample_points(leaf_points(leaves), 200, 100, 100.0), leaves[1][:, :, 2])
+
+    turned = turn_across(poses)
+
+    assert np.linalg.det(turned.axes) == pytest.approx(1)
+    assert np.array_equal(turned.axes[:, :, 1], poses.axes[:, :, 0])
+    middle, its_middle = (each.base_m + each.length_m[:, None] / 2 * each.axes[:, :, 1] for each in (poses, turned))
+    assert its_middle == pytest.approx(middle)
+    again = turn_across(turned)
+    assert again.axes[:, :, :2] == pytest.approx(-poses.axes[:, :, :2])
+    assert again.length_m == pytest.approx(poses.length_m)

@@ -71,6 +71,22 @@ def test_ends_are_alike_and_told():
     assert right_way.mean() >= 0.95  # these leaves are wider at the base
 
 
+@pytest.mark.parametrize("width", [1.0, 2.2, 2.8, 3.6])
+def test_axes_of_leaves_as_wide_as_long_and_wider(width):
+    parameters, axes, bases, lengths = known_leaves(40, seed=5, amount=0.6)
+    parameters = parameters.copy()
+    parameters[:, 2:5, 1] *= width
+    leaves = parameters, axes, bases, lengths
+
+    fitted = fit_leaves_to_surface(leaf_points(leaves))
+
+    along = Rotation.from_quat(fitted.leaves.orientation).as_matrix()[:, :, 1]
+    cosine = np.abs(np.einsum("ni,ni->n", along, axes[fitted.source][:, :, 1]))
+    assert len(fitted.source) >= 38
+    assert (cosine > np.cos(np.radians(8))).mean() > 0.9
+    assert np.median(distances(fitted, leaves)) < 0.03
+
+
 def test_hidden_halves_are_as_their_siblings_have_them():
     leaves = known_leaves(40, seed=1, amount=0.5)
     shown = np.tile([0.0, 1.0], (40, 1))
@@ -106,7 +122,7 @@ def test_scale_turn_and_place_do_not_matter(scale):
 
     # The points are sampled along a curve that fills an upright box, so that turned ones are other samples.
     assert there.length_m / scale == pytest.approx(here.length_m, rel=0.02)
-    assert there.base_m == pytest.approx(scale * here.base_m @ turn.T + shift, abs=0.003 * scale)
+    assert there.base_m == pytest.approx(scale * here.base_m @ turn.T + shift, abs=0.004 * scale)
     only_scaled = fit_surfaces(replace(points, points_m=scale * points.points_m))
     assert only_scaled.length_m / scale == pytest.approx(here.length_m, rel=1e-4)
 

@@ -42,6 +42,15 @@ class LeafPoses:
     length_m: NDArray[np.float64]  # (N,)
     width_m: NDArray[np.float64]  # (N,), across y
 
+    def take(self, chosen: NDArray[np.integer]) -> "LeafPoses":
+        """The poses of these leaves, in this order."""
+        return LeafPoses(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
+
+    def append(self, other: "LeafPoses") -> "LeafPoses":
+        """These poses, then the others."""
+        both = {name: (getattr(self, name), getattr(other, name)) for name in self.__dataclass_fields__}
+        return LeafPoses(**{name: np.concatenate(pair) for name, pair in both.items()})
+
 
 def sample_points(points: LeafPoints, interior: int, edge: int, evidence: float, *, threads: int = 0) -> LeafSamples:
     """At most so many points of either kind of each leaf, spread evenly, always the same ones.
@@ -113,6 +122,18 @@ def start_poses(samples: LeafSamples, towards: NDArray[np.float64]) -> LeafPoses
         base_m=center + ((left + right) / 2)[:, None] * x + low[:, None] * y,
         length_m=high - low,
         width_m=right - left,
+    )
+
+
+def turn_across(poses: LeafPoses) -> LeafPoses:
+    """The same extents with y along what was the width."""
+    x, y, z = np.moveaxis(poses.axes, -1, 0)
+    middle = poses.base_m + poses.length_m[:, None] / 2 * y
+    return LeafPoses(
+        axes=np.stack([-y, x, z], axis=-1),
+        base_m=middle - poses.width_m[:, None] / 2 * x,
+        length_m=poses.width_m,
+        width_m=poses.length_m,
     )
 
 

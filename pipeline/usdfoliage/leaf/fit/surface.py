@@ -2,8 +2,9 @@
 
 First every leaf is fitted under a prior that knows nothing but the usual length and width; from the leaves that show
 most of their silhouette a prior of the set is learned; then every leaf is fitted under that, either way round and left-
-or right-handed, and keeps what explains it best. So a leaf that is half hidden gets the half of its siblings. Our own
-idea.
+or right-handed, and keeps what explains it best. So a leaf that is half hidden gets the half of its siblings. A leaf
+that is about as wide as long is tried along its width too: its halves and its siblings tell where the midrib is, which
+its extents do not. Our own idea.
 """
 
 from collections.abc import Callable
@@ -16,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from usdfoliage import _native
 from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.prior import LeafPrior, exchange_ends, generic_prior, learn_prior
-from usdfoliage.leaf.fit.start import LeafSamples, sample_points, start_poses, thin_samples
+from usdfoliage.leaf.fit.start import LeafSamples, sample_points, start_poses, thin_samples, turn_across
 from usdfoliage.leaf.fold import find_folds
 from usdfoliage.leaf.jitter import spread_phases
 from usdfoliage.leaf.model import Leaves
@@ -49,6 +50,7 @@ class SurfaceFitSettings:
     iterations: int = 8  # for the version that was chosen
     rounds: int = 1  # of learning the prior
     max_residual: float = 0.08  # leaf lengths; a leaf whose points are farther from it on average is given up
+    broad: float = 0.5  # width in leaf lengths from which the longest extent of the points may be a leaf's width
     narrow: float = 0.1  # width in leaf lengths below which confidence fades: blades are not told from parts of blades
 
     def __post_init__(self) -> None:
@@ -57,7 +59,7 @@ class SurfaceFitSettings:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
         if self.min_points < 4:
             raise ValueError(f"min_points must be at least 4, not {self.min_points}")
-        for name in ("evidence", "misfit", "edge_noise", "cutoff", "max_residual", "narrow"):
+        for name in ("evidence", "misfit", "edge_noise", "cutoff", "max_residual", "broad", "narrow"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
         if not (np.isfinite(self.fold_weight) and self.fold_weight >= 0):
@@ -172,16 +174,20 @@ def fit_surfaces(
     if not len(source):
         return _no_fits()
 
-    state, prior, noise_m = _first_fits(points, samples, source, settings, threads)
+    leaf, state, prior, noise_m = _first_fits(points, samples, source, settings, threads)
+    best = _choose(state, leaf, len(source))
     generic = prior
     report(len(source), total)
-    ends_gap = np.zeros(len(source))
+    ends_gap = np.zeros(len(leaf))
     for number in range(settings.rounds):
-        quality = _quality(samples, state, noise_m, ends_gap, settings, threads)
-        prior = learn_prior(state.numbers()[_well_seen(quality)], generic)
-        noise_m = _noise(quality.residual_m, state.length_m, settings)
-        state, ends_gap = _refit(samples, state, prior, noise_m, settings, threads)
+        chosen = state.take(best)
+        quality = _quality(samples, chosen, noise_m, ends_gap[best], settings, threads)
+        prior = learn_prior(chosen.numbers()[_well_seen(quality)], generic)
+        noise_m = _noise(quality.residual_m, chosen.length_m, settings)
+        state, ends_gap = _refit(samples, state, prior, leaf, noise_m, settings, threads)
+        best = _choose(state, leaf, len(source))
         report(len(source) * (2 + number), total)
+    state, ends_gap = state.take(best), ends_gap[best]
     if _tapers_to_base(prior):
         prior, state = prior.exchanged(), _exchanged(state, np.ones(len(source), bool))
     state = _unfold(samples, state, prior, noise_m, settings, threads)
@@ -198,45 +204,60 @@ def fit_surfaces(
 
 def _first_fits(
     points: LeafPoints, samples: LeafSamples, source: NDArray[np.int64], settings: SurfaceFitSettings, threads: int
-) -> tuple[_State, LeafPrior, NDArray[np.float64]]:
-    """Fits under the generic prior, that prior, and the noise (N,) they were made with."""
+) -> tuple[NDArray[np.int64], _State, LeafPrior, NDArray[np.float64]]:
+    """Fits under the generic prior, which leaf (S,) each is of, that prior, and the noise (N,) they were made with.
+
+    First one fit of every leaf, then those along the width of the broad ones.
+    """
     sums = np.concatenate([np.zeros((1, 3)), np.cumsum(np.nan_to_num(points.normals), axis=0)])
-    poses = start_poses(samples, sums[points.offsets[source + 1]] - sums[points.offsets[source]])
-    usual_m = float(np.median(poses.length_m))
-    prior = generic_prior(usual_m, float(np.median(poses.width_m / poses.length_m)))
+    found = start_poses(samples, sums[points.offsets[source + 1]] - sums[points.offsets[source]])
+    broad = found.width_m > settings.broad * found.length_m
+    leaf = np.concatenate([np.arange(len(source)), np.flatnonzero(broad)])
+    poses = found.append(turn_across(found.take(np.flatnonzero(broad))))
+    if broad.mean() > 0.5:  # neither of both extents is to be preferred
+        usual_m, width = float(np.median(np.sqrt(found.length_m * found.width_m))), 1.0
+    else:
+        usual_m, width = float(np.median(found.length_m)), float(np.median(found.width_m / found.length_m))
+    prior = generic_prior(usual_m, width)
     noise_m = np.full(len(source), 2 * settings.misfit * usual_m)
     start = _State(
-        parameters=np.repeat(prior.mean[:21].reshape(1, 7, 3), len(source), axis=0),
+        parameters=np.repeat(prior.mean[:21].reshape(1, 7, 3), len(leaf), axis=0),
         axes=poses.axes,
         base_m=poses.base_m,
         length_m=poses.length_m,
-        costs=np.zeros((len(source), 3)),
+        costs=np.zeros((len(leaf), 3)),
     )
-    every = np.arange(len(source))
-    zeros = np.zeros(len(source), np.int64)
+    zeros = np.zeros(len(leaf), np.int64)
     state = _fit(
-        thin_samples(samples, 2), start, prior, every, zeros, noise_m, settings, settings.start_iterations, threads
+        thin_samples(samples, 2), start, prior, leaf, zeros, noise_m, settings, settings.start_iterations, threads
     )
-    return state, prior, noise_m
+    return leaf, state, prior, noise_m
+
+
+def _choose(state: _State, leaf: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Which of the fits (S,) of each of count leaves costs least."""
+    order = np.lexsort((np.arange(len(leaf)), state.costs.sum(axis=1), leaf))
+    return order[np.searchsorted(leaf[order], np.arange(count))]
 
 
 def _refit(
     samples: LeafSamples,
     state: _State,
     prior: LeafPrior,
+    leaf: NDArray[np.int64],
     noise_m: NDArray[np.float64],
     settings: SurfaceFitSettings,
     threads: int,
 ) -> tuple[_State, NDArray[np.float64]]:
-    """Fits under the prior in the version that suits each leaf, ends as in the prior, and how surely they are told."""
-    count = len(state.length_m)
+    """Fits under the prior in the version that suits each, ends as in the prior, and how surely they are told."""
+    count = len(leaf)
     every = np.arange(count)
     likely = _likely_versions(state, prior)
     tried = _fit(
         thin_samples(samples, 4),
         state.take(np.tile(every, 2)),
         prior,
-        np.tile(every, 2),
+        np.tile(leaf, 2),
         likely.ravel(),
         noise_m,
         settings,
@@ -246,7 +267,7 @@ def _refit(
     cost = tried.costs.sum(axis=1).reshape(2, count)
     end = cost.argmin(axis=0)
     best, version = tried.take(end * count + every), likely[end, every]
-    fitted = _fit(samples, best, prior, every, version, noise_m, settings, settings.iterations, threads)
+    fitted = _fit(samples, best, prior, leaf, version, noise_m, settings, settings.iterations, threads)
     return _exchanged(fitted, end == 1), np.abs(cost[1] - cost[0])
 
 

@@ -53,10 +53,13 @@ class PointSettings:
     most_per_leaf: int = 4000
     edge: float = 3.0  # footprints that what is seen beside an edge lies farther or nearer
     edge_noises: float = 0.0  # standard deviations of the depth, besides
+    beside_px: int = 4  # within which what is behind an edge shows where the leaf ends, half way
 
     def __post_init__(self) -> None:
         if self.most_per_leaf < 1 or self.edge < 0 or self.edge_noises < 0:
             raise ValueError(f"most_per_leaf must be at least 1, edge and edge_noises not below 0, not {self}")
+        if self.beside_px < 1:
+            raise ValueError(f"beside_px must be at least 1, not {self.beside_px}")
 
 
 def claim_pixels(
@@ -177,7 +180,6 @@ def collect_points(
     for number, (one, claimed) in enumerate(zip(seen, labels, strict=True)):
         pixels, places = _native.pick_pixels(one, claimed, total, kept, offsets, before)
         noise, camera = float(noises[number]), views[number].camera
-        rows, columns = np.divmod(pixels, camera.width_px)
         edges = _native.classify_edges(one, claimed, pixels, settings.edge, settings.edge_noises * noise, threads)
         if planes is None:
             slopes, support = _native.fit_local_planes(
@@ -186,7 +188,9 @@ def collect_points(
         else:
             slopes = planes[number].slopes.reshape(-1, 3)[pixels]
             support = planes[number].support.ravel()[pixels]
-        located = camera.unproject(np.column_stack([columns + 0.5, rows + 0.5]), one[0].ravel()[pixels])
+        located = camera.unproject(
+            *_native.place_edges(one, claimed, slopes, pixels, edges, settings.beside_px, threads)
+        )
         facing = np.asarray(_native.plane_normals(one, slopes, pixels, threads), np.float64)
         alone = support < _LEAST_SUPPORT
         towards = camera.position_m - located[alone]

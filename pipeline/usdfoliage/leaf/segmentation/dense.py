@@ -88,11 +88,14 @@ class DenseSegmentationSettings:
     joined_quality: float = 0.5  # of the worse of two pieces, that both as one leaf need
     reach: float = 0.15  # usual lengths that a leaf claims of the surface beyond its model
     least_confidence: float = 0.12  # of a leaf that is given to the fit
+    shared: float = 0.2  # share of a leaf that better ones may cover in the end
     twins: float = 0.1  # leaf lengths between leaves that are the same
 
     def __post_init__(self) -> None:
         if self.plane_threshold_m is not None and not self.plane_threshold_m > 0:
             raise ValueError(f"plane_threshold_m must be above 0, not {self.plane_threshold_m}")
+        if not 0 < self.shared <= 1:
+            raise ValueError(f"shared must be above 0, and at most 1, not {self.shared}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -397,8 +400,7 @@ def _settle(
     worth = quality * np.sqrt(np.clip(evidence.area_m2 * evidence.on / usual.area_m2, 0.1, 1.2)) * good
     if pairs is not None and len(pairs):
         _favour_joined(proposals, quality, worth, pairs, passing.least_quality, usual, settings)
-    overlap_m = max(scene.tolerance_m, 0.04 * usual.length_m)
-    kept = select_leaves(evidence, worth, overlap_m, passing.max_overlap)
+    kept = select_leaves(evidence, worth, _surface_apart(scene, usual), passing.max_overlap)
     kept = kept[drop_twins(proposals.leaves.take(kept), worth[kept], settings.twins)]
     _count(dropped, "proposals of a leaf that another shows better", int(np.count_nonzero(good)) - len(kept))
     proposals = proposals.take(kept)
@@ -453,6 +455,11 @@ def _favour_joined(
             worth[number] = max(worth[number], 1.02 * max(worth[first], worth[second]))
 
 
+def _surface_apart(scene: _Scene, usual: UsualLeaf) -> float:
+    """Metres between surfaces that are not the same."""
+    return max(scene.tolerance_m, 0.04 * usual.length_m)
+
+
 def _finish(
     scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, dropped: dict[str, int], threads: int
 ) -> LeafPoints:
@@ -461,8 +468,13 @@ def _finish(
         return no_points()
     evidence = _weigh(scene, state.proposals, settings, threads)
     quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0)
-    kept = np.flatnonzero(quality > settings.least_confidence)
-    _count(dropped, "leaves that the views doubt in the end", len(quality) - len(kept))
+    sure = quality > settings.least_confidence
+    _count(dropped, "leaves that the views doubt in the end", int(np.count_nonzero(~sure)))
+    # Fits to their own points have grown into each other since leaves were chosen: no surface is of two leaves.
+    apart = np.zeros(len(quality), bool)
+    apart[select_leaves(evidence, quality * sure, _surface_apart(scene, state.usual), settings.shared)] = True
+    _count(dropped, "leaves that a better one covers in part", int(np.count_nonzero(sure & ~apart)))
+    kept = np.flatnonzero(apart)
     points = take_leaves(state.points, kept)
     return replace(
         points,
