@@ -245,20 +245,25 @@ void Fit::run(LeafPose& pose, double* costs) {
     const auto other_costs = [&](const LeafPose& at) { return prior_cost(at) + fold_cost(at); };
     match(pose, places_, true);
     double damping = 1e-2;
-    double other = other_costs(pose);
+    double other = other_costs(pose), last_cutoff = 0;
+    bool moved = true;
     const int last = std::max(1, settings_.iterations * 2 / 3);  // iteration from which the cutoff stays
     for (int iteration = 0; iteration < settings_.iterations; ++iteration) {
         const double share = std::min(1.0, static_cast<double>(iteration) / last);
         const double cutoff = settings_.first_cutoff * std::pow(settings_.last_cutoff / settings_.first_cutoff, share);
         const double cost = data_cost(pose, places_, cutoff) + other;
-        equations_ = {};
-        add_points(pose, cutoff);
-        add_prior(pose);
-        add_folds(pose);
-        for (std::size_t k = 0; k < kLeafUnknowns; ++k) equations_.matrix[k][k] += damping * equations_.matrix[k][k] + 1e-6;
+        if (moved || cutoff != last_cutoff) {
+            equations_ = {};
+            add_points(pose, cutoff);
+            add_prior(pose);
+            add_folds(pose);
+        }
+        last_cutoff = cutoff;
+        NormalEquations damped = equations_;
+        for (std::size_t k = 0; k < kLeafUnknowns; ++k) damped.matrix[k][k] += damping * damped.matrix[k][k] + 1e-6;
         bool better = false, settled = false;
-        if (solve_positive<static_cast<int>(kLeafUnknowns)>(equations_.matrix, equations_.right)) {
-            double* step = equations_.right;
+        if (solve_positive<static_cast<int>(kLeafUnknowns)>(damped.matrix, damped.right)) {
+            double* step = damped.right;
             double most = 0;
             for (std::size_t k = 0; k < kLeafUnknowns; ++k) most = std::max(most, std::abs(step[k]));
             const double shorter = most > kMostTurn ? kMostTurn / most : 1.0;
@@ -277,6 +282,7 @@ void Fit::run(LeafPose& pose, double* costs) {
             }
         }
         if (settled) break;
+        moved = better;
         damping = std::clamp(better ? damping * 0.3 : damping * 5, 1e-6, 1e4);
     }
     costs[0] = data_cost(pose, places_, settings_.last_cutoff);
