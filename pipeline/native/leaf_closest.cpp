@@ -1,7 +1,7 @@
 #include "leaf_closest.h"
 
 #include <algorithm>
-#include <array>
+#include <cmath>
 #include <limits>
 
 #include "leaf_pose.h"
@@ -200,7 +200,8 @@ void project_to_leaves(const double* points, const std::uint8_t* edge, const std
         const std::size_t first = static_cast<std::size_t>(offsets[leaf]), last = static_cast<std::size_t>(offsets[leaf + 1]);
         const LeafPose pose = leaf_pose(parameters + kLeafNumbers * leaf, axes + 9 * leaf, bases + 3 * leaf, lengths[leaf]);
         const LeafCurves curves = leaf_curves(pose.parameters);
-        const auto on_edge = static_cast<std::size_t>(std::count_if(edge + first, edge + last, [](std::uint8_t e) { return e != 0; }));
+        std::size_t on_edge = 0;
+        for (std::size_t i = first; i < last; ++i) on_edge += edge[i] != 0;
         ClosestPlaces places(last - first - on_edge, on_edge);
         std::vector<std::size_t> order(last - first);
         std::size_t next[2] = {0, places.inside()};

@@ -5,7 +5,6 @@
 
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -13,22 +12,6 @@
 #include "leaf_curves.h"
 
 namespace usdfoliage {
-
-// Point of the surface and its derivatives.
-struct SurfacePlace {
-    double point[3], by_u[3], by_v[3];
-};
-
-inline SurfacePlace surface_place(const LeafCurves& curves, double u, double v) {
-    SurfacePlace place;
-    const LeafRow row = leaf_row(curves, along_at(v));
-    const Across across = across_at(u);
-    leaf_point(row, across, place.point);
-    leaf_point(row, across_slope_at(u), place.by_u);
-    // leaf_row's control points without a base are those of the curve, so that only the weights differ for a derivative.
-    leaf_point(leaf_row(curves, along_slope_at(v)), across, place.by_v);
-    return place;
-}
 
 // Points of one leaf and what is closest to them.
 //

@@ -1,7 +1,6 @@
 #include "leaf_surface_fit.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -9,6 +8,7 @@
 #include "leaf_closest.h"
 #include "leaf_curves.h"
 #include "leaf_jacobian.h"
+#include "leaf_near_folds.h"
 #include "leaf_normal_equations.h"
 #include "leaf_pose.h"
 #include "parallel.h"
@@ -22,60 +22,8 @@ constexpr int kSteps = 2;              // towards the closest place after a sear
 constexpr int kSearchEvery = 5;        // iterations between searches among all places
 constexpr double kSettled = 1e-4;      // share of the cost; less gain ends the iterations
 constexpr double kMostTurn = 0.3;      // of any unknown in one step
-constexpr double kFoldMargin = 0.04;   // area elements below it count as near to a fold
 
-// Places where folds are looked for, on either half.
-constexpr std::array<double, 3> kFoldU = {1e-6, 0.6, 1.0};
-constexpr std::array<double, 9> kFoldV = {0.03, 0.08, 0.16, 0.3, 0.5, 0.7, 0.84, 0.92, 0.97};
-constexpr std::size_t kFoldPlaces = 2 * kFoldU.size() * kFoldV.size();
-
-struct FoldPlaces {
-    double u[kFoldPlaces], v[kFoldPlaces];
-};
-
-constexpr FoldPlaces fold_places() {
-    FoldPlaces places{};
-    std::size_t k = 0;
-    for (const double v : kFoldV) {
-        for (const double side : {-1.0, 1.0}) {
-            for (const double u : kFoldU) {
-                places.u[k] = side * u;
-                places.v[k++] = v;
-            }
-        }
-    }
-    return places;
-}
-
-constexpr FoldPlaces kFolds = fold_places();
-
-// Area elements seen from above, at the places where folds are looked for.
-USDFOLIAGE_VECTOR_CLONES
-void fold_areas(const LeafCurves& given, double* __restrict areas) {
-    const LeafCurves curves = given;
-    for (std::size_t k = 0; k < kFoldPlaces; ++k) {
-        const SurfacePlace place = surface_place(curves, kFolds.u[k], kFolds.v[k]);
-        areas[k] = place.by_u[0] * place.by_v[1] - place.by_u[1] * place.by_v[0];
-    }
-}
-
-// How wide the leaf is meant to be, which area elements are compared with.
-double mean_width(const double* parameters) {
-    return std::max((std::abs(parameters[7]) + std::abs(parameters[10]) + std::abs(parameters[13])) / 3, 1e-3);
-}
-
-// Call visit(u, v, scale, lack) for each place near a fold.
-template <typename Visit>
-void visit_near_folds(const double* parameters, const Visit& visit) {
-    const double scale = 1 / mean_width(parameters);
-    double areas[kFoldPlaces];
-    fold_areas(leaf_curves(parameters), areas);
-    for (std::size_t k = 0; k < kFoldPlaces; ++k) {
-        const double v = kFolds.v[k], lack = kFoldMargin * 4 * v * (1 - v) - scale * areas[k];
-        if (lack > 0) visit(kFolds.u[k], v, scale, lack);
-    }
-}
-
+// Points of the world, 3 arrays of n one after the other, in leaf space.
 USDFOLIAGE_VECTOR_CLONES
 void localize(const LeafPose& pose, const double* __restrict world, std::size_t n, double* __restrict x, double* __restrict y,
               double* __restrict z) {
@@ -201,7 +149,7 @@ double Fit::prior_cost(const LeafPose& pose) const {
 
 double Fit::fold_cost(const LeafPose& pose) const {
     double sum = 0;
-    visit_near_folds(pose.parameters, [&](double, double, double, double lack) { sum += lack * lack; });
+    for (const NearFold& near : find_near_folds(pose.parameters)) sum += near.lack * near.lack;
     return settings_.fold_weight * sum / 2;
 }
 
@@ -224,21 +172,18 @@ void Fit::add_prior(const LeafPose& pose) {
 }
 
 void Fit::add_folds(const LeafPose& pose) {
+    const std::vector<NearFold> folds = find_near_folds(pose.parameters);
+    if (folds.empty()) return;
     const LeafCurves curves = leaf_curves(pose.parameters);
     const CurveSlopes slopes = curve_slopes(pose.parameters);
-    visit_near_folds(pose.parameters, [&](double u, double v, double scale, double lack) {
-        const SurfacePlace place = surface_place(curves, u, v);
-        double of_u[3 * kLeafNumbers], of_v[3 * kLeafNumbers], row[kLeafNumbers];
-        write_jacobian(slopes, along_at(v), across_slope_at(u), of_u);
-        write_jacobian(slopes, along_slope_at(v), across_at(u), of_v);
-        for (std::size_t k = 0; k < kLeafNumbers; ++k)
-            row[k] = scale * (of_u[k] * place.by_v[1] + place.by_u[0] * of_v[kLeafNumbers + k] -
-                              of_u[kLeafNumbers + k] * place.by_v[0] - place.by_u[1] * of_v[k]);
+    for (const NearFold& near : folds) {
+        double row[kLeafNumbers];
+        write_area_slopes(curves, slopes, near, row);
         for (std::size_t i = 0; i < kLeafNumbers; ++i) {
-            equations_.right[i] += settings_.fold_weight * lack * row[i];
+            equations_.right[i] += settings_.fold_weight * near.lack * row[i];
             for (std::size_t k = 0; k <= i; ++k) equations_.matrix[i][k] += settings_.fold_weight * row[i] * row[k];
         }
-    });
+    }
 }
 
 void Fit::run(LeafPose& pose, double* costs) {
