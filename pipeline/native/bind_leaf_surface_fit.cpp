@@ -11,7 +11,6 @@ using namespace nb::literals;
 
 namespace {
 
-
 using Vectors = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Integers = nb::ndarray<const std::int64_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
@@ -21,10 +20,7 @@ using Precisions = nb::ndarray<const double, nb::shape<-1, 22, 22>, nb::c_contig
 using Leaves = nb::ndarray<double, nb::shape<-1, 7, 3>, nb::c_contig, nb::device::cpu>;
 using Frames = nb::ndarray<double, nb::shape<-1, 3, 3>, nb::c_contig, nb::device::cpu>;
 using VectorsOut = nb::ndarray<double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using PairsOut = nb::ndarray<double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 using NumbersOut = nb::ndarray<double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using ConstLeaves = nb::ndarray<const double, nb::shape<-1, 7, 3>, nb::c_contig, nb::device::cpu>;
-using ConstFrames = nb::ndarray<const double, nb::shape<-1, 3, 3>, nb::c_contig, nb::device::cpu>;
 
 void fit(const Vectors& points, const Flags& edge, const Numbers& weights, const Integers& offsets, const Numbers& noise,
          const Means& means, const Precisions& precisions, const Integers& leaf, const Integers& prior, const Leaves& parameters,
@@ -39,14 +35,6 @@ void fit(const Vectors& points, const Flags& edge, const Numbers& weights, const
                                   leaf.shape(0), threads);
 }
 
-void project(const Vectors& points, const Flags& edge, const Integers& offsets, const ConstLeaves& parameters,
-             const ConstFrames& axes, const Vectors& bases, const Numbers& lengths, const PairsOut& uv,
-             const NumbersOut& distances, int threads) {
-    nb::gil_scoped_release unlocked;
-    usdfoliage::project_to_leaves(points.data(), edge.data(), offsets.data(), parameters.data(), axes.data(), bases.data(),
-                                  lengths.data(), parameters.shape(0), uv.data(), distances.data(), threads);
-}
-
 }  // namespace
 
 void bind_leaf_surface_fit(nb::module_& m) {
@@ -54,6 +42,4 @@ void bind_leaf_surface_fit(nb::module_& m) {
           "leaf"_a, "prior"_a, "parameters"_a, "axes"_a, "bases"_a, "lengths"_a, "costs"_a, "iterations"_a, "first_cutoff"_a,
           "last_cutoff"_a, "edge_noise"_a, "fold_weight"_a, "threads"_a,
           "Improve fits in place: parameters (S, 7, 3), axes (S, 3, 3), bases (S, 3), lengths (S,); costs (S, 3) are written.");
-    m.def("project_to_leaves", &project, "points"_a, "edge"_a, "offsets"_a, "parameters"_a, "axes"_a, "bases"_a, "lengths"_a,
-          "uv"_a, "distances"_a, "threads"_a, "Fill uv (P, 2) and distances (P,) of the closest places to points (P, 3).");
 }

@@ -12,6 +12,7 @@ void bind_leaf(nanobind::module_& m);
 void bind_leaf_raster(nanobind::module_& m);
 void bind_enclosing_ellipse(nanobind::module_& m);
 void bind_leaf_fit(nanobind::module_& m);
+void bind_leaf_closest(nanobind::module_& m);
 void bind_leaf_surface_fit(nanobind::module_& m);
 void bind_plane_sweep(nanobind::module_& m);
 void bind_dense_segmentation(nanobind::module_& m);

@@ -152,6 +152,22 @@ inline void leaf_point(const LeafRow& row, const Across& across, double* point) 
                across.height[1] * row.height[1] + across.height[2] * row.height[2];
 }
 
+// Point of the surface and its derivatives.
+struct SurfacePlace {
+    double point[3], by_u[3], by_v[3];
+};
+
+inline SurfacePlace surface_place(const LeafCurves& curves, double u, double v) {
+    SurfacePlace place;
+    const LeafRow row = leaf_row(curves, along_at(v));
+    const Across across = across_at(u);
+    leaf_point(row, across, place.point);
+    leaf_point(row, across_slope_at(u), place.by_u);
+    // leaf_row's control points without a base are those of the curve, so that only the weights differ for a derivative.
+    leaf_point(leaf_row(curves, along_slope_at(v)), across, place.by_v);
+    return place;
+}
+
 // Control nets: rows along v from base to apex, columns from the left silhouette over the axis to the right one.
 //
 // @param leaves  n * 21

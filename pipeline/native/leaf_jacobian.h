@@ -26,6 +26,37 @@ CurveSlopes curve_slopes(const double* leaf);
 template <typename Real>
 void write_jacobian(const CurveSlopes& slopes, const Along& along, const Across& across, Real* jacobian);
 
+// Derivatives of the part of a point along a direction, for loops over many points.
+//
+// @param slopes_along  21, written
+inline void write_directional_slopes(const CurveSlopes& slopes, const Along& along, const Across& across,
+                                     const double* direction, double* slopes_along) {
+    const double dx = direction[0], dy = direction[1], dz = direction[2];
+    const double foot = across.foot - across.axis, step = across.step;
+    for (std::size_t k = 0; k < 2; ++k) {
+        double own = 0, by_x = 0, by_y = 0;
+        for (std::size_t i = 0; i < 3; ++i) {
+            own += along.quartic[i] * slopes.foot_axis[i][k];
+            by_x += along.quartic[i] * (slopes.step_axis[i][k][0] * dx + slopes.step_axis[i][k][2] * dy);
+            by_y += along.quartic[i] * (slopes.step_axis[i][k][1] * dx + slopes.step_axis[i][k][3] * dy);
+        }
+        own = across.axis * along.axis[k] + foot * own;
+        slopes_along[3 * k] = own * dx + step * by_x;
+        slopes_along[3 * k + 1] = own * dy + step * by_y;
+        slopes_along[3 * k + 2] = own * dz;
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+        const double weight = along.quartic[i], upwards = weight * dz, sideways = weight * step;
+        slopes_along[6 + 3 * i] =
+            weight * foot * (slopes.foot_v[i][0] * dx + slopes.foot_v[i][1] * dy + slopes.foot_v[i][2] * dz) +
+            sideways * (slopes.step_v[i][0] * dx + slopes.step_v[i][1] * dy);
+        slopes_along[7 + 3 * i] = sideways * (slopes.step_x[i][0] * dx + slopes.step_x[i][1] * dy);
+        slopes_along[8 + 3 * i] = upwards * across.height[2];
+        slopes_along[15 + i] = upwards * across.height[0];
+        slopes_along[18 + i] = upwards * across.height[1];
+    }
+}
+
 // Points of leaves and their derivatives by the parameters, in the order in which a leaf holds them.
 //
 // Where the axis stands upright its normal has no derivative and is held.

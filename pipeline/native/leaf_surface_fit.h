@@ -55,14 +55,4 @@ struct SurfaceFits {
 void fit_leaf_surfaces(const SurfacePoints& points, const SurfacePriors& priors, const SurfaceFitSettings& settings,
                        const SurfaceFits& fits, std::size_t n, int threads);
 
-// The closest places of leaves to their points: on the silhouette for points of the edge.
-//
-// Fit i has the points offsets[i] to offsets[i + 1].
-//
-// @param uv         2 a point, written
-// @param distances  1 a point, written
-void project_to_leaves(const double* points, const std::uint8_t* edge, const std::int64_t* offsets, const double* parameters,
-                       const double* axes, const double* bases, const double* lengths, std::size_t n, double* uv,
-                       double* distances, int threads);
-
 }  // namespace usdfoliage

@@ -14,6 +14,7 @@ NB_MODULE(_native, m) {
     bind_leaf_raster(m);
     bind_enclosing_ellipse(m);
     bind_leaf_fit(m);
+    bind_leaf_closest(m);
     bind_leaf_surface_fit(m);
     bind_plane_sweep(m);
     bind_dense_segmentation(m);

@@ -55,17 +55,14 @@ inline void principal_axes_3(double matrix[3][3], double values[3], double vecto
 // @return  false where the matrix is not positive definite
 template <int N>
 bool solve_positive(double (&matrix)[N][N], double (&right)[N]) {
-    for (int i = 0; i < N; ++i) {
-        for (int k = 0; k <= i; ++k) {
-            double sum = matrix[i][k];
-            for (int m = 0; m < k; ++m) sum -= matrix[i][m] * matrix[k][m];
-            if (i == k) {
-                if (!(sum > 0)) return false;
-                matrix[i][i] = std::sqrt(sum);
-            } else {
-                matrix[i][k] = sum / matrix[k][k];
-            }
-        }
+    // Column by column, so that the numbers of a row do not wait for each other.
+    for (int m = 0; m < N; ++m) {
+        if (!(matrix[m][m] > 0)) return false;
+        const double pivot = matrix[m][m] = std::sqrt(matrix[m][m]);
+        double column[N];
+        for (int i = m + 1; i < N; ++i) column[i] = matrix[i][m] = matrix[i][m] / pivot;
+        for (int i = m + 1; i < N; ++i)
+            for (int k = m + 1; k <= i; ++k) matrix[i][k] -= column[i] * column[k];
     }
     for (int i = 0; i < N; ++i) {
         for (int m = 0; m < i; ++m) right[i] -= matrix[i][m] * right[m];

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from leaf_reference import evaluate_jacobian, evaluate_points
 from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 from usdfoliage import _native
 from usdfoliage.leaf.fit.prior import generic_prior
 from usdfoliage.leaf.fold import find_folds
@@ -24,13 +25,14 @@ def points_beside(leaf, count=60, seed=0):
     return np.concatenate([points, ends]), np.repeat([0, 1], [count, 20]).astype(np.uint8)
 
 
-def fit(points, edge, leaf, iterations=1, fold_weight=0.0, first=CUTOFF, length=1.0):
+def fit(points, edge, leaf, iterations=1, fold_weight=0.0, first=CUTOFF, length=1.0, weights=None):
     state = [leaf.copy(), np.eye(3)[None].copy(), np.zeros((1, 3)), np.array([length])]
     costs = np.empty((1, 3))
     means, precisions = PRIOR.versions()
     zero, ends = np.zeros(1, np.int64), np.array([0, len(points)], np.int64)
+    weights = np.ones(len(points)) if weights is None else weights
     _native.fit_leaf_surfaces(
-        points, edge, np.ones(len(points)), ends, np.array([NOISE]), means, np.ascontiguousarray(precisions),
+        points, edge, weights, ends, np.array([NOISE]), means, np.ascontiguousarray(precisions),
         zero, zero, *state, costs, iterations, first, CUTOFF, 1.0, fold_weight, 1,
     )  # fmt: skip
     return state, costs[0]
@@ -111,6 +113,82 @@ def test_it_goes_as_low_as_a_library():
     better = minimize(cost, leaf.ravel(), method="BFGS").fun
     assert costs.sum() <= 1.1 * better + 0.5
     assert evaluate_jacobian(leaf, uv)[1].shape == (1, 120, 3, 21)
+
+
+def test_a_step_is_that_of_the_normal_equations():
+    """Points straight above places where the search looks, beside the silhouette and beyond the base."""
+    us, vs = np.linspace(-1, 1, 9), np.linspace(0, 1, 15)
+    heights = np.random.default_rng(6).normal(size=(15, 9)) * 0.005
+    points, rows, wanted = [], [], []
+    for k, i in [(k, i) for k in range(2, 13) for i in range(9) if i != 4]:
+        uv = np.array([[us[i], vs[k]]])
+        grid = evaluate_grid(LEAF, [us[i]], [vs[k]])
+        normal, along = grid.normals[0, 0, 0], grid.tangents_v[0, 0, 0]
+        outward = np.cross(along / np.linalg.norm(along), normal)
+        on_side = abs(us[i]) == 1
+        offset = heights[k, i] * normal + (0.01 * us[i] * outward if on_side else 0)
+        place, jacobian = (each[0, 0] for each in evaluate_jacobian(LEAF, uv))
+        points.append(place + offset)
+        square = offset @ offset
+        drop = CUTOFF**2 / (CUTOFF**2 + square / NOISE**2) / NOISE
+        for direction in (normal, outward) if on_side else (normal,):
+            row = direction @ jacobian, np.cross(place, direction), direction, [direction @ place]
+            rows.append(np.concatenate(row) * drop)
+            wanted.append(direction @ offset * drop)
+    points.append([0.0, -0.02, 0.0])
+    drop = CUTOFF**2 / (CUTOFF**2 + (0.02 / NOISE) ** 2) / NOISE
+    rows.extend(np.eye(28)[24:27] * drop)
+    wanted.extend(np.array(points[-1]) * drop)
+
+    (leaf, axes, base, length), _ = fit(np.array(points), np.zeros(len(points), np.uint8), LEAF)
+
+    rows = np.array(rows)
+    matrix = rows.T @ rows
+    known = np.r_[:21, 27]
+    matrix[np.ix_(known, known)] += np.linalg.inv(PRIOR.covariance)
+    matrix[np.diag_indices(28)] += 1e-2 * matrix.diagonal() + 1e-6
+    step = np.linalg.solve(matrix, rows.T @ np.array(wanted))
+    assert np.abs(step).max() < 0.3  # it is not cut short
+    assert leaf.ravel() - LEAF.ravel() == pytest.approx(step[:21], abs=1e-9)
+    assert Rotation.from_matrix(axes[0]).as_rotvec() == pytest.approx(step[21:24], abs=1e-9)
+    assert base[0] == pytest.approx(step[24:27], abs=1e-9)
+    assert np.log(length[0]) == pytest.approx(step[27], abs=1e-9)
+    assert np.abs(step).max() > 1e-3
+
+
+def test_points_without_weight_and_their_order_do_not_matter():
+    points, edge = points_beside(LEAF, count=61)
+    rng = np.random.default_rng(7)
+    order = rng.permutation(len(points) + 9)
+    weights = np.repeat([1.0, 0.0], [len(points), 9])[order]
+    more = np.concatenate([points, rng.normal(size=(9, 3))])[order]
+    more_edge = np.concatenate([edge, np.tile([0, 1, 0], 3)]).astype(np.uint8)[order]
+
+    few, few_costs = fit(points, edge, LEAF, iterations=8)
+    many, many_costs = fit(more, more_edge, LEAF, iterations=8, weights=weights)
+
+    assert many_costs == pytest.approx(few_costs, rel=1e-9)
+    for a, b in zip(few, many, strict=True):
+        assert b == pytest.approx(a, abs=1e-9)
+
+
+def test_leaves_are_fitted_each_for_itself():
+    clouds = [points_beside(LEAF, count=count, seed=count) for count in (40, 57, 0, 133)]
+    sizes = [len(points) for points, _ in clouds]
+    means, precisions = PRIOR.versions()
+    leaf, version = np.array([3, 0, 2, 1, 3]), np.array([0, 0, 0, 0, 1])
+    state = [np.tile(LEAF, (5, 1, 1)), np.tile(np.eye(3), (5, 1, 1)), np.zeros((5, 3)), np.ones(5)]
+    costs = np.empty((5, 3))
+    _native.fit_leaf_surfaces(
+        np.concatenate([points for points, _ in clouds]), np.concatenate([edge for _, edge in clouds]),
+        np.ones(sum(sizes)), np.cumsum([0, *sizes]), np.full(4, NOISE), means, np.ascontiguousarray(precisions),
+        leaf, version, *state, costs, 6, CUTOFF, CUTOFF, 1.0, 0.0, 3,
+    )  # fmt: skip
+
+    for i in range(4):
+        alone, alone_costs = fit(*clouds[leaf[i]], LEAF, iterations=6)
+        assert all(np.array_equal(mine[0], all_of[i]) for mine, all_of in zip(alone, state, strict=True))
+        assert np.array_equal(alone_costs, costs[i])
 
 
 def test_folds_cost_and_are_opened():

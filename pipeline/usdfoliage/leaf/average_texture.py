@@ -210,8 +210,8 @@ def _sample(view: View, at: NDArray[np.float32]) -> NDArray[np.float32]:
     # OpenCV counts from the centre of the first pixel.
     last = np.array([view.camera.width_px, view.camera.height_px], np.float32) - 1
     at = np.clip(np.nan_to_num(at - np.float32(0.5)), 0, last)
-    left, top = at.min(axis=(0, 1)).astype(int).tolist()
-    right, bottom = at.max(axis=(0, 1)).astype(int).tolist()
+    x, y = at[..., 0], at[..., 1]
+    left, top, right, bottom = int(x.min()), int(y.min()), int(x.max()), int(y.max())
     part = DECODED[view.srgb[top : bottom + 2, left : right + 2]].astype(np.float32)
     at -= np.array([left, top], np.float32)
     seen = cv2.remap(part, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

@@ -14,10 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from usdfoliage import _native
 from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.prior import LeafPrior, exchange_ends, generic_prior, learn_prior
 from usdfoliage.leaf.fit.start import LeafSamples, sample_points, start_poses, thin_samples, turn_across
+from usdfoliage.leaf.fit.under_prior import (
+    DescentSettings,
+    PosedLeaves,
+    find_closest_places,
+    fit_under_prior,
+    version_costs,
+)
 from usdfoliage.leaf.fold import find_folds
 from usdfoliage.leaf.jitter import spread_phases
 from usdfoliage.leaf.model import Leaves
@@ -26,7 +32,6 @@ from usdfoliage.leaf.surface import evaluate_area_elements, grid_places
 
 CELLS_U, CELLS_V = 6, 8  # of a leaf's surface, to tell how much of it has points
 EDGE_CELLS = 12  # of either silhouette
-FIRST_CUTOFF = 6.0  # noises beyond which points count less, at first; the last is a setting
 STRONGER = 100.0  # how much more folds cost where leaves fold still
 STEPS_BACK = 4  # towards the mean leaf, where that did not help
 
@@ -90,24 +95,6 @@ class SurfaceFits:
     length_m: NDArray[np.float64]  # (N,)
     quality: FitQuality
     prior: LeafPrior | None  # what was learned of the set; none of no leaves
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _State:
-    """Fits under way."""
-
-    parameters: NDArray[np.float64]  # (S, 7, 3)
-    axes: NDArray[np.float64]  # (S, 3, 3)
-    base_m: NDArray[np.float64]  # (S, 3)
-    length_m: NDArray[np.float64]  # (S,)
-    costs: NDArray[np.float64]  # (S, 3), of points, prior and folds
-
-    def take(self, index: NDArray[np.integer]) -> "_State":
-        fields = {name: getattr(self, name)[index] for name in self.__dataclass_fields__}
-        return replace(self, **fields)
-
-    def numbers(self) -> NDArray[np.float64]:
-        return np.concatenate([self.parameters.reshape(-1, 21), np.log(self.length_m)[:, None]], axis=1)
 
 
 def fit_leaves_to_surface(
@@ -204,7 +191,7 @@ def fit_surfaces(
 
 def _first_fits(
     points: LeafPoints, samples: LeafSamples, source: NDArray[np.int64], settings: SurfaceFitSettings, threads: int
-) -> tuple[NDArray[np.int64], _State, LeafPrior, NDArray[np.float64]]:
+) -> tuple[NDArray[np.int64], PosedLeaves, LeafPrior, NDArray[np.float64]]:
     """Fits under the generic prior, which leaf (S,) each is of, that prior, and the noise (N,) they were made with.
 
     First one fit of every leaf, then those along the width of the broad ones.
@@ -220,7 +207,7 @@ def _first_fits(
         usual_m, width = float(np.median(found.length_m)), float(np.median(found.width_m / found.length_m))
     prior = generic_prior(usual_m, width)
     noise_m = np.full(len(source), 2 * settings.misfit * usual_m)
-    start = _State(
+    start = PosedLeaves(
         parameters=np.repeat(prior.mean[:21].reshape(1, 7, 3), len(leaf), axis=0),
         axes=poses.axes,
         base_m=poses.base_m,
@@ -228,13 +215,12 @@ def _first_fits(
         costs=np.zeros((len(leaf), 3)),
     )
     zeros = np.zeros(len(leaf), np.int64)
-    state = _fit(
-        thin_samples(samples, 2), start, prior, leaf, zeros, noise_m, settings, settings.start_iterations, threads
-    )
+    descent = _descent(settings, settings.start_iterations)
+    state = fit_under_prior(thin_samples(samples, 2), start, prior, leaf, zeros, noise_m, descent, threads=threads)
     return leaf, state, prior, noise_m
 
 
-def _choose(state: _State, leaf: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _choose(state: PosedLeaves, leaf: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Which of the fits (S,) of each of count leaves costs least."""
     order = np.lexsort((np.arange(len(leaf)), state.costs.sum(axis=1), leaf))
     return order[np.searchsorted(leaf[order], np.arange(count))]
@@ -242,85 +228,51 @@ def _choose(state: _State, leaf: NDArray[np.int64], count: int) -> NDArray[np.in
 
 def _refit(
     samples: LeafSamples,
-    state: _State,
+    state: PosedLeaves,
     prior: LeafPrior,
     leaf: NDArray[np.int64],
     noise_m: NDArray[np.float64],
     settings: SurfaceFitSettings,
     threads: int,
-) -> tuple[_State, NDArray[np.float64]]:
+) -> tuple[PosedLeaves, NDArray[np.float64]]:
     """Fits under the prior in the version that suits each, ends as in the prior, and how surely they are told."""
     count = len(leaf)
     every = np.arange(count)
     likely = _likely_versions(state, prior)
-    tried = _fit(
+    tried = fit_under_prior(
         thin_samples(samples, 4),
         state.take(np.tile(every, 2)),
         prior,
         np.tile(leaf, 2),
         likely.ravel(),
         noise_m,
-        settings,
-        settings.choice_iterations,
-        threads,
+        _descent(settings, settings.choice_iterations),
+        threads=threads,
     )
     cost = tried.costs.sum(axis=1).reshape(2, count)
     end = cost.argmin(axis=0)
     best, version = tried.take(end * count + every), likely[end, every]
-    fitted = _fit(samples, best, prior, leaf, version, noise_m, settings, settings.iterations, threads)
+    descent = _descent(settings, settings.iterations)
+    fitted = fit_under_prior(samples, best, prior, leaf, version, noise_m, descent, threads=threads)
     return _exchanged(fitted, end == 1), np.abs(cost[1] - cost[0])
 
 
-def _likely_versions(state: _State, prior: LeafPrior) -> NDArray[np.int64]:
+def _likely_versions(state: PosedLeaves, prior: LeafPrior) -> NDArray[np.int64]:
     """(2, N): the hand of either end that suits each leaf as it is; versions 0 and 2 lie as the prior does."""
-    means, precisions = prior.versions()
-    offsets = state.numbers() - means[:, None]
-    cost = np.einsum("gni,gij,gnj->gn", offsets, precisions, offsets, optimize=True)
+    cost = version_costs(state.numbers(), prior)
     return np.stack([np.where(cost[2] < cost[0], 2, 0), np.where(cost[3] < cost[1], 3, 1)])
 
 
-def _fit(
-    samples: LeafSamples,
-    start: _State,
-    prior: LeafPrior,
-    leaf: NDArray[np.int64],
-    version: NDArray[np.int64],
-    noise_m: NDArray[np.float64],
-    settings: SurfaceFitSettings,
-    iterations: int,
-    threads: int,
-) -> _State:
-    means, precisions = prior.versions()
-    parameters, axes, base_m, length_m = (
-        np.array(array, np.float64, order="C") for array in (start.parameters, start.axes, start.base_m, start.length_m)
+def _descent(settings: SurfaceFitSettings, iterations: int) -> DescentSettings:
+    return DescentSettings(
+        iterations=iterations,
+        edge_noise=settings.edge_noise,
+        fold_weight=settings.fold_weight,
+        cutoff=settings.cutoff,
     )
-    costs = np.empty((len(leaf), 3))
-    _native.fit_leaf_surfaces(
-        samples.points_m,
-        samples.edge,
-        samples.weights,
-        samples.offsets,
-        noise_m,
-        means,
-        np.ascontiguousarray(precisions),
-        leaf,
-        version,
-        parameters,
-        axes,
-        base_m,
-        length_m,
-        costs,
-        iterations,
-        FIRST_CUTOFF,
-        settings.cutoff,
-        settings.edge_noise,
-        settings.fold_weight,
-        threads,
-    )
-    return _State(parameters=parameters, axes=axes, base_m=base_m, length_m=length_m, costs=costs)
 
 
-def _exchanged(state: _State, which: NDArray[np.bool_]) -> _State:
+def _exchanged(state: PosedLeaves, which: NDArray[np.bool_]) -> PosedLeaves:
     """The same surfaces, with base and apex exchanged where wanted."""
     parameters, axes, base_m = state.parameters.copy(), state.axes.copy(), state.base_m.copy()
     parameters[which] = exchange_ends(parameters[which])
@@ -352,26 +304,14 @@ def _noise(
 
 def _quality(
     samples: LeafSamples,
-    state: _State,
+    state: PosedLeaves,
     noise_m: NDArray[np.float64],
     ends_gap: NDArray[np.float64],
     settings: SurfaceFitSettings,
     threads: int,
 ) -> FitQuality:
     count = len(state.length_m)
-    uv, distance_m = np.empty((len(samples.points_m), 2)), np.empty(len(samples.points_m))
-    _native.project_to_leaves(
-        samples.points_m,
-        samples.edge,
-        samples.offsets,
-        state.parameters,
-        state.axes,
-        state.base_m,
-        state.length_m,
-        uv,
-        distance_m,
-        threads,
-    )
+    uv, distance_m = find_closest_places(samples, samples.edge, state, threads=threads)
     sizes = np.diff(samples.offsets)
     leaf = np.repeat(np.arange(count), sizes)
     edge = samples.edge > 0
@@ -401,12 +341,12 @@ def _quality(
 
 def _unfold(
     samples: LeafSamples,
-    state: _State,
+    state: PosedLeaves,
     prior: LeafPrior,
     noise_m: NDArray[np.float64],
     settings: SurfaceFitSettings,
     threads: int,
-) -> _State:
+) -> PosedLeaves:
     """Fits that fold are fitted again, with folds much dearer; what folds still is taken back towards the mean leaf."""
     folded = np.flatnonzero(find_folds(state.parameters))
     if not len(folded):
@@ -418,9 +358,9 @@ def _unfold(
         state.length_m.copy(),
         state.costs.copy(),
     )
-    dearer = replace(settings, fold_weight=settings.fold_weight * STRONGER)
+    dearer = _descent(replace(settings, fold_weight=settings.fold_weight * STRONGER), settings.start_iterations)
     zeros = np.zeros(len(folded), np.int64)
-    again = _fit(samples, state.take(folded), prior, folded, zeros, noise_m, dearer, settings.start_iterations, threads)
+    again = fit_under_prior(samples, state.take(folded), prior, folded, zeros, noise_m, dearer, threads=threads)
     mean = prior.mean[:21].reshape(7, 3)
     repaired = again.parameters.copy()
     for _ in range(STEPS_BACK):
@@ -428,7 +368,7 @@ def _unfold(
         repaired[still] = (repaired[still] + mean) / 2
     parameters[folded], axes[folded], base_m[folded] = repaired, again.axes, again.base_m
     length_m[folded], costs[folded] = again.length_m, again.costs
-    return _State(parameters=parameters, axes=axes, base_m=base_m, length_m=length_m, costs=costs)
+    return PosedLeaves(parameters=parameters, axes=axes, base_m=base_m, length_m=length_m, costs=costs)
 
 
 def _confidence(given: NDArray[np.float64], fits: SurfaceFits, settings: SurfaceFitSettings) -> NDArray[np.float64]:

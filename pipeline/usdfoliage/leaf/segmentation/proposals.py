@@ -1,21 +1,25 @@
 """Leaves that may be there: fitted to patches, to be judged against all views."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from usdfoliage import _native
 from usdfoliage.leaf.fit.prior import LeafPrior, generic_prior
 from usdfoliage.leaf.fit.start import LeafSamples, sample_points, start_poses
+from usdfoliage.leaf.fit.under_prior import (
+    DescentSettings,
+    PosedLeaves,
+    find_closest_places,
+    fit_under_prior,
+    version_costs,
+)
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.segmentation.model import LeafPoints
 
 EVIDENCE = 100.0  # independent points that all points of a leaf are worth at most
-FIRST_CUTOFF, LAST_CUTOFF = 6.0, 2.5  # noises beyond which points count less
-EDGE_NOISE = 2.0  # of points of the edge, in that of the interior
-FOLD_WEIGHT = 2000.0
+START, AGAIN = DescentSettings(iterations=12, edge_noise=2.0), DescentSettings(iterations=10, edge_noise=2.0)
 START_NOISE, NOISE = 0.02, 0.015  # leaf lengths by which a leaf of the model may miss its points, at first and later
 LENGTHS = (0.5, 1.5)  # of the usual length, within which fits begin
 
@@ -67,14 +71,16 @@ def propose_leaves(
     poses = start_poses(samples, sums[points.offsets[1:]] - sums[points.offsets[:-1]])
     prior = generic_prior(length_m, width)
     count = len(points)
+    start = PosedLeaves(
+        parameters=np.repeat(prior.mean[:21].reshape(1, 7, 3), count, axis=0),
+        axes=poses.axes,
+        base_m=poses.base_m,
+        length_m=np.clip(poses.length_m, LENGTHS[0] * length_m, LENGTHS[1] * length_m),
+        costs=np.zeros((count, 3)),
+    )
     every, version = np.arange(count), np.zeros(count, np.int64)
-    parameters = np.repeat(prior.mean[:21].reshape(1, 7, 3), count, axis=0)
-    lengths = np.clip(poses.length_m, LENGTHS[0] * length_m, LENGTHS[1] * length_m)
     noise_m = np.full(count, START_NOISE * length_m)
-    fits, _ = _fit(
-        samples, noise_m, prior, every, version, parameters, poses.axes, poses.base_m, lengths, iterations=12,
-        threads=threads,
-    )  # fmt: skip
+    fits = _as_leaves(fit_under_prior(samples, start, prior, every, version, noise_m, START, threads=threads))
     return Proposals(leaves=fits, explained=_explained(samples, fits, tolerance_m, threads))
 
 
@@ -83,79 +89,45 @@ def refit_proposals(
 ) -> Proposals:
     """The proposals, one for each set of points, improved under a prior learned of the set, in its best version."""
     samples = sample_points(points, 200, 100, EVIDENCE)
-    count, leaves = len(points), proposals.leaves
-    means, precisions = prior.versions()
-    offsets = proposals.numbers() - means[:, None]
-    cost = np.einsum("gni,gij,gnj->gn", offsets, precisions, offsets, optimize=True)
+    count, start = len(points), _posed(proposals.leaves)
     noise_m = np.full(count, NOISE * float(np.exp(prior.mean[-1])))
-    axes = Rotation.from_quat(leaves.orientation).as_matrix() if count else np.zeros((0, 3, 3))
-    best: Leaves | None = None
     # The version that suits a leaf as it is, and the next best: the others lie far off.
-    order = np.argsort(cost, axis=0, kind="stable")
-    least = np.full(count, np.inf)
-    for rank in range(2):
-        fits, total = _fit(
-            samples, noise_m, prior, np.arange(count), order[rank].astype(np.int64), leaves.parameters, axes,
-            leaves.base_m, leaves.length_m, iterations=10, threads=threads,
-        )  # fmt: skip
-        if best is None:
-            best, least = fits, total
-            continue
-        better = total < least
-        best = replace(
-            best,
-            **{
-                name: np.where(better.reshape(-1, *[1] * (getattr(fits, name).ndim - 1)), getattr(fits, name),
-                               getattr(best, name))
-                for name in ("parameters", "base_m", "orientation", "length_m")
-            },
-        )  # fmt: skip
-    assert best is not None
+    likely = np.argsort(version_costs(proposals.numbers(), prior), axis=0, kind="stable")[:2].astype(np.int64)
+    every = np.arange(count)
+    tried = fit_under_prior(
+        samples, start.take(np.tile(every, 2)), prior, np.tile(every, 2), likely.ravel(), noise_m, AGAIN,
+        threads=threads,
+    )  # fmt: skip
+    better = tried.costs.sum(axis=1).reshape(2, count).argmin(axis=0)
+    best = _as_leaves(tried.take(better * count + every))
     return Proposals(leaves=best, explained=_explained(samples, best, tolerance_m, threads))
 
 
-def _fit(
-    samples: LeafSamples,
-    noise_m: NDArray[np.float64],
-    prior: LeafPrior,
-    leaf: NDArray[np.int64],
-    version: NDArray[np.int64],
-    parameters: NDArray[np.float64],
-    axes: NDArray[np.float64],
-    base_m: NDArray[np.float64],
-    length_m: NDArray[np.float64],
-    *,
-    iterations: int,
-    threads: int,
-) -> tuple[Leaves, NDArray[np.float64]]:
-    """The fits, and what each costs."""
-    means, precisions = prior.versions()
-    parameters, axes, base_m, length_m = (
-        np.array(array, np.float64, order="C") for array in (parameters, axes, base_m, length_m)
+def _posed(leaves: Leaves) -> PosedLeaves:
+    count = len(leaves)
+    return PosedLeaves(
+        parameters=leaves.parameters,
+        axes=Rotation.from_quat(leaves.orientation).as_matrix() if count else np.zeros((0, 3, 3)),
+        base_m=leaves.base_m,
+        length_m=leaves.length_m,
+        costs=np.zeros((count, 3)),
     )
-    costs = np.empty((len(leaf), 3))
-    _native.fit_leaf_surfaces(
-        samples.points_m, samples.edge, samples.weights, samples.offsets, noise_m, means,
-        np.ascontiguousarray(precisions), leaf, version, parameters, axes, base_m, length_m, costs, iterations,
-        FIRST_CUTOFF, LAST_CUTOFF, EDGE_NOISE, FOLD_WEIGHT, threads,
-    )  # fmt: skip
-    leaves = Leaves(
-        parameters=parameters,
-        base_m=base_m,
-        orientation=Rotation.from_matrix(axes).as_quat() if len(axes) else np.zeros((0, 4)),
-        length_m=length_m,
-        phase=np.zeros(len(leaf)),
+
+
+def _as_leaves(posed: PosedLeaves) -> Leaves:
+    count = len(posed.length_m)
+    return Leaves(
+        parameters=posed.parameters,
+        base_m=posed.base_m,
+        orientation=Rotation.from_matrix(posed.axes).as_quat() if count else np.zeros((0, 4)),
+        length_m=posed.length_m,
+        phase=np.zeros(count),
     )
-    return leaves, costs.sum(axis=1)
 
 
 def _explained(samples: LeafSamples, leaves: Leaves, tolerance_m: float, threads: int) -> NDArray[np.float64]:
-    uv, distance_m = np.empty((len(samples.points_m), 2)), np.empty(len(samples.points_m))
-    axes = Rotation.from_quat(leaves.orientation).as_matrix() if len(leaves) else np.zeros((0, 3, 3))
-    _native.project_to_leaves(
-        samples.points_m, np.zeros_like(samples.edge), samples.offsets, leaves.parameters, np.ascontiguousarray(axes),
-        leaves.base_m, leaves.length_m, uv, distance_m, threads,
-    )  # fmt: skip
+    anywhere = np.zeros_like(samples.edge)
+    _, distance_m = find_closest_places(samples, anywhere, _posed(leaves), threads=threads)
     leaf = np.repeat(np.arange(len(leaves)), np.diff(samples.offsets))
     counted = samples.weights > 0
     total = np.bincount(leaf[counted], minlength=len(leaves))
