@@ -184,6 +184,9 @@ def test_no_leaf_among_candidates_is_said(segment, bed):
         ({"width": 0.1}, ["grass-like"]),
         ({"width": 6.0}, ["lobed"]),
         ({"confidence": 0.1, "width": 6.0}, ["most leaves are guessed", "lobed"]),
+        ({"width": 2.0}, ["about as wide as long"]),
+        ({"outlined": 0.6}, ["seem to be lobed"]),
+        ({"outlined": 0.6, "width": 2.0}, ["seem to be lobed"]),
     ],
 )
 def test_leaves_that_are_doubtful_are_said(bed, changes, said):
@@ -192,7 +195,8 @@ def test_leaves_that_are_doubtful_are_said(bed, changes, said):
     parameters[:, 2:5, 1] *= width
     confidence = np.full(len(parameters), changes.get("confidence", 0.8))
     leaves = replace(bed.leaves, parameters=parameters, confidence=confidence)
-    notes = describe_leaves(leaves, bed.views, reconstruct.find_nothing(bed.views))
+    outlined = np.full(len(leaves), changes["outlined"]) if "outlined" in changes else None
+    notes = describe_leaves(leaves, bed.views, reconstruct.find_nothing(bed.views), outlined=outlined)
     assert len(notes) == len(said)
     assert all(words in note for words, note in zip(said, notes, strict=True))
 

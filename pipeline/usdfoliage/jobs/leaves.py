@@ -35,7 +35,8 @@ from usdfoliage.leaf.average_texture import AverageTexture
 from usdfoliage.leaf.bounds import leaf_bounds_m
 from usdfoliage.leaf.jitter import NO_JITTER, spread_phases
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.reconstruct import STEPS, Reconstruction, Step, reconstruct_leaves
+from usdfoliage.leaf.reconstruct import STEPS, Reconstruction, reconstruct_leaves
+from usdfoliage.leaf.segmentation.model import Step
 from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)

@@ -19,7 +19,7 @@ from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photo_colors import PhotoColorSettings, sample_leaf_colors
 from usdfoliage.leaf.segmentation.dense import DenseSegmentationSettings, segment_dense
-from usdfoliage.leaf.segmentation.model import Segmentation, find_nothing
+from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing
 from usdfoliage.leaf.segmentation.paper import PaperSegmentationSettings, segment_paper
 from usdfoliage.steps import StepProgress, follow_step
 
@@ -30,6 +30,7 @@ LOW_CONFIDENCE = 0.3  # as the median of all leaves: most of them are guessed
 LEAST_STEP = 1e-3  # of the axis, from one silhouette point's foot to the next
 MOST_MOVED = 0.1  # of the axis, of a foot that is put in order; the silhouette moves by less than half of it
 ROUND = 0.75  # width by length from which the longest extent of a leaf is no sure sign of its axis
+LOBED = 0.7  # share of its edge on the silhouette, below which most leaves of a set are not of one lobe
 SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one silhouette describe
 
 
@@ -55,15 +56,6 @@ class ReconstructionSettings:
             raise ValueError(f"min_confidence must be from 0 to 1, not {self.min_confidence}")
         if self.threads < 0:
             raise ValueError(f"threads must be 0, for all cores, or more, not {self.threads}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Step:
-    """How many there are after a step, and how many went in it."""
-
-    name: str
-    count: int
-    dropped: Mapping[str, int] = field(default_factory=dict)  # by reason
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,7 +130,9 @@ def reconstruct_leaves(
         segmentation=segmentation,
         texture=texture,
         steps=_count_steps(segmentation, fitted, leaves, dropped),
-        notes=describe_leaves(leaves, views, segmentation),
+        notes=describe_leaves(
+            leaves, views, segmentation, outlined=None if fitted.outlined is None else fitted.outlined[sound]
+        ),
         seconds=seconds,
     )
 
@@ -191,6 +185,7 @@ def _count_steps(
     return [
         *steps,
         Step(name="candidates in single views", count=candidates),
+        *segmentation.passes,
         Step(name="leaves of the scene", count=len(segmentation.leaves), dropped=_any(segmentation.dropped)),
         Step(name="fitted leaves", count=len(fitted.leaves), dropped=_any(fitted.dropped)),
         Step(name="kept leaves", count=len(leaves), dropped=dropped),
@@ -202,8 +197,18 @@ def _any(dropped: Mapping[str, int]) -> dict[str, int]:
     return {reason: count for reason, count in dropped.items() if count}
 
 
-def describe_leaves(leaves: Leaves, views: Sequence[View], segmentation: Segmentation) -> list[str]:
-    """What whoever uses the leaves should know, in sentences."""
+def describe_leaves(
+    leaves: Leaves,
+    views: Sequence[View],
+    segmentation: Segmentation,
+    *,
+    outlined: NDArray[np.float64] | None = None,
+) -> list[str]:
+    """What whoever uses the leaves should know, in sentences.
+
+    Args:
+        outlined: (N,), the share of each leaf's edge that lies on its silhouette, if that was measured.
+    """
     notes = []
     without = sum(not view.has_depth for view in views)
     if without == len(views):
@@ -229,6 +234,12 @@ def describe_leaves(leaves: Leaves, views: Sequence[View], segmentation: Segment
             f"the median confidence is {sure:.2f}: most leaves are guessed; they may be lobed, grass-like, or too "
             "small in the photographs for this depth"
         )
+    lobed = outlined is not None and float(np.median(outlined)) < LOBED
+    if lobed:
+        notes.append(
+            "the edges of most leaves lie off every single silhouette: leaves seem to be lobed, toothed or of several "
+            "leaflets, of which this model gives the outer shape; their confidence is low"
+        )
     shape = float(np.median(leaf_width(leaves.parameters)))
     low, high = SINGLE_LOBED
     if not low <= shape <= high:
@@ -237,9 +248,9 @@ def describe_leaves(leaves: Leaves, views: Sequence[View], segmentation: Segment
             f"leaves are {shape:.2f} times as wide as long, which is not what leaves of one lobe are "
             f"({low:g} to {high:g}): they may be {kind}, and one axis and one silhouette do not describe them well"
         )
-    elif np.mean(leaf_width(leaves.parameters) > ROUND) > 0.5:
+    elif not lobed and np.mean(leaf_width(leaves.parameters) > ROUND) > 0.5:
         notes.append(
-            "most leaves are about as wide as long: what is taken for their length may be their width, and lobed "
-            "leaves come out like this too; look at the fitted leaves over the photographs"
+            "most leaves are about as wide as long: their axes are told from the fit alone; look at the fitted leaves "
+            "over the photographs"
         )
     return notes

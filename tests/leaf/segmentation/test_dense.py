@@ -91,7 +91,15 @@ def check_plain(segmentation: Segmentation, views: Sequence[View]) -> None:
         assert candidates.labels.shape == view.depth_m.shape
         assert candidates.labels.max() <= len(candidates.confidence)
         assert ((candidates.confidence >= 0) & (candidates.confidence <= 1)).all()
-    assert all(count > 0 for count in segmentation.dropped.values())
+    passes = segmentation.passes
+    for one in passes:
+        assert all(count > 0 for count in one.dropped.values())
+        assert one.tried is None or one.tried == one.count + sum(one.dropped.values())
+    if passes:
+        candidates = sum(len(view.confidence) for view in segmentation.candidates)
+        assert passes[0].count == candidates - sum(passes[0].dropped.values())
+    if len(segmentation.leaves):
+        assert len(segmentation.leaves) == passes[-1].count - sum(segmentation.dropped.values())
 
 
 @pytest.fixture(scope="module")
@@ -193,7 +201,7 @@ def test_the_same_again_for_any_number_of_threads(few, few_found):
     for threads in (1, 2):
         again = segment_dense(few.noisy_views, threads=threads)
         assert same_points(again.leaves, few_found.leaves)
-        assert again.dropped == few_found.dropped
+        assert (again.dropped, again.passes) == (few_found.dropped, few_found.passes)
         for one, other in zip(again.candidates, few_found.candidates, strict=True):
             assert np.array_equal(one.labels, other.labels)
             assert np.array_equal(one.confidence, other.confidence)
@@ -278,7 +286,7 @@ def test_a_wall_has_no_leaves(noise_m):
     segmentation = segment_dense(views)
     check_plain(segmentation, views)
     assert len(segmentation.leaves) == 0
-    assert sum(segmentation.dropped.values()) > 0
+    assert sum(sum(one.dropped.values()) for one in segmentation.passes) > 0
 
 
 def test_depth_of_a_single_pixel_and_of_scattered_ones():

@@ -15,4 +15,7 @@ class FittedLeaves:
 
     leaves: Leaves  # N of them
     source: NDArray[np.int64]  # (N,), the number of each in the LeafPoints that were fitted
+    outlined: NDArray[np.float64] | None = (
+        None  # (N,), share of the edge's points on the silhouette; None: not measured
+    )
     dropped: Mapping[str, int] = field(default_factory=dict)  # how many were not, by reason

@@ -26,6 +26,7 @@ from usdfoliage.leaf.fit.under_prior import (
 )
 from usdfoliage.leaf.fold import find_folds
 from usdfoliage.leaf.jitter import spread_phases
+from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.segmentation.model import LeafPoints
 from usdfoliage.leaf.surface import evaluate_area_elements, grid_places
@@ -33,6 +34,7 @@ from usdfoliage.leaf.surface import evaluate_area_elements, grid_places
 CELLS_U, CELLS_V = 6, 8  # of a leaf's surface, to tell how much of it has points
 EDGE_CELLS = 12  # of either silhouette
 STRONGER = 100.0  # how much more folds cost where leaves fold still
+LEAST_SINGLE = 0.1  # confidence that leaves keep whose edges are nowhere near one silhouette
 STEPS_BACK = 4  # towards the mean leaf, where that did not help
 
 Progress = Callable[[int, int], None]
@@ -56,6 +58,7 @@ class SurfaceFitSettings:
     rounds: int = 1  # of learning the prior
     max_residual: float = 0.08  # leaf lengths; a leaf whose points are farther from it on average is given up
     broad: float = 0.5  # width in leaf lengths from which the longest extent of the points may be a leaf's width
+    lobed: tuple[float, float] = (0.5, 0.85)  # share of the edge on the silhouette, between which confidence rises
     narrow: float = 0.1  # width in leaf lengths below which confidence fades: blades are not told from parts of blades
 
     def __post_init__(self) -> None:
@@ -67,6 +70,8 @@ class SurfaceFitSettings:
         for name in ("evidence", "misfit", "edge_noise", "cutoff", "max_residual", "broad", "narrow"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+        if not 0 <= self.lobed[0] < self.lobed[1] <= 1:
+            raise ValueError(f"lobed must be two shares, the lower first, not {self.lobed}")
         if not (np.isfinite(self.fold_weight) and self.fold_weight >= 0):
             raise ValueError(f"fold_weight must be 0 or more, not {self.fold_weight}")
 
@@ -79,6 +84,7 @@ class FitQuality:
     explained: NDArray[np.float64]  # (N,), share of the points that lie on the leaf
     covered: NDArray[np.float64]  # (N,), share of the leaf's area that has points
     supported: NDArray[np.float64]  # (N,), share of the silhouette that has points of the edge
+    outlined: NDArray[np.float64]  # (N,), share of the points of the edge that lie on the silhouette; 1 without any
     unlikely: NDArray[np.float64]  # (N,), cost of the prior a number; about 0.5 for a leaf like its siblings
     ends_gap: NDArray[np.float64]  # (N,), how much more the leaf costs with base and apex exchanged; 0 not told
     residual_m: NDArray[np.float64]  # (N,), robust root mean square distance of the points
@@ -137,6 +143,7 @@ def fit_leaves_to_surface(
     return FittedLeaves(
         leaves=replace(leaves, phase=spread_phases(len(leaves))),
         source=fits.source[kept],
+        outlined=quality.outlined[kept],
         dropped={reason: count for reason, count in dropped.items() if count},
     )
 
@@ -326,6 +333,8 @@ def _quality(
     on_edge = edge & near
     along = np.minimum((uv[on_edge, 1] * EDGE_CELLS).astype(int), EDGE_CELLS - 1)
     supported[leaf[on_edge], (uv[on_edge, 0] > 0).astype(int), along] = True
+    ends = np.bincount(leaf[edge], minlength=count)
+    outlined = np.where(ends > 0, np.bincount(leaf[on_edge], minlength=count) / np.maximum(ends, 1), 1.0)
     median_m = np.array([np.median(part) for part in np.split(distance_m, samples.offsets[1:-1])])
     weight = np.add.reduceat(samples.weights, samples.offsets[:-1])
     return FitQuality(
@@ -333,6 +342,7 @@ def _quality(
         explained=np.bincount(leaf[near], minlength=count) / sizes,
         covered=(areas * filled.reshape(count, -1)).sum(axis=1) / np.maximum(areas.sum(axis=1), 1e-300),
         supported=supported.mean(axis=(1, 2)),
+        outlined=outlined,
         unlikely=state.costs[:, 1] / 22,
         ends_gap=ends_gap,
         residual_m=1.4826 * median_m,
@@ -377,9 +387,10 @@ def _confidence(given: NDArray[np.float64], fits: SurfaceFits, settings: Surface
     close = 1 / (1 + np.square(quality.residual_m / (2 * settings.misfit * fits.length_m)) / 4)
     seen = 0.4 + 0.3 * quality.covered + 0.3 * quality.supported
     alike = np.minimum(1.0, 2.0 / np.maximum(quality.unlikely, 1e-9))
-    width = 2 * np.abs(fits.parameters[:, 3, 1])
-    wide = np.minimum(1.0, width / settings.narrow)
-    return np.asarray(np.clip(given * quality.explained * close * seen * np.sqrt(alike) * wide, 0.0, 1.0))
+    wide = np.square(np.minimum(1.0, leaf_width(fits.parameters) / settings.narrow))
+    low, high = settings.lobed
+    single = np.clip((quality.outlined - low) / (high - low), LEAST_SINGLE, 1.0)
+    return np.asarray(np.clip(given * quality.explained * close * seen * np.sqrt(alike) * wide * single, 0.0, 1.0))
 
 
 def _no_fits() -> SurfaceFits:

@@ -30,7 +30,7 @@ from usdfoliage.leaf.segmentation.evidence import Evidence, EvidenceSettings, we
 from usdfoliage.leaf.segmentation.foliage_color import index_colors, judge_colors
 from usdfoliage.leaf.segmentation.fragments import append_points, join_points, pair_fragments, take_leaves
 from usdfoliage.leaf.segmentation.leafness import UsualLeaf, judge_leaves, judge_likeness, measure_usual
-from usdfoliage.leaf.segmentation.model import Candidates, LeafPoints, Segmentation, find_nothing, no_points
+from usdfoliage.leaf.segmentation.model import Candidates, LeafPoints, Segmentation, Step, find_nothing, no_points
 from usdfoliage.leaf.segmentation.open_sky import put_sky_far
 from usdfoliage.leaf.segmentation.overlap import Overlaps, group_patches, measure_overlaps
 from usdfoliage.leaf.segmentation.patches import LocalPlanes, Patches, PatchSettings, find_patches, fit_planes_of_view
@@ -42,6 +42,7 @@ Progress = Callable[[int, int], None]
 
 FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal
 USUAL_WIDTH = 0.5  # in lengths, before any leaf was seen
+SIZE_SPREAD = 2.0  # factor by which patches that show a leaf differ from the usual size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +123,8 @@ class _Pass:
     labels: Sequence[NDArray[np.int32]]
     prior: LeafPrior
     usual: UsualLeaf
+    tried: int  # proposals
+    dropped: dict[str, int]  # of them, by reason
 
 
 def segment_dense(
@@ -145,16 +148,18 @@ def segment_dense(
     tell = _Teller(progress, 2 * len(used) + 7)
     scene = _look(views, used, settings, tell, threads)
     patches = scene.patches
-    dropped: dict[str, int] = {}
-    candidates = _candidates(views, used, patches)
 
     overlaps = _overlap(scene, patches, settings)
     tell.step()
     usual_m = measure_usual_length(patches, overlaps)
+    candidates = _candidates(views, used, patches, usual_m)
     groups = _choose_groups(patches, overlaps, usual_m, settings)
-    _count(dropped, "patches too small, too large or without a free edge", len(overlaps.view) - sum(map(len, groups)))
+    count, grouped = len(overlaps.view), sum(map(len, groups))
+    small = {"too small, too large or without a free edge": count - grouped, "of one that another view shows": grouped}
+    small["of one that another view shows"] -= len(groups)
+    passes = [Step(name="candidates like a leaf", count=len(groups), dropped=_any(small))]
     if not groups:
-        return Segmentation(candidates=candidates, leaves=no_points(), dropped=dropped)
+        return Segmentation(candidates=candidates, leaves=no_points(), passes=passes)
     group_of = np.zeros(len(overlaps.view), np.int64)
     for number, group in enumerate(groups, start=1):
         group_of[group] = number
@@ -163,18 +168,21 @@ def segment_dense(
     proposals = propose_leaves(points, usual_m, USUAL_WIDTH, scene.tolerance_m, threads=threads)
     tell.step()
 
-    state = _settle(scene, proposals, None, None, settings.first, settings, dropped, threads=threads)
+    state = _settle(scene, proposals, None, None, settings.first, settings, threads=threads)
+    passes.append(_describe(state, "first"))
     tell.step()
-    for passing in (settings.second, settings.third, settings.last):
+    named = {"second": settings.second, "third": settings.third, "last": settings.last}
+    for name, passing in named.items():
         proposals, pairs = _propose_more(scene, state, settings, threads)
         # The first fits say of size, and the second of form, what the next are judged by.
-        usual = state.usual if passing is settings.second else None
-        prior = None if passing is settings.second else state.prior
-        state = _settle(scene, proposals, usual, prior, passing, settings, dropped, pairs=pairs, threads=threads)
+        usual = state.usual if name == "second" else None
+        prior = None if name == "second" else state.prior
+        state = _settle(scene, proposals, usual, prior, passing, settings, pairs=pairs, threads=threads)
+        passes.append(_describe(state, name))
         tell.step()
-    leaves = _finish(scene, state, settings, dropped, threads)
+    leaves, dropped = _finish(scene, state, settings, threads)
     tell.step()
-    return Segmentation(candidates=candidates, leaves=leaves, dropped=dropped)
+    return Segmentation(candidates=candidates, leaves=leaves, dropped=dropped, passes=passes)
 
 
 class _Teller:
@@ -386,23 +394,23 @@ def _settle(
     prior: LeafPrior | None,
     passing: PassSettings,
     settings: DenseSegmentationSettings,
-    dropped: dict[str, int],
     *,
     pairs: NDArray[np.int64] | None = None,
     threads: int,
 ) -> _Pass:
     """Keep the best proposals, give them the pixels that show them, and fit them to these."""
+    tried, dropped = len(proposals), dict[str, int]()
     evidence = _weigh(scene, proposals, settings, threads)
     quality, usual = _judge(scene, proposals, evidence, usual, prior, passing.violation_weight)
     good = quality > passing.least_quality
-    _count(dropped, "proposals unlike a leaf", int(np.count_nonzero(~good)))
+    dropped["unlike a leaf"] = int(np.count_nonzero(~good))
     # Among leaves as good the larger goes first, so that a whole leaf comes before its pieces.
     worth = quality * np.sqrt(np.clip(evidence.area_m2 * evidence.on / usual.area_m2, 0.1, 1.2)) * good
     if pairs is not None and len(pairs):
         _favour_joined(proposals, quality, worth, pairs, passing.least_quality, usual, settings)
     kept = select_leaves(evidence, worth, _surface_apart(scene, usual), passing.max_overlap)
     kept = kept[drop_twins(proposals.leaves.take(kept), worth[kept], settings.twins)]
-    _count(dropped, "proposals of a leaf that another shows better", int(np.count_nonzero(good)) - len(kept))
+    dropped["of a leaf that another shows better"] = int(np.count_nonzero(good)) - len(kept)
     proposals = proposals.take(kept)
 
     labels = claim_pixels(
@@ -417,7 +425,7 @@ def _settle(
     labels = tuple(completed)
     pixels = sum(np.bincount(label.ravel(), minlength=len(proposals) + 1) for label in labels)
     enough = np.asarray(pixels)[1:] > settings.patches.least_px
-    _count(dropped, "leaves that too few pixels show", int(np.count_nonzero(~enough)))
+    dropped["shown by too few pixels"] = int(np.count_nonzero(~enough))
     proposals = proposals.take(np.flatnonzero(enough))
     number = np.concatenate([[0], np.cumsum(enough) * enough]).astype(np.int32)
     labels = tuple(number[label] for label in labels)
@@ -427,13 +435,18 @@ def _settle(
     )  # fmt: skip
     generic = generic_prior(usual.length_m, usual.width_m / usual.length_m)
     if not len(proposals):
-        return _Pass(proposals=proposals, points=points, labels=labels, prior=prior or generic, usual=usual)
+        return _Pass(
+            proposals=proposals, points=points, labels=labels, prior=prior or generic, usual=usual, tried=tried,
+            dropped=_any(dropped),
+        )  # fmt: skip
     evidence = _weigh(scene, proposals, settings, threads)
     trust, _ = _judge(scene, replace(proposals, explained=np.ones(len(proposals))), evidence, usual, None, 1.0)
     teachers = np.argsort(-trust * evidence.on, kind="stable")[: max(20, len(proposals) // 2)]
     prior = learn_prior(proposals.numbers()[teachers], generic)
     proposals = refit_proposals(points, proposals, prior, scene.tolerance_m, threads=threads)
-    return _Pass(proposals=proposals, points=points, labels=labels, prior=prior, usual=usual)
+    return _Pass(
+        proposals=proposals, points=points, labels=labels, prior=prior, usual=usual, tried=tried, dropped=_any(dropped)
+    )
 
 
 def _favour_joined(
@@ -461,43 +474,56 @@ def _surface_apart(scene: _Scene, usual: UsualLeaf) -> float:
 
 
 def _finish(
-    scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, dropped: dict[str, int], threads: int
-) -> LeafPoints:
-    """The points of the leaves, with how sure each is and the number of the view that shows most of it."""
+    scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, threads: int
+) -> tuple[LeafPoints, dict[str, int]]:
+    """The points of the leaves, with how sure each is and the number of the view that shows most of it; what went."""
     if not len(state.proposals):
-        return no_points()
+        return no_points(), {}
     evidence = _weigh(scene, state.proposals, settings, threads)
     quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0)
     sure = quality > settings.least_confidence
-    _count(dropped, "leaves that the views doubt in the end", int(np.count_nonzero(~sure)))
     # Fits to their own points have grown into each other since leaves were chosen: no surface is of two leaves.
     apart = np.zeros(len(quality), bool)
     apart[select_leaves(evidence, quality * sure, _surface_apart(scene, state.usual), settings.shared)] = True
-    _count(dropped, "leaves that a better one covers in part", int(np.count_nonzero(sure & ~apart)))
+    dropped = {
+        "that the views doubt in the end": int(np.count_nonzero(~sure)),
+        "that a better one covers in part": int(np.count_nonzero(sure & ~apart)),
+    }
     kept = np.flatnonzero(apart)
     points = take_leaves(state.points, kept)
-    return replace(
+    points = replace(
         points,
         confidence=np.clip(quality[kept], 0, 1),
         view=scene.numbers[points.view].astype(np.int32),
         point_view=scene.numbers[points.point_view].astype(np.int32),
     )
+    return points, _any(dropped)
 
 
-def _candidates(views: Sequence[View], used: Sequence[int], patches: Sequence[Patches]) -> list[Candidates]:
-    """The patches of each view, for the report; the share of the ellipse that each fills as its confidence."""
+def _candidates(
+    views: Sequence[View], used: Sequence[int], patches: Sequence[Patches], usual_m: float
+) -> list[Candidates]:
+    """The patches of each view, for the report: how full of itself each is, and how far of the usual size."""
     found = dict(zip(used, patches, strict=True))
     candidates = []
     for index, view in enumerate(views):
         if index in found:
-            fill = np.clip(found[index].fill, 0, 1)
-            candidates.append(Candidates(labels=found[index].labels, confidence=fill, superpixels=None))
+            one = found[index]
+            size = np.sqrt(np.maximum(one.length_m * one.width_m, 1e-30) / (usual_m**2 * USUAL_WIDTH))
+            like = np.exp(-0.5 * np.square(np.log(size) / np.log(SIZE_SPREAD)))
+            candidates.append(Candidates(labels=one.labels, confidence=np.clip(one.fill, 0, 1) * like))
         else:
             nothing = np.zeros((view.camera.height_px, view.camera.width_px), np.int32)
             candidates.append(Candidates(labels=nothing, confidence=np.zeros(0)))
     return candidates
 
 
-def _count(dropped: dict[str, int], reason: str, number: int) -> None:
-    if number > 0:
-        dropped[reason] = dropped.get(reason, 0) + number
+def _describe(state: _Pass, name: str) -> Step:
+    return Step(
+        name=f"leaves after the {name} pass", count=len(state.proposals), dropped=state.dropped, tried=state.tried
+    )  # fmt: skip
+
+
+def _any(dropped: dict[str, int]) -> dict[str, int]:
+    """The reasons for which any were dropped."""
+    return {reason: count for reason, count in dropped.items() if count}

@@ -54,13 +54,24 @@ class Candidates:
     superpixels: NDArray[np.int32] | None = None  # (H, W), numbers from 0, -1 for none; for the report
 
 
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """How many there are after a step, and how many went in it: what was tried is the sum of both."""
+
+    name: str
+    count: int
+    dropped: Mapping[str, int] = field(default_factory=dict)  # by reason
+    tried: int | None = None  # where it is not the count of the step before
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Segmentation:
     """The leaves of a whole scene."""
 
     candidates: Sequence[Candidates]  # one a view
     leaves: LeafPoints
-    dropped: Mapping[str, int] = field(default_factory=dict)  # how many candidates or leaves went, by reason
+    dropped: Mapping[str, int] = field(default_factory=dict)  # how many went to get the leaves, by reason
+    passes: Sequence[Step] = ()  # before that, from the candidates on
 
 
 def no_points() -> LeafPoints:
