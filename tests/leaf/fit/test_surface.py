@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface, fit_surfaces
 from usdfoliage.leaf.fold import find_folds
+from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.segmentation.model import FREE_EDGE, INTERIOR, LeafPoints
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 
@@ -87,14 +88,17 @@ def test_axes_of_leaves_as_wide_as_long_and_wider(width):
     assert np.median(distances(fitted, leaves)) < 0.03
 
 
-def outlined_points(radius, seed=0):
-    """Thirty flat leaves whose edge is this far from their middle, by the angle from the apex; in leaf lengths."""
+def outlined_points(radius, width=1.0, seed=0):
+    """Thirty shallow leaves whose edge is this far from their middle, by the angle from the apex, in leaf lengths.
+
+    Then they are made so many times as wide.
+    """
     rng = np.random.default_rng(seed)
     points, kind = [], []
     for _ in range(30):
         around = rng.uniform(0, 2 * np.pi, 520)
         away = radius(around) * np.where(np.arange(520) < 400, np.sqrt(rng.random(520)), 1.0)
-        flat = np.column_stack([away * np.sin(around), away * np.cos(around), 0.1 * away**2])
+        flat = np.column_stack([width * away * np.sin(around), away * np.cos(around), 0.1 * away**2])
         turn = Rotation.random(random_state=rng.integers(2**31)).as_matrix()
         points.append(0.1 * rng.uniform(0.85, 1.15) * flat @ turn.T + rng.normal(size=3))
         kind.append(np.where(np.arange(520) < 400, INTERIOR, FREE_EDGE))
@@ -112,19 +116,18 @@ def outlined_points(radius, seed=0):
 
 def test_lobed_leaves_are_trusted_little():
     lobed = fit_leaves_to_surface(outlined_points(lambda angle: 0.2 + 0.3 * np.abs(np.cos(2.5 * angle)) ** 0.6))
-    simple = fit_leaves_to_surface(outlined_points(lambda angle: 0.5 / (1 + 0.6 * np.sin(angle) ** 2)))
+    simple = fit_leaves_to_surface(outlined_points(lambda angle: np.full(len(angle), 0.5), 0.4))
     assert len(lobed.source) == len(simple.source) == 30
     assert np.median(lobed.leaves.confidence) < 0.4 < 0.8 < np.median(simple.leaves.confidence)
     assert np.median(lobed.outlined) < 0.7 < 0.9 < np.median(simple.outlined)
 
 
 def test_blades_of_grass_are_trusted_less():
-    parameters, axes, bases, lengths = known_leaves(20)
-    narrow = parameters.copy()
-    narrow[:, 2:5, 1] *= 0.1
-    blades = fit_leaves_to_surface(leaf_points((narrow, axes, bases, lengths)))
-    leaves = fit_leaves_to_surface(leaf_points((parameters, axes, bases, lengths)))
-    assert np.median(blades.leaves.confidence) < 0.4 * np.median(leaves.leaves.confidence)
+    blades, leaves = (
+        fit_leaves_to_surface(outlined_points(lambda angle: np.full(len(angle), 0.5), width)) for width in (0.05, 0.4)
+    )
+    assert np.median(leaf_width(blades.leaves.parameters)) < 0.08
+    assert np.median(blades.leaves.confidence) < 0.5 < 0.8 < np.median(leaves.leaves.confidence)
 
 
 def test_hidden_halves_are_as_their_siblings_have_them():

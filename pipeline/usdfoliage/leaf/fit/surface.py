@@ -9,6 +9,7 @@ its extents do not. Our own idea.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,10 @@ STRONGER = 100.0  # how much more folds cost where leaves fold still
 LEAST_SINGLE = 0.1  # confidence that leaves keep whose edges are nowhere near one silhouette
 STEPS_BACK = 4  # towards the mean leaf, where that did not help
 
+BLADE = 4.0  # widths, as a size; leaves are shorter
+
 Progress = Callable[[int, int], None]
+Lengths = TypeVar("Lengths", float, NDArray[np.float64])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +52,7 @@ class SurfaceFitSettings:
     edge_points: int = 100  # likewise
     min_points: int = 20  # a leaf with fewer is not fitted
     evidence: float = 300.0  # independent points that all points of a leaf are worth at most, against the prior
-    misfit: float = 0.015  # leaf lengths by which the model may miss a natural leaf; noise below it does not count
+    misfit: float = 0.015  # sizes by which the model may miss a natural leaf; noise below it does not count
     edge_noise: float = 1.0  # noise of points of the edge, in that of the interior
     cutoff: float = 2.5  # noises beyond which points count less
     fold_weight: float = 2000.0  # of leaves that fold over themselves
@@ -177,7 +181,7 @@ def fit_surfaces(
         chosen = state.take(best)
         quality = _quality(samples, chosen, noise_m, ends_gap[best], settings, threads)
         prior = learn_prior(chosen.numbers()[_well_seen(quality)], generic)
-        noise_m = _noise(quality.residual_m, chosen.length_m, settings)
+        noise_m = _noise(quality.residual_m, chosen, settings)
         state, ends_gap = _refit(samples, state, prior, leaf, noise_m, settings, threads)
         best = _choose(state, leaf, len(source))
         report(len(source) * (2 + number), total)
@@ -213,7 +217,7 @@ def _first_fits(
     else:
         usual_m, width = float(np.median(found.length_m)), float(np.median(found.width_m / found.length_m))
     prior = generic_prior(usual_m, width)
-    noise_m = np.full(len(source), 2 * settings.misfit * usual_m)
+    noise_m = np.full(len(source), 2 * settings.misfit * _size(usual_m, width * usual_m))
     start = PosedLeaves(
         parameters=np.repeat(prior.mean[:21].reshape(1, 7, 3), len(leaf), axis=0),
         axes=poses.axes,
@@ -301,12 +305,16 @@ def _well_seen(quality: FitQuality) -> NDArray[np.bool_]:
     )
 
 
-def _noise(
-    residual_m: NDArray[np.float64], length_m: NDArray[np.float64], settings: SurfaceFitSettings
-) -> NDArray[np.float64]:
+def _noise(residual_m: NDArray[np.float64], leaves: PosedLeaves, settings: SurfaceFitSettings) -> NDArray[np.float64]:
     """Noise (N,) of the points of each leaf, not far from what is usual, nor below what the model misses."""
     usual = np.median(residual_m)
-    return np.asarray(np.maximum(np.clip(residual_m, usual / 2, usual * 2), settings.misfit * length_m))
+    size_m = _size(leaves.length_m, leaf_width(leaves.parameters) * leaves.length_m)
+    return np.asarray(np.maximum(np.clip(residual_m, usual / 2, usual * 2), settings.misfit * size_m))
+
+
+def _size(length_m: Lengths, width_m: Lengths) -> Lengths:
+    """By what the model misses leaves: their length, or of blades so many widths."""
+    return np.minimum(length_m, BLADE * width_m)
 
 
 def _quality(

@@ -149,7 +149,7 @@ def segment_dense(
     scene = _look(views, used, settings, tell, threads)
     patches = scene.patches
 
-    overlaps = _overlap(scene, patches, settings)
+    overlaps = _overlap(scene, patches, settings, threads)
     tell.step()
     usual_m = measure_usual_length(patches, overlaps)
     candidates = _candidates(views, used, patches, usual_m)
@@ -239,7 +239,7 @@ def _footprint(view: View, depth_m: NDArray[np.float32]) -> float:
     return float(np.median(known)) / view.camera.focal_px[0] if len(known) else 0.0
 
 
-def _overlap(scene: _Scene, patches: Sequence[Patches], settings: DenseSegmentationSettings) -> Overlaps:
+def _overlap(scene: _Scene, patches: Sequence[Patches], settings: DenseSegmentationSettings, threads: int) -> Overlaps:
     cameras = [view.camera for view in scene.views]
     every = list(range(len(cameras)))
     neighbors = []
@@ -255,6 +255,7 @@ def _overlap(scene: _Scene, patches: Sequence[Patches], settings: DenseSegmentat
         neighbors,
         4.0,
         scene.noise_m,
+        threads=threads,
     )
 
 
@@ -371,6 +372,7 @@ def _judge(
     usual: UsualLeaf | None,
     prior: LeafPrior | None,
     violation_weight: float,
+    threads: int,
 ) -> tuple[NDArray[np.float64], UsualLeaf]:
     """(N,), 0 to 1, of each proposal, and the usual leaf, measured where it is not known."""
     everything = np.ones(len(proposals))
@@ -378,7 +380,7 @@ def _judge(
         proposals, evidence, usual or measure_usual(proposals, evidence, everything), violation_weight
     )  # fmt: skip
     by_color = judge_colors(
-        scene.colors, scene.views, scene.depths_m, evidence, scene.tolerance_m + 1e-12, by_shape
+        scene.colors, scene.views, scene.depths_m, evidence, scene.tolerance_m + 1e-12, by_shape, threads=threads
     )  # fmt: skip
     if usual is None:
         usual = measure_usual(proposals, evidence, by_color)
@@ -401,7 +403,7 @@ def _settle(
     """Keep the best proposals, give them the pixels that show them, and fit them to these."""
     tried, dropped = len(proposals), dict[str, int]()
     evidence = _weigh(scene, proposals, settings, threads)
-    quality, usual = _judge(scene, proposals, evidence, usual, prior, passing.violation_weight)
+    quality, usual = _judge(scene, proposals, evidence, usual, prior, passing.violation_weight, threads)
     good = quality > passing.least_quality
     dropped["unlike a leaf"] = int(np.count_nonzero(~good))
     # Among leaves as good the larger goes first, so that a whole leaf comes before its pieces.
@@ -440,7 +442,7 @@ def _settle(
             dropped=_any(dropped),
         )  # fmt: skip
     evidence = _weigh(scene, proposals, settings, threads)
-    trust, _ = _judge(scene, replace(proposals, explained=np.ones(len(proposals))), evidence, usual, None, 1.0)
+    trust, _ = _judge(scene, replace(proposals, explained=np.ones(len(proposals))), evidence, usual, None, 1.0, threads)
     teachers = np.argsort(-trust * evidence.on, kind="stable")[: max(20, len(proposals) // 2)]
     prior = learn_prior(proposals.numbers()[teachers], generic)
     proposals = refit_proposals(points, proposals, prior, scene.tolerance_m, threads=threads)
@@ -480,7 +482,7 @@ def _finish(
     if not len(state.proposals):
         return no_points(), {}
     evidence = _weigh(scene, state.proposals, settings, threads)
-    quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0)
+    quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0, threads)
     sure = quality > settings.least_confidence
     # Fits to their own points have grown into each other since leaves were chosen: no surface is of two leaves.
     apart = np.zeros(len(quality), bool)

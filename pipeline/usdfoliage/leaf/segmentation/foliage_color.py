@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
+from usdfoliage.concurrent import map_threaded
 from usdfoliage.leaf.segmentation.evidence import Evidence
 
 BINS, STEP = 32, 3  # of a* and b*, and their width in 8-bit units
@@ -31,6 +32,8 @@ def judge_colors(
     evidence: Evidence,
     tolerance_m: float,
     quality: NDArray[np.float64],
+    *,
+    threads: int = 0,
 ) -> NDArray[np.float64]:
     """(N,), 0 to 1: whether each leaf has the colours of the best ones. Where all has one colour nothing is doubted.
 
@@ -38,26 +41,27 @@ def judge_colors(
         indices: What index_colors gives.
         tolerance_m: Between a probe and what is seen there.
         quality: (N,), of the leaves by their shape; the best fourth says what colour leaves have.
+        threads: At most so many, 0 for one per core; the result is the same.
     """
     count = len(quality)
     if not count:
         return np.zeros(0)
-    whole = np.zeros(BINS * BINS)
-    leaf: list[NDArray[np.intp]] = []
-    color: list[NDArray[np.int32]] = []
     probes = evidence.points_m.shape[1]
     flat = evidence.points_m.reshape(-1, 3)
-    for index, view, depth_m in zip(indices, views, depths_m, strict=True):
-        whole += np.bincount(index[::2, ::2].ravel(), minlength=BINS * BINS)
-        places, distance_m = view.camera.project(flat)
-        inside = (distance_m > 0) & (places >= 0).all(axis=1)
-        inside &= (places[:, 0] < view.camera.width_px) & (places[:, 1] < view.camera.height_px)
-        which = np.flatnonzero(inside)
+
+    def look(number: int) -> tuple[NDArray[np.intp], NDArray[np.int32], NDArray[np.intp]]:
+        index, camera, depth_m = indices[number], views[number].camera, depths_m[number]
+        places, distance_m = camera.project(flat)
+        with np.errstate(invalid="ignore"):  # behind the camera
+            x, y = places.T
+            which = np.flatnonzero((x >= 0) & (y >= 0) & (x < camera.width_px) & (y < camera.height_px))
         column, row = places[which].astype(np.int64).T
         seen = np.abs(depth_m[row, column] - distance_m[which]) < tolerance_m
-        leaf.append(which[seen] // probes)
-        color.append(index[row[seen], column[seen]])
-    leaves, colors = np.concatenate(leaf), np.concatenate(color)
+        histogram = np.bincount(index[::2, ::2].ravel(), minlength=BINS * BINS)
+        return which[seen] // probes, index[row[seen], column[seen]], histogram
+
+    leaf, color, histograms = zip(*map_threaded(look, range(len(views)), threads=threads), strict=True)
+    leaves, colors, whole = np.concatenate(leaf), np.concatenate(color), np.sum(histograms, axis=0)
     everywhere = _smooth(whole)
     total = np.maximum(np.bincount(leaves, minlength=count), 1)
     trust, share = quality, 0.75

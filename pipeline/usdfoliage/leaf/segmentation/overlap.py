@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
+from usdfoliage.concurrent import map_threaded
 
 SAMPLES = 150  # pixels of a patch that are looked for in other views
 SAME = 0.85  # share of either of two patches that lies on the other, if they show the same
@@ -33,6 +34,8 @@ def measure_overlaps(
     neighbors: Sequence[Sequence[int]],
     tolerance: float,
     noise_m: float,
+    *,
+    threads: int = 0,
 ) -> Overlaps:
     """Project patches into other views and see what lies there.
 
@@ -44,34 +47,44 @@ def measure_overlaps(
         neighbors: The views to look into, for each view.
         tolerance: Footprints between a pixel and what the other view sees, besides three times noise_m.
         noise_m: Standard deviation of the depth.
+        threads: At most so many, 0 for one per core; the result is the same.
     """
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     total = int(first[-1])
     view_of = np.repeat(np.arange(len(views)), counts)
     samples, seen_px = np.zeros(total), np.zeros((total, len(views)))
-    rows: list[NDArray[np.int64]] = []
-    columns: list[NDArray[np.int64]] = []
-    hits: list[NDArray[np.int64]] = []
-    for index, (view, depth_m, label) in enumerate(zip(views, depths_m, labels, strict=True)):
+
+    def look(index: int) -> tuple[NDArray[np.intp], list[tuple[int, NDArray[np.intp], NDArray[np.int64]]]]:
+        """Pixels looked for (P,); by view that was looked into: pixels seen (P,), and keys of the pairs that meet."""
+        view, depth_m, label = views[index], depths_m[index], labels[index]
         picked, patch = _pick(label, counts[index])
         patch = patch + first[index]
-        samples += np.bincount(patch, minlength=total)
         row, column = np.divmod(picked, label.shape[1])
         points_m = view.camera.unproject(np.column_stack([column + 0.5, row + 0.5]), depth_m[row, column])
+        found = []
         for other in neighbors[index]:
             camera = views[other].camera
             places, distance_m = camera.project(points_m)
-            inside = (distance_m > 0) & (places >= 0).all(axis=1)
-            inside &= (places[:, 0] < camera.width_px) & (places[:, 1] < camera.height_px)
-            which = np.flatnonzero(inside)
+            with np.errstate(invalid="ignore"):  # behind the camera
+                x, y = places.T
+                which = np.flatnonzero((x >= 0) & (y >= 0) & (x < camera.width_px) & (y < camera.height_px))
             x, y = places[which].astype(np.int64).T
             there_m = depths_m[other][y, x]
             near_m = tolerance * distance_m[which] / camera.focal_px[0] + 3 * noise_m
             same = (there_m > 0) & (np.abs(there_m - distance_m[which]) < near_m)
-            seen_px[:, other] += np.bincount(patch[which[same]], minlength=total)
             label_there = labels[other][y[same], x[same]].astype(np.int64)
             on_patch = label_there > 0
             key = patch[which[same]][on_patch] * total + first[other] + label_there[on_patch] - 1
+            found.append((other, np.bincount(patch[which[same]], minlength=total), key))
+        return np.bincount(patch, minlength=total), found
+
+    rows: list[NDArray[np.int64]] = []
+    columns: list[NDArray[np.int64]] = []
+    hits: list[NDArray[np.int64]] = []
+    for looked_for, found in map_threaded(look, range(len(views)), threads=threads):
+        samples += looked_for
+        for other, seen_there, key in found:
+            seen_px[:, other] += seen_there
             pair, number = np.unique(key, return_counts=True)
             rows.append(pair // total)
             columns.append(pair % total)
