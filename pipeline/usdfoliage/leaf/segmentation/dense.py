@@ -8,7 +8,7 @@ leaves have is learned from the surest ones of the scene. Our own idea; where it
 the most visible leaves come first and help to find the others.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -39,6 +39,7 @@ from usdfoliage.leaf.segmentation.selection import drop_twins, select_leaves
 from usdfoliage.leaf.segmentation.usual_length import free_share, gather_measure, measure_usual_length
 
 Progress = Callable[[int, int], None]
+PatchKey = tuple[int, int, int]  # view; how many pixels, and the sum of their indices
 
 FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal
 USUAL_WIDTH = 0.5  # in lengths, before any leaf was seen
@@ -86,6 +87,7 @@ class DenseSegmentationSettings:
     whole: float = 2.5  # most of both
     crease_deg: float = 20.0  # turn of the surface at which a patch may be two leaves
     part: float = 0.8  # most of a patch that a part of it is
+    hopeless: float = 0.5  # of the quality that a pass asks for, below which a patch is not tried again
     joined_quality: float = 0.5  # of the worse of two pieces, that both as one leaf need
     reach: float = 0.15  # usual lengths that a leaf claims of the surface beyond its model
     least_confidence: float = 0.12  # of a leaf that is given to the fit
@@ -123,8 +125,8 @@ class _Pass:
     labels: Sequence[NDArray[np.int32]]
     prior: LeafPrior
     usual: UsualLeaf
-    tried: int  # proposals
-    dropped: dict[str, int]  # of them, by reason
+    quality: NDArray[np.float64]  # of all proposals that were tried
+    dropped: dict[str, int]  # how many of them went, by reason
 
 
 def segment_dense(
@@ -172,12 +174,16 @@ def segment_dense(
     passes.append(_describe(state, "first"))
     tell.step()
     named = {"second": settings.second, "third": settings.third, "last": settings.last}
+    hopeless: set[PatchKey] = set()
     for name, passing in named.items():
-        proposals, pairs = _propose_more(scene, state, settings, threads)
+        found = len(state.proposals)
+        proposals, pairs, keys = _propose_more(scene, state, settings, hopeless, threads)
         # The first fits say of size, and the second of form, what the next are judged by.
         usual = state.usual if name == "second" else None
         prior = None if name == "second" else state.prior
         state = _settle(scene, proposals, usual, prior, passing, settings, pairs=pairs, threads=threads)
+        unlike = state.quality[found : found + len(keys)] < settings.hopeless * passing.least_quality
+        hopeless |= {key for key, failed in zip(keys, unlike, strict=True) if failed}
         passes.append(_describe(state, name))
         tell.step()
     leaves, dropped = _finish(scene, state, settings, threads)
@@ -338,9 +344,13 @@ def _find_creases(normals: NDArray[np.float32], settings: DenseSegmentationSetti
 
 
 def _propose_more(
-    scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, threads: int
-) -> tuple[Proposals, NDArray[np.int64]]:
-    """What was found, leaves of patches nobody claims, and pieces as one leaf: the last ones, as pairs (K, 2) tell."""
+    scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, hopeless: Set[PatchKey], threads: int
+) -> tuple[Proposals, NDArray[np.int64], list[PatchKey]]:
+    """What was found, leaves of patches nobody claims, and pieces as one leaf.
+
+    Pairs (K, 2) tell of which leaves the last ones are, keys of which patches those before are. The hopeless patches
+    are not tried again.
+    """
     usual_m = state.usual.length_m
 
     def look_again(number: int) -> Patches:
@@ -349,14 +359,16 @@ def _propose_more(
         return _find_within(scene, number, rest, settings)
 
     patches = list(map_threaded(look_again, range(len(scene.views)), threads=threads))
+    keys = [(view, *key) for view, one in enumerate(patches) for key in one.pixel_keys()]
     plausible = _may_be_leaves(patches, usual_m, 0.05, settings)
+    plausible &= np.array([key not in hopeless for key in keys], bool)
     number = np.where(plausible, np.cumsum(plausible), 0)
     rest_points = _points_of_patches(scene, patches, number, int(plausible.sum()), threads)
     pairs = pair_fragments(state.proposals, state.points, usual_m)
     points = append_points(rest_points, join_points(state.points, pairs))
     width = state.usual.width_m / usual_m
     more = propose_leaves(points, usual_m, width, scene.tolerance_m, threads=threads)
-    return join_proposals(state.proposals, more), pairs
+    return join_proposals(state.proposals, more), pairs, [keys[index] for index in np.flatnonzero(plausible)]
 
 
 def _weigh(scene: _Scene, proposals: Proposals, settings: DenseSegmentationSettings, threads: int) -> Evidence:
@@ -401,7 +413,7 @@ def _settle(
     threads: int,
 ) -> _Pass:
     """Keep the best proposals, give them the pixels that show them, and fit them to these."""
-    tried, dropped = len(proposals), dict[str, int]()
+    dropped = dict[str, int]()
     evidence = _weigh(scene, proposals, settings, threads)
     quality, usual = _judge(scene, proposals, evidence, usual, prior, passing.violation_weight, threads)
     good = quality > passing.least_quality
@@ -438,7 +450,7 @@ def _settle(
     generic = generic_prior(usual.length_m, usual.width_m / usual.length_m)
     if not len(proposals):
         return _Pass(
-            proposals=proposals, points=points, labels=labels, prior=prior or generic, usual=usual, tried=tried,
+            proposals=proposals, points=points, labels=labels, prior=prior or generic, usual=usual, quality=quality,
             dropped=_any(dropped),
         )  # fmt: skip
     evidence = _weigh(scene, proposals, settings, threads)
@@ -447,7 +459,13 @@ def _settle(
     prior = learn_prior(proposals.numbers()[teachers], generic)
     proposals = refit_proposals(points, proposals, prior, scene.tolerance_m, threads=threads)
     return _Pass(
-        proposals=proposals, points=points, labels=labels, prior=prior, usual=usual, tried=tried, dropped=_any(dropped)
+        proposals=proposals,
+        points=points,
+        labels=labels,
+        prior=prior,
+        usual=usual,
+        quality=quality,
+        dropped=_any(dropped),
     )
 
 
@@ -522,8 +540,11 @@ def _candidates(
 
 def _describe(state: _Pass, name: str) -> Step:
     return Step(
-        name=f"leaves after the {name} pass", count=len(state.proposals), dropped=state.dropped, tried=state.tried
-    )  # fmt: skip
+        name=f"leaves after the {name} pass",
+        count=len(state.proposals),
+        dropped=state.dropped,
+        tried=len(state.quality),
+    )
 
 
 def _any(dropped: dict[str, int]) -> dict[str, int]:
