@@ -40,7 +40,7 @@ from usdfoliage.jobs.recorder import find_interpreter
 from usdfoliage.leaf.average_texture import AverageTexture
 from usdfoliage.leaf.bounds import leaf_bounds_m
 from usdfoliage.leaf.jitter import NO_JITTER
-from usdfoliage.leaf.segmentation.model import LeafPoints
+from usdfoliage.leaf.segmentation.model import LeafPoints, no_points
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
@@ -235,17 +235,8 @@ def test_points_that_another_view_saw_may_be_hidden_in_this_one():
 
 
 def test_pictures_of_nothing(bed):
-    view, points = square()
-    none = replace(
-        points,
-        points_m=np.zeros((0, 3)),
-        normals=np.zeros((0, 3)),
-        kind=np.zeros(0, np.uint8),
-        point_view=np.zeros(0, np.int32),
-        offsets=np.zeros(1, np.int64),
-        confidence=np.zeros(0),
-        view=np.zeros(0, np.int32),
-    )
+    view, _ = square()
+    none = no_points()
     labels = np.zeros((60, 80), np.int32)
     for picture in (
         draw_superpixels(view, labels - 1),

@@ -19,7 +19,7 @@ from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photo_colors import PhotoColorSettings, sample_leaf_colors
 from usdfoliage.leaf.segmentation.dense import DenseSegmentationSettings, segment_dense
-from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing
+from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing, nonzero
 from usdfoliage.leaf.segmentation.paper import PaperSegmentationSettings, segment_paper
 from usdfoliage.steps import StepProgress, follow_step
 
@@ -169,7 +169,7 @@ def choose_sound(leaves: Leaves, least_confidence: float) -> tuple[NDArray[np.bo
     for reason, good in checks.items():
         dropped[reason] = int(np.count_nonzero(sound & ~good))
         sound &= good
-    return sound, _any(dropped)
+    return sound, nonzero(dropped)
 
 
 def _count_steps(
@@ -186,15 +186,10 @@ def _count_steps(
         *steps,
         Step(name="candidates in single views", count=candidates),
         *segmentation.passes,
-        Step(name="leaves of the scene", count=len(segmentation.leaves), dropped=_any(segmentation.dropped)),
-        Step(name="fitted leaves", count=len(fitted.leaves), dropped=_any(fitted.dropped)),
+        Step(name="leaves of the scene", count=len(segmentation.leaves), dropped=nonzero(segmentation.dropped)),
+        Step(name="fitted leaves", count=len(fitted.leaves), dropped=nonzero(fitted.dropped)),
         Step(name="kept leaves", count=len(leaves), dropped=dropped),
     ]
-
-
-def _any(dropped: Mapping[str, int]) -> dict[str, int]:
-    """The reasons for which any were dropped."""
-    return {reason: count for reason, count in dropped.items() if count}
 
 
 def describe_leaves(

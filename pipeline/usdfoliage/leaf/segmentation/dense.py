@@ -30,7 +30,15 @@ from usdfoliage.leaf.segmentation.evidence import Evidence, EvidenceSettings, we
 from usdfoliage.leaf.segmentation.foliage_color import index_colors, judge_colors
 from usdfoliage.leaf.segmentation.fragments import append_points, join_points, pair_fragments, take_leaves
 from usdfoliage.leaf.segmentation.leafness import UsualLeaf, judge_leaves, judge_likeness, measure_usual
-from usdfoliage.leaf.segmentation.model import Candidates, LeafPoints, Segmentation, Step, find_nothing, no_points
+from usdfoliage.leaf.segmentation.model import (
+    Candidates,
+    LeafPoints,
+    Segmentation,
+    Step,
+    find_nothing,
+    no_points,
+    nonzero,
+)
 from usdfoliage.leaf.segmentation.open_sky import put_sky_far
 from usdfoliage.leaf.segmentation.overlap import Overlaps, group_patches, measure_overlaps
 from usdfoliage.leaf.segmentation.patches import LocalPlanes, Patches, PatchSettings, find_patches, fit_planes_of_view
@@ -159,7 +167,7 @@ def segment_dense(
     count, grouped = len(overlaps.view), sum(map(len, groups))
     small = {"too small, too large or without a free edge": count - grouped, "of one that another view shows": grouped}
     small["of one that another view shows"] -= len(groups)
-    passes = [Step(name="candidates like a leaf", count=len(groups), dropped=_any(small))]
+    passes = [Step(name="candidates like a leaf", count=len(groups), dropped=nonzero(small))]
     if not groups:
         return Segmentation(candidates=candidates, leaves=no_points(), passes=passes)
     group_of = np.zeros(len(overlaps.view), np.int64)
@@ -451,7 +459,7 @@ def _settle(
     if not len(proposals):
         return _Pass(
             proposals=proposals, points=points, labels=labels, prior=prior or generic, usual=usual, quality=quality,
-            dropped=_any(dropped),
+            dropped=nonzero(dropped),
         )  # fmt: skip
     evidence = _weigh(scene, proposals, settings, threads)
     trust, _ = _judge(scene, replace(proposals, explained=np.ones(len(proposals))), evidence, usual, None, 1.0, threads)
@@ -465,7 +473,7 @@ def _settle(
         prior=prior,
         usual=usual,
         quality=quality,
-        dropped=_any(dropped),
+        dropped=nonzero(dropped),
     )
 
 
@@ -517,7 +525,7 @@ def _finish(
         view=scene.numbers[points.view].astype(np.int32),
         point_view=scene.numbers[points.point_view].astype(np.int32),
     )
-    return points, _any(dropped)
+    return points, nonzero(dropped)
 
 
 def _candidates(
@@ -545,8 +553,3 @@ def _describe(state: _Pass, name: str) -> Step:
         dropped=state.dropped,
         tried=len(state.quality),
     )
-
-
-def _any(dropped: dict[str, int]) -> dict[str, int]:
-    """The reasons for which any were dropped."""
-    return {reason: count for reason, count in dropped.items() if count}

@@ -74,6 +74,11 @@ class Segmentation:
     passes: Sequence[Step] = ()  # before that, from the candidates on
 
 
+def nonzero(dropped: Mapping[str, int]) -> dict[str, int]:
+    """The reasons for which any were dropped."""
+    return {reason: count for reason, count in dropped.items() if count}
+
+
 def no_points() -> LeafPoints:
     """The points of no leaf."""
     return LeafPoints(
