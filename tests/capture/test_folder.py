@@ -221,6 +221,10 @@ def test_another_depth_folder(folder):
     assert (read_view(read_capture(folder, depth="depth_noisy"), 0).depth_m == 1.75).all()
     with pytest.raises(CaptureError, match="depth_nosy has no depth maps; there are depth, depth_noisy"):
         read_capture(folder, depth="depth_nosy")
+    (folder / "renders").mkdir()
+    (folder / "renders" / "001.jpg").touch()
+    with pytest.raises(CaptureError, match="renders has no depth maps"):
+        read_capture(folder, depth="renders")
 
 
 @pytest.mark.parametrize("name", ["truth", "./truth", "truth/depth", "..", "../plant/depth", "/tmp", ""])

@@ -83,6 +83,8 @@ def test_a_list_for_the_record():
         ("inner = 3", r"inner is a table"),
         ("weight = 'much'", r"weight must be a number, not 'much'"),
         ("weight = true", r"weight must be a number"),
+        ("weight = nan", r"weight must be a finite number, not nan"),
+        ("[inner]\nsizes = [1, inf]", r"inner\.sizes must be a finite number"),
         ("strict = 1", r"strict must be true or false, not 1"),
         ("note = 1", r"note must be a text"),
         ("method = 'three'", r"method must be one of one, two, not 'three'"),

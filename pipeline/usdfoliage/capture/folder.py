@@ -142,7 +142,7 @@ def read_capture(
 
     depth_folder = folder_below(folder, depth)
     depths = files_below(depth_folder)
-    if not depths and depth != "depth":
+    if not any(path.suffix in DEPTH_SUFFIXES for path in depths.values()) and depth != "depth":
         raise CaptureError(f"{depth_folder} has no depth maps; there are {depth_folders(folder)}")
     belonging = {file_of(name, depths, DEPTH_SUFFIXES) for name in photos}
     stray = [name for name, path in depths.items() if path.suffix in DEPTH_SUFFIXES and path not in belonging]

@@ -5,6 +5,7 @@ A setting that may be None is written as "auto".
 
 import dataclasses
 import json
+import math
 import tomllib
 import types
 import typing
@@ -102,6 +103,8 @@ def _check(value: Any, wanted: Any, key: str, path: Path) -> Any:
     fits = isinstance(value, wanted) and (wanted is bool or not isinstance(value, bool))
     if wanted is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
+    if wanted is float and isinstance(value, float) and not math.isfinite(value):
+        raise FoliageError(f"{key} must be a finite number, not {value!r} ({path})")
     if not fits:
         raise FoliageError(f"{key} must be {_describe(wanted)}, not {value!r} ({path})")
     return value
@@ -134,7 +137,7 @@ def _format_value(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(_format_value, value))}]"
     if isinstance(value, float):
-        return repr(value)  # 1e-06, inf and nan are TOML too
+        return repr(value)  # 1e-06 is TOML too
     if isinstance(value, int):
         return str(value)
     # A JSON text is a TOML text, but for one control character.

@@ -289,6 +289,14 @@ def test_a_wall_has_no_leaves(noise_m):
     assert sum(sum(one.dropped.values()) for one in segmentation.passes) > 0
 
 
+def test_every_view_as_flat_as_the_wall_before_it(few):
+    """What all views contradict leaves no candidate for the later passes."""
+    flat = [replace(view, depth_m=np.full_like(view.depth_m, np.median(view.depth_m))) for view in few.views]
+    segmentation = segment_dense(flat)
+    check_plain(segmentation, flat)
+    assert len(segmentation.leaves) == 0
+
+
 def test_depth_of_a_single_pixel_and_of_scattered_ones():
     cam = camera()
     one, some = (np.zeros((cam.height_px, cam.width_px), np.float32) for _ in range(2))
@@ -350,6 +358,10 @@ def test_settings_that_make_no_sense_are_refused():
     for wrong in (-1.0, 0.0, float("nan")):
         with pytest.raises(ValueError, match="plane_threshold_m"):
             DenseSegmentationSettings(plane_threshold_m=wrong)
+    for name in ("piece_length", "twins", "shared", "reach"):
+        for wrong in (-1.0, float("nan")):
+            with pytest.raises(ValueError, match=name):
+                DenseSegmentationSettings(**{name: wrong})
     for name, value in {"least_quality": 1.5, "violation_weight": -1.0, "max_overlap": 0.0}.items():
         with pytest.raises(ValueError, match=name):
             PassSettings(**({"least_quality": 0.2, "violation_weight": 1.0, "max_overlap": 0.5} | {name: value}))

@@ -105,8 +105,12 @@ class DenseSegmentationSettings:
     def __post_init__(self) -> None:
         if self.plane_threshold_m is not None and not self.plane_threshold_m > 0:
             raise ValueError(f"plane_threshold_m must be above 0, not {self.plane_threshold_m}")
-        if not 0 < self.shared <= 1:
-            raise ValueError(f"shared must be above 0, and at most 1, not {self.shared}")
+        for name in ("piece_length", "piece_area", "whole", "crease_deg", "part", "twins", "shared"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+        for name in ("hopeless", "joined_quality", "reach", "least_confidence"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} must not be below 0, but is {getattr(self, name)}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,6 +190,8 @@ def segment_dense(
     for name, passing in named.items():
         found = len(state.proposals)
         proposals, pairs, keys = _propose_more(scene, state, settings, hopeless, threads)
+        if not len(proposals):
+            break
         # The first fits say of size, and the second of form, what the next are judged by.
         usual = state.usual if name == "second" else None
         prior = None if name == "second" else state.prior
