@@ -37,6 +37,7 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/leaf_fit.py
 	@$(PYTHON_VENV) tools/bench/leaves.py
 	@$(PYTHON_VENV) -m pytest -m slow || [ $$? = 5 ]
+	@HYPOTHESIS_PROFILE=explore $(PYTHON_VENV) -m pytest -m "hypothesis and not slow"
 
 clean:
 	rm -rf .venv .venv-preview build out .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from usdfoliage.capture.lens import LENS_MODELS, Lens
 from usdfoliage.geometry.pinhole import Pinhole
 
@@ -33,13 +34,9 @@ def ring(count: int, radius: float = 2.0) -> dict[str, NDArray[np.float64]]:
 
 
 def quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """w, x, y, z of a rotation (3, 3)."""
-    w = np.sqrt(max(0.0, 1 + np.trace(rotation))) / 2
-    if w > 1e-3:
-        skew = rotation - rotation.T
-        return np.array([w, skew[2, 1] / (4 * w), skew[0, 2] / (4 * w), skew[1, 0] / (4 * w)])
-    values, vectors = np.linalg.eigh(rotation + rotation.T)  # about half a turn: the axis
-    return np.array([0.0, *vectors[:, np.argmax(values)]])
+    """w, x, y, z of a rotation (3, 3), w not below 0."""
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat(canonical=True)
+    return np.array([w, x, y, z])
 
 
 def write_text_model(
