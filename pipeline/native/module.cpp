@@ -20,4 +20,5 @@ NB_MODULE(_native, m) {
     bind_dense_segmentation(m);
     bind_leaf_samples(m);
     bind_pinhole(m);
+    bind_patch_match(m);
 }

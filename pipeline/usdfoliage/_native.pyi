@@ -1,5 +1,7 @@
 """Native kernels of usdfoliage; arrays in, arrays out, the interpreter lock released. Arguments are trusted."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -441,3 +443,29 @@ def unproject_places(
     threads: int,
 ) -> NDArray[np.float64]:
     """Points (N, 3) of the world from places (N, 2) in pixels and depths (N,)."""
+
+def match_patches(
+    reference: NDArray[np.float32],
+    valid: NDArray[np.uint8] | None,
+    sources: Sequence[tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32] | None]],
+    planes: NDArray[np.float32],
+    costs: NDArray[np.float32],
+    radius: int,
+    step: int,
+    color_sigma: float,
+    nearest: float,
+    farthest: float,
+    steepest: float,
+    best: int,
+    iterations: int,
+    coherence_weight: float,
+    coherence_most: float,
+    focal: float,
+    seed: int,
+    threads: int,
+) -> None:
+    """Improve planes (H, W, 3) of inverse depth in place; costs (H, W) are written.
+
+    A source is its picture (h, w), the mappings (3, 4) from (x, y, 1, inverse depth) of the reference to it and back,
+    and its own planes (h, w, 3) or None.
+    """
