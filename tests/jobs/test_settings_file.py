@@ -36,12 +36,12 @@ class Outer:
     settings=st.builds(
         Outer,
         method=st.sampled_from(["one", "two"]),
-        weight=st.floats(allow_nan=False),
+        weight=st.floats(allow_nan=False, allow_infinity=False),
         strict=st.booleans(),
         note=st.text(st.characters(exclude_categories=["Cs"]), max_size=20),
         inner=st.builds(
             Inner,
-            gate=st.none() | st.floats(allow_nan=False),
+            gate=st.none() | st.floats(allow_nan=False, allow_infinity=False),
             turns=st.integers(1, 10**9),
             sizes=st.lists(st.floats(0, 1e9), max_size=4).map(tuple),
             pair=st.tuples(st.integers(-5, 5), st.integers(-5, 5)),
