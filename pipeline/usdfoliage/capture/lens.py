@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -16,6 +17,10 @@ _MAX_CAMERA_PX = 10**6
 _MAX_PARAMETER = 1e9
 _FOCAL_SHARES = (0.01, 1e5)  # of the larger side: from 179° to half a second of arc a picture
 _STRIDE = 8  # of pixels among which a lens's turning back is looked for
+_MOST_STRETCHED = 4  # pixels between those where two neighbours of an undistorted picture come from
+_PLACE_PX = 1e-3  # how well distortion must lead back to a place
+
+Value = TypeVar("Value", bound=np.generic)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,6 +155,64 @@ class Undistortion:
         moved = cv2.remap(values, self.x, self.y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
         return np.asarray(moved, np.float32)
 
+    def distorted(self, values: NDArray[Value]) -> NDArray[Value]:
+        """What was found in the undistorted picture, (H, W) or (H, W, C), on the photograph's pixels; 0 for nothing.
+
+        Values are moved, never mixed. Each goes to the very pixel where nearest looks for it, so that nearest gives it
+        back, but where several meet in one; pixels where none comes to have that of the nearest beside them.
+        """
+        taken = values.reshape(self.x.size, *values.shape[2:])[self._sources]
+        taken[self._sources < 0] = 0
+        return taken
+
+    @cached_property
+    def _sources(self) -> NDArray[np.int32]:
+        """(H, W), the undistorted pixel that each pixel of the photograph is nearest to; -1 for none."""
+        height, width = self.x.shape
+        inside = np.flatnonzero(self.inside)
+        x, y = self.x.ravel()[inside], self.y.ravel()[inside]
+        column = np.clip(np.rint(x), 0, width - 1).astype(np.int32)  # rounds as cv2.remap does
+        row = np.clip(np.rint(y), 0, height - 1).astype(np.int32)
+        order = np.argsort(-np.hypot(x - column, y - row), kind="stable")  # the nearest one is written last
+        sources = np.full((height, width), -1, np.int32)
+        sources[row[order], column[order]] = inside[order]
+        for _ in range(_MOST_STRETCHED):
+            empty = sources < 0
+            padded = np.pad(sources, 1, constant_values=-1)
+            nearest = np.full((height, width), np.inf, np.float32)
+            for down in range(3):
+                for across in range(3):
+                    beside = padded[down : down + height, across : across + width]
+                    candidate = empty & (beside >= 0)
+                    rows, columns = np.nonzero(candidate)
+                    found = beside[candidate]
+                    away = np.hypot(self.x.ravel()[found] - columns, self.y.ravel()[found] - rows)
+                    better = away < nearest[candidate]
+                    sources[rows[better], columns[better]] = found[better]
+                    nearest[rows[better], columns[better]] = away[better]
+        return sources
+
+
+def undistort_places(lens: Lens, places_px: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Where places (N, 2) of a photograph, x and y, are in the picture without distortion; NaN where that has none."""
+    focal, center = np.array(lens.focal_px), np.array(lens.center_px)
+    if lens.is_pinhole or not len(places_px):
+        return np.array(places_px, np.float64)
+    matrix, coefficients = _cv2_lens(lens)
+    distorted = np.ascontiguousarray(places_px, np.float64)[:, None] - 0.5
+    until = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-9)
+    with np.errstate(all="ignore"):
+        if LENS_MODELS[lens.model].fisheye:
+            flat = cv2.fisheye.undistortPoints(distorted, matrix, coefficients, None, None, None, until)
+            again = cv2.fisheye.distortPoints(flat, matrix, coefficients)
+        else:
+            flat = cv2.undistortPoints(distorted, matrix, coefficients, None, None, None, until)
+            ahead = np.concatenate([flat, np.ones_like(flat[..., :1])], axis=2)
+            again, _ = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), matrix, coefficients)
+        # The iteration ends somewhere for any place; it is right where distortion leads back.
+        good = np.all(np.abs(again - distorted) < _PLACE_PX, axis=(1, 2))
+    return np.where(good[:, None], flat[:, 0] * focal + center, np.nan)
+
 
 def undistort(lens: Lens) -> Undistortion:
     """Prepare to take a lens's distortion out of its pictures, keeping size, focal length and principal point.
@@ -165,11 +228,7 @@ def undistort(lens: Lens) -> Undistortion:
             f"at most {_MAX_SIDE_PX} a side: reduce them"
         )
     size = lens.width_px, lens.height_px
-    matrix = np.array(
-        [[lens.focal_px[0], 0, lens.center_px[0] - 0.5], [0, lens.focal_px[1], lens.center_px[1] - 0.5], [0, 0, 1]]
-    )  # cv2 counts from the centre of the first pixel
-    coefficients = np.zeros(4 if LENS_MODELS[lens.model].distortion <= 4 else 8)
-    coefficients[: len(lens.distortion)] = lens.distortion
+    matrix, coefficients = _cv2_lens(lens)
     with np.errstate(all="ignore"):
         if LENS_MODELS[lens.model].fisheye:
             x, y = cv2.fisheye.initUndistortRectifyMap(matrix, coefficients, np.eye(3), matrix, size, cv2.CV_32FC1)
@@ -184,6 +243,16 @@ def undistort(lens: Lens) -> Undistortion:
         x=np.where(turned_back, outside, np.clip(x, outside, limit)).astype(np.float32),
         y=np.where(turned_back, outside, np.clip(y, outside, limit)).astype(np.float32),
     )
+
+
+def _cv2_lens(lens: Lens) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The camera matrix (3, 3) and distortion (4,) or (8,) that cv2 takes."""
+    matrix = np.array(
+        [[lens.focal_px[0], 0, lens.center_px[0] - 0.5], [0, lens.focal_px[1], lens.center_px[1] - 0.5], [0, 0, 1]]
+    )  # cv2 counts from the centre of the first pixel
+    coefficients = np.zeros(4 if LENS_MODELS[lens.model].distortion <= 4 else 8)
+    coefficients[: len(lens.distortion)] = lens.distortion
+    return matrix, coefficients
 
 
 def _turns_back(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.bool_]:
