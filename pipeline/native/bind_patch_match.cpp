@@ -1,15 +1,15 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <cstdint>
 #include <optional>
-#include <tuple>
+#include <utility>
 #include <vector>
 
+#include "arrays.h"
 #include "bindings.h"
 #include "patch_match.h"
 
@@ -18,49 +18,85 @@ using namespace nb::literals;
 
 namespace {
 
-using Picture = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using Valid = nb::ndarray<const std::uint8_t, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using Srgb = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+using Gray = nb::ndarray<const std::uint8_t, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using Depth = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using Warps = nb::ndarray<const double, nb::shape<-1, 2, 3, 4>, nb::c_contig, nb::device::cpu>;
 using Planes = nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
-using PlanesOut = nb::ndarray<float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
-using CostsOut = nb::ndarray<float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using Mapping = nb::ndarray<const double, nb::shape<3, 4>, nb::c_contig, nb::device::cpu>;  // A and, in the last column, b
-using Source = std::tuple<Picture, Mapping, Mapping, std::optional<Planes>>;
+using Offsets = nb::ndarray<const int, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using Matrix = nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::device::cpu>;
 
-usdfoliage::GreyPicture to_picture(const Picture& picture) {
-    return {picture.data(), static_cast<int>(picture.shape(1)), static_cast<int>(picture.shape(0))};
-}
-
-void split(const Mapping& mapping, double* linear, double* offset) {
-    for (std::size_t row = 0; row < 3; ++row) {
-        std::copy(mapping.data() + 4 * row, mapping.data() + 4 * row + 3, linear + 3 * row);
-        offset[row] = mapping.data()[4 * row + 3];
+// The last column of a warp is its epipole, the others its homography.
+void split_warp(const double* warp, double* homography, double* epipole) {
+    for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) homography[3 * i + j] = warp[4 * i + j];
+        epipole[i] = warp[4 * i + 3];
     }
 }
 
-void match(const Picture& reference, const std::optional<Valid>& valid, const std::vector<Source>& sources,
-           const PlanesOut& planes, const CostsOut& costs, int radius, int step, double color_sigma, double nearest,
-           double farthest, double steepest, int best, int iterations, double coherence_weight, double coherence_most,
-           double focal, std::uint64_t seed, int threads) {
-    std::vector<usdfoliage::SourcePicture> pictures(sources.size());
-    for (std::size_t k = 0; k < sources.size(); ++k) {
-        const auto& [picture, there, back, its_planes] = sources[k];
-        pictures[k].picture = to_picture(picture);
-        split(there, pictures[k].linear, pictures[k].offset);
-        split(back, pictures[k].back_linear, pictures[k].back_offset);
-        pictures[k].planes = its_planes ? its_planes->data() : nullptr;
+usdfoliage::MatchSource source_of(const double* warps) {
+    usdfoliage::MatchSource source{};
+    split_warp(warps, source.homography, source.epipole);
+    split_warp(warps + 12, source.back_homography, source.back_epipole);
+    return source;
+}
+
+nb::tuple match(const Srgb& srgb, const std::optional<Gray>& mask, const Matrix& pixel_from_ray, const std::vector<Gray>& grays,
+                const std::vector<Depth>& depths, const Warps& warps, const Offsets& offsets, const Planes& start, int iterations,
+                int best_sources, float nearest_inverse, float farthest_inverse, float color_scale, float distance_scale_px,
+                float noise, float geometric_weight, float geometric_limit_px, float step, float most_slant, std::uint64_t seed,
+                int threads) {
+    usdfoliage::MatchReference reference{srgb.data(), mask ? mask->data() : nullptr, static_cast<int>(srgb.shape(1)),
+                                         static_cast<int>(srgb.shape(0)), {}};
+    std::copy_n(pixel_from_ray.data(), 9, reference.pixel_from_ray);
+    std::vector<usdfoliage::MatchSource> sources;
+    for (std::size_t k = 0; k < grays.size(); ++k) {
+        usdfoliage::MatchSource source = source_of(warps.data() + 24 * k);
+        source.gray = grays[k].data();
+        source.depth_m = depths.empty() ? nullptr : depths[k].data();
+        source.height = static_cast<int>(grays[k].shape(0));
+        source.width = static_cast<int>(grays[k].shape(1));
+        sources.push_back(source);
     }
-    nb::gil_scoped_release unlocked;
-    usdfoliage::match_patches(to_picture(reference), valid ? valid->data() : nullptr, pictures.data(), pictures.size(),
-                              {radius, step, color_sigma, nearest, farthest, steepest, best, iterations, coherence_weight,
-                               coherence_most, focal, seed, threads},
-                              planes.data(), costs.data());
+    std::vector<float> planes(start.data(), start.data() + start.size());
+    std::vector<float> cost(srgb.shape(0) * srgb.shape(1));
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::match_planes(reference, sources, offsets.data(), offsets.shape(0),
+                                 {iterations, best_sources, nearest_inverse, farthest_inverse, color_scale, distance_scale_px, noise,
+                                  geometric_weight, geometric_limit_px, step, most_slant, seed, threads},
+                                 planes.data(), cost.data());
+    }
+    return nb::make_tuple(to_numpy(std::move(planes), {srgb.shape(0), srgb.shape(1), 3}),
+                          to_numpy(std::move(cost), {srgb.shape(0), srgb.shape(1)}));
+}
+
+nb::ndarray<nb::numpy, std::uint8_t> agreeing(const Depth& depth_m, const std::vector<Depth>& depths, const Warps& warps,
+                                              float most_px, float most_share, int threads) {
+    std::vector<usdfoliage::MatchSource> sources;
+    for (std::size_t k = 0; k < depths.size(); ++k) {
+        usdfoliage::MatchSource source = source_of(warps.data() + 24 * k);
+        source.depth_m = depths[k].data();
+        source.height = static_cast<int>(depths[k].shape(0));
+        source.width = static_cast<int>(depths[k].shape(1));
+        sources.push_back(source);
+    }
+    std::vector<std::uint8_t> counts(depth_m.size());
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::count_agreeing(depth_m.data(), static_cast<int>(depth_m.shape(1)), static_cast<int>(depth_m.shape(0)), sources,
+                                   {most_px, most_share, threads}, counts.data());
+    }
+    return to_numpy(std::move(counts), {depth_m.shape(0), depth_m.shape(1)});
 }
 
 }  // namespace
 
 void bind_patch_match(nb::module_& m) {
-    m.def("match_patches", &match, "reference"_a, "valid"_a.none(), "sources"_a, "planes"_a, "costs"_a, "radius"_a, "step"_a,
-          "color_sigma"_a, "nearest"_a, "farthest"_a, "steepest"_a, "best"_a, "iterations"_a, "coherence_weight"_a,
-          "coherence_most"_a, "focal"_a, "seed"_a, "threads"_a,
-          "Improve planes (H, W, 3) of a picture (H, W) in place by what sources show; costs (H, W) are written.");
+    m.def("match_planes", &match, "srgb"_a, "mask"_a.none(), "pixel_from_ray"_a, "grays"_a, "depths"_a, "warps"_a, "offsets"_a,
+          "start"_a, "iterations"_a, "best_sources"_a, "nearest_inverse"_a, "farthest_inverse"_a, "color_scale"_a,
+          "distance_scale_px"_a, "noise"_a, "geometric_weight"_a, "geometric_limit_px"_a, "step"_a, "most_slant"_a, "seed"_a,
+          "threads"_a, "Planes (H, W, 3) of a photograph by PatchMatch stereo, and their cost (H, W).");
+    m.def("count_agreeing", &agreeing, "depth_m"_a, "depths"_a, "warps"_a, "most_px"_a, "most_share"_a, "threads"_a,
+          "How many other depth maps agree with each pixel's depth (H, W).");
 }

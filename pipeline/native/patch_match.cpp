@@ -2,348 +2,431 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cmath>
-#include <vector>
+#include <cstring>
 
 #include "parallel.h"
+#include "patch_match_window.h"
 #include "vector_clones.h"
 
 namespace usdfoliage {
+
 namespace {
 
-constexpr int kMostSources = 16;
-constexpr int kLanes = 8;              // samples side by side
-constexpr int kMostSamples = 256;      // of a window
-constexpr int kRows = 8;               // that a thread takes at once
-constexpr float kFlat = 1e-5f;         // variance of brightness below which a window has no texture
-constexpr float kNoMatch = 2.0f;       // cost in a source that does not show the window
-constexpr double kLeastInverse = 1e-12;
+constexpr int kRegions = 8;
+constexpr float kSamePlane = 0.02f;  // in pixels of the most moving photograph: another plane as near is the same
+
+// Places whose planes a pixel tries, one of each region: near ones in a V on each side, far ones along a line. All are of
+// the other half of the checkerboard.
+struct Place {
+    int right;
+    int down;
+};
+constexpr int kNearPlaces = 7;
+constexpr int kFarPlaces = 11;
+constexpr Place kNear[kNearPlaces] = {{0, -1}, {-1, -2}, {1, -2}, {-2, -3}, {2, -3}, {-3, -4}, {3, -4}};  // upwards
+
+// A region's k-th place, turned by quarters.
+inline Place place_of(int region, int k) {
+    const Place up = region < 4 ? kNear[k] : Place{0, -(3 + 2 * k)};
+    switch (region & 3) {
+        case 0: return up;
+        case 1: return {-up.right, -up.down};
+        case 2: return {up.down, up.right};
+        default: return {-up.down, -up.right};
+    }
+}
+
+// Random numbers by counting: the same for a seed, pixel and iteration, in any order of pixels.
+class Random {
+public:
+    Random(std::uint64_t seed, std::size_t pixel, int iteration)
+        : state_(mix(seed + 0x9e3779b97f4a7c15ull * (static_cast<std::uint64_t>(iteration) + 1)) ^ mix(pixel + 0x632be59bd9b4e019ull)) {}
+
+    // In [0, 1).
+    float uniform() {
+        state_ += 0x9e3779b97f4a7c15ull;
+        return static_cast<float>(mix(state_) >> 40) * 0x1p-24f;
+    }
+
+    // In [-1, 1).
+    float both_sides() { return 2 * uniform() - 1; }
+
+private:
+    static std::uint64_t mix(std::uint64_t x) {
+        x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ull;
+        x = (x ^ (x >> 27)) * 0x94d049bb133111ebull;
+        return x ^ (x >> 31);
+    }
+
+    std::uint64_t state_;
+};
+
+// The warps to up to kLanes photographs, side by side.
+struct Warps {
+    Lanes homography[9];
+    Lanes epipole[3];
+};
+
+constexpr std::size_t kGroups = (kMostSources + kLanes - 1) / kLanes;
+
+// What all pixels share.
+struct Match {
+    const MatchReference& reference;
+    const std::vector<MatchSource>& sources;
+    const std::vector<PackedPicture>& pictures;
+    const WindowPattern& pattern;
+    const MatchOptions& options;
+    double focal[2];
+    double center[2];
+    Warps warps[kGroups];
+    float pixels_an_inverse;  // movement in the most moving photograph, for a whole range of inverse depth
+};
 
 struct Plane {
-    float right, down, value;
+    float inverse;
+    float right;
+    float down;
 };
 
-// Numbers that depend on seed, place and use alone: the splitmix64 finaliser.
-struct Dice {
-    std::uint64_t state;
-    double next() {
-        state += 0x9e3779b97f4a7c15ULL;
-        std::uint64_t z = state;
-        z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
-        z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
-        return static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1.0p-53;
-    }
-    double within(double low, double high) { return low + (high - low) * next(); }
-};
-
-struct Offset {
-    int right, down;
-};
-
-// What of a window does not depend on the plane.
-struct Window {
-    int padded;  // samples, with some of no weight at the pixel itself to fill the lanes
-    float weights[kMostSamples], values[kMostSamples], right[kMostSamples], down[kMostSamples];
-    float sum, mean, variance;
-};
-
-// A window as a source shows it.
-struct Seen {
-    float values[kMostSamples];
-};
-
-// Look a window's samples up in a source; false where it does not show them all.
-USDFOLIAGE_VECTOR_CLONES
-bool see_window(const Window& window, const float* start, const float* right, const float* down, const GreyPicture& picture,
-                Seen& seen) {
-    float u[kMostSamples], v[kMostSamples];
-    const float end_u = static_cast<float>(picture.width - 1), end_v = static_cast<float>(picture.height - 1);
-    int inside[kLanes];
-    std::fill(inside, inside + kLanes, 1);
-    for (int k = 0; k < window.padded; k += kLanes) {
-        for (int lane = 0; lane < kLanes; ++lane) {
-            const int n = k + lane;
-            const float z = start[2] + right[2] * window.right[n] + down[2] * window.down[n], rate = 1 / z;
-            u[n] = (start[0] + right[0] * window.right[n] + down[0] * window.down[n]) * rate - 0.5f;
-            v[n] = (start[1] + right[1] * window.right[n] + down[1] * window.down[n]) * rate - 0.5f;
-            inside[lane] &= (z > 0) & (u[n] >= 0) & (v[n] >= 0) & (u[n] < end_u) & (v[n] < end_v);
-        }
-    }
-    for (const int each : inside)
-        if (!each) return false;
-    for (int k = 0; k < window.padded; ++k) {
-        const int i = static_cast<int>(u[k]), j = static_cast<int>(v[k]);
-        const float p = u[k] - static_cast<float>(i), q = v[k] - static_cast<float>(j);
-        const float* corner = picture.values + j * picture.width + i;
-        const float above = corner[0] + p * (corner[1] - corner[0]);
-        const float below = corner[picture.width] + p * (corner[picture.width + 1] - corner[picture.width]);
-        seen.values[k] = above + q * (below - above);
-    }
-    return true;
+// The slant stays below the limit and the depth in the range; inverse depth is linear over rays as well, with the
+// gradient (right fx, down fy) there, so that the tangent to the axis is gradient / (value on the axis).
+bool usable(const Match& match, const Plane& plane, int column, int row) {
+    if (!(plane.inverse >= match.options.farthest_inverse && plane.inverse <= match.options.nearest_inverse)) return false;
+    const float x = static_cast<float>((column - match.center[0]) / match.focal[0]);
+    const float y = static_cast<float>((row - match.center[1]) / match.focal[1]);
+    const float across = plane.right * static_cast<float>(match.focal[0]);
+    const float along = plane.down * static_cast<float>(match.focal[1]);
+    const float axis = plane.inverse - x * across - y * along;
+    // The cosine between line of sight and normal is inverse / (|gradient, axis| |x, y, 1|).
+    const float square = (across * across + along * along + axis * axis) * (x * x + y * y + 1);
+    const float limit = plane.inverse * plane.inverse * (1 + match.options.most_slant * match.options.most_slant);
+    return square <= limit;
 }
 
-// One less the weighed correlation of two windows: 0 to 2; as bad as can be without texture.
-USDFOLIAGE_VECTOR_CLONES
-float correlate(const Window& window, const Seen& seen) {
-    float mean[kLanes] = {}, square[kLanes] = {}, product[kLanes] = {};
-    for (int k = 0; k < window.padded; k += kLanes) {
-        for (int lane = 0; lane < kLanes; ++lane) {
-            const float value = seen.values[k + lane], weighed = window.weights[k + lane] * value;
-            mean[lane] += weighed;
-            square[lane] += weighed * value;
-            product[lane] += weighed * window.values[k + lane];
-        }
-    }
-    float m = 0, s = 0, c = 0;
-    for (int lane = 0; lane < kLanes; ++lane) {
-        m += mean[lane];
-        s += square[lane];
-        c += product[lane];
-    }
-    m /= window.sum;
-    const float variance = s / window.sum - m * m, common = c / window.sum - m * window.mean;
-    if (!(variance > kFlat && window.variance > kFlat)) return kNoMatch;
-    return std::clamp(1 - common / std::sqrt(variance * window.variance), 0.0f, kNoMatch);
+// A plane at inverse depth there whose normal points from where (across, along) give it in the pixel's own disc.
+Plane with_normal(const Match& match, float inverse, float nx, float ny, float nz, int column, int row) {
+    const float x = static_cast<float>((column - match.center[0]) / match.focal[0]);
+    const float y = static_cast<float>((row - match.center[1]) / match.focal[1]);
+    const float toward = nx * x + ny * y + nz;  // above 0 by how the callers choose it
+    const float scale = inverse / toward;
+    return {inverse, nx * scale / static_cast<float>(match.focal[0]), ny * scale / static_cast<float>(match.focal[1])};
 }
 
-class Matcher {
-   public:
-    Matcher(const GreyPicture& reference, const std::uint8_t* valid, const SourcePicture* sources, std::size_t count,
-            const PatchMatchOptions& options, float* planes, float* costs)
-        : reference_(reference), valid_(valid), sources_(sources), count_(std::min<std::size_t>(count, kMostSources)),
-          options_(options), planes_(reinterpret_cast<Plane*>(planes)), costs_(costs) {
-        for (int down = -options.radius; down <= options.radius; down += options.step)
-            for (int right = -options.radius; right <= options.radius; right += options.step)
-                if (window_.size() < kMostSamples) window_.push_back({right, down});
-    }
+// A normal around an axis (unit): the axis plus something across it of a given length.
+Plane tilted(const Match& match, const Plane& plane, float inverse, float tilt, Random& random, int column, int row) {
+    const float x = static_cast<float>((column - match.center[0]) / match.focal[0]);
+    const float y = static_cast<float>((row - match.center[1]) / match.focal[1]);
+    float nx = plane.right * static_cast<float>(match.focal[0]);
+    float ny = plane.down * static_cast<float>(match.focal[1]);
+    float nz = plane.inverse - x * nx - y * ny;
+    const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
+    nx = nx / length + tilt * random.both_sides();
+    ny = ny / length + tilt * random.both_sides();
+    nz = nz / length + tilt * random.both_sides();
+    if (!(nx * x + ny * y + nz > 0.02f)) return plane;
+    return with_normal(match, inverse, nx, ny, nz, column, row);
+}
 
-    void run() {
-        rows([&](int row) {
-            for (int column = 0; column < reference_.width; ++column) begin(column, row);
-        });
-        for (int iteration = 0; iteration < options_.iterations; ++iteration) {
-            // Red and black by turns: each asks only pixels of the other colour, which stay as they are meanwhile.
-            for (int color = 0; color < 2; ++color) {
-                rows([&](int row) {
-                    for (int column = (row + color) % 2; column < reference_.width; column += 2) improve(column, row, iteration);
-                });
+Plane random_slant(const Match& match, float inverse, Random& random, int column, int row) {
+    const float x = static_cast<float>((column - match.center[0]) / match.focal[0]);
+    const float y = static_cast<float>((row - match.center[1]) / match.focal[1]);
+    const float length = std::sqrt(x * x + y * y + 1);
+    // A point of the disc across the line of sight, as far as the greatest slant.
+    float right = random.both_sides();
+    float down = random.both_sides();
+    const float square = right * right + down * down;
+    if (square > 1) {
+        right /= square;
+        down /= square;
+    }
+    const float slant = std::min(match.options.most_slant, 2.0f);
+    right *= slant;
+    down *= slant;
+    // Two directions across the line of sight.
+    const float ax = 1 / std::sqrt(1 + x * x);
+    const float az = -x * ax;
+    const float bx = -x * y;
+    const float by = 1 + x * x;
+    const float bz = -y;
+    const float b_length = std::sqrt(bx * bx + by * by + bz * bz);
+    return with_normal(match, inverse, x / length + right * ax + down * bx / b_length, y / length + down * by / b_length,
+                       1 / length + right * az + down * bz / b_length, column, row);
+}
+
+// Disagreement with a photograph's depth, in pixels of the reference.
+inline float disagreement_px(const MatchSource& source, double u, double v, int column, int row, float limit) {
+    if (!(u > -0.5 && v > -0.5 && u < source.width - 0.5 && v < source.height - 0.5)) return limit;
+    const int at = static_cast<int>(v + 0.5) * source.width + static_cast<int>(u + 0.5);
+    const double depth = source.depth_m[at];
+    if (!(depth > 0)) return limit;
+    const double* h = source.back_homography;
+    const double inverse = 1 / depth;
+    const double z = h[6] * u + h[7] * v + h[8] + source.back_epipole[2] * inverse;
+    if (!(z > 0)) return limit;
+    const double x = (h[0] * u + h[1] * v + h[2] + source.back_epipole[0] * inverse) / z - column;
+    const double y = (h[3] * u + h[4] * v + h[5] + source.back_epipole[1] * inverse) / z - row;
+    return std::min(limit, static_cast<float>(std::sqrt(x * x + y * y)));
+}
+
+// Cost of a plane at a pixel: the mean over the photographs that fit best.
+//
+// A plane that is where the surface is fits somewhere among as many photographs as may be hidden from it, and one more: if
+// none of these fits as well as `bound`, the others are not asked. They are asked from `first` on, so that it is not always
+// the same ones that decide.
+inline float plane_cost(const Match& match, const Window& window, const Plane& plane, int column, int row, float bound,
+                        std::size_t first) {
+    const std::size_t count = match.sources.size();
+    std::array<WindowPlaces, kGroups> places;
+    for (std::size_t group = 0; group * kLanes < count; ++group) {
+        const Lanes* h = match.warps[group].homography;
+        const Lanes* e = match.warps[group].epipole;
+        const float x = static_cast<float>(column);
+        const float y = static_cast<float>(row);
+        const Lanes z = h[6] * x + h[7] * y + h[8] + e[2] * plane.inverse;
+        const Lanes z_right = h[6] + e[2] * plane.right;
+        const Lanes z_down = h[7] + e[2] * plane.down;
+        const Lanes inverse = 1 / z;
+        WindowPlaces& to = places[group];
+        to.u = (h[0] * x + h[1] * y + h[2] + e[0] * plane.inverse) * inverse;
+        to.v = (h[3] * x + h[4] * y + h[5] + e[1] * plane.inverse) * inverse;
+        to.u_right = (h[0] + e[0] * plane.right - to.u * z_right) * inverse;
+        to.u_down = (h[1] + e[0] * plane.down - to.u * z_down) * inverse;
+        to.v_right = (h[3] + e[1] * plane.right - to.v * z_right) * inverse;
+        to.v_down = (h[4] + e[1] * plane.down - to.v * z_down) * inverse;
+        const Lanes change = (z_right > 0 ? z_right : -z_right) + (z_down > 0 ? z_down : -z_down);
+        to.depth = z - match.pattern.reach_px * change > 0.2f * z ? z : Lanes{};
+    }
+    std::array<float, kMostSources> best;
+    const std::size_t wanted = std::min(count, static_cast<std::size_t>(match.options.best_sources));
+    const std::size_t enough = count - wanted;
+    best.fill(2 * kWorstCost);
+    for (std::size_t n = 0; n < count; ++n) {
+        const std::size_t k = first + n < count ? first + n : first + n - count;
+        const WindowPlaces& to = places[k / kLanes];
+        const std::size_t lane = k % kLanes;
+        float cost = window_cost(match.pattern, window, match.pictures[k], to, lane);
+        const MatchSource& source = match.sources[k];
+        if (source.depth_m != nullptr && cost < kWorstCost && cost < best[wanted - 1]) {
+            cost += match.options.geometric_weight *
+                    disagreement_px(source, to.u[lane], to.v[lane], column, row, match.options.geometric_limit_px);
+        }
+        for (std::size_t i = 0; i < wanted; ++i) {
+            const float low = std::min(best[i], cost);
+            cost = std::max(best[i], cost);
+            best[i] = low;
+        }
+        if (n + 1 == enough && best[0] >= bound) return 2 * kWorstCost;
+    }
+    float sum = 0;
+    for (std::size_t i = 0; i < wanted; ++i) sum += best[i];
+    return sum / static_cast<float>(wanted);
+}
+
+inline bool same(const Match& match, const Plane& one, const Plane& other) {
+    const float scale = match.pixels_an_inverse;
+    const float reach = match.pattern.reach_px;
+    return std::abs(one.inverse - other.inverse) * scale < kSamePlane &&
+           std::abs(one.right - other.right) * scale * reach < kSamePlane &&
+           std::abs(one.down - other.down) * scale * reach < kSamePlane;
+}
+
+inline Plane load(const float* planes, std::size_t pixel) {
+    return {planes[3 * pixel], planes[3 * pixel + 1], planes[3 * pixel + 2]};
+}
+
+inline void store(float* planes, std::size_t pixel, const Plane& plane) {
+    planes[3 * pixel] = plane.inverse;
+    planes[3 * pixel + 1] = plane.right;
+    planes[3 * pixel + 2] = plane.down;
+}
+
+// Give every pixel of a row a plane and its cost.
+USDFOLIAGE_VECTOR_CLONES
+void start_row(const Match& match, int row, float* planes, float* cost) {
+    const MatchReference& photo = match.reference;
+    for (int column = 0; column < photo.width; ++column) {
+        const std::size_t pixel = static_cast<std::size_t>(row) * photo.width + column;
+        if (photo.mask != nullptr && photo.mask[pixel] == 0) {
+            store(planes, pixel, {0, 0, 0});
+            cost[pixel] = kWorstCost;
+            continue;
+        }
+        Plane plane = load(planes, pixel);
+        if (!usable(match, plane, column, row)) {
+            Random random(match.options.seed, pixel, 0);
+            const float range = match.options.nearest_inverse - match.options.farthest_inverse;
+            plane = random_slant(match, match.options.farthest_inverse + range * random.uniform(), random, column, row);
+            if (!usable(match, plane, column, row)) {
+                plane = {match.options.farthest_inverse + range * random.uniform(), 0, 0};
             }
+            store(planes, pixel, plane);
         }
-    }
-
-   private:
-    template <typename Fn>
-    void rows(const Fn& fn) {
-        const std::size_t bands = (static_cast<std::size_t>(reference_.height) + kRows - 1) / kRows;
-        parallel_for(bands, options_.threads, [&](std::size_t band) {
-            const int first = static_cast<int>(band) * kRows;
-            for (int row = first; row < std::min(reference_.height, first + kRows); ++row) fn(row);
-        });
-    }
-
-    std::size_t index(int column, int row) const {
-        return static_cast<std::size_t>(row) * static_cast<std::size_t>(reference_.width) + static_cast<std::size_t>(column);
-    }
-
-    Dice dice(std::size_t pixel, int use) const {
-        Dice dice{options_.seed ^ (static_cast<std::uint64_t>(pixel) * 0xd1342543de82ef95ULL) ^
-                  (static_cast<std::uint64_t>(use) * 0xaf251af3b0f025b5ULL)};
-        dice.next();
-        return dice;
-    }
-
-    // A surface at 45 degrees changes its inverse depth so much a pixel.
-    double slope_unit(double value) const { return value / options_.focal; }
-
-    bool allowed(const Plane& plane) const {
-        if (!(plane.value >= options_.farthest && plane.value <= options_.nearest)) return false;
-        const double most = options_.steepest * slope_unit(plane.value);
-        return std::fabs(plane.right) <= most && std::fabs(plane.down) <= most;
-    }
-
-    Plane guess(Dice& dice) const {
-        const double value = dice.within(options_.farthest, options_.nearest), most = slope_unit(value);
-        return {static_cast<float>(dice.within(-most, most)), static_cast<float>(dice.within(-most, most)),
-                static_cast<float>(value)};
-    }
-
-    void begin(int column, int row) {
-        const std::size_t pixel = index(column, row);
-        if (valid_ && !valid_[pixel]) {
-            planes_[pixel] = {0, 0, 0};
-            costs_[pixel] = kUnmatched;
-            return;
-        }
-        Dice chance = dice(pixel, 0);
-        if (!allowed(planes_[pixel])) planes_[pixel] = guess(chance);
         Window window;
-        look(column, row, window);
-        costs_[pixel] = cost(column, row, window, planes_[pixel]);
+        cut_window(match.pattern, photo.srgb, photo.width, photo.height, column, row, window);
+        cost[pixel] = plane_cost(match, window, plane, column, row, 2 * kWorstCost, 0);
     }
+}
 
-    void look(int column, int row, Window& window) const {
-        const float own = reference_.values[index(column, row)];
-        const float color_rate = static_cast<float>(1 / (2 * options_.color_sigma * options_.color_sigma));
-        const float place_rate = 1 / static_cast<float>(2 * options_.radius * options_.radius);
-        int count = 0;
-        float sum = 0, mean = 0, square = 0;
-        for (const Offset& offset : window_) {
-            const int x = column + offset.right, y = row + offset.down;
-            if (x < 0 || y < 0 || x >= reference_.width || y >= reference_.height) continue;
-            const float value = reference_.values[index(x, y)], apart = value - own;
-            const float away = static_cast<float>(offset.right * offset.right + offset.down * offset.down);
-            const float weight = std::exp(-apart * apart * color_rate - away * place_rate);
-            const int k = count++;
-            window.weights[k] = weight;
-            window.values[k] = value;
-            window.right[k] = static_cast<float>(offset.right);
-            window.down[k] = static_cast<float>(offset.down);
-            sum += weight;
-            mean += weight * value;
-            square += weight * value * value;
-        }
-        for (; count % kLanes; ++count) window.weights[count] = window.values[count] = window.right[count] = window.down[count] = 0;
-        window.padded = count;
-        window.sum = sum;
-        window.mean = mean / sum;
-        window.variance = square / sum - window.mean * window.mean;
-    }
-
-    // One less the correlation of the windows: 0 to 2.
-    float source_cost(int column, int row, const Window& window, const Plane& plane, const SourcePicture& source) const {
-        const double x = column + 0.5, y = row + 0.5;
-        double at[3], by_right[3], by_down[3];
-        for (int c = 0; c < 3; ++c) {
-            const double* a = source.linear + 3 * c;
-            at[c] = a[0] * x + a[1] * y + a[2] + source.offset[c] * plane.value;
-            by_right[c] = a[0] + source.offset[c] * plane.right;
-            by_down[c] = a[1] + source.offset[c] * plane.down;
-        }
-        const float start[3] = {static_cast<float>(at[0]), static_cast<float>(at[1]), static_cast<float>(at[2])};
-        const float right[3] = {static_cast<float>(by_right[0]), static_cast<float>(by_right[1]), static_cast<float>(by_right[2])};
-        const float down[3] = {static_cast<float>(by_down[0]), static_cast<float>(by_down[1]), static_cast<float>(by_down[2])};
-        Seen seen;
-        if (!see_window(window, start, right, down, source.picture, seen)) return kNoMatch;
-        return correlate(window, seen);
-    }
-
-    // Pixels between a place and where it comes back to through the source's own depth there, equation 3.
-    float reprojection(int column, int row, const Plane& plane, const SourcePicture& source) const {
-        const float most = static_cast<float>(options_.coherence_most);
-        const double x = column + 0.5, y = row + 0.5;
-        double there[3], back[3];
-        for (int c = 0; c < 3; ++c) {
-            const double* a = source.linear + 3 * c;
-            there[c] = a[0] * x + a[1] * y + a[2] + source.offset[c] * plane.value;
-        }
-        if (!(there[2] > 0)) return most;
-        const double u = there[0] / there[2], v = there[1] / there[2];
-        if (!(u >= 0 && v >= 0 && u < source.picture.width && v < source.picture.height)) return most;
-        const std::ptrdiff_t pixel = static_cast<std::ptrdiff_t>(v) * source.picture.width + static_cast<std::ptrdiff_t>(u);
-        const float* other = source.planes + 3 * pixel;
-        if (!(other[2] > 0)) return most;
-        const double beside = u - std::floor(u) - 0.5, below = v - std::floor(v) - 0.5;
-        const double inverse = std::max(kLeastInverse, other[2] + other[0] * beside + other[1] * below);
-        for (int c = 0; c < 3; ++c) {
-            const double* a = source.back_linear + 3 * c;
-            back[c] = a[0] * u + a[1] * v + a[2] + source.back_offset[c] * inverse;
-        }
-        if (!(back[2] > 0)) return most;
-        return std::min(most, static_cast<float>(std::hypot(back[0] / back[2] - x, back[1] / back[2] - y)));
-    }
-
-    float cost(int column, int row, const Window& window, const Plane& plane) const {
-        std::array<float, kMostSources> each;
-        for (std::size_t k = 0; k < count_; ++k) {
-            each[k] = source_cost(column, row, window, plane, sources_[k]);
-            if (sources_[k].planes)
-                each[k] += static_cast<float>(options_.coherence_weight) * reprojection(column, row, plane, sources_[k]);
-        }
-        const std::size_t best = std::min<std::size_t>(static_cast<std::size_t>(options_.best), count_);
-        std::partial_sort(each.begin(), each.begin() + static_cast<std::ptrdiff_t>(best), each.begin() + static_cast<std::ptrdiff_t>(count_));
-        float sum = 0;
-        for (std::size_t k = 0; k < best; ++k) sum += each[k];
-        return best ? sum / static_cast<float>(best) : kUnmatched;
-    }
-
-    void improve(int column, int row, int iteration) {
-        const std::size_t pixel = index(column, row);
-        if (valid_ && !valid_[pixel]) return;
+// Improve half of the pixels of a row by the planes of the other half and by chance.
+USDFOLIAGE_VECTOR_CLONES
+void improve_row(const Match& match, int row, int half, int iteration, float* planes, float* cost) {
+    const MatchReference& photo = match.reference;
+    const MatchOptions& options = match.options;
+    const float range = options.nearest_inverse - options.farthest_inverse;
+    for (int column = (row + half) & 1; column < photo.width; column += 2) {
+        const std::size_t pixel = static_cast<std::size_t>(row) * photo.width + column;
+        if (photo.mask != nullptr && photo.mask[pixel] == 0) continue;
         Window window;
-        look(column, row, window);
-        Plane plane = planes_[pixel];
-        float least = costs_[pixel];
-        const auto attempt = [&](const Plane& other) {
-            if (!allowed(other)) return;
-            const float now = cost(column, row, window, other);
-            if (now < least) {
-                least = now;
-                plane = other;
-            }
-        };
-        // The best of near and of far pixels to every side.
-        static constexpr Offset kSides[4] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
-        for (const Offset& side : kSides) {
-            for (const bool far : {false, true}) {
-                std::size_t found = pixel;
-                float its_cost = kUnmatched;
-                Offset from{0, 0};
-                const auto ask = [&](int right, int down) {
-                    const int x = column + right, y = row + down;
-                    if (x < 0 || y < 0 || x >= reference_.width || y >= reference_.height) return;
-                    const std::size_t other = index(x, y);
-                    if (costs_[other] >= its_cost || !(planes_[other].value > 0)) return;
-                    found = other;
-                    its_cost = costs_[other];
-                    from = {right, down};
-                };
-                if (far) {
-                    for (int away = 3; away <= 15; away += 4) ask(side.right * away, side.down * away);
-                } else {
-                    ask(side.right, side.down);
-                    ask(2 * side.right + side.down, 2 * side.down + side.right);
-                    ask(2 * side.right - side.down, 2 * side.down - side.right);
+        cut_window(match.pattern, photo.srgb, photo.width, photo.height, column, row, window);
+        Plane best = load(planes, pixel);
+        float lowest = cost[pixel];
+
+        std::array<Plane, kRegions + 1> tried;
+        std::size_t tries = 0;
+        tried[tries++] = best;
+        for (int region = 0; region < kRegions; ++region) {
+            const int places = region < 4 ? kNearPlaces : kFarPlaces;
+            std::size_t chosen = pixel;
+            float chosen_cost = kWorstCost;
+            for (int k = 0; k < places; ++k) {
+                const Place place = place_of(region, k);
+                const int x = column + place.right;
+                const int y = row + place.down;
+                if (x < 0 || y < 0 || x >= photo.width || y >= photo.height) continue;
+                const std::size_t other = static_cast<std::size_t>(y) * photo.width + x;
+                if (cost[other] < chosen_cost) {
+                    chosen_cost = cost[other];
+                    chosen = other;
                 }
-                if (found == pixel) continue;
-                const Plane& other = planes_[found];
-                const Plane moved{other.right, other.down,
-                                  other.value - other.right * static_cast<float>(from.right) - other.down * static_cast<float>(from.down)};
-                attempt(moved);
+            }
+            if (chosen == pixel) continue;
+            Plane plane = load(planes, chosen);
+            const int x = static_cast<int>(chosen % static_cast<std::size_t>(photo.width));
+            const int y = static_cast<int>(chosen / static_cast<std::size_t>(photo.width));
+            plane.inverse += plane.right * static_cast<float>(column - x) + plane.down * static_cast<float>(row - y);
+            if (!usable(match, plane, column, row)) continue;
+            bool known = false;
+            for (std::size_t i = 0; i < tries; ++i) known = known || same(match, plane, tried[i]);
+            if (known) continue;
+            tried[tries++] = plane;
+            const float its = plane_cost(match, window, plane, column, row, lowest, tries % match.sources.size());
+            if (its < lowest) {
+                lowest = its;
+                best = plane;
             }
         }
-        // Changes that become finer with every iteration.
-        Dice chance = dice(pixel, iteration + 1);
-        const double scale = std::pow(0.5, iteration);
-        const auto changed = [&](double by_value, double by_slope) {
-            const double unit = slope_unit(plane.value);
-            return Plane{static_cast<float>(plane.right + chance.within(-1, 1) * by_slope * unit),
-                         static_cast<float>(plane.down + chance.within(-1, 1) * by_slope * unit),
-                         static_cast<float>(plane.value * (1 + chance.within(-1, 1) * by_value))};
-        };
-        attempt(guess(chance));
-        attempt(changed(0.05 * scale, 0));
-        attempt(changed(0, scale));
-        attempt(changed(0.01 * scale, 0.3 * scale));
-        attempt(changed(0.002 * scale, 0.1 * scale));
-        planes_[pixel] = plane;
-        costs_[pixel] = least;
-    }
 
-    const GreyPicture& reference_;
-    const std::uint8_t* valid_;
-    const SourcePicture* sources_;
-    std::size_t count_;
-    const PatchMatchOptions& options_;
-    Plane* planes_;
-    float* costs_;
-    std::vector<Offset> window_;
-};
+        // By chance: anywhere, and around the best with steps that shrink from one iteration to the next.
+        Random random(options.seed, pixel, iteration + 1);
+        const float step = options.step * range * std::pow(0.5f, static_cast<float>(iteration));
+        const float tilt = 0.5f * std::pow(0.6f, static_cast<float>(iteration));
+        for (int k = 0; k < 5; ++k) {
+            Plane plane = best;
+            switch (k) {
+                case 0:
+                    plane = random_slant(match, options.farthest_inverse + range * random.uniform(), random, column, row);
+                    break;
+                case 1: plane = random_slant(match, best.inverse, random, column, row); break;
+                case 2: plane.inverse += step * random.both_sides(); break;
+                case 3: plane = tilted(match, best, best.inverse, tilt, random, column, row); break;
+                default:
+                    plane = tilted(match, best, best.inverse + 0.25f * step * random.both_sides(), 0.3f * tilt, random,
+                                   column, row);
+                    break;
+            }
+            if (!usable(match, plane, column, row)) continue;
+            const std::size_t first = (pixel + static_cast<std::size_t>(iteration + k)) % match.sources.size();
+            const float its = plane_cost(match, window, plane, column, row, lowest, first);
+            if (its < lowest) {
+                lowest = its;
+                best = plane;
+            }
+        }
+        store(planes, pixel, best);
+        cost[pixel] = lowest;
+    }
+}
+
+// How far the middle of the picture moves in the most moving photograph over the range of inverse depth.
+float movement_px(const MatchReference& reference, const std::vector<MatchSource>& sources, const MatchOptions& options) {
+    double most = 0;
+    const double u = 0.5 * reference.width;
+    const double v = 0.5 * reference.height;
+    for (const MatchSource& source : sources) {
+        double at[2][2];
+        const double inverse[2] = {options.nearest_inverse, options.farthest_inverse};
+        bool ahead = true;
+        for (int k = 0; k < 2; ++k) {
+            double seen[3];
+            for (int i = 0; i < 3; ++i) {
+                const double* h = source.homography + 3 * i;
+                seen[i] = h[0] * u + h[1] * v + h[2] + source.epipole[i] * inverse[k];
+            }
+            ahead = ahead && seen[2] > 0;
+            at[k][0] = seen[0] / seen[2];
+            at[k][1] = seen[1] / seen[2];
+        }
+        if (ahead) most = std::max(most, std::hypot(at[0][0] - at[1][0], at[0][1] - at[1][1]));
+    }
+    return static_cast<float>(std::max(most, 1.0));
+}
 
 }  // namespace
 
-void match_patches(const GreyPicture& reference, const std::uint8_t* valid, const SourcePicture* sources, std::size_t count,
-                   const PatchMatchOptions& options, float* planes, float* costs) {
-    Matcher(reference, valid, sources, count, options, planes, costs).run();
+void match_planes(const MatchReference& reference, const std::vector<MatchSource>& sources, const int* offsets,
+                  std::size_t samples, const MatchOptions& options, float* planes, float* cost) {
+    assert(!sources.empty() && sources.size() <= kMostSources && samples >= 1 && samples <= kMostSamples);
+    std::vector<PackedPicture> pictures;
+    for (const MatchSource& source : sources) pictures.emplace_back(source.gray, source.width, source.height);
+    const WindowPattern pattern(offsets, samples, options.color_scale, options.distance_scale_px, options.noise);
+    const double* k = reference.pixel_from_ray;
+    const float range = options.nearest_inverse - options.farthest_inverse;
+    Match match{reference, sources, pictures, pattern, options, {k[0], k[4]}, {k[2], k[5]}, {},
+                movement_px(reference, sources, options) / range};
+    for (std::size_t n = 0; n < kGroups * kLanes; ++n) {
+        // Lanes without a photograph repeat the first one, and are not looked at.
+        const MatchSource& source = sources[n < sources.size() ? n : 0];
+        Warps& warps = match.warps[n / kLanes];
+        for (std::size_t i = 0; i < 9; ++i) warps.homography[i][n % kLanes] = static_cast<float>(source.homography[i]);
+        for (std::size_t i = 0; i < 3; ++i) warps.epipole[i][n % kLanes] = static_cast<float>(source.epipole[i]);
+    }
+
+    const auto rows = static_cast<std::size_t>(reference.height);
+    parallel_for(rows, options.threads, [&](std::size_t row) { start_row(match, static_cast<int>(row), planes, cost); });
+    for (int iteration = 0; iteration < options.iterations; ++iteration) {
+        for (int half = 0; half < 2; ++half) {
+            parallel_for(rows, options.threads,
+                         [&](std::size_t row) { improve_row(match, static_cast<int>(row), half, iteration, planes, cost); });
+        }
+    }
+}
+
+void count_agreeing(const float* depth_m, int width, int height, const std::vector<MatchSource>& sources,
+                    const AgreementOptions& options, std::uint8_t* counts) {
+    parallel_for(static_cast<std::size_t>(height), options.threads, [&](std::size_t line) {
+        const int row = static_cast<int>(line);
+        for (int column = 0; column < width; ++column) {
+            const std::size_t pixel = line * static_cast<std::size_t>(width) + column;
+            counts[pixel] = 0;
+            if (!(depth_m[pixel] > 0)) continue;
+            const double inverse = 1 / static_cast<double>(depth_m[pixel]);
+            for (const MatchSource& source : sources) {
+                const double* h = source.homography;
+                double seen[3];
+                for (int i = 0; i < 3; ++i) {
+                    seen[i] = h[3 * i] * column + h[3 * i + 1] * row + h[3 * i + 2] + source.epipole[i] * inverse;
+                }
+                if (!(seen[2] > 0)) continue;
+                const float apart = disagreement_px(source, seen[0] / seen[2], seen[1] / seen[2], column, row, 1e9f);
+                if (!(apart <= options.most_px)) continue;
+                const int at = static_cast<int>(seen[1] / seen[2] + 0.5) * source.width + static_cast<int>(seen[0] / seen[2] + 0.5);
+                const double expected_m = seen[2] * depth_m[pixel];
+                if (std::abs(source.depth_m[at] - expected_m) <= options.most_share * expected_m) ++counts[pixel];
+            }
+        }
+    });
 }
 
 }  // namespace usdfoliage

@@ -1,55 +1,84 @@
-// Depth of a photograph from others of known pose: planes through every pixel, by PatchMatch.
+// Depth and normals of a photograph by PatchMatch stereo with slanted planes.
 //
-// A plane is the inverse depth at its pixel and the slopes of inverse depth a pixel to the right and down; through it a
-// pixel (x, y) of the reference is seen in a source at A (x, y, 1) + b w(x, y), homogeneous, w the inverse depth. That is
-// the homography of equation 1 of Guo et al. 2020 without its pole at planes seen edge-on.
+// Every pixel has a plane, held as the inverse depth over the picture, which is linear there: its value at the pixel and
+// its slopes to the right and down. Planes spread over a checkerboard, so that each half of it reads only the other, and
+// random numbers are a function of seed, pixel and iteration: the result is the same for any number of threads.
 
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 namespace usdfoliage {
 
-struct GreyPicture {
-    const float* values;  // height x width, 0 to 1
-    int width, height;
+constexpr int kMostSamples = 64;   // of a matching window
+constexpr int kMostSources = 16;   // photographs that one is matched with
+constexpr float kWorstCost = 2.0f;  // 1 - correlation; also of what a photograph does not see
+
+// The photograph that gets depth.
+struct MatchReference {
+    const std::uint8_t* srgb;  // height x width x 3
+    const std::uint8_t* mask;  // height x width, 0 where no depth is wanted; or none
+    int width;
+    int height;
+    double pixel_from_ray[9];  // 3 x 3, rows first, of pixel indices
 };
 
-// How the reference's pixels and inverse depths map into a source.
-struct SourcePicture {
-    GreyPicture picture;
-    double linear[9];       // A, rows first: from (x, y, 1), pixel centres at halves
-    double offset[3];       // b
-    const float* planes;    // height x width x 3 of the source, or nullptr: what its depth says, for the coherence
-    double back_linear[9];  // the same mapping from the source to the reference
-    double back_offset[3];
-};
-
-struct PatchMatchOptions {
-    int radius, step;                     // of the window, in pixels, and between its samples
-    double color_sigma;                   // difference of brightness that halves a sample's weight about
-    double nearest, farthest;             // inverse depths, the greater one first
-    double steepest;                      // of a slope of inverse depth a pixel, over inverse depth a pixel of a plane at 45 degrees
-    int best;                             // sources that count of each pixel's, those that match best
-    int iterations;
-    double coherence_weight;              // of a pixel of reprojection error
-    double coherence_most;                // pixels of it that count at most
-    double focal;                         // of the reference, in pixels
-    std::uint64_t seed;
-    int threads;
-};
-
-// Improve planes in place, and write what each costs: 0 a perfect match to 2, more without coherence; kUnmatched where
-// nothing can be compared.
+// A photograph that it is matched with.
 //
-// @param valid   height x width, 0 where no depth is wanted; its planes become 0.
-// @param planes  height x width x 3: slopes to the right and down, inverse depth; inverse depths that are not above 0
-//                are guessed first.
-// @param costs   height x width, written
-void match_patches(const GreyPicture& reference, const std::uint8_t* valid, const SourcePicture* sources, std::size_t count,
-                   const PatchMatchOptions& options, float* planes, float* costs);
+// A pixel index (u, v, 1) of the reference with inverse depth w is seen at homography (u, v, 1) + epipole w, which is
+// equation 1 of Guo et al. for the plane through it.
+struct MatchSource {
+    const std::uint8_t* gray;  // height x width
+    const float* depth_m;      // height x width, 0 where there is none; or none
+    int width;
+    int height;
+    double homography[9];          // of the plane at infinity, 3 x 3, rows first
+    double epipole[3];
+    double back_homography[9];     // the same from this photograph to the reference
+    double back_epipole[3];
+};
 
-constexpr float kUnmatched = 4.0f;
+struct MatchOptions {
+    int iterations;            // each visits every pixel once
+    int best_sources;          // photographs with the lowest cost that count at each pixel
+    float nearest_inverse;     // largest inverse depth
+    float farthest_inverse;    // smallest inverse depth, above 0
+    float color_scale;         // sum of the differences of red, green and blue that weighs 1 / e in a window
+    float distance_scale_px;   // distance that weighs 1 / e
+    float noise;               // standard deviation of brightness that tells nothing
+    float geometric_weight;    // cost of a pixel of disagreement with the depth of another photograph
+    float geometric_limit_px;  // disagreement beyond it costs no more
+    float step;                // first perturbation, as a share of the range of inverse depth
+    float most_slant;          // tangent between the line of sight and the normal
+    std::uint64_t seed;
+    int threads;               // 0: one per core
+};
+
+// Improve the planes of a photograph.
+//
+// The cost is one minus the correlation of the window under the homographies of the plane, weighted by likeness in colour
+// and distance (M. Bleyer et al., PatchMatch stereo, 2011), the mean over the best photographs; planes spread in the
+// diffuse checkerboard of Q. Xu and W. Tao, Multi-scale geometric consistency guided multi-view stereo, 2019.
+//
+// @param offsets  samples x 2, right and down, of the window's pixels.
+// @param planes   height x width x 3, inverse depth (0: start at random), its slope to the right and down, per pixel.
+// @param cost     height x width written, in [0, kWorstCost + the geometric term]; kWorstCost and more: no match.
+void match_planes(const MatchReference& reference, const std::vector<MatchSource>& sources, const int* offsets,
+                  std::size_t samples, const MatchOptions& options, float* planes, float* cost);
+
+struct AgreementOptions {
+    float most_px;     // between a pixel and where it comes back to from another photograph
+    float most_share;  // between depths, of the depth
+    int threads;       // 0: one per core
+};
+
+// Photographs whose depth agrees with a photograph's own.
+//
+// @param depth_m  height x width of the reference, 0 where there is none.
+// @param counts   height x width written.
+void count_agreeing(const float* depth_m, int width, int height, const std::vector<MatchSource>& sources,
+                    const AgreementOptions& options, std::uint8_t* counts);
 
 }  // namespace usdfoliage

@@ -444,28 +444,58 @@ def unproject_places(
 ) -> NDArray[np.float64]:
     """Points (N, 3) of the world from places (N, 2) in pixels and depths (N,)."""
 
-def match_patches(
-    reference: NDArray[np.float32],
-    valid: NDArray[np.uint8] | None,
-    sources: Sequence[tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32] | None]],
-    planes: NDArray[np.float32],
-    costs: NDArray[np.float32],
-    radius: int,
-    step: int,
-    color_sigma: float,
-    nearest: float,
-    farthest: float,
-    steepest: float,
-    best: int,
+def match_planes(
+    srgb: NDArray[np.uint8],
+    mask: NDArray[np.uint8] | None,
+    pixel_from_ray: NDArray[np.float64],
+    grays: list[NDArray[np.uint8]],
+    depths: list[NDArray[np.float32]],
+    warps: NDArray[np.float64],
+    offsets: NDArray[np.int32],
+    start: NDArray[np.float32],
     iterations: int,
-    coherence_weight: float,
-    coherence_most: float,
-    focal: float,
+    best_sources: int,
+    nearest_inverse: float,
+    farthest_inverse: float,
+    color_scale: float,
+    distance_scale_px: float,
+    noise: float,
+    geometric_weight: float,
+    geometric_limit_px: float,
+    step: float,
+    most_slant: float,
     seed: int,
     threads: int,
-) -> None:
-    """Improve planes (H, W, 3) of inverse depth in place; costs (H, W) are written.
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Planes (H, W, 3) of a photograph by PatchMatch stereo, and their cost (H, W).
 
-    A source is its picture (h, w), the mappings (3, 4) from (x, y, 1, inverse depth) of the reference to it and back,
-    and its own planes (h, w, 3) or None.
+    A plane is the inverse depth at its pixel and the change of it to the next pixel right and down.
+
+    Args:
+        srgb: (H, W, 3), the photograph.
+        mask: (H, W), 0 where no plane is wanted.
+        pixel_from_ray: (3, 3), of pixel indices.
+        grays: brightness of 1 to 16 photographs that it is matched with, of any size.
+        depths: their depth maps, 0 for none; or no maps at all.
+        warps: (photographs, 2, 3, 4), homography of the plane at infinity and epipole, to their pixel indices and back.
+        offsets: (at most 64, 2), right and down, of the window's pixels.
+        start: planes to start with; those of inverse depth 0 start at random.
+        best_sources: photographs with the lowest cost that count at each pixel.
+        color_scale: sum of the differences of three channels that weighs 1 / e.
+        distance_scale_px: distance that weighs 1 / e.
+        noise: standard deviation of brightness that tells nothing.
+        geometric_weight: cost of a pixel of disagreement with a depth map.
+        geometric_limit_px: disagreement beyond it costs no more.
+        step: first change of inverse depth, as a share of its range.
+        most_slant: tangent between line of sight and normal.
     """
+
+def count_agreeing(
+    depth_m: NDArray[np.float32],
+    depths: list[NDArray[np.float32]],
+    warps: NDArray[np.float64],
+    most_px: float,
+    most_share: float,
+    threads: int,
+) -> NDArray[np.uint8]:
+    """How many other depth maps agree with each pixel's depth (H, W), warps as in match_planes."""

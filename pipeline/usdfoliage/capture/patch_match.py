@@ -1,223 +1,254 @@
-"""Depth of posed photographs by PatchMatch: a slanted plane through every pixel, matched with other photographs.
+"""Planes through the pixels of posed photographs by PatchMatch stereo with slanted windows.
 
-Guo et al., Realistic Procedural Plant Modeling from Multiple View Images, 2020, section 4: the matching of equation 1
-and the coherence of equation 3; after M. Bleyer et al., PatchMatch Stereo, 2011, with the checkerboard of S. Galliani
-et al., Massively Parallel Multiview Stereopsis, 2015. Planes are linear in inverse depth, which homographies keep so.
+Section 4 of J. Guo et al., Realistic procedural plant modeling from multiple view images, 2020: planes that fit the
+photographs through the homographies they induce (equation 1), then planes that agree with what the other photographs
+found (equation 3). Planes spread as in Q. Xu and W. Tao, Multi-scale geometric consistency guided multi-view stereo,
+2019, from coarse pictures to fine ones.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import _native
+from usdfoliage.capture.view import View
 from usdfoliage.geometry.pinhole import Pinhole
 
-UNMATCHED = 4.0  # cost of a pixel that nothing can be compared with, as in patch_match.h
+MOST_SOURCES, _MOST_SAMPLES = 16, 64  # as native code takes them
+_LEAST_SIDE_PX = 32  # of a coarse picture; below it there is nothing to match
 
 
 @dataclass(frozen=True, kw_only=True)
 class PatchMatchSettings:
-    """How patches are compared, and how many planes are tried."""
+    """How windows are compared, and how planes spread."""
 
-    radius_px: int = 5  # of the window
-    step_px: int = 2  # between its samples
-    color_sigma: float = 0.1  # of brightness, 0 to 1: what is beside an edge counts little
-    best: int = 2  # sources that count at each pixel, those that match best: from the others it may be hidden
-    steepest: float = 6.0  # tangent of the angle between a surface and the picture plane
-    iterations: tuple[int, ...] = (4, 2, 2)  # at the coarsest scale, at twice that, ..., at full size
-    coherent_iterations: int = 1  # more at full size, with what the sources' own depth says
-    coherence_weight: float = 0.1  # of a pixel of reprojection error, in cost
-    coherence_most_px: float = 3.0  # of reprojection error, that counts at most
-
-    def __post_init__(self) -> None:
-        if self.radius_px < 1 or self.step_px < 1 or self.best < 1 or self.coherent_iterations < 0:
-            raise ValueError(f"radius_px, step_px and best must be at least 1, coherent_iterations 0, not {self}")
-        if not self.iterations or min(self.iterations) < 0:
-            raise ValueError(f"iterations must be numbers from 0 on, one a scale, not {self.iterations}")
-        for name in ("color_sigma", "steepest", "coherence_weight", "coherence_most_px"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MatchedPicture:
-    """A photograph as it is matched."""
-
-    camera: Pinhole
-    grey: NDArray[np.float32]  # (H, W), 0 to 1
-    valid: NDArray[np.bool_] | None = None  # (H, W), where depth is wanted
+    window_px: int = 4  # radius of the matching window
+    window_step_px: int = 2  # between its pixels
+    color_scale: float = 40.0  # of 765: sum of the differences of three channels that weighs 1 / e
+    distance_scale_px: float = 4.0  # distance from the window's middle that weighs 1 / e
+    noise: float = 2.0  # of 255: standard deviation of brightness that tells nothing
+    best_sources: int = 2  # those that fit best count at each pixel: the others may be hidden from it
+    geometric_weight: float = 0.15  # cost of a pixel of disagreement with another view's depth
+    geometric_limit_px: float = 3.0  # disagreement beyond it costs no more: that view may see something else
+    step: float = 0.03  # of the range of inverse depth: the first small changes of depth
+    max_slant_deg: float = 80.0  # between the line of sight and the normal
 
     def __post_init__(self) -> None:
-        size = self.camera.height_px, self.camera.width_px
-        if self.grey.shape != size or (self.valid is not None and self.valid.shape != size):
-            raise ValueError(f"grey and valid must be {size}, not {self.grey.shape}")
+        if self.window_px < 1 or self.window_step_px < 1 or not 1 <= self.best_sources <= MOST_SOURCES:
+            raise ValueError(
+                f"window_px and window_step_px must be at least 1 and best_sources 1 to {MOST_SOURCES}, not {self}"
+            )
+        if len(self.window_offsets()) > _MOST_SAMPLES:
+            raise ValueError(f"the window may have {_MOST_SAMPLES} pixels, not {len(self.window_offsets())}")
+        scales = (self.color_scale, self.distance_scale_px, self.noise, self.step, self.geometric_limit_px)
+        if not all(np.isfinite(value) and value > 0 for value in scales) or not self.geometric_weight >= 0:
+            raise ValueError(
+                "color_scale, distance_scale_px, noise, step and geometric_limit_px must be above 0, and "
+                "geometric_weight not below"
+            )
+        if not 0 < self.max_slant_deg < 90:
+            raise ValueError(f"max_slant_deg must be in (0, 90), not {self.max_slant_deg:g}")
+
+    def window_offsets(self) -> NDArray[np.int32]:
+        """(N, 2), right and down, of the pixels that a window compares."""
+        reach = self.window_px // self.window_step_px * self.window_step_px
+        line = np.arange(-reach, reach + 1, self.window_step_px, dtype=np.int32)
+        square = np.stack(np.meshgrid(line, line), -1).reshape(-1, 2)
+        return square[np.hypot(*square.T) <= 1.2 * reach]  # without its corners, which weigh little
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MatchedPlanes:
-    """The plane through every pixel."""
+    """The plane of every pixel of a photograph, believed or not."""
 
-    slopes: NDArray[np.float32]  # (H, W, 3), inverse depth: change a pixel to the right and down, and value, in 1 / m
-    cost: NDArray[np.float32]  # (H, W), 0 a perfect match, UNMATCHED where there is none
+    camera: Pinhole  # at the size of matching
+    planes: NDArray[np.float32]  # (h, w, 3): inverse depth, its change to the next pixel right and down; 0 for none
+    cost: NDArray[np.float32]  # (h, w): mean of one minus the correlation, and of the disagreement with other views
 
-    def depth_m(self, most_cost: float) -> NDArray[np.float32]:
-        """(H, W), along the optical axis; 0 where the cost is higher."""
-        value = self.slopes[..., 2]
-        good = (self.cost <= most_cost) & (value > 0)
-        return np.where(good, 1 / np.where(good, value, 1), 0).astype(np.float32)
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """(h, w), along the optical axis, 0 where there is none."""
+        inverse = self.planes[..., 0]
+        return np.divide(1, inverse, out=np.zeros_like(inverse), where=inverse > 0)
+
+    def at_size(self, size: tuple[int, ...]) -> "MatchedPlanes":
+        """The same for pictures (h, w) of another size."""
+        if self.cost.shape == size:
+            return self
+        height, width = size
+        return MatchedPlanes(
+            camera=scale_camera(self.camera, width, height),
+            planes=enlarge_planes(self.planes, size),
+            cost=cv2.resize(self.cost, (width, height), interpolation=cv2.INTER_NEAREST),
+        )
+
+    def normals(self) -> NDArray[np.float32]:
+        """(h, w, 3), in camera axes, of length 1, toward the camera; 0 where there is no plane."""
+        inverse, right, down = np.moveaxis(self.planes, -1, 0)
+        (focal_x, focal_y), (center_x, center_y) = self.camera.focal_px, self.camera.center_px
+        rows, columns = np.indices(inverse.shape, np.float32)
+        normal = np.empty(self.planes.shape, np.float32)  # inverse depth is normal · ray, normal · point 1
+        normal[..., 0], normal[..., 1] = -right * focal_x, -down * focal_y
+        normal[..., 2] = -(inverse - right * (columns + 0.5 - center_x) - down * (rows + 0.5 - center_y))
+        length = np.linalg.norm(normal, axis=-1, keepdims=True)
+        return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
 
 
-def match_picture(
-    reference: MatchedPicture,
-    sources: Sequence[MatchedPicture],
-    nearest_m: float,
-    farthest_m: float,
+def match_view(
+    reference: View,
+    sources: Sequence[View],
+    range_m: tuple[float, float],
+    level: int,
+    iterations: int,
     settings: PatchMatchSettings = PatchMatchSettings(),
     *,
+    start: MatchedPlanes | None = None,
+    source_planes: Sequence[MatchedPlanes | None] | None = None,
+    max_side_px: int = 1200,
     seed: int = 0,
     threads: int = 0,
 ) -> MatchedPlanes:
-    """The planes of a photograph, from coarse pictures to full ones, by how its patches look in the sources.
+    """The planes of one view that fit its sources best, at one size of the pictures.
 
     Args:
-        reference: Whose planes.
-        sources: Which see the same from elsewhere; 16 at most.
-        nearest_m: Depth, along the optical axis.
-        farthest_m: Depth.
-        settings: How.
-        seed: Of the planes that are guessed.
-        threads: At most so many, 0 for one per core; the result is the same.
+        reference: The view; its depth is not looked at, pixels outside its mask get no plane.
+        sources: With which it is matched, at least one.
+        range_m: Nearest and farthest depth.
+        level: How often the pictures are halved.
+        iterations: How often every pixel is visited.
+        settings: How windows are compared.
+        start: Its planes so far, of any size; None: guessed.
+        source_planes: Those of the sources so far, of any size, which then count as well (equation 3).
+        max_side_px: Size of the pictures at level 0 at most.
+        seed: Of the guesses.
+        threads: 0: one per core.
 
     Raises:
-        ValueError: The depths are not above 0 and in order, or there is no source, or there are more than 16.
+        ValueError: The range is none, or there are too many sources or none.
     """
-    if not 0 < nearest_m < farthest_m:
-        raise ValueError(f"depths must rise from above 0, not {nearest_m} to {farthest_m}")
-    if not 1 <= len(sources) <= 16:
-        raise ValueError(f"a photograph is matched with 1 to 16 others, not {len(sources)}")
-    planes: MatchedPlanes | None = None
-    for number, iterations in enumerate(settings.iterations):
-        scale = 0.5 ** (len(settings.iterations) - 1 - number)
-        pictures = [_shrink(picture, scale) for picture in (reference, *sources)]
-        start = None if planes is None else _grow(planes.slopes, pictures[0].grey.shape)
-        planes = _match(
-            pictures[0], pictures[1:], [None] * len(sources), start, nearest_m, farthest_m, iterations, settings,
-            seed + number, threads,
-        )  # fmt: skip
-    assert planes is not None
-    return planes
-
-
-def match_coherently(
-    reference: MatchedPicture,
-    sources: Sequence[MatchedPicture],
-    start: MatchedPlanes,
-    of_sources: Sequence[MatchedPlanes],
-    nearest_m: float,
-    farthest_m: float,
-    settings: PatchMatchSettings = PatchMatchSettings(),
-    *,
-    seed: int = 0,
-    threads: int = 0,
-) -> MatchedPlanes:
-    """Planes improved where the depth of the sources contradicts them, equation 3.
-
-    Args:
-        reference: Whose planes.
-        sources: As for match_picture.
-        start: The planes so far.
-        of_sources: Those of each source.
-        nearest_m: Depth.
-        farthest_m: Depth.
-        settings: How.
-        seed: Of the planes that are guessed.
-        threads: At most so many, 0 for one per core; the result is the same.
-    """
-    return _match(
-        reference, sources, [planes.slopes for planes in of_sources], start.slopes, nearest_m, farthest_m,
-        settings.coherent_iterations, settings, seed, threads,
-    )  # fmt: skip
-
-
-def _match(
-    reference: MatchedPicture,
-    sources: Sequence[MatchedPicture],
-    of_sources: Sequence[NDArray[np.float32] | None],
-    start: NDArray[np.float32] | None,
-    nearest_m: float,
-    farthest_m: float,
-    iterations: int,
-    settings: PatchMatchSettings,
-    seed: int,
-    threads: int,
-) -> MatchedPlanes:
-    slopes = np.zeros((*reference.grey.shape, 3), np.float32) if start is None else start.copy()
-    cost = np.full(reference.grey.shape, UNMATCHED, np.float32)
-    seen = [
-        (
-            source.grey,
-            _map_to(reference.camera, source.camera),
-            _map_to(source.camera, reference.camera),
-            its_planes,
-        )
-        for source, its_planes in zip(sources, of_sources, strict=True)
-    ]
-    _native.match_patches(
-        reference.grey, None if reference.valid is None else reference.valid.astype(np.uint8), seen, slopes, cost,
-        settings.radius_px, settings.step_px, settings.color_sigma, 1 / nearest_m, 1 / farthest_m, settings.steepest,
-        settings.best, iterations, settings.coherence_weight, settings.coherence_most_px,
-        float(np.sqrt(np.prod(reference.camera.focal_px))), seed, threads,
-    )  # fmt: skip
-    return MatchedPlanes(slopes=slopes, cost=cost)
-
-
-def _map_to(reference: Pinhole, source: Pinhole) -> NDArray[np.float64]:
-    """(3, 4): where (x, y, 1, inverse depth) of the reference is seen in the source, homogeneous."""
-    turn = source.cam_from_world[:, :3] @ reference.cam_from_world[:, :3].T
-    shift = source.cam_from_world[:, 3] - turn @ reference.cam_from_world[:, 3]
-    linear = _intrinsics(source) @ turn @ np.linalg.inv(_intrinsics(reference))
-    return np.column_stack([linear, _intrinsics(source) @ shift])
-
-
-def _intrinsics(camera: Pinhole) -> NDArray[np.float64]:
-    (fx, fy), (cx, cy) = camera.focal_px, camera.center_px
-    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-
-
-def _shrink(picture: MatchedPicture, scale: float) -> MatchedPicture:
-    if scale == 1:
-        return picture
-    camera = picture.camera
-    width, height = (max(1, round(side * scale)) for side in (camera.width_px, camera.height_px))
-    across, down = width / camera.width_px, height / camera.height_px
-    valid = None
-    if picture.valid is not None:
-        valid = cv2.resize(picture.valid.astype(np.uint8), (width, height), interpolation=cv2.INTER_AREA) > 0
-    return MatchedPicture(
-        camera=Pinhole(
-            width_px=width,
-            height_px=height,
-            focal_px=(camera.focal_px[0] * across, camera.focal_px[1] * down),
-            center_px=(camera.center_px[0] * across, camera.center_px[1] * down),
-            cam_from_world=camera.cam_from_world,
-        ),
-        grey=np.ascontiguousarray(cv2.resize(picture.grey, (width, height), interpolation=cv2.INTER_AREA), np.float32),
-        valid=valid,
+    near_m, far_m = range_m
+    if not 0 < near_m < far_m:
+        raise ValueError(f"the range must be 0 < near < far, not {near_m:g}, {far_m:g}")
+    if not 1 <= len(sources) <= MOST_SOURCES:
+        raise ValueError(f"1 to {MOST_SOURCES} sources can be matched, not {len(sources)}")
+    if source_planes is not None and len(source_planes) != len(sources):
+        raise ValueError(f"{len(sources)} sources need as many planes, not {len(source_planes)}")
+    own, *others = [Picture.of(view, max_side_px, level) for view in (reference, *sources)]
+    size = own.gray.shape
+    first_step = settings.step if start is None else settings.step / 4
+    planes, cost = _native.match_planes(
+        own.srgb,
+        own.mask,
+        pixel_from_ray(own.camera),
+        [other.gray for other in others],
+        [] if source_planes is None else _depths_of(source_planes, others),
+        np.stack([warps(own.camera, other.camera) for other in others]),
+        settings.window_offsets(),
+        np.zeros((*size, 3), np.float32) if start is None else enlarge_planes(start.planes, size),
+        iterations,
+        settings.best_sources,
+        1 / near_m,
+        1 / far_m,
+        settings.color_scale,
+        settings.distance_scale_px,
+        settings.noise,
+        settings.geometric_weight,
+        settings.geometric_limit_px,
+        first_step,
+        float(np.tan(np.radians(settings.max_slant_deg))),
+        seed,
+        threads,
     )
+    return MatchedPlanes(camera=own.camera, planes=planes, cost=cost)
 
 
-def _grow(slopes: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Planes (h, w, 3) of a coarse picture at the pixels of a finer one (H, W)."""
-    height, width = shape
-    down, across = slopes.shape[0] / height, slopes.shape[1] / width
-    row, column = (np.arange(height) + 0.5) * down, (np.arange(width) + 0.5) * across
-    i, j = row.astype(int), column.astype(int)
-    near = slopes[i][:, j]
-    beside, below = (column - j - 0.5).astype(np.float32), (row - i - 0.5).astype(np.float32)
-    value = near[..., 2] + near[..., 0] * beside + near[..., 1] * below[:, None]
-    return np.ascontiguousarray(
-        np.stack([near[..., 0] * np.float32(across), near[..., 1] * np.float32(down), value], axis=-1)
+def pixel_from_ray(camera: Pinhole) -> NDArray[np.float64]:
+    """(3, 3), pixel indices (column, row, 1) of what lies on a ray (x, y, 1) in camera axes."""
+    (focal_x, focal_y), (center_x, center_y) = camera.focal_px, camera.center_px
+    return np.array([[focal_x, 0, center_x - 0.5], [0, focal_y, center_y - 0.5], [0, 0, 1]])
+
+
+def warps(camera: Pinhole, other: Pinhole) -> NDArray[np.float64]:
+    """(2, 3, 4): the homography of the plane at infinity and the epipole, to the other camera's pixels and back."""
+    return np.stack([_warp(camera, other), _warp(other, camera)])
+
+
+def _warp(camera: Pinhole, other: Pinhole) -> NDArray[np.float64]:
+    rotation = other.cam_from_world[:, :3] @ camera.cam_from_world[:, :3].T
+    translation = other.cam_from_world[:, 3] - rotation @ camera.cam_from_world[:, 3]
+    to = pixel_from_ray(other)
+    return np.column_stack([to @ rotation @ np.linalg.inv(pixel_from_ray(camera)), to @ translation])
+
+
+def _depths_of(
+    source_planes: Sequence[MatchedPlanes | None], pictures: Sequence["Picture"]
+) -> list[NDArray[np.float32]]:
+    """Depth (h, w) of every source, 0 everywhere for one that has none."""
+    return [
+        np.zeros(picture.gray.shape, np.float32) if planes is None else planes.at_size(picture.gray.shape).depth_m
+        for planes, picture in zip(source_planes, pictures, strict=True)
+    ]
+
+
+class Picture(NamedTuple):
+    """A photograph at a size of matching."""
+
+    camera: Pinhole
+    srgb: NDArray[np.uint8]  # (h, w, 3)
+    gray: NDArray[np.uint8]  # (h, w)
+    mask: NDArray[np.uint8] | None  # (h, w)
+
+    @classmethod
+    def of(cls, view: View, max_side_px: int, level: int) -> "Picture":
+        """A view, not larger than max_side_px, then halved so many times but not to nothing."""
+        mask = None if view.mask is None else view.mask.astype(np.uint8)
+        whole = cls(view.camera, np.ascontiguousarray(view.srgb), cv2.cvtColor(view.srgb, cv2.COLOR_RGB2GRAY), mask)
+        sides = view.camera.width_px, view.camera.height_px
+        scale = min(1.0, max_side_px / max(sides))
+        halved = 0.5**level
+        least = min(1.0, _LEAST_SIDE_PX / (min(sides) * scale))
+        scale *= max(halved, least)
+        return whole if scale >= 1 else whole.scaled(scale)
+
+    def scaled(self, scale: float) -> "Picture":
+        width, height = round(self.camera.width_px * scale), round(self.camera.height_px * scale)
+        camera = scale_camera(self.camera, width, height)
+        srgb = cv2.resize(self.srgb, (width, height), interpolation=cv2.INTER_AREA)
+        mask = None
+        if self.mask is not None:  # a pixel counts if any of those it stands for does
+            mask = (cv2.resize(self.mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA) > 0).astype(
+                np.uint8
+            )
+        return Picture(camera, srgb, cv2.cvtColor(srgb, cv2.COLOR_RGB2GRAY), mask)
+
+
+def enlarge_planes(planes: NDArray[np.float32], size: tuple[int, ...]) -> NDArray[np.float32]:
+    """Planes (h, w, 3) at another size: every pixel takes the plane of the nearest one, seen from where it is."""
+    height, width = planes.shape[:2]
+    if (height, width) == size:
+        return planes
+    down, across = height / size[0], width / size[1]
+    rows, columns = (np.arange(size[0]) + 0.5) * down - 0.5, (np.arange(size[1]) + 0.5) * across - 0.5
+    near_rows = np.clip(np.rint(rows).astype(int), 0, height - 1)
+    near_columns = np.clip(np.rint(columns).astype(int), 0, width - 1)
+    large = planes[near_rows[:, None], near_columns[None, :]]
+    large[..., 0] += large[..., 1] * (columns - near_columns)[None, :] + large[..., 2] * (rows - near_rows)[:, None]
+    large[..., 1] *= across
+    large[..., 2] *= down
+    return np.ascontiguousarray(large, np.float32)
+
+
+def scale_camera(camera: Pinhole, width_px: int, height_px: int) -> Pinhole:
+    """The camera of the same picture at another size."""
+    across, down = width_px / camera.width_px, height_px / camera.height_px
+    return replace(
+        camera,
+        width_px=width_px,
+        height_px=height_px,
+        focal_px=(camera.focal_px[0] * across, camera.focal_px[1] * down),
+        center_px=(camera.center_px[0] * across, camera.center_px[1] * down),
     )

@@ -1,0 +1,212 @@
+"""Depth of every photograph of a capture: which photographs are matched with each, and the rounds of matching.
+
+A round takes one view at a time and reads its photograph, those of its sources and what the round before left of
+them; what it leaves is kept by the caller. So memory does not grow with the number of photographs, and a killed run
+goes on at the view where it was.
+"""
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate, confirm_depth
+from usdfoliage.capture.patch_match import MOST_SOURCES, MatchedPlanes, PatchMatchSettings, match_view
+from usdfoliage.capture.plane_sweep import depth_range_m
+from usdfoliage.capture.view import View
+from usdfoliage.capture.view_selection import ViewSelectionSettings, select_views
+from usdfoliage.errors import CaptureError
+from usdfoliage.geometry.pinhole import Pinhole
+
+logger = logging.getLogger(__name__)
+
+Quality = Literal["draft", "normal", "high"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Round:
+    """One round over all views."""
+
+    level: int  # how often the pictures are halved
+    iterations: int
+    coherent: bool  # whether the views' depth counts as well, equation 3
+
+
+ROUNDS = (
+    Round(level=2, iterations=5, coherent=False),
+    Round(level=1, iterations=4, coherent=False),
+    Round(level=1, iterations=2, coherent=True),
+    Round(level=0, iterations=3, coherent=True),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DenseDepthSettings:
+    """How thoroughly photographs are matched, and which depth is believed."""
+
+    max_side_px: int = 1200  # photographs are matched at this size at most
+    sources: int = 5  # photographs matched with each one
+    rounds: tuple[Round, ...] = ROUNDS
+    seed: int = 0
+    selection: ViewSelectionSettings = field(default_factory=ViewSelectionSettings)
+    matching: PatchMatchSettings = field(default_factory=PatchMatchSettings)
+    agreement: AgreementSettings = field(default_factory=AgreementSettings)
+
+    def __post_init__(self) -> None:
+        if self.max_side_px < 32 or not self.rounds:
+            raise ValueError("max_side_px must be at least 32, and there must be rounds")
+        if not self.matching.best_sources <= self.sources <= MOST_SOURCES:
+            raise ValueError(f"best_sources <= sources <= {MOST_SOURCES}, not {self.sources}")
+        if not 0 <= self.seed < 2**63:
+            raise ValueError(f"seed must be in [0, 2^63), not {self.seed}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthPlan:
+    """What each view is matched with."""
+
+    ranges_m: tuple[tuple[float, float], ...]  # nearest and farthest depth of each view, NaN where it has no sources
+    sources: tuple[tuple[int, ...], ...]  # views that each is matched with, the most useful first
+
+
+def plan_depths(
+    cameras: Sequence[Pinhole],
+    points_m: NDArray[np.floating] | None = None,
+    settings: DenseDepthSettings = DenseDepthSettings(),
+) -> DepthPlan:
+    """Nearest and farthest depth of every view, and the views that each is matched with, none where there are none.
+
+    Args:
+        cameras: Of all views.
+        points_m: (N, 3), points of the scene, which give the range of depths; without them the cameras do.
+        settings: How many, and at which angles.
+
+    Raises:
+        CaptureError: No two views look at the same place from a usable angle.
+    """
+    ranges_m: list[tuple[float, float]] = []
+    sources: list[tuple[int, ...]] = []
+    for index in range(len(cameras)):
+        try:
+            range_m = depth_range_m(cameras, index, points_m)
+        except CaptureError as error:
+            logger.info("view %d: %s", index, error)
+            ranges_m.append((np.nan, np.nan))
+            sources.append(())
+            continue
+        ranges_m.append(range_m)
+        sources.append(tuple(select_views(cameras, index, range_m, settings.sources, settings.selection)))
+    if not any(sources):
+        raise CaptureError(
+            f"no two of {len(cameras)} photographs look at the same place from {settings.selection.min_angle_deg:g} to "
+            f"{settings.selection.max_angle_deg:g} degrees apart"
+        )
+    return DepthPlan(ranges_m=tuple(ranges_m), sources=tuple(sources))
+
+
+def match_round(
+    number: int,
+    index: int,
+    plan: DepthPlan,
+    read_view: Callable[[int], View],
+    read_planes: Callable[[int], MatchedPlanes | None],
+    settings: DenseDepthSettings = DenseDepthSettings(),
+    *,
+    threads: int = 0,
+) -> MatchedPlanes:
+    """One view in one round; its sources must not be empty.
+
+    Args:
+        number: Of the round, from 0.
+        index: Of the view.
+        plan: Of all views.
+        read_view: Gives a view, by its number.
+        read_planes: Gives what the round before left of a view, by its number; None for a view without sources.
+        settings: How thoroughly.
+        threads: 0: one per core.
+    """
+    current = settings.rounds[number]
+    chosen = plan.sources[index]
+    return match_view(
+        read_view(index),
+        [read_view(k) for k in chosen],
+        plan.ranges_m[index],
+        current.level,
+        current.iterations,
+        settings.matching,
+        start=read_planes(index) if number else None,
+        source_planes=[read_planes(k) for k in chosen] if number and current.coherent else None,
+        max_side_px=settings.max_side_px,
+        seed=settings.seed * 64 + number,
+        threads=threads,
+    )
+
+
+def finish_depth(
+    index: int,
+    plan: DepthPlan,
+    read_view: Callable[[int], View],
+    read_planes: Callable[[int], MatchedPlanes | None],
+    settings: DenseDepthSettings = DenseDepthSettings(),
+    *,
+    threads: int = 0,
+) -> DepthEstimate:
+    """The depth of one view after the last round, as far as it is believed.
+
+    Args:
+        index: Of the view, which must have sources.
+        plan: Of all views.
+        read_view: Gives a view, by its number.
+        read_planes: Gives what the last round left of a view, by its number; None for a view without sources.
+        settings: What is believed.
+        threads: 0: one per core.
+    """
+    planes = read_planes(index)
+    if planes is None:
+        raise ValueError(f"view {index} has not been matched")
+    return confirm_depth(planes, [read_planes(k) for k in plan.sources[index]], settings.agreement, threads=threads)
+
+
+def estimate_depths(
+    views: Sequence[View],
+    points_m: NDArray[np.floating] | None = None,
+    settings: DenseDepthSettings = DenseDepthSettings(),
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    threads: int = 0,
+) -> list[DepthEstimate | None]:
+    """Depth of every view by all the rounds, everything in memory; None for views that no other can be matched with.
+
+    Args:
+        views: At least two; their depth is not looked at. Pixels outside a view's mask get no depth.
+        points_m: (N, 3), points of the scene, which give the range of depths; without them the cameras do.
+        settings: How thoroughly.
+        progress: Called with the number of views matched, each round counted, and of all.
+        threads: 0: one per core.
+
+    Raises:
+        CaptureError: No two views look at the same place from a usable angle.
+    """
+    plan = plan_depths([view.camera for view in views], points_m, settings)
+    planes: list[MatchedPlanes | None] = [None] * len(views)
+    done = 0
+    for number in range(len(settings.rounds)):
+        before = tuple(planes)
+        for index in range(len(views)):
+            if plan.sources[index]:
+                planes[index] = match_round(
+                    number, index, plan, views.__getitem__, before.__getitem__, settings, threads=threads
+                )
+            done += 1
+            if progress is not None:
+                progress(done, len(settings.rounds) * len(views))
+    last = tuple(planes)
+    return [
+        finish_depth(index, plan, views.__getitem__, last.__getitem__, settings, threads=threads)
+        if plan.sources[index]
+        else None
+        for index in range(len(views))
+    ]
