@@ -35,7 +35,8 @@ _LEAST_NEAR = 1e-4  # of the farthest depth: the depth buffer cannot tell more
 _PLANE_CELLS = 48  # along the longer side of an image plane whose lens distorts
 _WIDEST = 10.0  # tangent of the angle from the axis up to which there is a plane
 _FEW = 20_000  # points that tell how far the cloud is from a camera, and how dense it is
-_APART = 1.5  # widths of points, in distances to the nearest one
+_NEIGHBOURS = 4  # of a point on a surface
+_APART = 1.5  # widths of points, in distances to those: without it gaps show across the diagonals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,8 +221,10 @@ def author_cloud(stage: Usd.Stage, path: Sdf.Path, cloud: Cloud, width_m: float 
     held = Vt.Vec3fArray.FromNumpy(places_m.astype(np.float32))
     width_m = point_width(cloud.points_m) if width_m is None else width_m
     points.CreatePointsAttr(held)
-    points.CreateWidthsAttr(Vt.FloatArray([width_m]))
-    points.SetWidthsInterpolation(UsdGeom.Tokens.constant)
+    # One a point, though all are equal: with a single one neither USD nor its validators compute the extent.
+    widths = Vt.FloatArray.FromNumpy(np.full(len(held), width_m, np.float32))
+    points.CreateWidthsAttr(widths)
+    points.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
     points.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(cloud.normals, np.float32)))
     points.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     points.CreateExtentAttr(
@@ -305,11 +308,11 @@ def depth_range(
 
 
 def point_width(points_m: NDArray[np.float64]) -> float:
-    """So wide that most points touch their neighbours: from the distances between some and their nearest ones."""
-    if len(points_m) < 2:
+    """So wide that most points touch their neighbours on the surface: from the distances between some and those."""
+    if len(points_m) <= _NEIGHBOURS:
         return 0.001
     some = points_m[:: max(1, len(points_m) // _FEW)]
-    away_m = np.asarray(cKDTree(points_m).query(some, k=2)[0])[:, 1]
+    away_m = np.asarray(cKDTree(points_m).query(some, k=_NEIGHBOURS + 1)[0])[:, -1]
     apart = away_m[away_m > 0]
     return float(_APART * np.median(apart)) if len(apart) else 0.001
 
