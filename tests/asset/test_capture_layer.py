@@ -81,7 +81,7 @@ def project(camera: UsdGeom.Camera, points_m: np.ndarray, size: tuple[int, int])
     size=st.tuples(st.integers(16, 6000), st.integers(16, 6000)),
 )
 def test_a_camera_sees_points_where_the_pinhole_does(position, focal, center, size):
-    target = (*np.array(position), 0.3, -0.2, 0.9)
+    target = np.add(position, (0.3, -0.2, 0.9))
     pinhole = Pinhole(
         width_px=size[0],
         height_px=size[1],
