@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from usdfoliage import __version__
 from usdfoliage.errors import FoliageError
 
-COMMANDS = ("crown", "leaves", "scatter", "edit", "bake", "info", "preview", "validate", "env")
+COMMANDS = ("capture", "crown", "leaves", "scatter", "edit", "bake", "info", "preview", "validate", "env")
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -1,6 +1,8 @@
 """capture.toml: what the user says of a capture."""
 
+import json
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,29 @@ class CaptureSettings:
 
 
 _KINDS = {"name": "text", "up_axis": "text", "metres_per_unit": "a number", "color_space": "text", "note": "text"}
+
+
+def complete_capture_settings(text: str, values: Mapping[str, str | float]) -> str:
+    """The text of a capture.toml with the keys that it lacks put before all others; whatever is in it stays.
+
+    Args:
+        text: As it is; "" where there is none.
+        values: By key, for the top of the file.
+
+    Raises:
+        ValueError: The text is no TOML.
+    """
+    mark, body = ("\ufeff", text[1:]) if text.startswith("\ufeff") else ("", text)
+    held = tomllib.loads(body)
+    missing = {key: value for key, value in values.items() if key not in held}
+    if not missing:
+        return text
+    end = "\r\n" if "\r\n" in body else "\n"
+    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in missing.items()]
+    completed = end.join(["# added by usdfoliage capture", *lines, body])
+    if tomllib.loads(completed) != {**held, **missing}:
+        raise ValueError(f"{', '.join(missing)} cannot be added")
+    return mark + completed
 
 
 def read_capture_settings(folder: Path) -> tuple[CaptureSettings, tuple[str, ...]]:

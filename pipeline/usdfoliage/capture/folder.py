@@ -245,6 +245,16 @@ def read_view(capture: Capture, index: int) -> View:
     return view
 
 
+def read_view_noted(capture: Capture, index: int) -> tuple[View, tuple[str, ...]]:
+    """Read one view as read_view does, and say what is odd about it: texts to follow its name and a colon.
+
+    Raises:
+        CaptureError: As read_view.
+    """
+    view, remarks = _read_view(capture, capture.views[index], {})
+    return view, tuple(f"{remark.text}{f'; {remark.detail}' if remark.detail else ''}" for remark in remarks)
+
+
 _DEPTH_IGNORED = "the depth map is ignored"
 _MASK_IGNORED = "the mask is ignored"
 

@@ -25,7 +25,7 @@ def read_settings_file(path: Path, defaults: Settings) -> Settings:
 
     Args:
         path: TOML; what it leaves out stays as it is.
-        defaults: A dataclass of numbers, texts, tuples of numbers and further dataclasses.
+        defaults: A dataclass of numbers, texts, tuples of these and further dataclasses.
 
     Raises:
         FoliageError: There is no such file, it is no TOML, or it has an unknown setting or a value that cannot be.
@@ -99,6 +99,8 @@ def _check(value: Any, wanted: Any, key: str, path: Path) -> Any:
         if not isinstance(value, list) or len(value) != len(kinds):
             raise FoliageError(f"{key} must be a list of {len(kinds)}, not {value!r} ({path})")
         return tuple(_check(one, kind, key, path) for one, kind in zip(value, kinds, strict=True))
+    if dataclasses.is_dataclass(wanted):
+        return _make(wanted, value, key, path)
     # A bool is an int to Python, and 1 is a float to everybody.
     fits = isinstance(value, wanted) and (wanted is bool or not isinstance(value, bool))
     if wanted is float and isinstance(value, int) and not isinstance(value, bool):
@@ -108,6 +110,18 @@ def _check(value: Any, wanted: Any, key: str, path: Path) -> Any:
     if not fits:
         raise FoliageError(f"{key} must be {_describe(wanted)}, not {value!r} ({path})")
     return value
+
+
+def _make(wanted: Any, value: Any, key: str, path: Path) -> Any:
+    """One of a list of tables: there is no default, and every field must be said."""
+    names = [field.name for field in dataclasses.fields(wanted)]
+    if not isinstance(value, dict) or set(value) != set(names):
+        raise FoliageError(f"{key} must be a list of tables with {', '.join(names)}, not {value!r} ({path})")
+    kinds = typing.get_type_hints(wanted)
+    try:
+        return wanted(**{name: _check(value[name], kinds[name], f"{key}.{name}", path) for name in names})
+    except ValueError as error:
+        raise FoliageError(f"[{key}] {error} ({path})") from error
 
 
 def _describe(kind: type) -> str:
@@ -134,6 +148,9 @@ def _format_value(value: Any) -> str:
         return f'"{AUTO}"'
     if isinstance(value, bool):
         return str(value).lower()
+    if dataclasses.is_dataclass(value):
+        inside = (f"{field.name} = {_format_value(getattr(value, field.name))}" for field in dataclasses.fields(value))
+        return f"{{ {', '.join(inside)} }}"
     if isinstance(value, tuple):
         return f"[{', '.join(map(_format_value, value))}]"
     if isinstance(value, float):

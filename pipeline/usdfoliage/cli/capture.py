@@ -1,0 +1,77 @@
+"""Make a dense coloured cloud, and depth for every photograph, out of a folder of photographs.
+
+PHOTOS is a folder of photographs, or a capture: a folder with images/ and, where the poses are known, cameras/ (a
+COLMAP model); masks/ and capture.toml are optional. The capture gets depth/, normals/, confidence/, cloud.ply and
+capture.usda. A run that was stopped goes on where it was when the same command is given again: each result is kept by
+the hash of what it was made of, in .usdfoliage/ inside the capture, which may be deleted.
+"""
+
+import argparse
+import logging
+from pathlib import Path
+
+from usdfoliage.cli.leaf_options import add_writing
+
+logger = logging.getLogger(__name__)
+
+QUALITIES = ("draft", "normal", "high")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("source", metavar="PHOTOS", type=Path, nargs="?", help="a folder of photographs, or a capture")
+    parser.add_argument(
+        "-o", "--output", metavar="CAPTURE", type=Path, help="the capture to fill (PHOTOS where that is a capture)"
+    )
+    parser.add_argument(
+        "--quality", choices=QUALITIES, default="normal", help="how thoroughly photographs are matched (%(default)s)"
+    )
+    parser.add_argument(
+        "--views",
+        metavar="SPEC",
+        help="only these photographs: names, numbers from 0 in the order of the names, or start:stop:step; with commas "
+        "between them (all)",
+    )
+    parser.add_argument(
+        "--mask",
+        choices=("auto", "none"),
+        help="auto: depth only where masks/ are white; none: masks are not looked at (auto)",
+    )
+    parser.add_argument(
+        "--settings", metavar="FILE", type=Path, help="TOML with any of the settings; the other options override it"
+    )
+    parser.add_argument(
+        "--print-settings", action="store_true", help="print every setting, as --settings and the options have it"
+    )
+    parser.add_argument("--seed", type=int, help="of every random choice (0)")
+    parser.add_argument("--threads", type=int, help="at most this many; the result is the same (all cores)")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="only go on with an earlier run, do not begin one (results are reused anyway)",
+    )
+    parser.add_argument("--fresh", action="store_true", help="forget what earlier runs did, and begin anew")
+    add_writing(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.progress import StepBar
+    from usdfoliage.jobs.capture import CaptureRequest, make_capture
+    from usdfoliage.jobs.capture_settings import read_capture_run_settings
+    from usdfoliage.jobs.settings_file import format_settings
+
+    handle_interrupts()
+    if options.print_settings:
+        print(format_settings(read_capture_run_settings(options)), end="")
+        return 0
+    request = CaptureRequest.from_options(options)
+    with StepBar() as bar:
+        made = make_capture(request, bar.show)
+    for note in made.notes:
+        print(f"note: {note}")
+    print(f"photographs: {made.registered:,} of {made.photographs:,} have a pose, {made.views:,} have depth")
+    print(f"coverage: {made.coverage:.0%} of a photograph's pixels have depth")
+    print(f"points: {made.points:,}")
+    print(f"seconds: {', '.join(f'{name} {seconds:.1f}' for name, seconds in made.seconds.items())}")
+    print(f"cloud: {made.cloud}")
+    return 0

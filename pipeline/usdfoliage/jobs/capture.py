@@ -1,0 +1,268 @@
+"""From photographs to a capture: depth of every one of them, and one coloured cloud."""
+
+import argparse
+import logging
+import os
+import shutil
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+from usdfoliage import __version__
+from usdfoliage.asset.capture_layer import CaptureCamera, CaptureLayerSettings, write_capture_layer
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.capture.capture_settings import FILE_NAME, complete_capture_settings, read_capture_settings
+from usdfoliage.capture.cloud import Cloud, merge_views
+from usdfoliage.capture.cloud_file import write_cloud
+from usdfoliage.capture.folder import Capture, read_capture
+from usdfoliage.capture.listing import counted, named
+from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.jobs.capture_depth import (
+    DepthTasks,
+    PreparedViews,
+    find_missing,
+    forget_others,
+    plan_tasks,
+    prepare_views,
+    run_tasks,
+    seen_surfaces,
+)
+from usdfoliage.jobs.capture_folder import (
+    GivenPhotographs,
+    Record,
+    find_photographs,
+    lay_out,
+    publish,
+)
+from usdfoliage.jobs.capture_maps import KINDS, ViewMaps, forget_other_maps, write_maps
+from usdfoliage.jobs.capture_settings import CaptureRunSettings, read_capture_run_settings
+from usdfoliage.jobs.capture_work import explain, forget, lock_work, write_whole
+from usdfoliage.steps import StepProgress, follow_step
+
+logger = logging.getLogger(__name__)
+
+CLOUD, LAYER, LAYER_CLOUD, REPORT = "cloud.ply", "capture.usda", "capture_cloud.usdc", "report"
+BESIDE = "_estimated"  # ends the name of a folder of maps where the user has one of that name
+_NEW = "new"  # in the work folder: results on their way to their places
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureRequest:
+    """What the user asked for, checked."""
+
+    source: Path
+    output: Path | None
+    settings: CaptureRunSettings
+    views: str | None = None  # None: all
+    resume: bool = False  # only go on with an earlier run
+    fresh: bool = False  # forget earlier runs
+    threads: int = 0
+    force: bool = False
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "CaptureRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        if options.source is None:
+            raise FoliageError(
+                "no photographs are named; give their folder, as in: usdfoliage capture PHOTOS -o CAPTURE"
+            )
+        if options.resume and options.fresh:
+            raise FoliageError("--resume goes on with an earlier run and --fresh forgets it; use one of them")
+        if options.threads is not None and options.threads < 0:
+            raise FoliageError(f"--threads must be 0, for all cores, or more, not {options.threads}")
+        return cls(
+            source=options.source,
+            output=options.output,
+            settings=read_capture_run_settings(options),
+            views=options.views,
+            resume=options.resume,
+            fresh=options.fresh,
+            threads=options.threads or 0,
+            force=options.force,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeCapture:
+    """What was written, and what the user should know of it."""
+
+    cloud: Path
+    photographs: int
+    registered: int  # of them, with a pose
+    views: int  # of these, with depth
+    points: int
+    coverage: float  # mean share of a photograph that has depth
+    seconds: Mapping[str, float]  # by step
+    notes: tuple[str, ...]
+
+
+def make_capture(request: CaptureRequest, progress: StepProgress | None = None) -> MadeCapture:
+    """Find the depth of photographs and their cloud; what a killed run has done already is not done again.
+
+    Raises:
+        FoliageError: The input is unusable, or the output cannot be written; results appear whole or not at all.
+    """
+    given = find_photographs(request.source, request.output)
+    read_capture_settings(given.source)  # what is wrong with it is said before anything is written
+    if request.resume and not given.work.is_dir():
+        raise CaptureError(f"{given.folder} has no earlier run to go on with; leave --resume out to begin one")
+    seconds: dict[str, float] = {}
+    with lock_work(given.work):
+        if request.fresh:
+            forget_results(given.work)
+        record = Record(given.work)
+        places, notes = choose_places(given.folder, record, force=request.force)
+        lay_out(given, record, force=request.force)
+        capture = find_capture(request, given.folder)
+        with follow_step("photographs", seconds, progress) as tell:
+            prepared = prepare_views(
+                capture,
+                given.work,
+                request.settings.depth.max_side_px,
+                masks=request.settings.mask != "none",
+                progress=tell,
+            )
+        tasks = plan_tasks(prepared.views, capture.points_m, request.settings.depth, given.work)
+        missing = find_missing(tasks)
+        notes += [*capture_notes(capture), *prepared.notes, *task_notes(tasks, len(missing))]
+        with follow_step("depth", seconds, progress) as tell:
+            run_tasks(tasks, missing, threads=request.threads, progress=tell)
+        with follow_step("maps", seconds, progress) as tell:
+            maps = write_maps(tasks, threads=request.threads, progress=tell)
+        with follow_step("cloud", seconds, progress) as tell:
+            cloud = merge_views(seen_surfaces(tasks, tell), request.settings.cloud)
+        if not len(cloud):
+            raise CaptureError(
+                f"no depth was found in {counted(len(prepared.views), 'photograph')} of {given.folder}: they agree "
+                "about nothing; check that the cameras belong to them, and that neighbours overlap by two thirds"
+            )
+        new = given.work / _NEW
+        forget(new)
+        with follow_step("output", seconds, progress):
+            lay_maps(new, maps, places)
+            write_results(new, given, capture, prepared, cloud)
+            publish(new, given.folder, [*places, *_results(new)], record)
+        forget_others(tasks)
+        forget_other_maps(tasks, maps)
+    return MadeCapture(
+        cloud=given.folder / CLOUD,
+        photographs=len(given.photos),
+        registered=len(capture.views),
+        views=len(maps),
+        points=len(cloud),
+        coverage=sum(held.coverage for held in maps) / max(1, len(maps)),
+        seconds=seconds,
+        notes=tuple(notes),
+    )
+
+
+def find_capture(request: CaptureRequest, folder: Path) -> Capture:
+    """The capture with the photographs asked for, its depth maps left out; CaptureError where there are none."""
+    capture = read_capture(folder, views=request.views)
+    return replace(capture, views=tuple(replace(view, depth=None) for view in capture.views))
+
+
+def choose_places(folder: Path, record: Record, *, force: bool = False) -> tuple[list[str], list[str]]:
+    """The folders of depth, normals and confidence, and sentences about those that are not where they would be.
+
+    Raises:
+        CaptureError: There are results in the way that usdfoliage did not make.
+    """
+    single = [name for name in (CLOUD, LAYER, LAYER_CLOUD, REPORT) if not record.owns(folder, name)]
+    if single and not force:
+        raise CaptureError(
+            f"{folder} has {named(single)}, not made by usdfoliage or changed since; move them elsewhere, or use "
+            "--force to replace them"
+        )
+    if force or all(record.owns(folder, kind) for kind in KINDS):
+        return list(KINDS), []
+    beside = [f"{kind}{BESIDE}" for kind in KINDS]
+    blocked = [name for name in beside if not record.owns(folder, name)]
+    if blocked:
+        raise CaptureError(f"{folder} has {named(blocked)}, changed since usdfoliage made it; move it, or use --force")
+    kept = [kind for kind in KINDS if not record.owns(folder, kind)]
+    note = (
+        f"{named(kept)} was there and is kept; what is found here is in {', '.join(beside)} (usdfoliage leaves --depth "
+        f"{beside[0]} takes it), and --force would replace what was there"
+    )
+    return beside, [note]
+
+
+def forget_results(work: Path) -> None:
+    """Remove all results of earlier runs; what is known of the capture's files stays."""
+    for below in work.iterdir():
+        if below.is_dir():
+            forget(below)
+
+
+def capture_notes(capture: Capture) -> list[str]:
+    """What is odd about a capture; depth maps are not asked of it."""
+    return [note for note in capture.notes if "without a depth map" not in note and "depth map without" not in note]
+
+
+def task_notes(tasks: DepthTasks, missing: int) -> list[str]:
+    """Photographs without companions, and what was found of an earlier run."""
+    alone = [view.name for view, sources in zip(tasks.views, tasks.plan.sources, strict=True) if not sources]
+    notes = []
+    if alone:
+        notes.append(f"{named(alone)}: no other photograph shows the same from a usable angle, no depth")
+    every = sum(path is not None for paths in (*tasks.planes, tasks.depth) for path in paths)
+    if missing < every:
+        notes.append(f"{every - missing} of {every} tasks of depth were done by an earlier run")
+    return notes
+
+
+def lay_maps(new: Path, maps: Sequence[ViewMaps], places: Sequence[str]) -> None:
+    """Links to the maps, in folders as the capture is to have them.
+
+    Raises:
+        CaptureError: They cannot be written.
+    """
+    stems = Counter(PurePosixPath(held.name).with_suffix("") for held in maps)
+    for held in maps:
+        stem = PurePosixPath(held.name).with_suffix("")
+        name = f"{stem if stems[stem] == 1 else held.name}.exr"  # a.jpg beside a.png
+        for place, path in zip(places, held.files, strict=True):
+            there = new / place / name
+            try:
+                there.parent.mkdir(parents=True, exist_ok=True)
+                try:
+                    os.link(path, there)
+                except OSError:  # no links on this disk, or the disk is full: then the copy says so
+                    shutil.copyfile(path, there)
+            except OSError as error:
+                raise CaptureError(explain(there, error)) from error
+
+
+def write_results(new: Path, given: GivenPhotographs, capture: Capture, prepared: PreparedViews, cloud: Cloud) -> None:
+    """Cloud, layer and capture.toml, into a folder of their own.
+
+    Raises:
+        FoliageError: They cannot be written.
+    """
+    settings = capture.settings
+    cameras = [
+        CaptureCamera(
+            name=view.name,
+            photo=f"images/{view.name}",
+            camera=view.camera,
+            lens=None if view.lens.is_pinhole else view.lens,
+        )
+        for view in prepared.views
+    ]
+    layer_settings = CaptureLayerSettings(up_axis=settings.up_axis)
+    write_capture_layer(new / LAYER, cameras, cloud, asset_name(capture.name), layer_settings)
+    write_cloud(new / CLOUD, cloud, [f"usdfoliage {__version__}"], settings.metres_per_unit)
+    said = given.folder / FILE_NAME
+    text = said.read_bytes().decode("utf-8") if said.is_file() else ""
+    completed = complete_capture_settings(
+        text, {"up_axis": settings.up_axis, "metres_per_unit": settings.metres_per_unit}
+    )
+    if completed != text:
+        write_whole(new / FILE_NAME, completed.encode("utf-8"))
+
+
+def _results(new: Path) -> list[str]:
+    """What is to be published beside the maps, the cloud last: where it is new, all is."""
+    return [name for name in (LAYER_CLOUD, LAYER, FILE_NAME, REPORT, CLOUD) if (new / name).exists()]

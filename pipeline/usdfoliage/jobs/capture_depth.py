@@ -1,0 +1,375 @@
+"""Depth of every photograph of a capture, task by task through the work folder.
+
+Every task's result is a file named by the hash of what went into it. What is there is not made again, and no more than
+a few photographs are in memory at a time.
+"""
+
+import json
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.cloud import SeenSurface
+from usdfoliage.capture.dense_depth import DenseDepthSettings, DepthPlan, finish_depth, match_round, plan_depths
+from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate
+from usdfoliage.capture.folder import Capture, CaptureView, read_view_noted
+from usdfoliage.capture.lens import Lens, scale_lens
+from usdfoliage.capture.listing import counted, named
+from usdfoliage.capture.patch_match import MatchedPlanes, Picture, scale_camera
+from usdfoliage.capture.view import View
+from usdfoliage.errors import CaptureError
+from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.capture_work import digest_file, forget, has_result, read_result, task_key, write_result
+
+logger = logging.getLogger(__name__)
+
+PHOTOS, PLANES, DEPTH = "photos", "planes", "depth"  # folders in the work folder
+_MOST_IN_MEMORY = 12  # photographs, and planes of as many
+
+Progress = Callable[[int, int], None]
+Arrays = dict[str, NDArray[np.generic]]
+Held = TypeVar("Held")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PreparedView:
+    """A photograph that can be read; its pixels, undistorted and no more than are matched, are in the work folder."""
+
+    chosen: CaptureView
+    pixels: Path
+    width_px: int  # of the photograph
+    height_px: int
+    key: str  # of pixels and camera
+
+    @property
+    def name(self) -> str:
+        return self.chosen.name
+
+    @property
+    def lens(self) -> Lens:
+        """Of the photograph, at its size."""
+        return scale_lens(self.chosen.lens, self.width_px, self.height_px)
+
+    @property
+    def camera(self) -> Pinhole:
+        """Of the photograph without distortion, at its size."""
+        return self.lens.pinhole(self.chosen.cam_from_world)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PreparedViews:
+    """The photographs of a capture that can be read."""
+
+    views: tuple[PreparedView, ...]
+    dropped: tuple[tuple[str, str], ...]  # names of those that cannot be used, and why
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthTasks:
+    """What is to be matched with what, and where each result is."""
+
+    work: Path
+    views: tuple[PreparedView, ...]
+    settings: DenseDepthSettings
+    plan: DepthPlan
+    planes: tuple[tuple[Path | None, ...], ...]  # by round and view; None for views without sources
+    depth: tuple[Path | None, ...]  # by view
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissingTasks:
+    """What is not in the work folder."""
+
+    planes: tuple[tuple[int, ...], ...]  # views to be matched, by round
+    depth: tuple[int, ...]  # views to be finished
+
+    def __len__(self) -> int:
+        return sum(map(len, self.planes)) + len(self.depth)
+
+
+def prepare_views(
+    capture: Capture,
+    work: Path,
+    max_side_px: int,
+    *,
+    masks: bool = True,
+    keep: bool = True,
+    progress: Progress | None = None,
+) -> PreparedViews:
+    """Read every photograph of a capture once; those that cannot be used are named, their companions kept.
+
+    Args:
+        capture: Whose depth maps are not looked at.
+        work: The work folder.
+        max_side_px: Of what is kept.
+        masks: Whether masks are looked at.
+        keep: Whether the work folder gets what is read; without it there are no pixels to go on with.
+        progress: Told of photographs done, and of all.
+
+    Raises:
+        CaptureError: Fewer than two can be read, or the work folder cannot be written.
+    """
+    bare = replace(
+        capture,
+        views=tuple(replace(view, depth=None, mask=view.mask if masks else None) for view in capture.views),
+    )
+    views: list[PreparedView] = []
+    dropped: list[tuple[str, str]] = []
+    remarks: dict[str, list[str]] = {}
+    for index, chosen in enumerate(bare.views):
+        try:
+            path = work / PHOTOS / f"{_picture_key(bare, chosen, max_side_px)}.npz"
+            held = read_result(path)
+            made = None if held is not None else _read_picture(bare, index, max_side_px)
+        except CaptureError as error:
+            dropped.append((chosen.name, str(error)))
+        else:
+            if made is not None and keep:
+                write_result(path, made)
+            held = made or held or {}
+            width_px, height_px = (int(side) for side in held["size"])
+            key = task_key(path.stem, chosen.cam_from_world)
+            views.append(PreparedView(chosen=chosen, pixels=path, width_px=width_px, height_px=height_px, key=key))
+            for text in json.loads(str(held["notes"])):
+                remarks.setdefault(text, []).append(chosen.name)
+        if progress is not None:
+            progress(index + 1, len(bare.views))
+    notes = [f"{name} is left out: {reason}" for name, reason in dropped]
+    notes += [f"{named(names)}: {text}" for text, names in remarks.items()]
+    if len(views) < 2:
+        reason = f"; the first that cannot: {dropped[0][1]}" if dropped else ""
+        raise CaptureError(
+            f"{counted(len(views), 'photograph')} of {len(bare.views)} in {capture.folder} can be used, and depth "
+            f"takes two at least{reason}"
+        )
+    return PreparedViews(views=tuple(views), dropped=tuple(dropped), notes=tuple(notes))
+
+
+def _picture_key(capture: Capture, chosen: CaptureView, max_side_px: int) -> str:
+    mask = None if chosen.mask is None else digest_file(chosen.mask)
+    return task_key("photo", digest_file(chosen.photo), mask, chosen.lens, capture.settings.color_space, max_side_px)
+
+
+def _read_picture(capture: Capture, index: int, max_side_px: int) -> Arrays:
+    """What is kept of a photograph."""
+    view, about = read_view_noted(capture, index)
+    small = Picture.of(view, max_side_px, 0)
+    held: Arrays = {
+        "srgb": small.srgb,
+        "size": np.array([view.camera.width_px, view.camera.height_px]),
+        "notes": np.array(json.dumps(about)),
+    }
+    if small.mask is not None:
+        held["mask"] = small.mask > 0
+    return held
+
+
+def plan_tasks(
+    views: Sequence[PreparedView], points_m: NDArray[np.floating], settings: DenseDepthSettings, work: Path
+) -> DepthTasks:
+    """Which results there will be.
+
+    Raises:
+        CaptureError: No two views look at the same place from a usable angle.
+    """
+    plan = plan_depths([view.camera for view in views], points_m if len(points_m) else None, settings)
+    matching = replace(settings, agreement=AgreementSettings())  # what is believed comes after matching
+    keys = [view.key for view in views]  # of what the round before left of each view
+    planes: list[tuple[Path | None, ...]] = []
+    for number, current in enumerate(settings.rounds):
+        before, keys = keys, list(keys)
+        for index, sources in enumerate(plan.sources):
+            if sources:
+                others = [before[k] for k in sources] if current.coherent else []
+                pictures = [views[k].key for k in sources]
+                start = before[index]
+                keys[index] = task_key(
+                    "planes", number, views[index].key, pictures, list(plan.ranges_m[index]), start, others, matching
+                )
+        folder = work / PLANES / str(number)
+        planes.append(tuple(folder / f"{key}.npz" if plan.sources[k] else None for k, key in enumerate(keys)))
+    depth = tuple(
+        work / DEPTH / f"{task_key('depth', keys[index], [keys[k] for k in sources], settings.agreement)}.npz"
+        if sources
+        else None
+        for index, sources in enumerate(plan.sources)
+    )
+    return DepthTasks(work=work, views=tuple(views), settings=settings, plan=plan, planes=tuple(planes), depth=depth)
+
+
+def find_missing(tasks: DepthTasks) -> MissingTasks:
+    """What must be made: going back from the last results, what those that are missing ask for."""
+    depth = tuple(k for k, path in enumerate(tasks.depth) if path is not None and not has_result(path))
+    wanted = {k for index in depth for k in (index, *tasks.plan.sources[index])}
+    planes: list[tuple[int, ...]] = []
+    for number in reversed(range(len(tasks.planes))):
+        paths = tasks.planes[number]
+        missing = tuple(k for k in sorted(wanted) if (path := paths[k]) is not None and not has_result(path))
+        planes.append(missing)
+        wanted = set(missing) if number else set()
+        if number and tasks.settings.rounds[number].coherent:
+            wanted |= {k for index in missing for k in tasks.plan.sources[index]}
+    return MissingTasks(planes=tuple(reversed(planes)), depth=depth)
+
+
+def run_tasks(tasks: DepthTasks, missing: MissingTasks, *, threads: int = 0, progress: Progress | None = None) -> None:
+    """Match and finish what is missing; the planes of a round are removed when nothing asks for them any more.
+
+    Raises:
+        CaptureError: The work folder cannot be written.
+    """
+    done = 0
+
+    def tell() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, len(missing))
+
+    read_view = _remembering(lambda index: read_pixels(tasks.views[index]))
+    for number, views in enumerate(missing.planes):
+        read_before = _remembering(lambda index, number=number: _read_planes(tasks, number - 1, index))  # type: ignore[misc]
+        for index in views:
+            matched = match_round(number, index, tasks.plan, read_view, read_before, tasks.settings, threads=threads)
+            _write_planes(_there(tasks.planes[number][index]), matched)
+            tell()
+        if views and number:
+            forget(tasks.work / PLANES / str(number - 1))
+    read_last = _remembering(lambda index: _read_planes(tasks, len(tasks.planes) - 1, index))
+    for index in missing.depth:
+        estimate = finish_depth(index, tasks.plan, read_view, read_last, tasks.settings, threads=threads)
+        _write_estimate(_there(tasks.depth[index]), estimate)
+        tell()
+    forget(tasks.work / PLANES)
+
+
+def forget_others(tasks: DepthTasks) -> None:
+    """Remove results in the work folder that are not of these tasks."""
+    forget(tasks.work / PHOTOS, [view.pixels for view in tasks.views])
+    forget(tasks.work / DEPTH, [path for path in tasks.depth if path is not None])
+
+
+def read_pixels(prepared: PreparedView) -> View:
+    """A photograph as it is matched.
+
+    Raises:
+        CaptureError: What was kept of it has been damaged since.
+    """
+    held = _need(prepared.pixels)
+    srgb = cast(NDArray[np.uint8], held["srgb"])
+    size = srgb.shape[:2]
+    return View(
+        name=prepared.name,
+        camera=scale_camera(prepared.camera, size[1], size[0]),
+        srgb=srgb,
+        depth_m=np.broadcast_to(np.float32(0), size),
+        mask=cast("NDArray[np.bool_] | None", held.get("mask")),
+    )
+
+
+def read_estimate(tasks: DepthTasks, index: int) -> DepthEstimate | None:
+    """The depth of one view; None for one without sources.
+
+    Raises:
+        CaptureError: It is not there.
+    """
+    path = tasks.depth[index]
+    if path is None:
+        return None
+    held = _need(path)
+    depth_m = cast(NDArray[np.float32], held["depth_m"])
+    return DepthEstimate(
+        camera=scale_camera(tasks.views[index].camera, depth_m.shape[1], depth_m.shape[0]),
+        depth_m=depth_m,
+        normals=held["normals"].astype(np.float32),
+        confidence=held["confidence"].astype(np.float32),
+        agreeing=cast(NDArray[np.uint8], held["agreeing"]),
+    )
+
+
+def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None) -> Iterator[SeenSurface]:
+    """What each view adds to the cloud, one after the other."""
+    level = tasks.settings.rounds[-1].level
+    for index, prepared in enumerate(tasks.views):
+        estimate = read_estimate(tasks, index)
+        if estimate is not None:
+            picture = Picture.of(read_pixels(prepared), tasks.settings.max_side_px, level)
+            yield SeenSurface(
+                camera=estimate.camera,
+                depth_m=estimate.depth_m,
+                normals=in_world(estimate.normals, estimate.camera),
+                srgb=picture.srgb,
+                confidence=estimate.confidence,
+            )
+        if progress is not None:
+            progress(index + 1, len(tasks.views))
+
+
+def in_world(normals: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
+    """Normals (H, W, 3) in camera axes in those of the world."""
+    return np.asarray(normals @ camera.cam_from_world[:, :3].astype(np.float32))
+
+
+def _remembering(read: Callable[[int], Held]) -> Callable[[int], Held]:
+    """The same for numbers asked for again and again; what was not asked for lately is forgotten."""
+    return lru_cache(maxsize=_MOST_IN_MEMORY)(read)
+
+
+def _write_planes(path: Path, matched: MatchedPlanes) -> None:
+    """Half the size: changes relative to the inverse depth are small numbers whose first digits are enough."""
+    inverse = matched.planes[..., :1]
+    slopes = np.divide(matched.planes[..., 1:], inverse, out=np.zeros_like(matched.planes[..., 1:]), where=inverse > 0)
+    write_result(
+        path,
+        {
+            "inverse": matched.planes[..., 0],
+            "slopes": slopes.astype(np.float16),
+            "cost": matched.cost.astype(np.float16),
+        },
+    )
+
+
+def _read_planes(tasks: DepthTasks, number: int, index: int) -> MatchedPlanes | None:
+    path = tasks.planes[number][index]
+    if path is None:
+        return None
+    held = _need(path)
+    inverse = cast(NDArray[np.float32], held["inverse"])
+    planes = np.empty((*inverse.shape, 3), np.float32)
+    planes[..., 0] = inverse
+    planes[..., 1:] = held["slopes"].astype(np.float32) * inverse[..., None]
+    camera = scale_camera(tasks.views[index].camera, inverse.shape[1], inverse.shape[0])
+    return MatchedPlanes(camera=camera, planes=planes, cost=held["cost"].astype(np.float32))
+
+
+def _write_estimate(path: Path, estimate: DepthEstimate) -> None:
+    write_result(
+        path,
+        {
+            "depth_m": estimate.depth_m,
+            "normals": estimate.normals.astype(np.float16),
+            "confidence": estimate.confidence.astype(np.float16),
+            "agreeing": estimate.agreeing,
+        },
+        compressed=True,
+    )
+
+
+def _need(path: Path) -> Arrays:
+    held = read_result(path)
+    if held is None:
+        raise CaptureError(f"{path} was removed or damaged while it was in use; run the same command again")
+    return held
+
+
+def _there(path: Path | None) -> Path:
+    if path is None:
+        raise ValueError("a view without sources has no results")
+    return path
