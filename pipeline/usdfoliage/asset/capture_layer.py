@@ -35,6 +35,8 @@ _LEAST_NEAR = 1e-4  # of the farthest depth: the depth buffer cannot tell more
 _PLANE_CELLS = 48  # along the longer side of an image plane whose lens distorts
 _WIDEST = 10.0  # tangent of the angle from the axis up to which there is a plane
 _FEW = 20_000  # points that tell how far the cloud is from a camera, and how dense it is
+_ALONE_M = 0.001  # between points of which nothing is known
+_CLOSE = 0.25  # share of the points that lie close together
 _NEIGHBOURS = 4  # of a point on a surface
 _APART = 1.5  # widths of points, in distances to those: without it gaps show across the diagonals
 
@@ -96,7 +98,12 @@ def write_capture_layer(
     stage = _new_stage(payload, name, settings)
     bounds = None
     if len(cloud):
-        points = author_cloud(stage, Sdf.Path(f"/{name}/{CLOUD}"), cloud, settings.point_width_m)
+        if settings.point_width_m is None:
+            widths_m = point_widths(cloud.points_m, [held.camera for held in cameras])
+        else:
+            # One a point, though all are equal: with a single one neither USD nor its validators compute the extent.
+            widths_m = np.full(len(cloud), settings.point_width_m, np.float32)
+        points = author_cloud(stage, Sdf.Path(f"/{name}/{CLOUD}"), cloud, widths_m)
         bounds = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"]).ComputeWorldBound(points.GetPrim())
     _publish(stage, payload)
 
@@ -206,10 +213,13 @@ def author_image_plane(stage: Usd.Stage, path: Sdf.Path, held: CaptureCamera, de
     return mesh
 
 
-def author_cloud(stage: Usd.Stage, path: Sdf.Path, cloud: Cloud, width_m: float | None = None) -> UsdGeom.Points:
+def author_cloud(stage: Usd.Stage, path: Sdf.Path, cloud: Cloud, widths_m: NDArray[np.float32]) -> UsdGeom.Points:
     """Define the cloud at path: places, normals, linear colours, and of each point its confidence and number of views.
 
     Far from the origin the places are counted from the cloud's middle, since float32 would not hold them.
+
+    Args:
+        widths_m: (N,), of its points.
     """
     author_scopes(stage, path.GetParentPath())
     points = UsdGeom.Points.Define(stage, path)
@@ -219,17 +229,13 @@ def author_cloud(stage: Usd.Stage, path: Sdf.Path, cloud: Cloud, width_m: float 
         points.AddTranslateOp().Set(Gf.Vec3d(*middle_m.tolist()))
         places_m = places_m - middle_m
     held = Vt.Vec3fArray.FromNumpy(places_m.astype(np.float32))
-    width_m = point_width(cloud.points_m) if width_m is None else width_m
     points.CreatePointsAttr(held)
-    # One a point, though all are equal: with a single one neither USD nor its validators compute the extent.
-    widths = Vt.FloatArray.FromNumpy(np.full(len(held), width_m, np.float32))
+    widths = Vt.FloatArray.FromNumpy(widths_m)
     points.CreateWidthsAttr(widths)
     points.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
     points.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(cloud.normals, np.float32)))
     points.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    points.CreateExtentAttr(
-        UsdGeom.Points.ComputeExtent(held, Vt.FloatArray.FromNumpy(np.full(len(held), width_m, np.float32)))
-    )
+    points.CreateExtentAttr(UsdGeom.Points.ComputeExtent(held, widths))
     primvars = UsdGeom.PrimvarsAPI(points)
     color = primvars.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
     table = decode_srgb(np.arange(256, dtype=np.float32) / np.float32(255)).astype(np.float32)
@@ -307,14 +313,25 @@ def depth_range(
     return middle / 10, middle, middle * 10
 
 
-def point_width(points_m: NDArray[np.float64]) -> float:
-    """So wide that most points touch their neighbours on the surface: from the distances between some and those."""
+def point_widths(points_m: NDArray[np.float64], cameras: Sequence[Pinhole]) -> NDArray[np.float32]:
+    """So wide, (N,), that most points (N, 3) touch their neighbours on the surface; those that have none stay small.
+
+    Points are as far apart as pixels of the nearest camera are at their distance; where clouds were thinned, at least
+    as far as those are that lie close together.
+    """
     if len(points_m) <= _NEIGHBOURS:
-        return 0.001
-    some = points_m[:: max(1, len(points_m) // _FEW)]
-    away_m = np.asarray(cKDTree(points_m).query(some, k=_NEIGHBOURS + 1)[0])[:, -1]
-    apart = away_m[away_m > 0]
-    return float(_APART * np.median(apart)) if len(apart) else 0.001
+        apart_m = _ALONE_M
+    else:
+        some = points_m[:: max(1, len(points_m) // _FEW)]
+        away_m = np.asarray(cKDTree(points_m).query(some, k=_NEIGHBOURS + 1)[0])[:, -1]
+        apart_m = float(np.quantile(away_m, _CLOSE if cameras else 0.5)) or _ALONE_M
+    widths_m = np.full(len(points_m), np.inf)
+    for camera in cameras:
+        offset_m = points_m - camera.position_m
+        pixel = 1 / np.sqrt(np.prod(camera.focal_px))
+        np.minimum(widths_m, np.sqrt(np.einsum("nc,nc->n", offset_m, offset_m)) * pixel, out=widths_m)
+    widths_m = np.maximum(widths_m, apart_m) if cameras else np.full(len(points_m), apart_m)
+    return np.asarray(_APART * widths_m, np.float32)
 
 
 def _prim_name(photo: str, taken: set[str]) -> str:
