@@ -7,12 +7,10 @@ the hash of what it was made of, in .usdfoliage/ inside the capture, which may b
 """
 
 import argparse
-import logging
+import sys
 from pathlib import Path
 
 from usdfoliage.cli.leaf_options import add_writing
-
-logger = logging.getLogger(__name__)
 
 QUALITIES = ("draft", "normal", "high")
 
@@ -56,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.jobs.capture import CaptureRequest, make_capture
+    from usdfoliage.jobs.capture import CaptureRequest, make_capture, plan_capture
     from usdfoliage.jobs.capture_settings import read_capture_run_settings
     from usdfoliage.jobs.settings_file import format_settings
 
@@ -65,8 +63,15 @@ def run(options: argparse.Namespace) -> int:
         print(format_settings(read_capture_run_settings(options)), end="")
         return 0
     request = CaptureRequest.from_options(options)
-    with StepBar() as bar:
-        made = make_capture(request, bar.show)
+    if options.dry_run:
+        print(plan_capture(request))
+        return 0
+    try:
+        with StepBar() as bar:
+            made = make_capture(request, bar.show)
+    except KeyboardInterrupt:
+        print("error: interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
     for note in made.notes:
         print(f"note: {note}")
     print(f"photographs: {made.registered:,} of {made.photographs:,} have a pose, {made.views:,} have depth")

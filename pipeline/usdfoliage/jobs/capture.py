@@ -44,6 +44,8 @@ logger = logging.getLogger(__name__)
 
 CLOUD, LAYER, LAYER_CLOUD, REPORT = "cloud.ply", "capture.usda", "capture_cloud.usdc", "report"
 BESIDE = "_estimated"  # ends the name of a folder of maps where the user has one of that name
+# Of memory, measured.
+BYTES_AT_LEAST, BYTES_A_PHOTO_PIXEL, BYTES_A_MATCHED_PIXEL = 200_000_000, 150, 600
 _NEW = "new"  # in the work folder: results on their way to their places
 
 
@@ -157,6 +159,36 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
     )
 
 
+def plan_capture(request: CaptureRequest) -> str:
+    """What make_capture would do, in lines, after looking at every photograph; writes nothing."""
+    given = find_photographs(request.source, request.output)
+    record = Record(given.work)
+    places, notes = choose_places(given.folder, record, force=request.force)
+    capture = find_capture(request, given.source)
+    depth = request.settings.depth
+    masks = request.settings.mask != "none"
+    prepared = prepare_views(capture, given.work, depth.max_side_px, masks=masks, keep=False)
+    tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work)
+    missing = 0 if request.fresh else len(find_missing(tasks))
+    every = _count_tasks(tasks)
+    notes += [*capture_notes(capture), *prepared.notes, *task_notes(tasks, every)]
+    sizes = Counter((view.width_px, view.height_px) for view in prepared.views)
+    levels = ", ".join(f"1/{2**each.level}" for each in depth.rounds)
+    lines = [
+        f"photographs: {len(given.photos)} in {request.source}, {len(prepared.views)} to be used",
+        f"sizes: {', '.join(f'{count} of {width} x {height} px' for (width, height), count in sorted(sizes.items()))}",
+        f"poses: known, of {len(capture.views)} photographs",
+        f"masks: of {sum(view.mask is not None for view in capture.views) if masks else 0}",
+        *(f"note: {note}" for note in notes),
+        f"depth: at {depth.max_side_px} px at most, in {len(depth.rounds)} rounds of {levels} of that, each photograph "
+        f"with {depth.sources} others at most",
+        f"tasks: {every}, {every - missing} of them done by an earlier run",
+        f"memory: about {estimate_memory(prepared, request.settings) / 2**30:.1f} GiB",
+        f"would write into {given.folder}: {', '.join([*(f'{place}/' for place in places), LAYER, CLOUD])}",
+    ]
+    return "\n".join(lines)
+
+
 def find_capture(request: CaptureRequest, folder: Path) -> Capture:
     """The capture with the photographs asked for, its depth maps left out; CaptureError where there are none."""
     capture = read_capture(folder, views=request.views)
@@ -207,10 +239,25 @@ def task_notes(tasks: DepthTasks, missing: int) -> list[str]:
     notes = []
     if alone:
         notes.append(f"{named(alone)}: no other photograph shows the same from a usable angle, no depth")
-    every = sum(path is not None for paths in (*tasks.planes, tasks.depth) for path in paths)
+    every = _count_tasks(tasks)
     if missing < every:
         notes.append(f"{every - missing} of {every} tasks of depth were done by an earlier run")
     return notes
+
+
+def _count_tasks(tasks: DepthTasks) -> int:
+    return sum(path is not None for paths in (*tasks.planes, tasks.depth) for path in paths)
+
+
+def estimate_memory(prepared: PreparedViews, settings: CaptureRunSettings) -> float:
+    """Bytes that a run takes at its peak, by what was measured."""
+    photo_px = max(view.width_px * view.height_px for view in prepared.views)
+    matched_px = max(_matched_px(view.width_px, view.height_px, settings.depth.max_side_px) for view in prepared.views)
+    return BYTES_AT_LEAST + BYTES_A_PHOTO_PIXEL * photo_px + BYTES_A_MATCHED_PIXEL * matched_px
+
+
+def _matched_px(width_px: int, height_px: int, max_side_px: int) -> float:
+    return width_px * height_px * min(1.0, max_side_px / max(width_px, height_px)) ** 2
 
 
 def lay_maps(new: Path, maps: Sequence[ViewMaps], places: Sequence[str]) -> None:

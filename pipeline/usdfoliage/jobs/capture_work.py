@@ -125,7 +125,7 @@ def write_result(path: Path, arrays: Mapping[str, NDArray[np.generic]], *, compr
 def read_result(path: Path) -> dict[str, NDArray[np.generic]] | None:
     """The arrays of a result; None where there is none, or it is damaged."""
     try:
-        with np.load(path, allow_pickle=False) as held:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as held:  # numpy leaves a damaged one open
             return {name: held[name] for name in held.files}
     except FileNotFoundError:
         return None

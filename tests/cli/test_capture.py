@@ -1,0 +1,413 @@
+"""A capture from photographs on the command line: good input, bad input, runs that are stopped and go on."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from capture_photos import LENS, draw, poses, scene, write_photos, write_posed_photos
+from captures import write_depth, write_text_model
+from cli.leaf_commands import files, printed, refused, run
+from usdfoliage.capture.cloud_file import read_cloud
+from usdfoliage.capture.folder import read_capture, read_views
+from usdfoliage.capture.map_files import read_confidence_map, read_normal_map
+from usdfoliage.cli import capture as command
+from usdfoliage.jobs.capture_settings import QUALITIES
+
+WORK = Path(".usdfoliage") / "capture"
+RESULTS = {"depth", "normals", "confidence", "cloud.ply", "capture.usda", "capture_cloud.usdc"}
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory):
+    """A capture that nobody writes to."""
+    folder = tmp_path_factory.mktemp("photographs of today") / "bed 1"
+    write_posed_photos(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(photos, tmp_path_factory):
+    """What a run that nothing disturbs makes of it."""
+    folder = tmp_path_factory.mktemp("undisturbed") / "bed 1"
+    shutil.copytree(photos, folder)
+    assert run(*words(folder)) == 0
+    return folder
+
+
+@pytest.fixture
+def bed(photos, tmp_path):
+    """A copy to work on."""
+    shutil.copytree(photos, tmp_path / "bed 1")
+    return tmp_path / "bed 1"
+
+
+def words(folder, *more):
+    return ("capture", folder, "--settings", folder / "fast.toml", *more)
+
+
+def results(folder):
+    """All that a run writes, but its report and what it keeps for itself."""
+    return {
+        name: data
+        for name, data in files(folder).items()
+        if not name.startswith((".usdfoliage", "report", "images", "cameras", "masks"))
+    }
+
+
+def true_depths():
+    """By name, and where a leaf is seen."""
+    drawn = {name: draw(scene(), LENS.pinhole(pose)) for name, pose in poses().items()}
+    return {name: (depth, shown > 0) for name, (_, depth, shown) in drawn.items()}
+
+
+def test_depth_and_cloud_are_those_of_the_scene(made):
+    capture = read_capture(made)
+    read = read_views(capture)  # as the leaves are looked for in it
+    assert [view.depth.name for view in capture.views] == [f"leaf {k}.exr" for k in range(5)]
+    assert capture.notes == read.notes == ()
+    for view, (true, leaf) in zip(read.views, true_depths().values(), strict=True):
+        there = view.depth_m > 0
+        assert np.mean(there[leaf]) > 0.85
+        assert np.mean(np.abs(view.depth_m - true)[there] < 0.01 * true[there]) > 0.97
+        normals = read_normal_map(made / "normals" / f"{Path(view.name).stem}.exr")
+        confidence = read_confidence_map(made / "confidence" / f"{Path(view.name).stem}.exr")
+        assert (np.linalg.norm(normals, axis=2) > 0.5).tolist() == there.tolist()
+        assert (confidence[there] > 0).mean() > 0.9
+        assert not confidence[~there].any()
+        ground = there & ~leaf
+        assert np.median(normals[ground] @ [0, 0, 1]) > 0.98
+
+    cloud = read_cloud(made / "cloud.ply")
+    ground = np.abs(cloud.points_m[:, 2]) < 0.02
+    assert np.mean(ground) > 0.3
+    assert np.median(cloud.normals[ground, 2]) > 0.98
+    assert np.mean(cloud.points_m[:, 2] > 0.6) < 0.01
+    assert cloud.views.max() > 2
+    greener = cloud.srgb[:, 1].astype(int) - cloud.srgb[:, 0]
+    assert np.median(greener[cloud.points_m[:, 2] > 0.1]) > 40 > 0 > np.median(greener[ground])
+
+
+def test_nothing_of_the_input_changes(photos, made):
+    before, after = files(photos), files(made)
+    assert {name: after[name] for name in before if name != "capture.toml"} == {
+        name: data for name, data in before.items() if name != "capture.toml"
+    }
+    assert {path.name for path in made.iterdir()} >= RESULTS
+    text = (made / "capture.toml").read_text()
+    assert text.endswith('up_axis = "Z"\n')
+    assert "metres_per_unit = 1.0\n" in text
+
+
+def test_every_number_of_threads_gives_the_same_bytes(bed, made):
+    assert run(*words(bed, "--threads", 1)) == 0
+    assert results(bed) == results(made)
+
+
+def test_a_second_run_takes_all_from_the_first(bed, made, capsys):
+    printed(capsys, *words(bed))
+    lines = printed(capsys, *words(bed, "--resume"))
+    assert "note: 15 of 15 tasks of depth were done by an earlier run" in lines
+    assert results(bed) == results(made)
+    assert "earlier run" not in "".join(printed(capsys, *words(bed, "--fresh")))
+    assert results(bed) == results(made)
+    assert "there is no" not in refused(capsys, *words(bed, "--fresh", "--resume"))
+
+
+def test_the_summary(bed, capsys):
+    lines = printed(capsys, *words(bed))
+    assert "photographs: 5 of 5 have a pose, 5 have depth" in lines
+    cloud = read_cloud(bed / "cloud.ply")
+    assert f"points: {len(cloud):,}" in lines
+    assert f"cloud: {bed / 'cloud.ply'}" in lines
+    assert any(line.startswith("coverage: ") for line in lines)
+    assert not [line for line in lines if line.startswith("note: ")]
+
+
+KILLED = """
+import os, signal, sys
+from usdfoliage.jobs import {module}
+real, left = {module}.{function}, [{after}]
+def {function}(*words, **named):
+    left[0] -= 1
+    if left[0] < 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return real(*words, **named)
+{module}.{function} = {function}
+from usdfoliage.__main__ import main
+main(sys.argv[1:])
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "function", "after", "found"),
+    [
+        ("capture_depth", "match_round", 7, 7),
+        ("capture_maps", "write_normal_map", 1, 15),
+        ("capture_folder", "digest_file", 3, 15),
+    ],
+)
+def test_a_killed_run_goes_on_where_it_was(bed, made, capsys, module, function, after, found):
+    script = KILLED.format(module=module, function=function, after=after)
+    killed = subprocess.run([sys.executable, "-c", script, *map(str, words(bed))], check=False, capture_output=True)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
+    assert not (bed / "cloud.ply").exists()
+    notes = [line for line in printed(capsys, *words(bed)) if line.startswith("note: ")]
+    assert notes == [f"note: {found} of 15 tasks of depth were done by an earlier run"]
+    assert results(bed) == results(made)
+    assert not list((bed / WORK / "planes").rglob("*.npz"))
+
+
+def test_damaged_results_are_made_again(bed, made, capsys):
+    assert run(*words(bed)) == 0
+    for kind, damage in (("photos", b""), ("depth", b"PK"), ("maps", b"\0" * 100)):
+        held = sorted(path for path in (bed / WORK / kind).rglob("*.*z") if path.suffix != ".json")
+        held += sorted((bed / WORK / kind).rglob("depth.exr"))
+        os.truncate(held[0], held[0].stat().st_size // 2)
+        held[1].write_bytes(damage)
+    (bed / WORK / "written.json").write_text("{")
+    assert run(*words(bed, "--force")) == 0
+    assert results(bed) == results(made)
+
+
+def test_only_chosen_photographs_are_used(bed, made):
+    assert run(*words(bed, "--views", "0:3")) == 0
+    assert sorted(path.stem for path in (bed / "depth").iterdir()) == ["leaf 0", "leaf 1", "leaf 2"]
+    assert run(*words(bed)) == 0
+    assert results(bed) == results(made)
+
+
+def test_a_folder_of_photographs_needs_a_place(photos, tmp_path, capsys):
+    message = refused(capsys, "capture", photos / "images")
+    assert "-o" in message
+    assert "images_capture" in message
+    assert "another folder" in refused(capsys, "capture", photos / "images", "-o", photos / "images")
+
+
+def test_photographs_are_linked_into_another_capture(photos, made, tmp_path):
+    out = tmp_path / "here" / ".." / "beds of today" / "bed 1"
+    (tmp_path / "here").mkdir()
+    assert run("capture", photos, "-o", out, "--settings", photos / "fast.toml") == 0
+    ours = results(out)
+    theirs = results(made)
+    theirs.pop("fast.toml")
+    assert ours == theirs
+    for name in poses():
+        assert (out / "images" / name).samefile(photos / "images" / name)
+        assert not (out / "images" / name).is_symlink()
+    assert files(out / "cameras") == files(photos / "cameras")
+    assert "metres_per_unit" not in (photos / "capture.toml").read_text()
+
+
+def test_other_photographs_in_the_way_are_not_lost(photos, tmp_path, capsys):
+    out = tmp_path / "out"
+    write_photos(out / "images", {"mine.png": next(iter(poses().values()))})
+    assert "mine.png" in refused(capsys, "capture", photos, "-o", out, "--settings", photos / "fast.toml")
+    assert [path.name for path in (out / "images").iterdir()] == ["mine.png"]
+    assert run("capture", photos, "-o", out, "--settings", photos / "fast.toml", "--force") == 0
+    assert "mine.png" not in files(out / "images")
+
+
+def test_photographs_that_went_are_taken_out_again(photos, tmp_path):
+    source = tmp_path / "source"
+    shutil.copytree(photos, source)
+    out = tmp_path / "out"
+    assert run("capture", source, "-o", out, "--settings", photos / "fast.toml") == 0
+    (source / "images" / "leaf 4.png").unlink()
+    assert run("capture", source, "-o", out, "--settings", photos / "fast.toml") == 0
+    assert len(files(out / "images")) == len(files(out / "depth")) == 4
+
+
+def test_unreadable_photographs_are_skipped_and_named(bed, capsys):
+    photo = bed / "images" / "leaf 2.png"
+    os.truncate(photo, photo.stat().st_size // 2)
+    (bed / "images" / "leaf 4.png").write_bytes(b"no picture")
+    lines = printed(capsys, *words(bed))
+    left_out = [line for line in lines if "is left out" in line]
+    assert len(left_out) == 2
+    assert "leaf 2.png" in left_out[0]
+    assert "leaf 4.png" in left_out[1]
+    assert "photographs: 5 of 5 have a pose, 3 have depth" in lines
+    assert sorted(path.stem for path in (bed / "depth").iterdir()) == ["leaf 0", "leaf 1", "leaf 3"]
+    assert len(read_views(read_capture(bed)).views) == 3
+
+
+def test_depth_is_only_where_the_masks_are_white(bed, capsys):
+    shown = {name: leaf for name, (_, leaf) in true_depths().items()}
+    (bed / "masks").mkdir()
+    for name, leaf in shown.items():
+        assert cv2.imwrite(str(bed / "masks" / name), leaf.astype(np.uint8) * 255)
+    printed(capsys, *words(bed))
+    for view, leaf in zip(read_views(read_capture(bed)).views, shown.values(), strict=True):
+        assert not (view.depth_m[~leaf] > 0).any()
+        assert np.mean(view.depth_m[leaf] > 0) > 0.6
+    printed(capsys, *words(bed, "--mask", "none"))
+    assert all(np.mean(view.depth_m > 0) > 0.35 for view in read_views(read_capture(bed)).views)
+
+
+def test_depth_of_the_user_is_kept(bed, made, capsys):
+    for name in poses():
+        write_depth((bed / "depth" / name).with_suffix(".exr"), np.ones((LENS.height_px, LENS.width_px)))
+    given = files(bed / "depth")
+    for _ in range(2):
+        lines = printed(capsys, *words(bed))
+        assert files(bed / "depth") == given
+        assert files(bed / "depth_estimated") == files(made / "depth")
+        assert any("depth was there and is kept" in line for line in lines)
+    printed(capsys, *words(bed, "--force"))
+    assert files(bed / "depth") == files(made / "depth")
+
+
+def test_what_the_user_made_since_is_not_replaced(bed, capsys):
+    printed(capsys, *words(bed))
+    (bed / "cloud.ply").write_bytes((bed / "cloud.ply").read_bytes() + b"\n")
+    assert "cloud.ply" in refused(capsys, *words(bed, "--seed", 1))
+    assert "cloud.ply" in refused(capsys, *words(bed, "--seed", 1, "--dry-run"))
+    assert run(*words(bed, "--seed", 1, "--force")) == 0
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_capture_toml_keeps_what_the_user_wrote(bed, capsys, end):
+    written = end.join(["\ufeff# The hedge", 'name = "Hécke"  # ours', "", "[scanner]", "up_axis = 3", ""])
+    (bed / "capture.toml").write_bytes(written.encode())
+    printed(capsys, *words(bed))
+    text = (bed / "capture.toml").read_bytes().decode()
+    assert text.endswith(written[1:])
+    assert text.count("\r\n") == text.count("\n") * (end == "\r\n")
+    capture = read_capture(bed)
+    assert (capture.settings.name, capture.settings.up_axis) == ("Hécke", "Y")
+    once = (bed / "capture.toml").read_bytes()
+    printed(capsys, *words(bed))
+    assert (bed / "capture.toml").read_bytes() == once
+
+
+def test_the_unit_of_the_poses_is_kept(bed, made):
+    write_text_model(
+        bed / "cameras", {n: np.column_stack([p[:, :3], p[:, 3] * 100]) for n, p in poses().items()}, [LENS]
+    )
+    (bed / "capture.toml").write_text('up_axis = "Z"\nmetres_per_unit = 0.01\n')
+    assert run(*words(bed)) == 0
+    cloud, metric = read_cloud(bed / "cloud.ply"), read_cloud(made / "cloud.ply")
+    assert np.ptp(cloud.points_m, axis=0) == pytest.approx(100 * np.ptp(metric.points_m, axis=0), rel=0.1)
+    for view in read_views(read_capture(bed)).views:
+        assert 1 < np.median(view.depth_m[view.depth_m > 0]) < 4
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("up_axis = 3", "up_axis"), ("metres_per_unit = -1", "metres_per_unit"), ("up_axis =", "TOML")],
+)
+def test_wrong_facts_of_a_capture_are_refused_before_anything_is_written(bed, capsys, text, said):
+    (bed / "capture.toml").write_text(text)
+    before = files(bed)
+    message = refused(capsys, *words(bed))
+    assert said in message
+    assert "capture.toml" in message
+    assert files(bed) == before
+
+
+def test_no_photographs_one_photograph_and_videos(tmp_path, capsys):
+    folder = tmp_path / "photos"
+    out = ("-o", tmp_path / "out")
+    assert "does not exist" in refused(capsys, "capture", folder, *out)
+    folder.mkdir()
+    assert "no photographs" in refused(capsys, "capture", folder, *out)
+    (folder / "walk.mp4").write_bytes(b"video")
+    assert "ffmpeg -i walk.mp4" in refused(capsys, "capture", folder, *out)
+    assert "ffmpeg -i walk.mp4" in refused(capsys, "capture", folder / "walk.mp4", *out)
+    (folder / "walk.mp4").unlink()
+    write_photos(folder / "deeper", {"one.png": poses()["leaf 0.png"]})
+    assert "deeper" in refused(capsys, "capture", folder, *out)
+    write_photos(folder, {"one.png": poses()["leaf 0.png"]})
+    assert "one photograph" in refused(capsys, "capture", folder, *out)
+    assert "one file" in refused(capsys, "capture", folder / "one.png", *out)
+    assert "no photographs are named" in refused(capsys, "capture")
+    assert not (tmp_path / "out").exists()
+
+
+def test_photographs_of_different_places_are_refused(bed, capsys):
+    apart = poses()
+    for number, pose in enumerate(apart.values()):
+        pose[:, 3] += pose[:, :3] @ [100.0 * number, 0, 0]
+    write_text_model(bed / "cameras", apart, [LENS])
+    assert "same place" in refused(capsys, *words(bed))
+
+
+def test_a_run_in_a_folder_that_another_run_uses_is_refused(bed, capsys):
+    from usdfoliage.jobs.capture_work import lock_work
+
+    with lock_work(bed / WORK):
+        message = refused(capsys, *words(bed))
+    assert f"process {os.getpid()}" in message
+    assert run(*words(bed)) == 0
+
+
+def test_a_full_disk_loses_nothing(photos, made, small_disk, capsys):
+    out = small_disk / "bed 1"
+    subprocess.run(["mount", "-o", "remount,size=800k", str(small_disk)], check=True)
+    call = ("capture", photos, "-o", out, "--settings", photos / "fast.toml")
+    message = refused(capsys, *call)
+    assert "No space left" in message
+    assert "MB are free" in message
+    assert not (out / "cloud.ply").exists()
+    assert not list(out.rglob("*usdfoliage-new*")) + list(out.rglob("*.new"))
+    subprocess.run(["mount", "-o", "remount,size=20m", str(small_disk)], check=True)
+    lines = printed(capsys, *call)
+    assert any("were done by an earlier run" in line for line in lines)
+    assert (out / "cloud.ply").read_bytes() == (made / "cloud.ply").read_bytes()
+
+
+def test_a_dry_run_tells_and_writes_nothing(bed, capsys):
+    before = files(bed)
+    lines = printed(capsys, *words(bed, "--dry-run"))
+    assert files(bed) == before
+    text = "\n".join(lines)
+    assert "5 of 128 x 96 px" in text
+    assert "poses: known, of 5 photographs" in text
+    assert "tasks: 15, 0 of them done by an earlier run" in text
+    assert "cloud.ply" in text
+    printed(capsys, *words(bed))
+    assert "tasks: 15, 15 of them done" in "\n".join(printed(capsys, *words(bed, "--dry-run")))
+
+
+def test_settings_of_every_quality_can_be_given_back(tmp_path, capsys):
+    assert command.QUALITIES == QUALITIES
+    for quality in QUALITIES:
+        lines = printed(capsys, "capture", "--print-settings", "--quality", quality)
+        (tmp_path / "all.toml").write_text("\n".join(lines))
+        assert printed(capsys, "capture", "--print-settings", "--settings", tmp_path / "all.toml") == lines
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("rounds = []", "rounds"),
+        ("rounds = [{ level = 1 }]", "coherent"),
+        ("rounds = [{ level = 1, iterations = 2.5, coherent = true }]", "whole number"),
+    ],
+)
+def test_rounds_that_cannot_be_are_refused(bed, capsys, line, said):
+    (bed / "fast.toml").write_text(f"[depth]\n{line}\n")
+    assert said in refused(capsys, *words(bed))
+
+
+def test_an_interrupted_run_says_that_it_goes_on(bed, capsys, monkeypatch):
+    from usdfoliage.jobs import capture
+
+    def interrupt(*_words, **_named):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(capture, "write_maps", interrupt)
+    assert run(*words(bed)) == 130
+    assert "goes on from here" in capsys.readouterr().err
+    assert not (bed / "cloud.ply").exists()
+
+
+def test_resume_alone_begins_nothing(bed, capsys):
+    assert "no earlier run" in refused(capsys, *words(bed, "--resume"))
+    assert not (bed / ".usdfoliage").exists()
