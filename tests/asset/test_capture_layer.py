@@ -19,7 +19,6 @@ from usdfoliage.asset.capture_layer import (
     author_cloud,
     author_image_plane,
     depth_range,
-    point_widths,
     write_capture_layer,
 )
 from usdfoliage.asset.nvidia_rules import run_nvidia_rules
@@ -249,25 +248,6 @@ def test_a_cloud_far_from_the_origin_keeps_its_places(away_m):
     matrix = np.array(UsdGeom.Xformable(points).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
     places = np.column_stack([np.array(points.GetPointsAttr().Get(), np.float64), np.ones(len(cloud))]) @ matrix
     np.testing.assert_allclose(places[:, :3], cloud.points_m, rtol=0, atol=1e-4)
-
-
-def test_points_are_as_wide_as_they_are_apart():
-    grid = np.stack(np.meshgrid(*[np.arange(8) * 0.01] * 2, [0.0]), -1).reshape(-1, 3)
-    np.testing.assert_allclose(point_widths(grid, []), 0.015, rtol=1e-6)
-    np.testing.assert_allclose(point_widths(100 * grid, []), 1.5, rtol=1e-6)
-    assert (point_widths(np.zeros((5, 3)), []) > 0).all()
-    assert (point_widths(np.zeros((1, 3)), []) > 0).all()
-
-
-def test_points_far_off_are_wider_and_single_ones_are_not():
-    camera = LENS.pinhole(look_at((0, 0, 2), (0, 0, 0)))
-    grid = np.stack(np.meshgrid(*[np.arange(8) * 0.01] * 2, [0.0]), -1).reshape(-1, 3)
-    near, far, single = grid, 100 * grid - (0, 0, 200), np.array([[0.0, 5.0, 0.0]])
-    widths_m = point_widths(np.concatenate([near, far, single]), [camera])
-    pixel = 1 / np.sqrt(80 * 82)
-    np.testing.assert_allclose(widths_m[:64], 1.5 * 2 * pixel, rtol=0.01)
-    np.testing.assert_allclose(widths_m[64:128], 1.5 * 202 * pixel, rtol=0.01)
-    assert widths_m[128] == pytest.approx(1.5 * np.hypot(5, 2) * pixel, rel=0.01)
 
 
 def test_a_capture_without_points_has_its_cameras(tmp_path):

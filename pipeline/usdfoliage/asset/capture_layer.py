@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
-from scipy.spatial import cKDTree
 
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.capture.cloud import Cloud
 from usdfoliage.capture.cloud_file import fits_single
 from usdfoliage.capture.lens import Lens, undistort_places
+from usdfoliage.capture.point_spacing import point_widths
 from usdfoliage.errors import AssetError
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
@@ -34,11 +34,7 @@ _NEAR = 0.5  # of the nearest point's depth, where the picture begins
 _LEAST_NEAR = 1e-4  # of the farthest depth: the depth buffer cannot tell more
 _PLANE_CELLS = 48  # along the longer side of an image plane whose lens distorts
 _WIDEST = 10.0  # tangent of the angle from the axis up to which there is a plane
-_FEW = 20_000  # points that tell how far the cloud is from a camera, and how dense it is
-_ALONE_M = 0.001  # between points of which nothing is known
-_CLOSE = 0.25  # share of the points that lie close together
-_NEIGHBOURS = 4  # of a point on a surface
-_APART = 1.5  # widths of points, in distances to those: without it gaps show across the diagonals
+_FEW = 20_000  # points that tell how far the cloud is from a camera
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +85,7 @@ def write_capture_layer(
         ValueError: A path of a photograph is absolute, or name is no name of a prim.
         AssetError: A file cannot be written.
     """
-    if not Tf.IsValidIdentifier(name):
+    if not Sdf.Path.IsValidIdentifier(name):
         raise ValueError(f"name must be the name of a prim, not {name!r}")
     for held in cameras:
         if Path(held.photo).is_absolute():
@@ -311,27 +307,6 @@ def depth_range(
     apart = [float(np.linalg.norm(other.position_m - pinhole.position_m)) for other in others]
     middle = 10 * min((away for away in apart if away > 0), default=0.1)
     return middle / 10, middle, middle * 10
-
-
-def point_widths(points_m: NDArray[np.float64], cameras: Sequence[Pinhole]) -> NDArray[np.float32]:
-    """So wide, (N,), that most points (N, 3) touch their neighbours on the surface; those that have none stay small.
-
-    Points are as far apart as pixels of the nearest camera are at their distance; where clouds were thinned, at least
-    as far as those are that lie close together.
-    """
-    if len(points_m) <= _NEIGHBOURS:
-        apart_m = _ALONE_M
-    else:
-        some = points_m[:: max(1, len(points_m) // _FEW)]
-        away_m = np.asarray(cKDTree(points_m).query(some, k=_NEIGHBOURS + 1)[0])[:, -1]
-        apart_m = float(np.quantile(away_m, _CLOSE if cameras else 0.5)) or _ALONE_M
-    widths_m = np.full(len(points_m), np.inf)
-    for camera in cameras:
-        offset_m = points_m - camera.position_m
-        pixel = 1 / np.sqrt(np.prod(camera.focal_px))
-        np.minimum(widths_m, np.sqrt(np.einsum("nc,nc->n", offset_m, offset_m)) * pixel, out=widths_m)
-    widths_m = np.maximum(widths_m, apart_m) if cameras else np.full(len(points_m), apart_m)
-    return np.asarray(_APART * widths_m, np.float32)
 
 
 def _prim_name(photo: str, taken: set[str]) -> str:
