@@ -48,6 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="only go on with an earlier run, do not begin one (results are reused anyway)",
     )
     parser.add_argument("--fresh", action="store_true", help="forget what earlier runs did, and begin anew")
+    parser.add_argument(
+        "--report-views", metavar="N", type=int, default=12, help="how many photographs the report shows (%(default)s)"
+    )
+    parser.add_argument("--no-report", action="store_true", help="write no report")
     add_writing(parser)
 
 
@@ -79,4 +83,6 @@ def run(options: argparse.Namespace) -> int:
     print(f"points: {made.points:,}")
     print(f"seconds: {', '.join(f'{name} {seconds:.1f}' for name, seconds in made.seconds.items())}")
     print(f"cloud: {made.cloud}")
+    if made.report is not None:
+        print(f"report: {made.report}")
     return 0

@@ -7,6 +7,7 @@ import shutil
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 from usdfoliage import __version__
@@ -23,8 +24,11 @@ from usdfoliage.jobs.capture_depth import (
     PreparedViews,
     find_missing,
     forget_others,
+    in_world,
+    picture_of,
     plan_tasks,
     prepare_views,
+    read_estimate,
     run_tasks,
     seen_surfaces,
 )
@@ -36,8 +40,11 @@ from usdfoliage.jobs.capture_folder import (
     publish,
 )
 from usdfoliage.jobs.capture_maps import KINDS, ViewMaps, forget_other_maps, write_maps
+from usdfoliage.jobs.capture_report import CapturePhotograph, CaptureReport, ShownMaps, write_capture_report
 from usdfoliage.jobs.capture_settings import CaptureRunSettings, read_capture_run_settings
 from usdfoliage.jobs.capture_work import explain, forget, lock_work, write_whole
+from usdfoliage.jobs.leaves_report import choose_shown
+from usdfoliage.jobs.settings_file import list_settings
 from usdfoliage.steps import StepProgress, follow_step
 
 logger = logging.getLogger(__name__)
@@ -60,6 +67,8 @@ class CaptureRequest:
     resume: bool = False  # only go on with an earlier run
     fresh: bool = False  # forget earlier runs
     threads: int = 0
+    report: bool = True
+    report_views: int = 12
     force: bool = False
 
     @classmethod
@@ -73,6 +82,8 @@ class CaptureRequest:
             raise FoliageError("--resume goes on with an earlier run and --fresh forgets it; use one of them")
         if options.threads is not None and options.threads < 0:
             raise FoliageError(f"--threads must be 0, for all cores, or more, not {options.threads}")
+        if options.report_views < 0:
+            raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
         return cls(
             source=options.source,
             output=options.output,
@@ -81,6 +92,8 @@ class CaptureRequest:
             resume=options.resume,
             fresh=options.fresh,
             threads=options.threads or 0,
+            report=not options.no_report,
+            report_views=options.report_views,
             force=options.force,
         )
 
@@ -90,6 +103,7 @@ class MadeCapture:
     """What was written, and what the user should know of it."""
 
     cloud: Path
+    report: Path | None
     photographs: int
     registered: int  # of them, with a pose
     views: int  # of these, with depth
@@ -144,11 +158,17 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         with follow_step("output", seconds, progress):
             lay_maps(new, maps, places)
             write_results(new, given, capture, prepared, cloud)
+        if request.report:
+            with follow_step("report", seconds, progress):
+                report = describe_capture(request, capture, tasks, maps, cloud, notes, seconds)
+                write_capture_report(new / REPORT, report)
+        with follow_step("publishing", seconds, progress):
             publish(new, given.folder, [*places, *_results(new)], record)
         forget_others(tasks)
         forget_other_maps(tasks, maps)
     return MadeCapture(
         cloud=given.folder / CLOUD,
+        report=given.folder / REPORT / "index.html" if request.report else None,
         photographs=len(given.photos),
         registered=len(capture.views),
         views=len(maps),
@@ -308,6 +328,66 @@ def write_results(new: Path, given: GivenPhotographs, capture: Capture, prepared
     )
     if completed != text:
         write_whole(new / FILE_NAME, completed.encode("utf-8"))
+
+
+def describe_capture(
+    request: CaptureRequest,
+    capture: Capture,
+    tasks: DepthTasks,
+    maps: Sequence[ViewMaps],
+    cloud: Cloud,
+    notes: Sequence[str],
+    seconds: Mapping[str, float],
+) -> CaptureReport:
+    """What the report says."""
+    coverage = {held.name: held.coverage for held in maps}
+    used = {view.name: number for number, view in enumerate(tasks.views)}
+    numbers = {name: number for number, name in enumerate(view.name for view in capture.views)}
+    photographs = []
+    for view in capture.views:
+        index = used.get(view.name)
+        if index is None:
+            photographs.append(CapturePhotograph(name=view.name, failure="cannot be used"))
+            continue
+        prepared = tasks.views[index]
+        photographs.append(
+            CapturePhotograph(
+                name=view.name,
+                camera=prepared.camera,
+                sources=[numbers[tasks.views[k].name] for k in tasks.plan.sources[index]],
+                coverage=coverage.get(view.name, 0.0),
+                read_maps=partial(_show, tasks, index) if view.name in coverage else None,
+            )
+        )
+    with_maps = [number for number, held in enumerate(photographs) if held.read_maps is not None]
+    return CaptureReport(
+        name=capture.name,
+        capture=request.source.resolve().name,
+        generator=f"usdfoliage {__version__}",
+        notes=notes,
+        photographs=photographs,
+        cloud=cloud,
+        up=(0.0, 0.0, 1.0) if capture.settings.up_axis == "Z" else (0.0, 1.0, 0.0),
+        poses_given=True,
+        shown=[with_maps[k] for k in choose_shown(len(with_maps), request.report_views)],
+        seconds=seconds,
+        settings=list_settings(request.settings),
+    )
+
+
+def _show(tasks: DepthTasks, index: int) -> ShownMaps:
+    """The maps of one photograph as they were found."""
+    estimate = read_estimate(tasks, index)
+    if estimate is None:
+        raise ValueError(f"view {index} has no depth")
+    picture = picture_of(tasks, index)
+    return ShownMaps(
+        srgb=picture.srgb,
+        depth_m=estimate.depth_m,
+        normals=in_world(estimate.normals, estimate.camera),
+        confidence=estimate.confidence,
+        mask=None if picture.mask is None else picture.mask > 0,
+    )
 
 
 def _results(new: Path) -> list[str]:

@@ -294,18 +294,21 @@ def read_estimate(tasks: DepthTasks, index: int) -> DepthEstimate | None:
     )
 
 
+def picture_of(tasks: DepthTasks, index: int) -> Picture:
+    """The photograph at the size of its depth."""
+    return Picture.of(read_pixels(tasks.views[index]), tasks.settings.max_side_px, tasks.settings.rounds[-1].level)
+
+
 def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None) -> Iterator[SeenSurface]:
     """What each view adds to the cloud, one after the other."""
-    level = tasks.settings.rounds[-1].level
-    for index, prepared in enumerate(tasks.views):
+    for index in range(len(tasks.views)):
         estimate = read_estimate(tasks, index)
         if estimate is not None:
-            picture = Picture.of(read_pixels(prepared), tasks.settings.max_side_px, level)
             yield SeenSurface(
                 camera=estimate.camera,
                 depth_m=estimate.depth_m,
                 normals=in_world(estimate.normals, estimate.camera),
-                srgb=picture.srgb,
+                srgb=picture_of(tasks, index).srgb,
                 confidence=estimate.confidence,
             )
         if progress is not None:

@@ -10,9 +10,8 @@ import numpy as np
 from usdfoliage.capture.depth_enlarging import enlarge_depth
 from usdfoliage.capture.lens import undistort
 from usdfoliage.capture.map_files import write_confidence_map, write_depth_map, write_normal_map
-from usdfoliage.capture.patch_match import Picture
 from usdfoliage.concurrent import map_threaded
-from usdfoliage.jobs.capture_depth import DepthTasks, in_world, read_estimate, read_pixels
+from usdfoliage.jobs.capture_depth import DepthTasks, in_world, picture_of, read_estimate
 from usdfoliage.jobs.capture_work import digest_file, forget, task_key, write_whole
 
 MAPS = "maps"  # in the work folder
@@ -62,7 +61,7 @@ def _write(tasks: DepthTasks, index: int) -> ViewMaps:
         estimate = read_estimate(tasks, index)
         if estimate is None:
             raise ValueError(f"{prepared.name} has no sources, and no depth")
-        mask = Picture.of(read_pixels(prepared), tasks.settings.max_side_px, tasks.settings.rounds[-1].level).mask
+        mask = picture_of(tasks, index).mask
         has_depth = estimate.depth_m > 0
         coverage = float(np.mean(has_depth if mask is None else has_depth[mask > 0]))
         full = enlarge_depth(estimate, prepared.camera)

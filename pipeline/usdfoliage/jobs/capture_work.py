@@ -32,7 +32,8 @@ _LOCK = "lock"
 _NEW = ".new"  # ends the name of a file that is being written
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
 _NOT_HASHED = "threads"  # changes no result
-_CODE = ("capture/*.py", "geometry/*.py", "jobs/capture_*.py")  # of the package: what decides results
+# Of the package, what decides results.
+_CODE = ("capture/*.py", "geometry/*.py", "jobs/capture_depth.py", "jobs/capture_maps.py", "jobs/capture_work.py")
 
 
 def task_key(*parts: object) -> str:
