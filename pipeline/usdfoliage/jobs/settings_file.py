@@ -113,13 +113,16 @@ def _check(value: Any, wanted: Any, key: str, path: Path) -> Any:
 
 
 def _make(wanted: Any, value: Any, key: str, path: Path) -> Any:
-    """One of a list of tables: there is no default, and every field must be said."""
-    names = [field.name for field in dataclasses.fields(wanted)]
-    if not isinstance(value, dict) or set(value) != set(names):
-        raise FoliageError(f"{key} must be a list of tables with {', '.join(names)}, not {value!r} ({path})")
+    """One of a list of tables: what has no default must be said."""
+    fields = dataclasses.fields(wanted)
+    names = {field.name for field in fields}
+    needed = {field.name for field in fields if dataclasses.MISSING is field.default is field.default_factory}
+    if not isinstance(value, dict) or not needed <= set(value) <= names:
+        listed = ", ".join(field.name for field in fields)
+        raise FoliageError(f"{key} must be a list of tables with {listed}, not {value!r} ({path})")
     kinds = typing.get_type_hints(wanted)
     try:
-        return wanted(**{name: _check(value[name], kinds[name], f"{key}.{name}", path) for name in names})
+        return wanted(**{name: _check(held, kinds[name], f"{key}.{name}", path) for name, held in value.items()})
     except ValueError as error:
         raise FoliageError(f"[{key}] {error} ({path})") from error
 
