@@ -19,7 +19,10 @@ FAST = """
 [depth]
 max_side_px = 128
 sources = 3
-rounds = [{ level = 1, iterations = 3, coherent = false }, { level = 0, iterations = 1, coherent = true }]
+rounds = [{ level = 1, iterations = 2, coherent = false }, { level = 0, iterations = 1, coherent = true }]
+
+[depth.matching]
+best_sources = 2
 """
 
 

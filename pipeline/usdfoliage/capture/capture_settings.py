@@ -48,7 +48,10 @@ def complete_capture_settings(text: str, values: Mapping[str, str | float]) -> s
     if not missing:
         return text
     end = "\r\n" if "\r\n" in body else "\n"
-    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in missing.items()]
+    # A JSON text is a TOML text, but for one control character.
+    lines = [
+        f"{key} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f") for key, value in missing.items()
+    ]
     completed = end.join(["# added by usdfoliage capture", *lines, body])
     if tomllib.loads(completed) != {**held, **missing}:
         raise ValueError(f"{', '.join(missing)} cannot be added")
