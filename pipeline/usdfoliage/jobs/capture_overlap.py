@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 from usdfoliage.capture.cloud import Cloud
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture_photograph import CapturePhotograph
-from usdfoliage.jobs.capture_pictures import VIRIDIS, LegendPicture, draw_shared, make_legend, write_picture
-from usdfoliage.jobs.cloud_pictures import Direction, draw_scale_bar, draw_seen, frame_points, splat_points
+from usdfoliage.jobs.capture_pictures import VIRIDIS, LegendPicture, draw_shared, in_words, make_legend, write_picture
+from usdfoliage.jobs.cloud_pictures import Direction, bar_length, draw_scale_bar, draw_seen, frame_points, splat_points
 
 PLAN_PX = 900
 MATRIX_PX = 640
@@ -108,7 +108,7 @@ def write_plan(
     links: Mapping[tuple[int, int], float],
     cloud: Cloud,
     widths_m: NDArray[np.floating],
-    common: NDArray[np.bool_],
+    framed_m: NDArray[np.float64],
     top: Direction,
 ) -> Plan:
     """Write the cloud from above, and lay out the cameras over it.
@@ -119,7 +119,7 @@ def write_plan(
         links: Of find_links.
         cloud: What is shown below.
         widths_m: (N,), of its points.
-        common: (N,), which of them must be in the picture.
+        framed_m: (M, 3), points that must be in the picture, with the cameras.
         top: How it is looked at.
 
     Raises:
@@ -127,9 +127,10 @@ def write_plan(
     """
     cameras = {number: held.camera for number, held in enumerate(photographs) if held.camera is not None}
     places_m = np.array([camera.position_m for camera in cameras.values()])
-    (window,) = frame_points(cloud.points_m[common], [top], PLAN_PX, places_m)
+    (window,) = frame_points(framed_m, [top], PLAN_PX, places_m)
     picture = draw_seen(splat_points(cloud.points_m, top, window, widths_m), _paler(cloud.srgb))
-    bar = draw_scale_bar(picture, window.px_per_m)
+    bar_m = bar_length([window])
+    draw_scale_bar(picture, bar_m, window.px_per_m)
     places = dict(zip(cameras, window.places(places_m, top), strict=True))
     gap_px = _typical_gap(np.array(list(places.values())))
     reach_m = float(np.clip(CAMERA_SHARE * gap_px, *CAMERA_PX)) / window.px_per_m
@@ -161,9 +162,9 @@ def write_plan(
         height=picture.shape[0],
         cameras=[camera for camera in drawn if camera.without_depth] + [c for c in drawn if not c.without_depth],
         lines=lines,
-        caption=f"From above, the front below; the bar is {bar}. Each triangle is a camera, its tip where it stands; "
-        "grey where it has no depth. Lines join photographs that share matches or were matched with each other for "
-        "their depth, stronger for more.",
+        caption=f"From above, the front below; the bar is {in_words(bar_m)}. Each triangle is a camera, its tip where "
+        "it stands; grey where it has no depth. Lines join photographs that share matches, or were matched with each "
+        "other for their depth; stronger for more.",
     )
 
 

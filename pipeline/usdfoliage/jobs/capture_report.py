@@ -12,6 +12,7 @@ from usdfoliage.capture.cloud import Cloud
 from usdfoliage.capture.listing import counted, named
 from usdfoliage.capture.point_spacing import point_widths
 from usdfoliage.capture.whole_file import whole_file
+from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture_overlap import find_groups, find_links, write_matrix, write_plan
 from usdfoliage.jobs.capture_photograph import CapturePhotograph, ShownMaps
 from usdfoliage.jobs.capture_pictures import (
@@ -30,9 +31,11 @@ from usdfoliage.jobs.capture_pictures import (
 )
 from usdfoliage.jobs.cloud_pictures import (
     Direction,
+    bar_length,
     draw_scale_bar,
     draw_seen,
     find_common,
+    find_inside,
     find_sides,
     frame_points,
     splat_points,
@@ -47,6 +50,7 @@ __all__ = ["CapturePhotograph", "CaptureReport", "ShownMaps", "capture_rows", "d
 PICTURE_PX = 720  # longer side of a photograph and its maps
 CLOUD_PX = 1000  # longest side of the pictures of the cloud
 BINS = 40
+FRAMING_POINTS = 300_000  # that tell what is shown of the cloud
 HIGH_ERROR = 2.0  # times the median, from where a photograph's reprojection error is told
 
 
@@ -105,12 +109,15 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
     )
-    cloud = thin_cloud(report.cloud)
     cameras = [held.camera for held in report.photographs if held.camera is not None]
-    sides = find_sides(cameras, cloud, np.array(report.up, np.float64))
-    common = find_common(cloud.points_m, cameras)
+    some = thin_cloud(report.cloud, FRAMING_POINTS)
+    sides = find_sides(cameras, some, np.array(report.up, np.float64))
+    framed_m = some.points_m[find_common(some.points_m, cameras)]
     links = find_links(report.photographs, report.shared)
-    widths_m = point_widths(cloud.points_m, cameras, len(report.cloud) / max(len(cloud), 1))
+    plan = None
+    if cameras:
+        widths_m = point_widths(some.points_m, cameras, len(report.cloud) / max(len(some), 1))
+        plan = write_plan(folder, report.photographs, links, some, widths_m, framed_m, sides[2])
     page = environment.get_template("capture_report.html").render(
         name=report.name,
         capture=report.capture,
@@ -120,8 +127,8 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
         measures=[*capture_rows(report), *report.measures],
         photographs=[_table_row(number, held) for number, held in enumerate(report.photographs)],
         poses_given=report.poses_given,
-        sides=_write_sides(folder, cloud, common, sides, widths_m),
-        plan=write_plan(folder, report.photographs, links, cloud, widths_m, common, sides[2]) if cameras else None,
+        sides=_write_sides(folder, report.cloud, framed_m, sides, cameras),
+        plan=plan,
         matrix=write_matrix(folder, report.photographs, report.shared) if len(report.photographs) > 1 else None,
         histograms=error_histograms(report),
         left_out=_left_out(report),
@@ -243,12 +250,20 @@ def _left_out(report: CaptureReport) -> str:
 
 
 def _write_sides(
-    folder: Path, cloud: Cloud, common: NDArray[np.bool_], sides: Sequence[Direction], widths_m: NDArray[np.float32]
+    folder: Path,
+    cloud: Cloud,
+    framed_m: NDArray[np.float64],
+    sides: Sequence[Direction],
+    cameras: Sequence[Pinhole],
 ) -> list[PictureRow]:
     """The cloud from three sides: in its colours, by views, by confidence."""
     if not len(cloud):
         return []
-    windows = frame_points(cloud.points_m[common], sides, CLOUD_PX, np.zeros((0, 3)))
+    windows = frame_points(framed_m, sides, CLOUD_PX, np.zeros((0, 3)))
+    bar_m = bar_length(windows)
+    inside = np.flatnonzero(find_inside(cloud.points_m, framed_m, sides))
+    cloud = thin_cloud(cloud.take(inside))
+    widths_m = point_widths(cloud.points_m, cameras, len(inside) / max(len(cloud), 1))
     seen = [splat_points(cloud.points_m, side, window, widths_m) for side, window in zip(sides, windows, strict=True)]
     most = max(2.0, float(np.quantile(cloud.views, 0.98)))
     kinds = [
@@ -271,13 +286,10 @@ def _write_sides(
         pictures = []
         for side, window, shown in zip(sides, windows, seen, strict=True):
             picture = draw_seen(shown, colors)
-            bar = draw_scale_bar(picture, window.px_per_m)
+            draw_scale_bar(picture, bar_m, window.px_per_m)
             file = write_picture(folder / f"cloud_{side.name}_{what}.jpg", picture)
-            pictures.append(
-                LegendPicture(
-                    file=file, caption=f"{side.name}; the bar is {bar}", width=picture.shape[1], legend=legend
-                )
-            )
+            caption = f"{side.name}; the bar is {in_words(bar_m)}"
+            pictures.append(LegendPicture(file=file, caption=caption, width=picture.shape[1], legend=legend))
         rows.append(PictureRow(title=what, facts=facts, pictures=pictures))
     return rows
 

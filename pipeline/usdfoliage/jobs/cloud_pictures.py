@@ -9,18 +9,20 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.cloud import Cloud
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.jobs.capture_pictures import in_words
 
 PAPER = (250, 250, 248)  # behind a cloud, as the report's page
 BOUNDS = (0.002, 0.998)  # quantiles of a cloud's places that are shown: single points stray far
 MARGIN = 0.05  # around them, of the largest side
-DRAWN_POINTS = 1_000_000  # at most, evenly chosen
+DRAWN_POINTS = 1_500_000  # at most, evenly chosen
 SPLATS_PX = (1, 2, 3, 4, 5, 7, 9, 13)  # sides of the squares that points are drawn as
 SHADE = 6.0  # how dark steps of depth become
+STEP, LARGEST_STEP = 0.004, 0.02  # of depth, in picture sides, that begins to darken, and beyond it the most that does
 SHADE_PX = (1, 3)  # how far beside a pixel they are looked for
 LEAST_SIDE = 0.2  # of a picture of a cloud, in its longer one
+MOST = 0.999  # quantile of how many cameras see points that is taken for the most
 COMMON = 0.5  # of the cameras that see the best point, must see one that is shown
 CIRCLING = 0.25  # cameras whose middle is nearer to the cloud than this share of their distance stand all around
+BAR_SHARE = 0.22  # of a picture's width
 BAR_INK = (60, 60, 60)
 
 
@@ -104,7 +106,7 @@ def find_common(points_m: NDArray[np.float64], cameras: Sequence[Pinhole]) -> ND
             count += np.all((places >= 0) & (places < (camera.width_px, camera.height_px)), axis=1)
     if not count.any():
         return np.ones(len(points_m), np.bool_)
-    return np.asarray(count >= COMMON * np.quantile(count, 0.95))
+    return np.asarray(count >= COMMON * np.quantile(count, MOST))
 
 
 def frame_points(
@@ -133,14 +135,16 @@ def frame_points(
 
 
 def find_inside(
-    points_m: NDArray[np.float64], common: NDArray[np.bool_], directions: Sequence[Direction]
+    points_m: NDArray[np.float64], shown_m: NDArray[np.float64], directions: Sequence[Direction]
 ) -> NDArray[np.bool_]:
-    """(N,), points in the box, along three directions, of those that are common: others would stand before them."""
+    """(N,), points in the box, along three directions, of those (M, 3) that are to be shown: others would hide them."""
+    if not len(shown_m):
+        return np.ones(len(points_m), np.bool_)
     axes = np.column_stack([direction.towards for direction in directions])
+    low, high = np.quantile(shown_m @ axes, BOUNDS, axis=0)
+    margin_m = MARGIN * float((high - low).max())
     places = points_m @ axes
-    low, high = np.quantile(places[common], BOUNDS, axis=0) if common.any() else (np.full(3, -np.inf),) * 2
-    margin = 2 * MARGIN * float((high - low).max()) if common.any() else 0.0
-    return np.asarray(((places >= low - margin) & (places <= high + margin)).all(axis=1))
+    return np.asarray(((places >= low - margin_m) & (places <= high + margin_m)).all(axis=1))
 
 
 def splat_points(
@@ -177,14 +181,17 @@ def draw_seen(seen: SeenPoints, colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return picture
 
 
-def draw_scale_bar(picture: NDArray[np.uint8], px_per_m: float) -> str:
-    """Put a bar of a round length into the lower left corner; returns the length in words."""
-    length_m = round_length(0.22 * picture.shape[1] / px_per_m)
+def draw_scale_bar(picture: NDArray[np.uint8], length_m: float, px_per_m: float) -> None:
+    """Put a bar of this length into the lower left corner."""
     length_px = max(1, round(length_m * px_per_m))
     top = picture.shape[0] - 12
     for color, grown in ((PAPER, 2), (BAR_INK, 0)):
         picture[top - grown : top + 4 + grown, 10 - grown : 10 + length_px + grown] = color
-    return in_words(length_m)
+
+
+def bar_length(windows: Sequence[Window]) -> float:
+    """A round length in metres that is about a fifth of the narrowest of pictures."""
+    return round_length(BAR_SHARE * min(window.width_m for window in windows))
 
 
 def _light(near: NDArray[np.float32], empty: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -199,7 +206,7 @@ def _light(near: NDArray[np.float32], empty: NDArray[np.bool_]) -> NDArray[np.fl
         height, width = near.shape
         for down, across in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)):
             beside = padded[reach + down * reach :, reach + across * reach :][:height, :width]
-            steps += np.clip(beside - near, 0, 0.02)
+            steps += np.clip(beside - near - STEP, 0, LARGEST_STEP)
     return np.exp(-SHADE * steps).astype(np.float32)
 
 
