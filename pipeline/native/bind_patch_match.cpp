@@ -41,18 +41,19 @@ usdfoliage::MatchSource source_of(const double* warps) {
     return source;
 }
 
-nb::tuple match(const Srgb& srgb, const std::optional<Gray>& mask, const Matrix& pixel_from_ray, const std::vector<Gray>& grays,
+nb::tuple match(const Srgb& srgb, const Srgb& tint, const std::optional<Gray>& mask, const Matrix& pixel_from_ray, const std::vector<Gray>& grays, const std::vector<Srgb>& tints, const std::optional<Planes>& segment_planes,
                 const std::vector<Depth>& depths, const Warps& warps, const Offsets& offsets, const Planes& start, int iterations,
                 int best_sources, float nearest_inverse, float farthest_inverse, float color_scale, float distance_scale_px,
-                float noise, float geometric_weight, float geometric_limit_px, float step, float most_slant, std::uint64_t seed,
+                float noise, float brightness_weight, float brightness_scale, float tint_weight, float tint_scale, float geometric_weight, float geometric_limit_px, float segment_weight, float segment_limit_px, float step, float most_slant, std::uint64_t seed,
                 int threads) {
-    usdfoliage::MatchReference reference{srgb.data(), mask ? mask->data() : nullptr, static_cast<int>(srgb.shape(1)),
+    usdfoliage::MatchReference reference{srgb.data(), tint.data(), mask ? mask->data() : nullptr, segment_planes ? segment_planes->data() : nullptr, static_cast<int>(srgb.shape(1)),
                                          static_cast<int>(srgb.shape(0)), {}};
     std::copy_n(pixel_from_ray.data(), 9, reference.pixel_from_ray);
     std::vector<usdfoliage::MatchSource> sources;
     for (std::size_t k = 0; k < grays.size(); ++k) {
         usdfoliage::MatchSource source = source_of(warps.data() + 24 * k);
         source.gray = grays[k].data();
+        source.tint = tints[k].data();
         source.depth_m = depths.empty() ? nullptr : depths[k].data();
         source.height = static_cast<int>(grays[k].shape(0));
         source.width = static_cast<int>(grays[k].shape(1));
@@ -64,7 +65,7 @@ nb::tuple match(const Srgb& srgb, const std::optional<Gray>& mask, const Matrix&
         nb::gil_scoped_release unlocked;
         usdfoliage::match_planes(reference, sources, offsets.data(), offsets.shape(0),
                                  {iterations, best_sources, nearest_inverse, farthest_inverse, color_scale, distance_scale_px, noise,
-                                  geometric_weight, geometric_limit_px, step, most_slant, seed, threads},
+                                  brightness_weight, brightness_scale, tint_weight, tint_scale, geometric_weight, geometric_limit_px, segment_weight, segment_limit_px, step, most_slant, seed, threads},
                                  planes.data(), cost.data());
     }
     return nb::make_tuple(to_numpy(std::move(planes), {srgb.shape(0), srgb.shape(1), 3}),
@@ -93,9 +94,9 @@ nb::ndarray<nb::numpy, std::uint8_t> agreeing(const Depth& depth_m, const std::v
 }  // namespace
 
 void bind_patch_match(nb::module_& m) {
-    m.def("match_planes", &match, "srgb"_a, "mask"_a.none(), "pixel_from_ray"_a, "grays"_a, "depths"_a, "warps"_a, "offsets"_a,
+    m.def("match_planes", &match, "srgb"_a, "tint"_a, "mask"_a.none(), "pixel_from_ray"_a, "grays"_a, "tints"_a, "segment_planes"_a.none(), "depths"_a, "warps"_a, "offsets"_a,
           "start"_a, "iterations"_a, "best_sources"_a, "nearest_inverse"_a, "farthest_inverse"_a, "color_scale"_a,
-          "distance_scale_px"_a, "noise"_a, "geometric_weight"_a, "geometric_limit_px"_a, "step"_a, "most_slant"_a, "seed"_a,
+          "distance_scale_px"_a, "noise"_a, "brightness_weight"_a, "brightness_scale"_a, "tint_weight"_a, "tint_scale"_a, "geometric_weight"_a, "geometric_limit_px"_a, "segment_weight"_a, "segment_limit_px"_a, "step"_a, "most_slant"_a, "seed"_a,
           "threads"_a, "Planes (H, W, 3) of a photograph by PatchMatch stereo, and their cost (H, W).");
     m.def("count_agreeing", &agreeing, "depth_m"_a, "depths"_a, "warps"_a, "most_px"_a, "most_share"_a, "threads"_a,
           "How many other depth maps agree with each pixel's depth (H, W).");

@@ -177,6 +177,14 @@ inline float disagreement_px(const MatchSource& source, double u, double v, int 
 // the same ones that decide.
 inline float plane_cost(const Match& match, const Window& window, const Plane& plane, int column, int row, float bound,
                         std::size_t first) {
+    const std::size_t pixel = static_cast<std::size_t>(row) * match.reference.width + static_cast<std::size_t>(column);
+    float apart_cost = 0;
+    if (match.reference.segment_planes != nullptr) {
+        const float segment = match.reference.segment_planes[3 * pixel];
+        const float moved_px = std::abs(plane.inverse - segment) * match.pixels_an_inverse;
+        if (segment > 0) apart_cost = match.options.segment_weight * std::min(1.0f, moved_px / match.options.segment_limit_px);
+    }
+    bound -= apart_cost;
     const std::size_t count = match.sources.size();
     std::array<WindowPlaces, kGroups> places;
     for (std::size_t group = 0; group * kLanes < count; ++group) {
@@ -198,6 +206,7 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
         const Lanes change = (z_right > 0 ? z_right : -z_right) + (z_down > 0 ? z_down : -z_down);
         to.depth = z - match.pattern.reach_px * change > 0.2f * z ? z : Lanes{};
     }
+    const std::uint8_t* own_tint = match.reference.tint + 3 * pixel;
     std::array<float, kMostSources> best;
     const std::size_t wanted = std::min(count, static_cast<std::size_t>(match.options.best_sources));
     const std::size_t enough = count - wanted;
@@ -206,8 +215,8 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
         const std::size_t k = first + n < count ? first + n : first + n - count;
         const WindowPlaces& to = places[k / kLanes];
         const std::size_t lane = k % kLanes;
-        float cost = window_cost(match.pattern, window, match.pictures[k], to, lane);
         const MatchSource& source = match.sources[k];
+        float cost = window_cost(match.pattern, window, match.pictures[k], to, lane, own_tint, source.tint);
         if (source.depth_m != nullptr && cost < kWorstCost && cost < best[wanted - 1]) {
             cost += match.options.geometric_weight *
                     disagreement_px(source, to.u[lane], to.v[lane], column, row, match.options.geometric_limit_px);
@@ -221,7 +230,7 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
     }
     float sum = 0;
     for (std::size_t i = 0; i < wanted; ++i) sum += best[i];
-    return sum / static_cast<float>(wanted);
+    return sum / static_cast<float>(wanted) + apart_cost;
 }
 
 inline bool same(const Match& match, const Plane& one, const Plane& other) {
@@ -318,6 +327,17 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
             }
         }
 
+        if (photo.segment_planes != nullptr && photo.segment_planes[3 * pixel] > 0) {
+            const Plane plane = load(photo.segment_planes, pixel);
+            if (usable(match, plane, column, row) && !same(match, plane, best)) {
+                const float its = plane_cost(match, window, plane, column, row, lowest, 0);
+                if (its < lowest) {
+                    lowest = its;
+                    best = plane;
+                }
+            }
+        }
+
         // By chance: anywhere, and around the best with steps that shrink from one iteration to the next.
         Random random(options.seed, pixel, iteration + 1);
         const float step = options.step * range * std::pow(0.5f, static_cast<float>(iteration));
@@ -380,7 +400,7 @@ void match_planes(const MatchReference& reference, const std::vector<MatchSource
     assert(!sources.empty() && sources.size() <= kMostSources && samples >= 1 && samples <= kMostSamples);
     std::vector<PackedPicture> pictures;
     for (const MatchSource& source : sources) pictures.emplace_back(source.gray, source.width, source.height);
-    const WindowPattern pattern(offsets, samples, options.color_scale, options.distance_scale_px, options.noise);
+    const WindowPattern pattern(offsets, samples, options);
     const double* k = reference.pixel_from_ray;
     const float range = options.nearest_inverse - options.farthest_inverse;
     Match match{reference, sources, pictures, pattern, options, {k[0], k[4]}, {k[2], k[5]}, {},

@@ -14,12 +14,14 @@ namespace usdfoliage {
 
 constexpr int kMostSamples = 64;   // of a matching window
 constexpr int kMostSources = 16;   // photographs that one is matched with
-constexpr float kWorstCost = 2.0f;  // 1 - correlation; also of what a photograph does not see
+constexpr float kWorstCost = 3.0f;  // of what a photograph does not see
 
 // The photograph that gets depth.
 struct MatchReference {
     const std::uint8_t* srgb;  // height x width x 3
+    const std::uint8_t* tint;  // height x width x 3, the photograph smoothed but for its edges
     const std::uint8_t* mask;  // height x width, 0 where no depth is wanted; or none
+    const float* segment_planes;  // height x width x 3, as planes: that of each pixel's segment, 0 for none; or none
     int width;
     int height;
     double pixel_from_ray[9];  // 3 x 3, rows first, of pixel indices
@@ -31,6 +33,7 @@ struct MatchReference {
 // equation 1 of Guo et al. for the plane through it.
 struct MatchSource {
     const std::uint8_t* gray;  // height x width
+    const std::uint8_t* tint;  // height x width x 3, the photograph smoothed but for its edges
     const float* depth_m;      // height x width, 0 where there is none; or none
     int width;
     int height;
@@ -48,8 +51,14 @@ struct MatchOptions {
     float color_scale;         // sum of the differences of red, green and blue that weighs 1 / e in a window
     float distance_scale_px;   // distance that weighs 1 / e
     float noise;               // standard deviation of brightness that tells nothing
+    float brightness_weight;   // cost of mean brightness that differs by brightness_scale or more
+    float brightness_scale;    // of 255
+    float tint_weight;         // cost of tint that differs by tint_scale or more
+    float tint_scale;          // of 765: sum of the differences of red, green and blue
     float geometric_weight;    // cost of a pixel of disagreement with the depth of another photograph
     float geometric_limit_px;  // disagreement beyond it costs no more
+    float segment_weight;      // cost of depth that differs from that of the segment's plane, equation 2
+    float segment_limit_px;    // by so much movement in the photograph that moves most, or more
     float step;                // first perturbation, as a share of the range of inverse depth
     float most_slant;          // tangent between the line of sight and the normal
     std::uint64_t seed;
@@ -59,7 +68,8 @@ struct MatchOptions {
 // Improve the planes of a photograph.
 //
 // The cost is one minus the correlation of the window under the homographies of the plane, weighted by likeness in colour
-// and distance (M. Bleyer et al., PatchMatch stereo, 2011), the mean over the best photographs; planes spread in the
+// and distance (M. Bleyer et al., PatchMatch stereo, 2011), and differences of brightness and tint, the mean over the best
+// photographs; planes spread in the
 // diffuse checkerboard of Q. Xu and W. Tao, Multi-scale geometric consistency guided multi-view stereo, 2019.
 //
 // @param offsets  samples x 2, right and down, of the window's pixels.

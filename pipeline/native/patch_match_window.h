@@ -48,8 +48,13 @@ private:
 
 // Which pixels a window has, and how they weigh.
 struct WindowPattern {
-    WindowPattern(const int* offsets, std::size_t samples, float color_scale, float distance_scale_px, float noise)
-        : count(static_cast<int>((samples + kLanes - 1) / kLanes) * kLanes), noise_square(noise * noise) {
+    WindowPattern(const int* offsets, std::size_t samples, const MatchOptions& options)
+        : count(static_cast<int>((samples + kLanes - 1) / kLanes) * kLanes),
+          noise_square(options.noise * options.noise),
+          brightness_weight(options.brightness_weight),
+          brightness_rate(1 / options.brightness_scale),
+          tint_weight(options.tint_weight),
+          tint_rate(1 / options.tint_scale) {
         for (int k = 0; k < count; ++k) {
             const bool used = k < static_cast<int>(samples);
             columns[k] = used ? offsets[2 * k] : 0;
@@ -57,14 +62,18 @@ struct WindowPattern {
             right[k] = static_cast<float>(columns[k]);
             down[k] = static_cast<float>(rows[k]);
             const float distance = std::sqrt(right[k] * right[k] + down[k] * down[k]);
-            nearness[k] = used ? std::exp(-distance / distance_scale_px) : 0;
+            nearness[k] = used ? std::exp(-distance / options.distance_scale_px) : 0;
             reach_px = std::max(reach_px, std::max(std::abs(right[k]), std::abs(down[k])));
         }
-        for (int k = 0; k < kColorLevels; ++k) likeness[k] = std::exp(-static_cast<float>(k) / color_scale);
+        for (int k = 0; k < kColorLevels; ++k) likeness[k] = std::exp(-static_cast<float>(k) / options.color_scale);
     }
 
     int count;  // a multiple of kLanes
     float noise_square;
+    float brightness_weight;
+    float brightness_rate;
+    float tint_weight;
+    float tint_rate;
     float reach_px = 0;
     int columns[kMostSamples];
     int rows[kMostSamples];
@@ -79,6 +88,7 @@ struct Window {
     alignas(32) float weight[kMostSamples];    // sum 1
     alignas(32) float weighted[kMostSamples];  // weight times brightness without the mean
     float variance;
+    float mean;
 };
 
 inline void cut_window(const WindowPattern& pattern, const std::uint8_t* srgb, int width, int height, int column, int row,
@@ -100,6 +110,7 @@ inline void cut_window(const WindowPattern& pattern, const std::uint8_t* srgb, i
     const float inverse = 1 / sum;
     mean *= inverse;
     window.variance = 0;
+    window.mean = mean;
     for (int k = 0; k < pattern.count; ++k) {
         const float off = gray[k] - mean;
         window.weight[k] *= inverse;
@@ -117,9 +128,13 @@ struct WindowPlaces {
     Lanes depth;             // above 0 where all of the window is well before the camera
 };
 
-// One minus the weighted correlation of a window with a photograph; kWorstCost where not all of it is seen.
+// How unlike a window and a photograph are; kWorstCost where not all of it is seen.
+//
+// One minus their weighted correlation, which is blind to the mean of either, and for that what their mean brightness and
+// the tint of their middles differ by: it tells a twig from the wall behind it, which has no more texture than noise.
 inline float window_cost(const WindowPattern& pattern, const Window& window, const PackedPicture& picture,
-                         const WindowPlaces& places, std::size_t lane) {
+                         const WindowPlaces& places, std::size_t lane, const std::uint8_t* own_tint,
+                         const std::uint8_t* tint) {
     const float u0 = places.u[lane];
     const float v0 = places.v[lane];
     const float u_right = places.u_right[lane];
@@ -171,7 +186,11 @@ inline float window_cost(const WindowPattern& pattern, const Window& window, con
     products += __builtin_shufflevector(products, products, 1, 0, 3, 2, 5, 4, 7, 6);
     const float variance = std::max(0.0f, squares[0] - sums[0] * sums[0]);
     const float both = (window.variance + pattern.noise_square) * (variance + pattern.noise_square);
-    return 1 - products[0] / std::sqrt(both);
+    const float brighter = std::min(1.0f, std::abs(sums[0] - window.mean) * pattern.brightness_rate);
+    const std::uint8_t* there = tint + 3 * (static_cast<int>(v0 + 0.5f) * stride + static_cast<int>(u0 + 0.5f));
+    const int apart = std::abs(there[0] - own_tint[0]) + std::abs(there[1] - own_tint[1]) + std::abs(there[2] - own_tint[2]);
+    const float tinted = std::min(1.0f, static_cast<float>(apart) * pattern.tint_rate);
+    return 1 - products[0] / std::sqrt(both) + pattern.brightness_weight * brighter + pattern.tint_weight * tinted;
 }
 
 }  // namespace usdfoliage

@@ -446,9 +446,12 @@ def unproject_places(
 
 def match_planes(
     srgb: NDArray[np.uint8],
+    tint: NDArray[np.uint8],
     mask: NDArray[np.uint8] | None,
     pixel_from_ray: NDArray[np.float64],
     grays: list[NDArray[np.uint8]],
+    tints: list[NDArray[np.uint8]],
+    segment_planes: NDArray[np.float32] | None,
     depths: list[NDArray[np.float32]],
     warps: NDArray[np.float64],
     offsets: NDArray[np.int32],
@@ -460,8 +463,14 @@ def match_planes(
     color_scale: float,
     distance_scale_px: float,
     noise: float,
+    brightness_weight: float,
+    brightness_scale: float,
+    tint_weight: float,
+    tint_scale: float,
     geometric_weight: float,
     geometric_limit_px: float,
+    segment_weight: float,
+    segment_limit_px: float,
     step: float,
     most_slant: float,
     seed: int,
@@ -473,9 +482,12 @@ def match_planes(
 
     Args:
         srgb: (H, W, 3), the photograph.
+        tint: (H, W, 3), its colours without noise.
         mask: (H, W), 0 where no plane is wanted.
         pixel_from_ray: (3, 3), of pixel indices.
         grays: brightness of 1 to 16 photographs that it is matched with, of any size.
+        tints: their colours without noise.
+        segment_planes: (H, W, 3), the plane of each pixel's segment, 0 for none.
         depths: their depth maps, 0 for none; or no maps at all.
         warps: (photographs, 2, 3, 4), homography of the plane at infinity and epipole, to their pixel indices and back.
         offsets: (at most 64, 2), right and down, of the window's pixels.
@@ -484,8 +496,11 @@ def match_planes(
         color_scale: sum of the differences of three channels that weighs 1 / e.
         distance_scale_px: distance that weighs 1 / e.
         noise: standard deviation of brightness that tells nothing.
+        brightness_weight: cost of mean brightness that differs by brightness_scale or more.
+        tint_weight: cost of tint that differs by tint_scale or more.
         geometric_weight: cost of a pixel of disagreement with a depth map.
         geometric_limit_px: disagreement beyond it costs no more.
+        segment_weight: cost of depth away from the plane of the pixel's segment by segment_limit_px of movement or more.
         step: first change of inverse depth, as a share of its range.
         most_slant: tangent between line of sight and normal.
     """

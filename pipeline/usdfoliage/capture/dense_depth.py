@@ -10,12 +10,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate, confirm_depth
-from usdfoliage.capture.patch_match import MOST_SOURCES, MatchedPlanes, PatchMatchSettings, match_view
+from usdfoliage.capture.patch_match import MOST_SOURCES, MatchedPlanes, PatchMatchSettings, Picture, match_view
 from usdfoliage.capture.plane_sweep import depth_range_m
+from usdfoliage.capture.segments import SegmentSettings, fit_segment_planes, segment_photo
 from usdfoliage.capture.view import View
 from usdfoliage.capture.view_selection import ViewSelectionSettings, select_views
 from usdfoliage.errors import CaptureError
@@ -33,13 +35,14 @@ class Round:
     level: int  # how often the pictures are halved
     iterations: int
     coherent: bool  # whether the views' depth counts as well, equation 3
+    segments: bool = False  # whether the planes of segments count as well, equation 2
 
 
 ROUNDS = (
     Round(level=2, iterations=5, coherent=False),
     Round(level=1, iterations=4, coherent=False),
     Round(level=1, iterations=2, coherent=True),
-    Round(level=0, iterations=3, coherent=True),
+    Round(level=0, iterations=3, coherent=True, segments=True),
 )
 
 
@@ -48,10 +51,12 @@ class DenseDepthSettings:
     """How thoroughly photographs are matched, and which depth is believed."""
 
     max_side_px: int = 1200  # photographs are matched at this size at most
-    sources: int = 5  # photographs matched with each one
+    sources: int = 7  # photographs matched with each one
     rounds: tuple[Round, ...] = ROUNDS
     seed: int = 0
     selection: ViewSelectionSettings = field(default_factory=ViewSelectionSettings)
+    segments: SegmentSettings = field(default_factory=SegmentSettings)
+    segment_tolerance: float = 0.004  # of the range of inverse depth, that pixels of one plane may differ by
     matching: PatchMatchSettings = field(default_factory=PatchMatchSettings)
     agreement: AgreementSettings = field(default_factory=AgreementSettings)
 
@@ -130,19 +135,35 @@ def match_round(
     """
     current = settings.rounds[number]
     chosen = plan.sources[index]
+    view = read_view(index)
+    start = read_planes(index) if number else None
     return match_view(
-        read_view(index),
+        view,
         [read_view(k) for k in chosen],
         plan.ranges_m[index],
         current.level,
         current.iterations,
         settings.matching,
-        start=read_planes(index) if number else None,
+        start=start,
+        segment_planes=_segment_planes(view, start, current.level, plan.ranges_m[index], settings)
+        if start is not None and current.segments
+        else None,
         source_planes=[read_planes(k) for k in chosen] if number and current.coherent else None,
         max_side_px=settings.max_side_px,
         seed=settings.seed * 64 + number,
         threads=threads,
     )
+
+
+def _segment_planes(
+    view: View, start: MatchedPlanes, level: int, range_m: tuple[float, float], settings: DenseDepthSettings
+) -> NDArray[np.float32]:
+    """(H, W, 3), the plane of each pixel's segment at the size of matching."""
+    picture = Picture.of(view, settings.max_side_px, level)
+    labels = segment_photo(picture.srgb, settings.segments)
+    planes = start.at_size(labels.shape)
+    tolerance = settings.segment_tolerance * (1 / range_m[0] - 1 / range_m[1])
+    return fit_segment_planes(planes.planes, planes.cost, labels, tolerance, settings.segments)
 
 
 def finish_depth(
@@ -167,7 +188,11 @@ def finish_depth(
     planes = read_planes(index)
     if planes is None:
         raise ValueError(f"view {index} has not been matched")
-    return confirm_depth(planes, [read_planes(k) for k in plan.sources[index]], settings.agreement, threads=threads)
+    view = read_view(index)
+    size = planes.camera.width_px, planes.camera.height_px
+    srgb = view.srgb if view.srgb.shape[1::-1] == size else cv2.resize(view.srgb, size, interpolation=cv2.INTER_AREA)
+    sources = [read_planes(k) for k in plan.sources[index]]
+    return confirm_depth(planes, sources, srgb, settings.agreement, threads=threads)
 
 
 def estimate_depths(

@@ -1,4 +1,10 @@
-"""Which depth is believed: what fits the photographs and what the other views' depth confirms."""
+"""Which depth is believed, and its last refinement.
+
+Section 4 of J. Guo et al., Realistic procedural plant modeling from multiple view images, 2020: the likelihood of a
+pixel's depth is how well it fits the photographs times how far the other views' depth confirms it (equation 3); which
+pixels keep their depth minimises equation 4 over the whole picture by a graph cut, along the photograph's edges; and a
+guided filter smooths what is kept between them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,22 +17,35 @@ from usdfoliage import _native
 from usdfoliage.capture.patch_match import MatchedPlanes, warps
 from usdfoliage.geometry.pinhole import Pinhole
 
+_CUT_UNIT = 1000  # of costs, as whole numbers for the graph cut
+
 
 @dataclass(frozen=True, kw_only=True)
 class AgreementSettings:
     """Which depth is believed."""
 
-    max_cost: float = 0.6  # mean of one minus the correlation: above it nothing fits
+    max_cost: float = 1.3  # of a plane: above it nothing fits
     agreeing: int = 2  # other views whose depth must agree
     agree_px: float = 1.5  # between a pixel and where it comes back to from the other view
     agree_share: float = 0.01  # between two depths that agree
+    least_likelihood: float = 0.25  # below it a pixel had better have no depth, as far as its neighbours let it
+    smoothness: float = (
+        0.5  # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
+    )
+    edge: float = 30.0  # of 765: a difference of colour that divides that cost by e
+    filter_px: int = 3  # radius of the guided filter; 0: no filter
+    filter_color: float = 8.0  # of 255: differences of colour that it takes for an edge
+    filter_share: float = 0.004  # of the depth: neighbours that differ by more are not of one surface
     min_region_px: int = 12  # smaller connected pieces of depth are dropped
 
     def __post_init__(self) -> None:
-        if not 0 < self.max_cost < 2 or self.agreeing < 0 or self.min_region_px < 0:
-            raise ValueError("max_cost must be in (0, 2), agreeing and min_region_px not below 0")
-        if not (self.agree_px > 0 and self.agree_share > 0):
-            raise ValueError("agree_px and agree_share must be above 0")
+        if not 0 < self.max_cost < 3 or self.agreeing < 0 or self.min_region_px < 0 or self.filter_px < 0:
+            raise ValueError("max_cost must be in (0, 3), agreeing, min_region_px and filter_px not below 0")
+        positive = (self.agree_px, self.agree_share, self.edge, self.filter_color, self.filter_share)
+        if not all(np.isfinite(value) and value > 0 for value in positive):
+            raise ValueError("agree_px, agree_share, edge, filter_color and filter_share must be above 0")
+        if not 0 <= self.least_likelihood < 1 or not 0 <= self.smoothness < 100:
+            raise ValueError("least_likelihood must be in [0, 1), smoothness in [0, 100)")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,6 +62,7 @@ class DepthEstimate:
 def confirm_depth(
     matched: MatchedPlanes,
     source_planes: Sequence[MatchedPlanes | None],
+    srgb: NDArray[np.uint8],
     settings: AgreementSettings = AgreementSettings(),
     *,
     threads: int = 0,
@@ -55,6 +75,7 @@ def confirm_depth(
     Args:
         matched: The planes of the view.
         source_planes: Those of its sources; None where there are none.
+        srgb: (H, W, 3), the photograph at the size of the planes.
         settings: What is believed.
         threads: 0: one per core.
     """
@@ -70,21 +91,85 @@ def confirm_depth(
             settings.agree_share,
             threads,
         )
-    depth_m[agreeing < min(settings.agreeing, len(known))] = 0
-    depth_m = _drop_small_pieces(depth_m, settings.agree_share, settings.min_region_px)
-    there = depth_m > 0
-    share = np.minimum(agreeing / max(1, settings.agreeing + 1), 1)
+    needed = min(settings.agreeing, len(known))
     fit = np.clip(1 - matched.cost / settings.max_cost, 0, 1)
+    likelihood = fit * np.minimum(agreeing / (needed + 1), 1)
+    depth_m[~choose_pixels(likelihood, agreeing >= needed, depth_m, srgb, settings)] = 0
+    depth_m = drop_small_pieces(depth_m, settings.agree_share, settings.min_region_px)
+    depth_m = smooth_depth(depth_m, likelihood, srgb, settings)
+    there = depth_m > 0
     return DepthEstimate(
         camera=matched.camera,
         depth_m=depth_m,
         normals=np.where(there[..., None], matched.normals(), np.float32(0)),
-        confidence=np.where(there, fit * share, 0).astype(np.float32),
+        confidence=np.where(there, likelihood, 0).astype(np.float32),
         agreeing=np.where(there, agreeing, 0).astype(np.uint8),
     )
 
 
-def _drop_small_pieces(depth_m: NDArray[np.float32], share: float, least_px: int) -> NDArray[np.float32]:
+def choose_pixels(
+    likelihood: NDArray[np.floating],
+    confirmed: NDArray[np.bool_],
+    depth_m: NDArray[np.float32],
+    srgb: NDArray[np.uint8],
+    settings: AgreementSettings = AgreementSettings(),
+) -> NDArray[np.bool_]:
+    """Which pixels (H, W) keep their depth, equation 4.
+
+    u(p) is 1 where depth is kept: that costs least_likelihood − L(p), and each pair of neighbours of which one is kept
+    costs smoothness, less across an edge of the photograph. Pairs that lie at different depths do not hold together.
+
+    Args:
+        likelihood: (H, W), L in [0, 1].
+        confirmed: (H, W), pixels that enough views agree with; others have no likelihood, but may be carried along.
+        depth_m: (H, W), 0 where there is none to keep.
+        srgb: (H, W, 3).
+        settings: Costs.
+    """
+    kept = (depth_m > 0) & confirmed
+    if settings.smoothness == 0:
+        return kept
+    gain = np.where(kept, likelihood - settings.least_likelihood, -settings.least_likelihood)
+    colors = srgb.astype(np.int16)
+    pairs = []
+    for axis in (0, 1):
+        step = np.abs(np.roll(colors, -1, axis) - colors).sum(axis=2) / settings.edge
+        weight = settings.smoothness * np.exp(-step)
+        beside = np.roll(depth_m, -1, axis)
+        least = np.minimum(depth_m, beside)
+        torn = (least > 0) & (np.abs(beside - depth_m) > settings.agree_share * least)
+        weight[torn] = 0
+        weight[(slice(None), -1) if axis else (-1, slice(None))] = 0
+        pairs.append(np.rint(weight * _CUT_UNIT).astype(np.int32))
+    terminal = np.rint(-gain * _CUT_UNIT).astype(np.int32)  # to the end of those dropped where positive
+    terminal[depth_m <= 0] = 8 * _CUT_UNIT * max(1, round(settings.smoothness))
+    return np.asarray((_native.cut_grid(pairs[0], pairs[1], terminal) != 0) & (depth_m > 0))
+
+
+def smooth_depth(
+    depth_m: NDArray[np.float32],
+    likelihood: NDArray[np.floating],
+    srgb: NDArray[np.uint8],
+    settings: AgreementSettings = AgreementSettings(),
+) -> NDArray[np.float32]:
+    """Depth (H, W) after a guided filter, likely pixels weighing more; a pixel moves within its own surface only.
+
+    K. He et al., Guided image filtering, 2010. Inverse depth is filtered: planes are linear in it.
+    """
+    if settings.filter_px == 0 or not (depth_m > 0).any():
+        return depth_m
+    there = depth_m > 0
+    inverse = np.divide(1, depth_m, out=np.zeros_like(depth_m), where=there)
+    weight = np.where(there, np.maximum(likelihood, 0.05), 0).astype(np.float32)
+    eps = (settings.filter_color / 255) ** 2
+    guide = np.ascontiguousarray(srgb.astype(np.float32) / 255)
+    both = cv2.ximgproc.guidedFilter(guide, np.dstack([weight * inverse, weight]), settings.filter_px, eps)
+    smooth = np.divide(both[..., 0], both[..., 1], out=inverse.copy(), where=there & (both[..., 1] > 1e-4))
+    near = there & (np.abs(smooth - inverse) <= settings.filter_share * inverse)
+    return np.where(near, np.divide(1, smooth, out=depth_m.copy(), where=near), depth_m).astype(np.float32)
+
+
+def drop_small_pieces(depth_m: NDArray[np.float32], share: float, least_px: int) -> NDArray[np.float32]:
     """Without connected pieces of depth below least_px; a jump by more than a share of the depth parts pieces."""
     if least_px <= 1 or not (depth_m > 0).any():
         return depth_m

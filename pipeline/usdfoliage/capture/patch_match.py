@@ -28,12 +28,18 @@ class PatchMatchSettings:
 
     window_px: int = 4  # radius of the matching window
     window_step_px: int = 2  # between its pixels
-    color_scale: float = 40.0  # of 765: sum of the differences of three channels that weighs 1 / e
+    color_scale: float = 80.0  # of 765: sum of the differences of three channels that weighs 1 / e
     distance_scale_px: float = 4.0  # distance from the window's middle that weighs 1 / e
     noise: float = 2.0  # of 255: standard deviation of brightness that tells nothing
-    best_sources: int = 2  # those that fit best count at each pixel: the others may be hidden from it
+    brightness_weight: float = 0.5  # cost of mean brightness that differs by brightness_scale or more
+    brightness_scale: float = 40.0  # of 255
+    tint_weight: float = 0.25  # cost of colour in the window's middle that differs by tint_scale or more
+    tint_scale: float = 60.0  # of 765
+    best_sources: int = 3  # those that fit best count at each pixel: the others may be hidden from it
     geometric_weight: float = 0.15  # cost of a pixel of disagreement with another view's depth
     geometric_limit_px: float = 3.0  # disagreement beyond it costs no more: that view may see something else
+    segment_weight: float = 0.2  # cost of depth away from the plane of the pixel's segment, equation 2
+    segment_limit_px: float = 2.0  # by so much movement in the source that moves most, or more
     step: float = 0.03  # of the range of inverse depth: the first small changes of depth
     max_slant_deg: float = 80.0  # between the line of sight and the normal
 
@@ -44,12 +50,13 @@ class PatchMatchSettings:
             )
         if len(self.window_offsets()) > _MOST_SAMPLES:
             raise ValueError(f"the window may have {_MOST_SAMPLES} pixels, not {len(self.window_offsets())}")
-        scales = (self.color_scale, self.distance_scale_px, self.noise, self.step, self.geometric_limit_px)
-        if not all(np.isfinite(value) and value > 0 for value in scales) or not self.geometric_weight >= 0:
-            raise ValueError(
-                "color_scale, distance_scale_px, noise, step and geometric_limit_px must be above 0, and "
-                "geometric_weight not below"
-            )
+        scales = [self.color_scale, self.distance_scale_px, self.noise, self.step, self.geometric_limit_px]
+        scales += [self.brightness_scale, self.tint_scale, self.segment_limit_px]
+        if not all(np.isfinite(value) and value > 0 for value in scales):
+            raise ValueError("scales, distance_scale_px, noise, step and geometric_limit_px must be above 0")
+        weights = (self.geometric_weight, self.brightness_weight, self.tint_weight, self.segment_weight)
+        if not all(np.isfinite(value) and value >= 0 for value in weights):
+            raise ValueError("weights must not be below 0")
         if not 0 < self.max_slant_deg < 90:
             raise ValueError(f"max_slant_deg must be in (0, 90), not {self.max_slant_deg:g}")
 
@@ -108,6 +115,7 @@ def match_view(
     *,
     start: MatchedPlanes | None = None,
     source_planes: Sequence[MatchedPlanes | None] | None = None,
+    segment_planes: NDArray[np.float32] | None = None,
     max_side_px: int = 1200,
     seed: int = 0,
     threads: int = 0,
@@ -123,6 +131,7 @@ def match_view(
         settings: How windows are compared.
         start: Its planes so far, of any size; None: guessed.
         source_planes: Those of the sources so far, of any size, which then count as well (equation 3).
+        segment_planes: (H, W, 3), the plane of each pixel's segment, 0 for none, at the size of matching (equation 2).
         max_side_px: Size of the pictures at level 0 at most.
         seed: Of the guesses.
         threads: 0: one per core.
@@ -142,9 +151,12 @@ def match_view(
     first_step = settings.step if start is None else settings.step / 4
     planes, cost = _native.match_planes(
         own.srgb,
+        smooth_tint(own.srgb),
         own.mask,
         pixel_from_ray(own.camera),
         [other.gray for other in others],
+        [smooth_tint(other.srgb) for other in others],
+        segment_planes,
         [] if source_planes is None else _depths_of(source_planes, others),
         np.stack([warps(own.camera, other.camera) for other in others]),
         settings.window_offsets(),
@@ -156,8 +168,14 @@ def match_view(
         settings.color_scale,
         settings.distance_scale_px,
         settings.noise,
+        settings.brightness_weight,
+        settings.brightness_scale,
+        settings.tint_weight,
+        settings.tint_scale,
         settings.geometric_weight,
         settings.geometric_limit_px,
+        settings.segment_weight,
+        settings.segment_limit_px,
         first_step,
         float(np.tan(np.radians(settings.max_slant_deg))),
         seed,
@@ -252,3 +270,8 @@ def scale_camera(camera: Pinhole, width_px: int, height_px: int) -> Pinhole:
         focal_px=(camera.focal_px[0] * across, camera.focal_px[1] * down),
         center_px=(camera.center_px[0] * across, camera.center_px[1] * down),
     )
+
+
+def smooth_tint(srgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W, 3): colours without the noise of single pixels."""
+    return np.ascontiguousarray(cv2.GaussianBlur(srgb, (3, 3), 0))
