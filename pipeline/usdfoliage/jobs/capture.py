@@ -2,20 +2,14 @@
 
 import argparse
 import logging
-import os
-import shutil
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from usdfoliage import __version__
-from usdfoliage.asset.capture_layer import CaptureCamera, CaptureLayerSettings, write_capture_layer
-from usdfoliage.asset.plant import asset_name
-from usdfoliage.capture.capture_settings import FILE_NAME, complete_capture_settings, read_capture_settings
-from usdfoliage.capture.cloud import Cloud, merge_views
-from usdfoliage.capture.cloud_file import write_cloud
+from usdfoliage.capture.capture_settings import read_capture_settings
+from usdfoliage.capture.cloud import merge_views
 from usdfoliage.capture.folder import Capture, read_capture
 from usdfoliage.capture.listing import counted, named
 from usdfoliage.errors import CaptureError, FoliageError
@@ -24,32 +18,37 @@ from usdfoliage.jobs.capture_depth import (
     PreparedViews,
     find_missing,
     forget_others,
-    in_world,
-    picture_of,
     plan_tasks,
     prepare_views,
-    read_estimate,
     run_tasks,
     seen_surfaces,
 )
 from usdfoliage.jobs.capture_folder import (
-    GivenPhotographs,
     Record,
     find_photographs,
     lay_out,
     publish,
 )
-from usdfoliage.jobs.capture_maps import KINDS, ViewMaps, forget_other_maps, write_maps
-from usdfoliage.jobs.capture_report import CapturePhotograph, CaptureReport, ShownMaps, write_capture_report
+from usdfoliage.jobs.capture_maps import KINDS, forget_other_maps, write_maps
+from usdfoliage.jobs.capture_report import CaptureReport, write_capture_report
+from usdfoliage.jobs.capture_results import (
+    CLOUD,
+    LAYER,
+    LAYER_CLOUD,
+    REPORT,
+    describe_photographs,
+    lay_maps,
+    list_results,
+    write_results,
+)
 from usdfoliage.jobs.capture_settings import CaptureRunSettings, read_capture_run_settings
-from usdfoliage.jobs.capture_work import explain, forget, lock_work, write_whole
+from usdfoliage.jobs.capture_work import forget, lock_work
 from usdfoliage.jobs.leaves_report import choose_shown
 from usdfoliage.jobs.settings_file import list_settings
 from usdfoliage.steps import StepProgress, follow_step
 
 logger = logging.getLogger(__name__)
 
-CLOUD, LAYER, LAYER_CLOUD, REPORT = "cloud.ply", "capture.usda", "capture_cloud.usdc", "report"
 BESIDE = "_estimated"  # ends the name of a folder of maps where the user has one of that name
 # Of memory, measured.
 BYTES_AT_LEAST, BYTES_A_PHOTO_PIXEL, BYTES_A_MATCHED_PIXEL = 200_000_000, 150, 600
@@ -157,13 +156,27 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         forget(new)
         with follow_step("output", seconds, progress):
             lay_maps(new, maps, places)
-            write_results(new, given, capture, prepared, cloud)
+            write_results(new, capture, prepared, cloud)
         if request.report:
             with follow_step("report", seconds, progress):
-                report = describe_capture(request, capture, tasks, maps, cloud, notes, seconds)
+                photographs = describe_photographs(capture, prepared, tasks, maps)
+                with_maps = [number for number, held in enumerate(photographs) if held.read_maps is not None]
+                report = CaptureReport(
+                    name=capture.name,
+                    capture=request.source.resolve().name,
+                    generator=f"usdfoliage {__version__}",
+                    notes=notes,
+                    photographs=photographs,
+                    cloud=cloud,
+                    up=(0.0, 0.0, 1.0) if capture.settings.up_axis == "Z" else (0.0, 1.0, 0.0),
+                    poses_given=True,
+                    shown=[with_maps[k] for k in choose_shown(len(with_maps), request.report_views)],
+                    seconds=seconds,
+                    settings=list_settings(request.settings),
+                )
                 write_capture_report(new / REPORT, report)
         with follow_step("publishing", seconds, progress):
-            publish(new, given.folder, [*places, *_results(new)], record)
+            publish(new, given.folder, [*places, *list_results(new)], record)
         forget_others(tasks)
         forget_other_maps(tasks, maps)
     return MadeCapture(
@@ -278,118 +291,3 @@ def estimate_memory(prepared: PreparedViews, settings: CaptureRunSettings) -> fl
 
 def _matched_px(width_px: int, height_px: int, max_side_px: int) -> float:
     return width_px * height_px * min(1.0, max_side_px / max(width_px, height_px)) ** 2
-
-
-def lay_maps(new: Path, maps: Sequence[ViewMaps], places: Sequence[str]) -> None:
-    """Links to the maps, in folders as the capture is to have them.
-
-    Raises:
-        CaptureError: They cannot be written.
-    """
-    stems = Counter(PurePosixPath(held.name).with_suffix("") for held in maps)
-    for held in maps:
-        stem = PurePosixPath(held.name).with_suffix("")
-        name = f"{stem if stems[stem] == 1 else held.name}.exr"  # a.jpg beside a.png
-        for place, path in zip(places, held.files, strict=True):
-            there = new / place / name
-            try:
-                there.parent.mkdir(parents=True, exist_ok=True)
-                try:
-                    os.link(path, there)
-                except OSError:  # no links on this disk, or the disk is full: then the copy says so
-                    shutil.copyfile(path, there)
-            except OSError as error:
-                raise CaptureError(explain(there, error)) from error
-
-
-def write_results(new: Path, given: GivenPhotographs, capture: Capture, prepared: PreparedViews, cloud: Cloud) -> None:
-    """Cloud, layer and capture.toml, into a folder of their own.
-
-    Raises:
-        FoliageError: They cannot be written.
-    """
-    settings = capture.settings
-    cameras = [
-        CaptureCamera(
-            name=view.name,
-            photo=f"images/{view.name}",
-            camera=view.camera,
-            lens=None if view.lens.is_pinhole else view.lens,
-        )
-        for view in prepared.views
-    ]
-    layer_settings = CaptureLayerSettings(up_axis=settings.up_axis)
-    write_capture_layer(new / LAYER, cameras, cloud, asset_name(capture.name), layer_settings)
-    write_cloud(new / CLOUD, cloud, [f"usdfoliage {__version__}"], settings.metres_per_unit)
-    said = given.folder / FILE_NAME
-    text = said.read_bytes().decode("utf-8") if said.is_file() else ""
-    completed = complete_capture_settings(
-        text, {"up_axis": settings.up_axis, "metres_per_unit": settings.metres_per_unit}
-    )
-    if completed != text:
-        write_whole(new / FILE_NAME, completed.encode("utf-8"))
-
-
-def describe_capture(
-    request: CaptureRequest,
-    capture: Capture,
-    tasks: DepthTasks,
-    maps: Sequence[ViewMaps],
-    cloud: Cloud,
-    notes: Sequence[str],
-    seconds: Mapping[str, float],
-) -> CaptureReport:
-    """What the report says."""
-    coverage = {held.name: held.coverage for held in maps}
-    used = {view.name: number for number, view in enumerate(tasks.views)}
-    numbers = {name: number for number, name in enumerate(view.name for view in capture.views)}
-    photographs = []
-    for view in capture.views:
-        index = used.get(view.name)
-        if index is None:
-            photographs.append(CapturePhotograph(name=view.name, failure="cannot be used"))
-            continue
-        prepared = tasks.views[index]
-        photographs.append(
-            CapturePhotograph(
-                name=view.name,
-                camera=prepared.camera,
-                sources=[numbers[tasks.views[k].name] for k in tasks.plan.sources[index]],
-                coverage=coverage.get(view.name, 0.0),
-                read_maps=partial(_show, tasks, index) if view.name in coverage else None,
-            )
-        )
-    with_maps = [number for number, held in enumerate(photographs) if held.read_maps is not None]
-    return CaptureReport(
-        name=capture.name,
-        capture=request.source.resolve().name,
-        generator=f"usdfoliage {__version__}",
-        notes=notes,
-        photographs=photographs,
-        cloud=cloud,
-        up=(0.0, 0.0, 1.0) if capture.settings.up_axis == "Z" else (0.0, 1.0, 0.0),
-        poses_given=True,
-        shown=[with_maps[k] for k in choose_shown(len(with_maps), request.report_views)],
-        seconds=seconds,
-        settings=list_settings(request.settings),
-    )
-
-
-def _show(tasks: DepthTasks, index: int) -> ShownMaps:
-    """The maps of one photograph as they were found."""
-    estimate = read_estimate(tasks, index)
-    if estimate is None:
-        raise ValueError(f"view {index} has no depth")
-    picture = picture_of(tasks, index)
-    return ShownMaps(
-        srgb=picture.srgb,
-        depth_m=estimate.depth_m,
-        normals=in_world(estimate.normals, estimate.camera),
-        confidence=estimate.confidence,
-        mask=None if picture.mask is None else picture.mask > 0,
-    )
-
-
-def _results(new: Path) -> list[str]:
-    """What is to be published beside the maps, the cloud last: where it is new, all is."""
-    return [name for name in (LAYER_CLOUD, LAYER, FILE_NAME, REPORT, CLOUD) if (new / name).exists()]
