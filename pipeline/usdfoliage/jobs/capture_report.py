@@ -73,6 +73,14 @@ class CaptureReport:
     seconds: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        count = len(self.photographs)
+        named_ones = [*self.shown, *(source for held in self.photographs for source in held.sources)]
+        if not all(0 <= number < count for number in named_ones):
+            raise ValueError(f"photographs are called by numbers from 0 to {count - 1}")
+        if self.shared is not None and self.shared.shape != (count, count):
+            raise ValueError(f"shared must be {(count, count)}, not {self.shared.shape}")
+
 
 @dataclass(frozen=True, kw_only=True)
 class PictureRow:
@@ -116,8 +124,9 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
     links = find_links(report.photographs, report.shared)
     plan = None
     if cameras:
-        widths_m = point_widths(some.points_m, cameras, len(report.cloud) / max(len(some), 1))
-        plan = write_plan(folder, report.photographs, links, some, widths_m, framed_m, sides[2])
+        drawn = thin_cloud(report.cloud)
+        widths_m = point_widths(drawn.points_m, cameras, len(report.cloud) / max(len(drawn), 1))
+        plan = write_plan(folder, report.photographs, links, drawn, widths_m, framed_m, sides[2])
     page = environment.get_template("capture_report.html").render(
         name=report.name,
         capture=report.capture,

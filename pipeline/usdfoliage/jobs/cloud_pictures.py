@@ -162,6 +162,8 @@ def splat_points(
     rank = np.full((height_px, width_px), -1.0)  # which of the points, in the order of nearness: the last is seen
     for size, side in enumerate(SPLATS_PX):
         chosen = np.flatnonzero(sizes == size)
+        if not len(chosen):
+            continue
         of_size = np.full((height_px, width_px), -1.0)
         of_size[row[chosen], column[chosen]] = chosen
         np.maximum(rank, cv2.dilate(of_size, np.ones((side, side), np.uint8)), out=rank)
