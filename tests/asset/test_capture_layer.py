@@ -1,7 +1,9 @@
 """A capture in USD: cameras that see what the photographs show, the photographs behind them, the cloud before them."""
 
 import errno
+import json
 import os
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -389,3 +391,41 @@ def test_the_cloud_lies_over_the_photograph(tmp_path):
     assert off.mean() < 4
     shifted = np.abs(np.roll(drawn, 2, axis=1)[..., :3].astype(float) - photo)[inner & covered]
     assert shifted.mean() > 1.5 * off.mean()
+
+
+BLENDER = """
+import json, sys, bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.wm.usd_import(filepath=sys.argv[1])
+held = {"points": [len(o.data.points) for o in bpy.data.objects if o.type == "POINTCLOUD"], "cameras": {}}
+for o in bpy.data.objects:
+    if o.type == "CAMERA":
+        c = o.data
+        numbers = [c.lens, c.sensor_width, c.sensor_height, c.shift_x, c.shift_y, *o.matrix_world.translation]
+        held["cameras"][o.name] = numbers
+print("HELD" + json.dumps(held))
+"""
+
+
+@pytest.mark.preview
+def test_blender_has_the_cameras_and_the_cloud(tmp_path):
+    try:
+        python = find_interpreter()
+    except PreviewError as error:
+        pytest.skip(f"the preview interpreter is absent: {error}")
+    if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
+        pytest.skip(f"{python} has no bpy, which is Blender as a module")
+    write(tmp_path)
+    words = [python, "-c", BLENDER, str(tmp_path / "capture.usda")]
+    said = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    held = json.loads(next(line for line in said.splitlines() if line.startswith("HELD"))[4:])
+    assert held["points"] == [200]
+    for camera, pose in zip(("view_000", "view_001", "view_002"), ring_cameras(), strict=True):
+        lens_mm, width_mm, height_mm, x, y, *place_m = held["cameras"][camera]
+        assert lens_mm / width_mm == pytest.approx(LENS.focal_px[0] / LENS.width_px, rel=1e-5)
+        assert lens_mm / height_mm == pytest.approx(LENS.focal_px[1] / LENS.height_px, rel=1e-5)
+        assert width_mm == pytest.approx(36)
+        # Blender counts both shifts in widths of the film; the principal point is a pixel right of and above the middle.
+        shift_px = np.array([x, y]) * width_mm / lens_mm * LENS.focal_px
+        np.testing.assert_allclose(shift_px, (-1, -1), rtol=1e-4)
+        np.testing.assert_allclose(place_m, pose.camera.position_m[[0, 2, 1]] * (1, -1, 1), atol=1e-5)  # Z up there
