@@ -425,7 +425,7 @@ def test_blender_has_the_cameras_and_the_cloud(tmp_path):
         assert lens_mm / width_mm == pytest.approx(LENS.focal_px[0] / LENS.width_px, rel=1e-5)
         assert lens_mm / height_mm == pytest.approx(LENS.focal_px[1] / LENS.height_px, rel=1e-5)
         assert width_mm == pytest.approx(36)
-        # Blender counts both shifts in widths of the film; the principal point is a pixel right of and above the middle.
+        # Blender counts shifts in widths of the film; the principal point is a pixel right of and above the middle.
         shift_px = np.array([x, y]) * width_mm / lens_mm * LENS.focal_px
         np.testing.assert_allclose(shift_px, (-1, -1), rtol=1e-4)
         np.testing.assert_allclose(place_m, pose.camera.position_m[[0, 2, 1]] * (1, -1, 1), atol=1e-5)  # Z up there
