@@ -31,8 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--mask",
-        choices=("auto", "none"),
-        help="auto: depth only where masks/ are white; none: masks are not looked at (auto)",
+        choices=("auto", "given", "none"),
+        help="auto: depth only where masks/ are white, and of photographs without one not in the sky; given: only the "
+        "former; none: everywhere (auto)",
     )
     parser.add_argument(
         "--settings", metavar="FILE", type=Path, help="TOML with any of the settings; the other options override it"
@@ -79,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
     for note in made.notes:
         print(f"note: {note}")
     print(f"photographs: {made.registered:,} of {made.photographs:,} have a pose, {made.views:,} have depth")
-    print(f"coverage: {made.coverage:.0%} of a photograph's pixels have depth")
+    print(f"coverage: {made.coverage:.0%} of a photograph's pixels that are not masked have depth")
     print(f"points: {made.points:,}")
     print(f"seconds: {', '.join(f'{name} {seconds:.1f}' for name, seconds in made.seconds.items())}")
     print(f"cloud: {made.cloud}")

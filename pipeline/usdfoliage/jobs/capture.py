@@ -136,6 +136,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                 given.work,
                 request.settings.depth.max_side_px,
                 masks=request.settings.mask != "none",
+                sky=request.settings.sky if request.settings.mask == "auto" else None,
                 progress=tell,
             )
         tasks = plan_tasks(prepared.views, capture.points_m, request.settings.depth, given.work)
@@ -199,8 +200,8 @@ def plan_capture(request: CaptureRequest) -> str:
     places, notes = choose_places(given.folder, record, force=request.force)
     capture = find_capture(request, given.source)
     depth = request.settings.depth
-    masks = request.settings.mask != "none"
-    prepared = prepare_views(capture, given.work, depth.max_side_px, masks=masks, keep=False)
+    masks, sky = request.settings.mask != "none", request.settings.sky if request.settings.mask == "auto" else None
+    prepared = prepare_views(capture, given.work, depth.max_side_px, masks=masks, sky=sky, keep=False)
     tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work)
     missing = 0 if request.fresh else len(find_missing(tasks))
     every = _count_tasks(tasks)

@@ -15,6 +15,7 @@ from typing import TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.capture.clear_sky import ClearSkySettings, find_clear_sky
 from usdfoliage.capture.cloud import SeenSurface
 from usdfoliage.capture.dense_depth import DenseDepthSettings, DepthPlan, finish_depth, match_round, plan_depths
 from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate
@@ -100,6 +101,7 @@ def prepare_views(
     max_side_px: int,
     *,
     masks: bool = True,
+    sky: ClearSkySettings | None = None,
     keep: bool = True,
     progress: Progress | None = None,
 ) -> PreparedViews:
@@ -110,6 +112,7 @@ def prepare_views(
         work: The work folder.
         max_side_px: Of what is kept.
         masks: Whether masks are looked at.
+        sky: What is left out of photographs without a mask; None for nothing.
         keep: Whether the work folder gets what is read; without it there are no pixels to go on with.
         progress: Told of photographs done, and of all.
 
@@ -125,9 +128,9 @@ def prepare_views(
     remarks: dict[str, list[str]] = {}
     for index, chosen in enumerate(bare.views):
         try:
-            path = work / PHOTOS / f"{_picture_key(bare, chosen, max_side_px)}.npz"
+            path = work / PHOTOS / f"{_picture_key(bare, chosen, max_side_px, sky)}.npz"
             held = read_result(path)
-            made = None if held is not None else _read_picture(bare, index, max_side_px)
+            made = None if held is not None else _read_picture(bare, index, max_side_px, sky)
         except CaptureError as error:
             dropped.append((chosen.name, str(error)))
         else:
@@ -152,12 +155,13 @@ def prepare_views(
     return PreparedViews(views=tuple(views), dropped=tuple(dropped), notes=tuple(notes))
 
 
-def _picture_key(capture: Capture, chosen: CaptureView, max_side_px: int) -> str:
-    mask = None if chosen.mask is None else digest_file(chosen.mask)
-    return task_key("photo", digest_file(chosen.photo), mask, chosen.lens, capture.settings.color_space, max_side_px)
+def _picture_key(capture: Capture, chosen: CaptureView, max_side_px: int, sky: ClearSkySettings | None) -> str:
+    mask = sky if chosen.mask is None else digest_file(chosen.mask)
+    color_space = capture.settings.color_space
+    return task_key("photo", digest_file(chosen.photo), mask, chosen.lens, color_space, max_side_px)
 
 
-def _read_picture(capture: Capture, index: int, max_side_px: int) -> Arrays:
+def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkySettings | None) -> Arrays:
     """What is kept of a photograph."""
     view, about = read_view_noted(capture, index)
     small = Picture.of(view, max_side_px, 0)
@@ -168,6 +172,10 @@ def _read_picture(capture: Capture, index: int, max_side_px: int) -> Arrays:
     }
     if small.mask is not None:
         held["mask"] = small.mask > 0
+    elif sky is not None and capture.views[index].mask is None:
+        found = find_clear_sky(small.srgb, sky)
+        if found is not None:
+            held["mask"] = ~found
     return held
 
 

@@ -6,20 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from usdfoliage.capture.clear_sky import ClearSkySettings
 from usdfoliage.capture.cloud import CloudSettings
 from usdfoliage.capture.dense_depth import DenseDepthSettings, Quality, Round
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.leaves_settings import set_everywhere
 from usdfoliage.jobs.settings_file import read_settings_file
 
-MaskChoice = Literal["auto", "none"]
+MaskChoice = Literal["auto", "given", "none"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureRunSettings:
     """Everything that decides the cloud of a capture."""
 
-    mask: MaskChoice = "auto"  # none: masks are not looked at
+    mask: MaskChoice = "auto"  # given masks, and without one the sky is left out; given: only those; none: nothing is
+    sky: ClearSkySettings = field(default_factory=ClearSkySettings)
     depth: DenseDepthSettings = field(default_factory=DenseDepthSettings)
     cloud: CloudSettings = field(default_factory=CloudSettings)
 
@@ -28,16 +30,16 @@ PRESETS: Mapping[Quality, CaptureRunSettings] = {
     "draft": CaptureRunSettings(
         depth=DenseDepthSettings(
             max_side_px=600,
-            sources=4,
+            sources=5,
             rounds=(
                 Round(level=1, iterations=4, coherent=False),
                 Round(level=0, iterations=2, coherent=False),
-                Round(level=0, iterations=1, coherent=True),
+                Round(level=0, iterations=1, coherent=True, segments=True),
             ),
         )
     ),
     "normal": CaptureRunSettings(),
-    "high": CaptureRunSettings(depth=DenseDepthSettings(max_side_px=2400, sources=8)),
+    "high": CaptureRunSettings(depth=DenseDepthSettings(max_side_px=2400, sources=9)),
 }
 NORMAL: Quality = "normal"
 QUALITIES: tuple[Quality, ...] = get_args(Quality)

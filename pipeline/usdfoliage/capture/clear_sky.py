@@ -1,0 +1,43 @@
+"""Sky that no photograph can be matched on: what stands before it keeps its outline, and nothing is found beside it."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.sky import segment_sky
+
+_TEXTURE_PX = 1.5  # standard deviation of the window in which texture is measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClearSkySettings:
+    """When smooth regions that reach the top of a photograph are sky."""
+
+    max_texture: float = 1.5  # of 100: median standard deviation of lightness; a wall has more, and can be matched
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.max_texture >= 0:
+            raise ValueError(f"max_texture must be 0, for no sky, or more, not {self.max_texture}")
+
+
+def find_clear_sky(
+    srgb: NDArray[np.uint8], settings: ClearSkySettings = ClearSkySettings()
+) -> NDArray[np.bool_] | None:
+    """Where a photograph (H, W, 3) shows the sky, gaps in the foliage included; None where it shows none.
+
+    Args:
+        srgb: Red, green, blue, encoded for display.
+        settings: What sky is.
+    """
+    lab = cv2.cvtColor(srgb.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    lightness = np.ascontiguousarray(lab[..., 0])
+    mean = cv2.GaussianBlur(lightness, (0, 0), _TEXTURE_PX)
+    square = cv2.GaussianBlur(lightness**2, (0, 0), _TEXTURE_PX)
+    texture = np.sqrt(np.maximum(square - mean**2, 0))
+    sky = segment_sky(np.asarray(lab, np.float32), np.asarray(texture, np.float32), settings.seed % 2**31)
+    if not sky.any() or float(np.median(texture[sky])) > settings.max_texture:
+        return None
+    return sky
