@@ -94,6 +94,13 @@ def test_few_places_fit(points):
     assert fits_single(points)
 
 
+def test_a_single_place_is_kept_exactly(tmp_path):
+    cloud = some_cloud(1, away_m=5e5)
+    assert not fits_single(cloud.points_m)
+    write_cloud(tmp_path / "a.ply", cloud)
+    np.testing.assert_array_equal(read_cloud(tmp_path / "a.ply").points_m, cloud.points_m)
+
+
 def test_the_unit_of_the_file_may_be_another(tmp_path):
     cloud = some_cloud()
     write_cloud(tmp_path / "a.ply", cloud, metres_per_unit=0.01)

@@ -122,8 +122,8 @@ def fits_single(points_m: NDArray[np.float64]) -> bool:
     if not len(points_m):
         return True
     extent_m = float(np.linalg.norm(np.ptp(points_m, axis=0)))
-    if extent_m == 0:
-        return True
+    if extent_m == 0:  # of points in one place nothing tells how exact it must be
+        return bool((points_m == points_m.astype(np.float32)).all())
     rounding_m = float(np.abs(points_m).max()) * _ROUNDING
     return rounding_m <= _OF_SPACING * extent_m / np.sqrt(len(points_m))
 
