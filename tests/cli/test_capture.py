@@ -9,7 +9,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pycolmap
 import pytest
+from capture.test_colmap_stereo import write_matrix
 from capture_photos import LENS, draw, poses, scene, write_photos, write_posed_photos
 from captures import write_depth, write_text_model
 from cli.leaf_commands import files, printed, refused, run
@@ -418,3 +420,29 @@ def test_an_interrupted_run_says_that_it_goes_on(bed, capsys, monkeypatch):
 def test_resume_alone_begins_nothing(bed, capsys):
     assert "no earlier run" in refused(capsys, *words(bed, "--resume"))
     assert not (bed / ".usdfoliage").exists()
+
+
+def test_colmap_in_the_place_of_our_matching(bed, capsys, monkeypatch):
+    monkeypatch.setattr(pycolmap, "has_cuda", False)
+    assert "without CUDA" in refused(capsys, *words(bed, "--dense", "colmap"))
+    assert not (bed / ".usdfoliage").exists()
+
+    def match(folder, options):
+        """What is true."""
+        assert options.depth_min > 0
+        for index, pose in enumerate(poses().values()):
+            camera = LENS.pinhole(pose)
+            _, depth_m, _ = draw(scene(), camera)
+            normals = np.broadcast_to(camera.cam_from_world[:, :3] @ [0, 0, 1.0], (*depth_m.shape, 3))
+            for kind, values in (("depth", depth_m[..., None]), ("normal", normals)):
+                path = Path(folder) / "stereo" / f"{kind}_maps" / f"{index:06d}.png.geometric.bin"
+                write_matrix(path, values)
+
+    monkeypatch.setattr(pycolmap, "has_cuda", True)
+    monkeypatch.setattr(pycolmap, "patch_match_stereo", match)
+    printed(capsys, *words(bed, "--dense", "colmap"))
+    for view, (true, _) in zip(read_views(read_capture(bed)).views, true_depths().values(), strict=True):
+        there = view.depth_m > 0
+        assert there.mean() > 0.4
+        np.testing.assert_allclose(view.depth_m[there], true[there], rtol=0.02)
+    assert not (bed / WORK / "colmap" / "images").exists()

@@ -36,6 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "former; none: everywhere (auto)",
     )
     parser.add_argument(
+        "--dense",
+        choices=("own", "colmap"),
+        help="what matches photographs: ours, or the PatchMatch of a pycolmap that is built with CUDA (own)",
+    )
+    parser.add_argument(
         "--settings", metavar="FILE", type=Path, help="TOML with any of the settings; the other options override it"
     )
     parser.add_argument(

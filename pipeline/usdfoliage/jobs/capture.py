@@ -10,6 +10,7 @@ from pathlib import Path
 from usdfoliage import __version__
 from usdfoliage.capture.capture_settings import read_capture_settings
 from usdfoliage.capture.cloud import merge_views
+from usdfoliage.capture.colmap_stereo import check_cuda
 from usdfoliage.capture.folder import Capture, read_capture
 from usdfoliage.capture.listing import counted, named
 from usdfoliage.errors import CaptureError, FoliageError
@@ -122,6 +123,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
     read_capture_settings(given.source)  # what is wrong with it is said before anything is written
     if request.resume and not given.work.is_dir():
         raise CaptureError(f"{given.folder} has no earlier run to go on with; leave --resume out to begin one")
+    if request.settings.dense == "colmap":
+        check_cuda()
     seconds: dict[str, float] = {}
     with lock_work(given.work):
         if request.fresh:
@@ -139,7 +142,9 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                 sky=request.settings.sky if request.settings.mask == "auto" else None,
                 progress=tell,
             )
-        tasks = plan_tasks(prepared.views, capture.points_m, request.settings.depth, given.work)
+        tasks = plan_tasks(
+            prepared.views, capture.points_m, request.settings.depth, given.work, dense=request.settings.dense
+        )
         missing = find_missing(tasks)
         notes += [*capture_notes(capture), *prepared.notes, *task_notes(tasks, len(missing))]
         with follow_step("depth", seconds, progress) as tell:
@@ -195,6 +200,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
 
 def plan_capture(request: CaptureRequest) -> str:
     """What make_capture would do, in lines, after looking at every photograph; writes nothing."""
+    if request.settings.dense == "colmap":
+        check_cuda()
     given = find_photographs(request.source, request.output)
     record = Record(given.work)
     places, notes = choose_places(given.folder, record, force=request.force)
@@ -202,7 +209,7 @@ def plan_capture(request: CaptureRequest) -> str:
     depth = request.settings.depth
     masks, sky = request.settings.mask != "none", request.settings.sky if request.settings.mask == "auto" else None
     prepared = prepare_views(capture, given.work, depth.max_side_px, masks=masks, sky=sky, keep=False)
-    tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work)
+    tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work, dense=request.settings.dense)
     missing = 0 if request.fresh else len(find_missing(tasks))
     every = _count_tasks(tasks)
     notes += [*capture_notes(capture), *prepared.notes, *task_notes(tasks, every)]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.clear_sky import ClearSkySettings, find_clear_sky
 from usdfoliage.capture.cloud import SeenSurface
+from usdfoliage.capture.colmap_stereo import read_stereo_planes, run_stereo, write_stereo_workspace
 from usdfoliage.capture.dense_depth import DenseDepthSettings, DepthPlan, finish_depth, match_round, plan_depths
 from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate
 from usdfoliage.capture.folder import Capture, CaptureView, read_view_noted
@@ -26,11 +27,12 @@ from usdfoliage.capture.patch_match import MatchedPlanes, Picture, scale_camera
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.jobs.capture_work import digest_file, forget, has_result, read_result, task_key, write_result
+from usdfoliage.jobs.capture_settings import DenseChoice
+from usdfoliage.jobs.capture_work import digest_file, explain, forget, has_result, read_result, task_key, write_result
 
 logger = logging.getLogger(__name__)
 
-PHOTOS, PLANES, DEPTH = "photos", "planes", "depth"  # folders in the work folder
+PHOTOS, PLANES, DEPTH, COLMAP = "photos", "planes", "depth", "colmap"  # folders in the work folder
 _MOST_IN_MEMORY = 12  # photographs, and planes of as many
 
 Progress = Callable[[int, int], None]
@@ -82,6 +84,12 @@ class DepthTasks:
     plan: DepthPlan
     planes: tuple[tuple[Path | None, ...], ...]  # by round and view; None for views without sources
     depth: tuple[Path | None, ...]  # by view
+    dense: DenseChoice = "own"
+
+    @property
+    def level(self) -> int:
+        """How often the pictures are halved at last."""
+        return self.settings.rounds[-1].level if self.dense == "own" else 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,9 +188,14 @@ def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkyS
 
 
 def plan_tasks(
-    views: Sequence[PreparedView], points_m: NDArray[np.floating], settings: DenseDepthSettings, work: Path
+    views: Sequence[PreparedView],
+    points_m: NDArray[np.floating],
+    settings: DenseDepthSettings,
+    work: Path,
+    *,
+    dense: DenseChoice = "own",
 ) -> DepthTasks:
-    """Which results there will be.
+    """Which results there will be; of COLMAP's PatchMatch one round.
 
     Raises:
         CaptureError: No two views look at the same place from a usable angle.
@@ -191,7 +204,13 @@ def plan_tasks(
     matching = replace(settings, agreement=AgreementSettings())  # what is believed comes after matching
     keys = [view.key for view in views]  # of what the round before left of each view
     planes: list[tuple[Path | None, ...]] = []
-    for number, current in enumerate(settings.rounds):
+    if dense == "colmap":
+        every = task_key("colmap", keys, [list(range_m) for range_m in plan.ranges_m], list(plan.sources))
+        keys = [task_key(every, index) for index in range(len(views))]
+        planes.append(
+            tuple(work / PLANES / "0" / f"{key}.npz" if plan.sources[k] else None for k, key in enumerate(keys))
+        )
+    for number, current in enumerate(settings.rounds if dense == "own" else ()):
         before, keys = keys, list(keys)
         for index, sources in enumerate(plan.sources):
             if sources:
@@ -209,7 +228,9 @@ def plan_tasks(
         else None
         for index, sources in enumerate(plan.sources)
     )
-    return DepthTasks(work=work, views=tuple(views), settings=settings, plan=plan, planes=tuple(planes), depth=depth)
+    return DepthTasks(
+        work=work, views=tuple(views), settings=settings, plan=plan, planes=tuple(planes), depth=depth, dense=dense
+    )
 
 
 def find_missing(tasks: DepthTasks) -> MissingTasks:
@@ -242,7 +263,9 @@ def run_tasks(tasks: DepthTasks, missing: MissingTasks, *, threads: int = 0, pro
             progress(done, len(missing))
 
     read_view = _remembering(lambda index: read_pixels(tasks.views[index]))
-    for number, views in enumerate(missing.planes):
+    if tasks.dense == "colmap" and any(missing.planes):
+        _match_by_colmap(tasks, missing.planes[0], tell)
+    for number, views in enumerate(missing.planes if tasks.dense == "own" else ()):
         read_before = _remembering(lambda index, number=number: _read_planes(tasks, number - 1, index))  # type: ignore[misc]
         for index in views:
             matched = match_round(number, index, tasks.plan, read_view, read_before, tasks.settings, threads=threads)
@@ -256,6 +279,27 @@ def run_tasks(tasks: DepthTasks, missing: MissingTasks, *, threads: int = 0, pro
         _write_estimate(_there(tasks.depth[index]), estimate)
         tell()
     forget(tasks.work / PLANES)
+
+
+def _match_by_colmap(tasks: DepthTasks, views: Sequence[int], tell: Callable[[], None]) -> None:
+    folder = tasks.work / COLMAP
+
+    def read_view(index: int) -> View:
+        return read_pixels(tasks.views[index])
+
+    try:
+        write_stereo_workspace(folder, tasks.plan, read_view)
+    except OSError as error:
+        raise CaptureError(explain(folder, error)) from error
+    run_stereo(folder, tasks.plan)
+    for index in views:
+        view = read_view(index)
+        matched = read_stereo_planes(folder, index, view.camera)
+        if view.mask is not None:
+            matched = replace(matched, planes=matched.planes * view.mask[..., None])
+        _write_planes(_there(tasks.planes[0][index]), matched)
+        tell()
+    forget(folder)
 
 
 def forget_others(tasks: DepthTasks) -> None:
@@ -304,7 +348,7 @@ def read_estimate(tasks: DepthTasks, index: int) -> DepthEstimate | None:
 
 def picture_of(tasks: DepthTasks, index: int) -> Picture:
     """The photograph at the size of its depth."""
-    return Picture.of(read_pixels(tasks.views[index]), tasks.settings.max_side_px, tasks.settings.rounds[-1].level)
+    return Picture.of(read_pixels(tasks.views[index]), tasks.settings.max_side_px, tasks.level)
 
 
 def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None) -> Iterator[SeenSurface]:

@@ -13,6 +13,7 @@ from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.leaves_settings import set_everywhere
 from usdfoliage.jobs.settings_file import read_settings_file
 
+DenseChoice = Literal["own", "colmap"]
 MaskChoice = Literal["auto", "given", "none"]
 
 
@@ -20,6 +21,7 @@ MaskChoice = Literal["auto", "given", "none"]
 class CaptureRunSettings:
     """Everything that decides the cloud of a capture."""
 
+    dense: DenseChoice = "own"  # colmap: by COLMAP's PatchMatch, which needs CUDA
     mask: MaskChoice = "auto"  # given masks, and without one the sky is left out; given: only those; none: nothing is
     sky: ClearSkySettings = field(default_factory=ClearSkySettings)
     depth: DenseDepthSettings = field(default_factory=DenseDepthSettings)
@@ -56,6 +58,8 @@ def read_capture_run_settings(options: argparse.Namespace) -> CaptureRunSettings
         settings = read_settings_file(options.settings, settings)
     if options.mask is not None:
         settings = dataclasses.replace(settings, mask=options.mask)
+    if options.dense is not None:
+        settings = dataclasses.replace(settings, dense=options.dense)
     if options.seed is not None:
         if not 0 <= options.seed < 2**31:  # that of OpenCV and COLMAP is an int
             raise FoliageError(f"the seed must be 0 or more and below 2^31, not {options.seed}")
