@@ -1,0 +1,576 @@
+"""Cameras and sparse points of photographs: features, matches, and a mapper, each in child processes that may fail.
+
+COLMAP does the geometry; what it is given, and what of its results is told, is decided here.
+"""
+
+import hashlib
+import json
+import logging
+import os
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.lens import LENS_MODELS, Lens, scale_lens
+from usdfoliage.capture.listing import counted, named
+from usdfoliage.capture.photo_set import PhotoFile, PhotoSet, read_colors
+from usdfoliage.capture.registration_child import run_items
+from usdfoliage.capture.registration_matching import all_pairs, neighbours_in_order, retrieve_pairs
+from usdfoliage.errors import CaptureError
+from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
+
+_VERSION = 1  # of what the files in the work folder mean
+_EXHAUSTIVE_UP_TO = 60  # photographs
+_PANORAMIC = (5, 6)  # COLMAP's configurations PANORAMIC and PLANAR_OR_PANORAMIC
+_CONFIGURED = (2, 3, 4, 5, 6)  # those that a motion or a plane explains
+_MIN_MODEL = 2  # photographs
+_STILL_SHARE = 0.35  # of matches that fit; fewer where things move, or repeat
+_FOCAL_SHARES = (0.35, 8.0)  # of the longer side: what cameras that photograph plants have
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegistrationSettings:
+    """How the cameras of photographs are found."""
+
+    mapper: str = "auto"  # incremental, global; auto: incremental, and global where it places too few
+    matching: str = "auto"  # exhaustive, sequential, retrieval; auto: by the number of photographs
+    max_side_px: int = 1600  # features are looked for at this size
+    features: int = 4000  # of each photograph, the coarsest first
+    least_features: int = 1000  # with fewer, finer ones are looked for, at four times the cost
+    peak_threshold: float = 0.002  # contrast of a feature; leaves before a dark wall have little
+    one_camera: str = "auto"  # yes, no; auto: photographs of the same size, make, model and focal length share one
+    lens_model: str = "SIMPLE_RADIAL"
+    focal_px: float | None = None  # of all photographs, at full size; None: by EXIF, or unknown
+    max_ratio: float = 0.8  # of the distances to the nearest and the second nearest descriptor
+    pretest_features: int = 600  # so many are compared first; 0: always all
+    pretest_matches: int = 6  # of them, without which a pair is not looked at further
+    least_matches: int = 15  # of a pair that one motion explains
+    sequence_overlap: int = 8
+    neighbours: int = 20  # of each photograph, by retrieval
+    seed: int = 0
+    threads: int = 0  # 0: one per core
+
+    def __post_init__(self) -> None:
+        for name, allowed in (
+            ("mapper", ("auto", "incremental", "global")),
+            ("matching", ("auto", "exhaustive", "sequential", "retrieval")),
+            ("one_camera", ("auto", "yes", "no")),
+            ("lens_model", tuple(LENS_MODELS)),
+        ):
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name} must be one of {', '.join(allowed)}, not {getattr(self, name)!r}")
+        if self.max_side_px < 64 or self.features < 100 or self.least_features < 0:
+            raise ValueError(f"max_side_px must be at least 64, features at least 100, not {self}")
+        if not 0 < self.peak_threshold < 1 or not 0 < self.max_ratio <= 1:
+            raise ValueError(f"peak_threshold and max_ratio must be in 0 to 1, not {self}")
+        if min(self.pretest_features, self.pretest_matches, self.seed, self.threads) < 0 or self.least_matches < 8:
+            raise ValueError(f"counts must not be negative and least_matches at least 8, not {self}")
+        if min(self.sequence_overlap, self.neighbours) < 1:
+            raise ValueError(f"sequence_overlap and neighbours must be at least 1, not {self}")
+        if self.focal_px is not None and not (np.isfinite(self.focal_px) and self.focal_px > 0):
+            raise ValueError(f"focal_px must be above 0, not {self.focal_px}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RegisteredPhoto:
+    """A photograph whose camera is known."""
+
+    name: str
+    lens: Lens  # at the photograph's full size
+    cam_from_world: NDArray[np.float64]  # (3, 4), in units of the reconstruction
+    error_px: float  # mean distance of its features from where the points are seen, at full size
+    points: int  # that it sees
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unregistered:
+    """A photograph whose camera is not known."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Registered:
+    """Cameras of photographs, and points. Unit, place and turn of their world are arbitrary."""
+
+    photos: tuple[RegisteredPhoto, ...]  # by name
+    points: NDArray[np.float64]  # (N, 3)
+    srgb: NDArray[np.uint8]  # (N, 3)
+    error_px: NDArray[np.float64]  # (N,), mean over the photographs that see the point, at full size
+    track_starts: NDArray[np.int64]  # (N + 1,): point k is seen at places track_starts[k] to track_starts[k + 1]
+    track_photos: NDArray[np.int64]  # (T,), numbers in photos
+    track_places_px: NDArray[np.float64]  # (T, 2), x and y at full size
+    names: tuple[str, ...]  # of all photographs, by name
+    matches: NDArray[np.int64]  # (P, P), features of all photographs that one motion explains; symmetric
+    failures: tuple[Unregistered, ...]  # by name
+    notes: tuple[str, ...]  # in sentences for the user
+
+    @property
+    def mean_error_px(self) -> float:
+        """Over all places of all points."""
+        counts = np.diff(self.track_starts)
+        return float(np.average(self.error_px, weights=counts)) if counts.sum() else float("nan")
+
+
+def register_photos(
+    photo_set: PhotoSet,
+    work: Path,
+    settings: RegistrationSettings = RegistrationSettings(),
+    progress: StepProgress | None = None,
+) -> Registered:
+    """Find the cameras of photographs. What is finished stays in the work folder, and is not done again.
+
+    Where they fall into groups without overlap, the largest is kept. EXIF orientation is ignored: cameras are for the
+    pixels as stored, as read_view takes them. The same seed gives the same poses, bit for bit, on one machine.
+
+    Args:
+        photo_set: The photographs.
+        work: A folder for features, matches and models; made where it is missing.
+        settings: How.
+        progress: Told of the steps "features", "matches" and "cameras".
+
+    Raises:
+        CaptureError: Fewer than two photographs; no two of them overlap; the camera did not move; the work folder
+            cannot be written.
+    """
+    photos = photo_set.photos
+    if len(photos) < 2:
+        raise CaptureError(
+            f"{photo_set.folder} has {counted(len(photos), 'photograph')} that can be used; two at least are needed "
+            f"to find cameras, and twenty around the plant to reconstruct it"
+        )
+    try:
+        work.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CaptureError(f"{work} cannot be made: {error.strerror}; choose another folder") from error
+    processes = settings.threads or os.cpu_count() or 1
+
+    features, failed = _find_features(photos, work, settings, processes, _told(progress, "features"))
+    usable = [index for index in range(len(photos)) if index not in failed]
+    cameras = _cameras(photos, features, usable, settings)
+    pairs = _choose_pairs(photos, features, usable, settings)
+    match_files = _match(features, cameras, usable, pairs, work, settings, processes, _told(progress, "matches"))
+    found = _Matches.gather(len(photos), match_files)
+    model = _map(photo_set, features, cameras, usable, match_files, found, work, settings, _told(progress, "cameras"))
+    return _registered(photo_set, features, cameras, model, found, failed, settings)
+
+
+def _told(progress: StepProgress | None, step: str) -> Callable[[int, int], None]:
+    return lambda done, total: None if progress is None else progress(step, done / max(total, 1))
+
+
+def _named(*parts: Any) -> str:
+    """A file's name for what it is made from."""
+    return hashlib.sha256(json.dumps([_VERSION, *parts], sort_keys=True).encode()).hexdigest()[:24]
+
+
+def _find_features(
+    photos: Sequence[PhotoFile],
+    work: Path,
+    settings: RegistrationSettings,
+    processes: int,
+    progress: Callable[[int, int], None],
+) -> tuple[list[Path], dict[int, str]]:
+    """The file of each photograph's features, and why some have none."""
+    job = {
+        "task": "features",
+        "max_side_px": settings.max_side_px,
+        "features": settings.features,
+        "least_features": settings.least_features,
+        "peak_threshold": settings.peak_threshold,
+    }
+    files = [work / f"features-{_named(job, photo.digest)}.npz" for photo in photos]
+    items = [{"photo": str(photo.path.resolve()), "out": str(file)} for photo, file in zip(photos, files, strict=True)]
+    failures = run_items(job, items, work, processes, progress)
+    return files, {failure.number: failure.reason for failure in failures}
+
+
+def _sizes(files: Sequence[Path], usable: Sequence[int]) -> dict[int, tuple[int, int]]:
+    sizes = {}
+    for index in usable:
+        with np.load(files[index], allow_pickle=False) as arrays:
+            width, height = arrays["size"]
+        sizes[index] = int(width), int(height)
+    return sizes
+
+
+def _cameras(
+    photos: Sequence[PhotoFile], features: Sequence[Path], usable: Sequence[int], settings: RegistrationSettings
+) -> dict[int, dict[str, Any]]:
+    """What COLMAP is told of each photograph's camera, for the size that the features are of."""
+    cameras: dict[int, dict[str, Any]] = {}
+    groups: dict[tuple[Any, ...], int] = {}
+    for index, (width_px, height_px) in _sizes(features, usable).items():
+        photo = photos[index]
+        reduced = width_px / photo.width_px
+        focal_px = settings.focal_px or photo.focal_px
+        kind: tuple[Any, ...]
+        match settings.one_camera:
+            case "yes":  # of several sizes nothing can be one camera
+                kind = (width_px, height_px)
+            case "no":
+                kind = (index,)
+            case _:
+                kind = (photo.width_px, photo.height_px, photo.camera, None if focal_px is None else round(focal_px, 1))
+        cameras[index] = {
+            "model": settings.lens_model,
+            "focal_px": focal_px * reduced if focal_px else 1.2 * max(width_px, height_px),  # as COLMAP guesses
+            "width_px": width_px,
+            "height_px": height_px,
+            "known": focal_px is not None,
+            "group": groups.setdefault(kind, len(groups)),
+        }
+    return cameras
+
+
+def _choose_pairs(
+    photos: Sequence[PhotoFile], features: Sequence[Path], usable: Sequence[int], settings: RegistrationSettings
+) -> list[tuple[int, int]]:
+    """Which photographs are compared, the smaller number first."""
+    few = len(usable) <= _EXHAUSTIVE_UP_TO
+    if settings.matching == "exhaustive" or (settings.matching == "auto" and few):
+        places = set(all_pairs(len(usable)))
+    else:
+        places = set()
+        if settings.matching in ("auto", "sequential"):
+            places |= set(neighbours_in_order(len(usable), settings.sequence_overlap))
+        if settings.matching in ("auto", "retrieval"):
+            descriptors = []
+            for index in usable:
+                with np.load(features[index], allow_pickle=False) as arrays:
+                    descriptors.append(arrays["descriptors"][:1000])
+            rng = np.random.default_rng(settings.seed)
+            places |= retrieve_pairs(descriptors, settings.neighbours, rng)
+    return sorted((usable[first], usable[second]) for first, second in places)
+
+
+def _match(
+    features: Sequence[Path],
+    cameras: dict[int, dict[str, Any]],
+    usable: Sequence[int],
+    pairs: Sequence[tuple[int, int]],
+    work: Path,
+    settings: RegistrationSettings,
+    processes: int,
+    progress: Callable[[int, int], None],
+) -> list[Path]:
+    """Files with the matches of each photograph with later ones."""
+    job = {
+        "task": "match",
+        "max_ratio": settings.max_ratio,
+        "pretest_features": settings.pretest_features,
+        "pretest_matches": settings.pretest_matches,
+        "seed": settings.seed,
+    }
+    seconds: dict[int, list[int]] = {}
+    for first, second in pairs:
+        seconds.setdefault(first, []).append(second)
+    items = []
+    for first, others in seconds.items():
+        made_from = [[features[index].name, cameras[index]] for index in (first, *others)]
+        name = f"matches-{_named(job, first, others, made_from)}.npz"
+        items.append({"first": first, "seconds": others, "out": str(work / name)})
+    told = {
+        **job,
+        "features": [str(file.resolve()) for file in features],
+        "cameras": [cameras.get(index) for index in range(len(features))],
+    }
+    # A photograph whose matching ends the process is without matches, and told as such.
+    failures = run_items(told, items, work, processes, progress)
+    lost = {failure.number for failure in failures}
+    for failure in failures:
+        logger.warning("matches of photograph %d are lost: %s", items[failure.number]["first"], failure.reason)
+    return [Path(str(item["out"])) for number, item in enumerate(items) if number not in lost]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Matches:
+    """What is known of all pairs."""
+
+    verified: NDArray[np.int64]  # (P, P), symmetric
+    alike: NDArray[np.int64]  # (P, P), descriptors alike of the pairs that were looked at in full
+    panoramic: NDArray[np.bool_]  # (P, P), what is verified shows a turn, not a move
+
+    @classmethod
+    def gather(cls, count: int, files: Sequence[Path]) -> "_Matches":
+        verified = np.zeros((count, count), np.int64)
+        alike = np.zeros((count, count), np.int64)
+        panoramic = np.zeros((count, count), np.bool_)
+        for file in files:
+            with np.load(file, allow_pickle=False) as arrays:
+                first, seconds = int(arrays["first"]), arrays["seconds"]
+                good = np.isin(arrays["configs"], _CONFIGURED)
+                verified[first, seconds] = np.where(good, arrays["counts"], 0)
+                alike[first, seconds] = arrays["tried"][:, 0] * arrays["tried"][:, 1]
+                panoramic[first, seconds] = np.isin(arrays["configs"], _PANORAMIC)
+        return cls(verified=verified + verified.T, alike=alike + alike.T, panoramic=panoramic | panoramic.T)
+
+
+def _map(
+    photo_set: PhotoSet,
+    features: Sequence[Path],
+    cameras: dict[int, dict[str, Any]],
+    usable: Sequence[int],
+    match_files: Sequence[Path],
+    found: _Matches,
+    work: Path,
+    settings: RegistrationSettings,
+    progress: Callable[[int, int], None],
+) -> dict[str, NDArray[Any]]:
+    """The model of the worker; photographs are numbered as in usable there, and as in photo_set here."""
+    overlapping = found.verified >= settings.least_matches
+    if not overlapping.any():
+        raise CaptureError(
+            f"no two of {counted(len(usable), 'photograph')} in {photo_set.folder} overlap: the best pair has "
+            f"{int(found.verified.max())} features in common, {settings.least_matches} are needed; "
+            f"photograph the plant from places 10 to 15 degrees apart, with something still and textured around it"
+        )
+    if bool((found.panoramic | ~overlapping).all()):
+        raise CaptureError(
+            f"the camera only turned between the photographs in {photo_set.folder} and did not move: no depth can be "
+            f"seen so; walk around the plant"
+        )
+    wanted = {"auto": ("incremental", "global")}.get(settings.mapper, (settings.mapper,))
+    best: dict[str, NDArray[Any]] = {}
+    for mapper in wanted:
+        job = {
+            "task": "map", "mapper": mapper, "seed": settings.seed, "least_matches": settings.least_matches,
+            "mapper_threads": 1, "global_ratio": 1.2,
+        }  # fmt: skip
+        job |= {
+            "features": [str(features[index].resolve()) for index in usable],
+            "cameras": [cameras[index] for index in usable],
+            "numbers": list(usable),
+            "matches": [str(file.resolve()) for file in match_files],
+        }
+        made_from = [features[index].name for index in usable], [file.name for file in match_files]
+        out = work / f"model-{_named({**job, 'features': '', 'matches': ''}, made_from)}.npz"
+        failures = run_items(job, [{"out": str(out)}], work, 1, progress)
+        if failures:
+            logger.warning("the %s mapper failed: %s", mapper, failures[0].reason)
+            continue
+        with np.load(out, allow_pickle=False) as arrays:
+            model = {name: arrays[name] for name in arrays.files}
+        if len(model.get("images", ())) > len(best.get("images", ())):
+            best = model
+        if len(best.get("images", ())) >= 0.8 * len(usable):
+            break
+    if len(best.get("images", ())) < _MIN_MODEL:
+        moved = overlapping & ~found.panoramic
+        turned = int((overlapping & found.panoramic).sum() // 2)
+        hint = (
+            "most pairs show a camera that turned and did not move; walk around the plant"
+            if turned > moved.sum() // 2
+            else "take more photographs from places nearer to each other"
+        )
+        raise CaptureError(
+            f"no cameras could be found for the photographs in {photo_set.folder}: "
+            f"{int(overlapping.sum() // 2)} pairs overlap, but none starts a reconstruction; {hint}"
+        )
+    order = np.asarray(usable, np.int64)
+    best["images"] = order[best["images"]]
+    best["track"] = np.column_stack([order[best["track"][:, 0]], best["track"][:, 1]])
+    group = np.full(len(photo_set.photos), -1, np.int64)
+    group[order] = best["group"]
+    best["group"] = group
+    return best
+
+
+def _registered(
+    photo_set: PhotoSet,
+    features: Sequence[Path],
+    cameras: dict[int, dict[str, Any]],
+    model: dict[str, NDArray[Any]],
+    found: _Matches,
+    failed: dict[int, str],
+    settings: RegistrationSettings,
+) -> Registered:
+    photos = photo_set.photos
+    images = model["images"]
+    place_in = np.full(len(photos), -1, np.int64)
+    place_in[images] = np.arange(len(images))
+    track = model["track"]
+    places_px = np.zeros((len(track), 2))
+    scale = np.ones(len(photos))  # of the photograph over the picture that its features are of
+    counts: dict[int, int] = {}
+    lenses = []
+    for place, index in enumerate(images):
+        photo, camera = photos[index], cameras[index]
+        scale[index] = photo.width_px / camera["width_px"]
+        with np.load(features[index], allow_pickle=False) as arrays:
+            keypoints = arrays["keypoints"]
+        here = track[:, 0] == index
+        both = np.array([photo.width_px / camera["width_px"], photo.height_px / camera["height_px"]])
+        places_px[here] = keypoints[track[here, 1], :2] * both
+        lens = Lens(
+            model=camera["model"], width_px=camera["width_px"], height_px=camera["height_px"],
+            parameters=tuple(float(value) for value in model["parameters"][place]),
+        )  # fmt: skip
+        lenses.append(scale_lens(lens, photo.width_px, photo.height_px))
+    points = model["points"]
+    point_of = np.repeat(np.arange(len(points)), np.diff(model["track_starts"]))
+    errors = np.zeros(len(track))
+    for place, index in enumerate(images):
+        here = track[:, 0] == index
+        seen = project_with(lenses[place], model["cam_from_world"][place], points[point_of[here]])
+        errors[here] = np.linalg.norm(seen - places_px[here], axis=1)
+        counts[place] = int(here.sum())
+    own = [errors[track[:, 0] == index] for index in images]
+    registered = tuple(
+        RegisteredPhoto(
+            name=photos[index].name,
+            lens=lenses[place],
+            cam_from_world=model["cam_from_world"][place],
+            error_px=float(own[place].mean()) if len(own[place]) else float("nan"),
+            points=counts[place],
+        )
+        for place, index in enumerate(images)
+    )
+    seen_by = np.maximum(np.diff(model["track_starts"]), 1)
+    track_photos = place_in[track[:, 0]]
+    return Registered(
+        photos=registered,
+        points=points,
+        srgb=_colors(photos, images, len(points), point_of, track_photos, places_px),
+        error_px=np.bincount(point_of, errors, len(points)) / seen_by,
+        track_starts=model["track_starts"],
+        track_photos=track_photos,
+        track_places_px=places_px,
+        names=tuple(photo.name for photo in photos),
+        matches=found.verified,
+        failures=_failures(photo_set, features, model["group"], found, failed, settings),
+        notes=_notes(photos, images, found, registered, settings),
+    )
+
+
+def _colors(
+    photos: Sequence[PhotoFile],
+    images: NDArray[np.int64],
+    count: int,
+    point_of: NDArray[np.int64],
+    track_photos: NDArray[np.int64],
+    places_px: NDArray[np.float64],
+) -> NDArray[np.uint8]:
+    """(N, 3), the mean of the pixels that show each point."""
+    sums = np.zeros((count, 3))
+    for place, index in enumerate(images):
+        here = np.flatnonzero(track_photos == place)
+        pixels = read_colors(photos[index].path)
+        columns = np.clip(places_px[here, 0].astype(np.int64), 0, pixels.shape[1] - 1)
+        rows = np.clip(places_px[here, 1].astype(np.int64), 0, pixels.shape[0] - 1)
+        np.add.at(sums, point_of[here], pixels[rows, columns])
+    seen_by = np.maximum(np.bincount(point_of, minlength=count), 1)
+    return np.rint(sums / seen_by[:, None]).astype(np.uint8)
+
+
+def _failures(
+    photo_set: PhotoSet,
+    features: Sequence[Path],
+    group: NDArray[np.int64],
+    found: _Matches,
+    failed: dict[int, str],
+    settings: RegistrationSettings,
+) -> tuple[Unregistered, ...]:
+    """Each photograph without a camera, those left out of the set among them, with the likely reason."""
+    photos = photo_set.photos
+    in_group = np.flatnonzero(group == 0)
+    blurred = set(photo_set.blurred)
+    failures = [Unregistered(name=item.name, reason=item.reason) for item in photo_set.dropped]
+    for index, photo in enumerate(photos):
+        if group[index] == 0:
+            continue
+        if index in failed:
+            reason = f"its features could not be found: {failed[index]}"
+        else:
+            with np.load(features[index], allow_pickle=False) as arrays:
+                count = len(arrays["keypoints"])
+            others = found.verified[index] >= settings.least_matches
+            to_group = int(found.verified[index, in_group].max())
+            turned = others & found.panoramic[index]
+            hint = "; it is blurred" if photo.name in blurred else ""
+            if count < 4 * settings.least_matches:
+                reason = f"only {counted(count, 'feature')} in it: it shows too little, or nothing sharp{hint}"
+            elif group[index] > 0:
+                size = int((group == group[index]).sum())
+                reason = f"left in a smaller group of {counted(size, 'photograph')} that does not join the others{hint}"
+            elif not others.any():
+                best = int(found.verified[index].max())
+                reason = (
+                    f"at most {counted(best, 'feature')} in common with any other photograph, "
+                    f"{settings.least_matches} are needed: perhaps another scene, or too far from the next{hint}"
+                )
+            elif to_group < settings.least_matches:
+                reason = f"it overlaps only photographs that have no camera either{hint}"
+            elif bool((turned == others).all()):
+                reason = f"the camera only turned between it and the others, and did not move{hint}"
+            else:
+                reason = (
+                    f"{to_group} features in common with the best of the others, too few of them on points that have "
+                    f"a place{hint}"
+                )
+        failures.append(Unregistered(name=photo.name, reason=reason))
+    return tuple(sorted(failures, key=lambda failure: failure.name))
+
+
+def _notes(
+    photos: Sequence[PhotoFile],
+    images: NDArray[np.int64],
+    found: _Matches,
+    registered: Sequence[RegisteredPhoto],
+    settings: RegistrationSettings,
+) -> tuple[str, ...]:
+    notes = []
+    if len(images) < len(photos):
+        missing = sorted({photo.name for photo in photos} - {photo.name for photo in registered})
+        notes.append(f"{len(missing)} of {counted(len(photos), 'photograph')} have no camera: {named(missing)}")
+    inside = np.ix_(images, images)
+    looked_at = found.verified[inside] >= settings.least_matches
+    if looked_at.any():
+        share = float(np.median(found.verified[inside][looked_at] / np.maximum(found.alike[inside][looked_at], 1)))
+        if share < _STILL_SHARE:
+            notes.append(
+                f"only {share:.0%} of what looks alike in two photographs fits one motion of the camera; "
+                f"leaves may have moved in the wind between them, or much repeats"
+            )
+    focal = {round(photo.lens.focal_px[0] / max(photo.lens.width_px, photo.lens.height_px), 3) for photo in registered}
+    odd = [share for share in focal if not _FOCAL_SHARES[0] <= share <= _FOCAL_SHARES[1]]
+    if odd:
+        notes.append(
+            f"a focal length of {odd[0]:g} of the longer side is improbable; the cameras may be wrong: give --focal-px"
+        )
+    sparse = [photo.name for photo in registered if photo.points < 4 * settings.least_matches]
+    if len(sparse) > len(registered) / 2:
+        notes.append(
+            f"{len(sparse)} of {counted(len(registered), 'photograph')} see fewer than {4 * settings.least_matches} "
+            f"points; the cameras may be wrong: take more photographs, nearer to each other"
+        )
+    models = Counter(photo.lens for photo in registered)
+    if len(models) > 1 and len(models) < len(registered):
+        notes.append(f"{len(models)} cameras took {counted(len(registered), 'photograph')}")
+    return tuple(notes)
+
+
+def project_with(lens: Lens, cam_from_world: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 2), x and y where a lens with its distortion shows points (N, 3) of the world; those behind it anywhere."""
+    if not len(points):
+        return np.zeros((0, 2))
+    matrix = np.array([[lens.focal_px[0], 0, lens.center_px[0]], [0, lens.focal_px[1], lens.center_px[1]], [0, 0, 1.0]])
+    turn, _ = cv2.Rodrigues(np.ascontiguousarray(cam_from_world[:, :3]))
+    model = LENS_MODELS[lens.model]
+    coefficients = np.zeros(4 if model.distortion <= 4 else 8)
+    coefficients[: len(lens.distortion)] = lens.distortion
+    project = cv2.fisheye.projectPoints if model.fisheye else cv2.projectPoints
+    places, _ = project(
+        np.ascontiguousarray(points, np.float64).reshape(-1, 1, 3), turn, cam_from_world[:, 3].copy(), matrix,
+        coefficients,
+    )  # fmt: skip
+    return np.asarray(places, np.float64).reshape(-1, 2)

@@ -1,0 +1,147 @@
+"""Work in child processes that may end in any way: what one of them ended at is told, and the rest is done."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+from usdfoliage.errors import CaptureError
+
+MODULE = "usdfoliage.capture.registration_worker"
+_SINGLE_THREADED = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ItemFailure:
+    """An item that was not done."""
+
+    number: int
+    reason: str
+
+
+def run_items(
+    job: Mapping[str, Any],
+    items: Sequence[Mapping[str, Any]],
+    work: Path,
+    processes: int,
+    progress: Callable[[int, int], None] | None = None,
+    module: str = MODULE,
+) -> tuple[ItemFailure, ...]:
+    """Do the items of a job, each in one of so many child processes; an item whose "out" exists is done already.
+
+    An item at which a child ends is a failure, and a new child does what was left.
+
+    Args:
+        job: What the worker is told besides its items.
+        items: Each with the file that it makes, "out".
+        work: Where the jobs are written.
+        processes: At most so many at once.
+        progress: Told of items done, or of steps of the only item.
+        module: The worker.
+
+    Raises:
+        CaptureError: The work folder cannot be written; no child can be started.
+    """
+    open_items = [(number, item) for number, item in enumerate(items) if not Path(item["out"]).is_file()]
+    shares = [open_items[start::processes] for start in range(max(1, processes))]
+    events: SimpleQueue[tuple[str, int, str]] = SimpleQueue()
+    failures: list[ItemFailure] = []
+    done = len(items) - len(open_items)
+    threads = [
+        threading.Thread(target=_do_share, args=(job, share, work, module, events), daemon=True)
+        for share in shares
+        if share
+    ]
+    for thread in threads:
+        thread.start()
+    running = len(threads)
+    if progress is not None:
+        progress(done, len(items))
+    fault = ""
+    while running:
+        kind, number, text = events.get()
+        if kind == "end":
+            running -= 1
+            fault = fault or text
+        elif kind == "step" and progress is not None:
+            progress(number, int(text))
+        elif kind in ("done", "failed"):
+            done += 1
+            if kind == "failed":
+                failures.append(ItemFailure(number=number, reason=text))
+            if progress is not None:
+                progress(done, len(items))
+    if fault:
+        raise CaptureError(fault)
+    return tuple(sorted(failures, key=lambda failure: failure.number))
+
+
+def _do_share(
+    job: Mapping[str, Any],
+    share: Sequence[tuple[int, Mapping[str, Any]]],
+    work: Path,
+    module: str,
+    events: "SimpleQueue[tuple[str, int, str]]",
+) -> None:
+    left = list(share)
+    fault = ""
+    try:
+        while left:
+            finished, ending = _run_child({**job, "items": left}, work, module, events)
+            left = [entry for entry in left if entry[0] not in finished]
+            if left and "No space left" in ending:
+                fault = f"{work} has no space left; free some and start again: what is done is kept"
+                break
+            if left:  # the child ended at the first of them
+                events.put(("failed", left[0][0], f"the process ended there ({ending})"))
+                left = left[1:]
+    except OSError as error:
+        fault = f"{work} cannot be used: {error.strerror}; free space there or choose another folder"
+    finally:
+        events.put(("end", 0, fault))
+
+
+def _run_child(
+    job: Mapping[str, Any], work: Path, module: str, events: "SimpleQueue[tuple[str, int, str]]"
+) -> tuple[set[int], str]:
+    """Items that a child has finished, and the last that it said."""
+    path = work / f".job-{uuid.uuid4().hex[:12]}.json"
+    finished: set[int] = set()
+    try:
+        path.write_text(json.dumps(job), encoding="utf-8")
+        with (
+            path.with_suffix(".log").open("w+b") as log,
+            subprocess.Popen(
+                [sys.executable, "-m", module, str(path)],
+                stdout=subprocess.PIPE, stderr=log, stdin=subprocess.DEVNULL, text=True, encoding="utf-8",
+                errors="replace", env={**os.environ, **_SINGLE_THREADED},
+            ) as child,
+        ):  # fmt: skip
+            assert child.stdout is not None
+            try:
+                for line in child.stdout:
+                    kind, _, rest = line.strip().partition(" ")
+                    number, _, text = rest.partition(" ")
+                    if kind in ("done", "failed") and number.isdigit():
+                        finished.add(int(number))
+                        events.put((kind, int(number), text))
+                    elif kind == "step" and number.isdigit() and text.isdigit():
+                        events.put((kind, int(number), text))
+            finally:
+                if child.poll() is None and sys.exc_info()[0] is not None:
+                    child.kill()
+            code = child.wait()
+            log.seek(0)
+            said = log.read()[-4000:].decode(errors="replace").strip().splitlines()
+            last = said[-1][:300] if said else "nothing said"
+            return finished, f"code {code}: {last}"
+    finally:
+        path.unlink(missing_ok=True)
+        path.with_suffix(".log").unlink(missing_ok=True)
