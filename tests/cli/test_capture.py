@@ -446,3 +446,14 @@ def test_colmap_in_the_place_of_our_matching(bed, capsys, monkeypatch):
         assert there.mean() > 0.4
         np.testing.assert_allclose(view.depth_m[there], true[there], rtol=0.02)
     assert not (bed / WORK / "colmap" / "images").exists()
+
+
+def test_without_poses_nothing_is_written(photos, bed, tmp_path, capsys):
+    message = refused(capsys, "capture", photos / "images", "-o", tmp_path / "out")
+    assert "cameras" in message
+    assert "COLMAP" in message
+    for name in ("cameras.txt", "images.txt"):
+        (bed / "cameras" / name).unlink()
+    assert "COLMAP" in refused(capsys, *words(bed))
+    assert not (bed / ".usdfoliage").exists()
+    assert not (tmp_path / "out").exists()

@@ -26,6 +26,7 @@ from usdfoliage.jobs.capture_depth import (
 )
 from usdfoliage.jobs.capture_folder import (
     Record,
+    check_cameras,
     find_photographs,
     lay_out,
     publish,
@@ -120,6 +121,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         FoliageError: The input is unusable, or the output cannot be written; results appear whole or not at all.
     """
     given = find_photographs(request.source, request.output)
+    check_cameras(given)
     read_capture_settings(given.source)  # what is wrong with it is said before anything is written
     if request.resume and not given.work.is_dir():
         raise CaptureError(f"{given.folder} has no earlier run to go on with; leave --resume out to begin one")
@@ -203,6 +205,7 @@ def plan_capture(request: CaptureRequest) -> str:
     if request.settings.dense == "colmap":
         check_cuda()
     given = find_photographs(request.source, request.output)
+    check_cameras(given)
     record = Record(given.work)
     places, notes = choose_places(given.folder, record, force=request.force)
     capture = find_capture(request, given.source)

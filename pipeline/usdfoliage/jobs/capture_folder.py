@@ -246,13 +246,15 @@ def explain_video(name: str) -> str:
     )
 
 
-def has_cameras(capture: Path) -> bool:
-    """Whether poses are given."""
-    try:
-        find_camera_model(capture / CAMERAS)
-    except CaptureError:
-        return False
-    return True
+def check_cameras(given: GivenPhotographs) -> None:
+    """Raises CaptureError, before anything is written, where the poses of the photographs are not given."""
+    cameras = given.source / CAMERAS
+    if not given.is_capture or not cameras.is_dir():
+        raise CaptureError(
+            f"{given.source} has no {CAMERAS}/, and the poses of the photographs are needed: put a COLMAP model there "
+            f"(cameras.txt and images.txt, or cameras.bin and images.bin), and the photographs into {IMAGES}/"
+        )
+    find_camera_model(cameras)
 
 
 def publish(new: Path, capture: Path, names: Iterable[str], record: Record) -> None:
