@@ -52,8 +52,8 @@ from usdfoliage.steps import StepProgress, follow_step
 logger = logging.getLogger(__name__)
 
 BESIDE = "_estimated"  # ends the name of a folder of maps where the user has one of that name
-# Of memory, measured.
-BYTES_AT_LEAST, BYTES_A_PHOTO_PIXEL, BYTES_A_MATCHED_PIXEL = 200_000_000, 150, 600
+# Of memory, measured with photographs of a megapixel at two qualities; the cloud is small beside it.
+BYTES_AT_LEAST, BYTES_A_PHOTO_PIXEL, BYTES_A_MATCHED_PIXEL = 250_000_000, 150, 400
 _NEW = "new"  # in the work folder: results on their way to their places
 
 

@@ -212,11 +212,6 @@ class Record:
             for file in _files_of(capture, name)
         )
 
-    def made_cameras(self, capture: Path) -> bool:
-        """Whether the poses that are there were estimated by usdfoliage."""
-        files = _files_of(capture, CAMERAS)
-        return bool(files) and all(digest_file(capture / file) in self.made.get(file, ()) for file in files)
-
     def replace_made(self, names: Iterable[str], digests: Mapping[str, str]) -> None:
         """Of these files and folders, only those with these digests are there now."""
         folders = tuple(f"{name}/" for name in names)
