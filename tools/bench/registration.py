@@ -20,8 +20,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from usdfoliage.capture.cameras import find_camera_model, read_camera_model
+from usdfoliage.capture.capture_settings import read_capture_settings
 from usdfoliage.capture.photo_set import read_photo_set
 from usdfoliage.capture.registration import Registered, RegistrationSettings, register_photos
+from usdfoliage.capture.world_frame import level_and_scale, move_registered
 from usdfoliage.errors import FoliageError
 
 Array = NDArray[np.float64]
@@ -45,7 +47,7 @@ def fit_similarity(found: Array, true: Array) -> tuple[float, Array, Array]:
     return scale, turn, mean_true - scale * turn @ mean_found
 
 
-def pose_errors(registered: Registered, model_folder: Path) -> str:
+def pose_errors(registered: Registered, model_folder: Path, up: Array) -> str:
     true = {image.name: image.cam_from_world for image in read_camera_model(find_camera_model(model_folder)).images}
     common = [photo for photo in registered.photos if photo.name in true]
     if len(common) < 3:
@@ -61,7 +63,7 @@ def pose_errors(registered: Registered, model_folder: Path) -> str:
     return (
         f"places {1000 * np.sqrt(np.mean(apart**2)):.2f} mm rms, {1000 * apart.max():.2f} mm at most "
         f"({np.sqrt(np.mean(apart**2)) / spread:.2%} of their spread); turns {angles.mean():.3f}° mean, "
-        f"{angles.max():.3f}° at most"
+        f"{angles.max():.3f}° at most; scale {scale:.4f}, up {np.degrees(np.arccos(np.clip(turn[:, 1] @ up, -1, 1))):.2f}° off"
     )
 
 
@@ -90,8 +92,14 @@ def measure(capture: Path, work: Path, reference: str, settings: RegistrationSet
         print(f"   {failure.name}: {failure.reason}")
     for note in (*photo_set.notes, *registered.notes):
         print(f"   note: {note}")
+    frame = level_and_scale(registered, photo_set.photos)
+    print(f"   scale by {frame.scale_from}, up by {frame.up_from} ± {np.degrees(frame.up_error_rad):.1f}°")
+    for note in frame.notes:
+        print(f"   note: {note}")
     if (capture / reference).is_dir():
-        print("  ", pose_errors(registered, capture / reference))
+        moved = move_registered(registered, frame.world_from_registered)
+        up_axis = read_capture_settings(capture)[0].up_axis
+        print("  ", pose_errors(moved, capture / reference, np.eye(3)["XYZ".index(up_axis)]))
 
 
 def _processor_s() -> float:

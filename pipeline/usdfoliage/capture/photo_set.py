@@ -54,6 +54,7 @@ class PhotoFile:
     camera: str  # make and model, "" where EXIF does not say
     focal_px: float | None  # by EXIF
     gps: tuple[float, float, float] | None  # latitude and longitude in degrees, altitude in metres (NaN for none)
+    elevation_deg: float | None  # of the optical axis above the horizon, by EXIF
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,6 +215,7 @@ def _look_at(name: str, path: Path) -> PhotoFile | DroppedFile:
     photo = PhotoFile(
         name=name, path=path, width_px=width, height_px=height, orientation=1, digest=digest,
         sharpness=_sharpness(gray), camera="", focal_px=None, gps=None,
+        elevation_deg=None,
     )  # fmt: skip
     return _with_exif(photo)
 
@@ -252,6 +254,7 @@ def _with_exif(photo: PhotoFile) -> PhotoFile:
         camera=camera,
         focal_px=_focal_px(spec, photo.width_px, photo.height_px),
         gps=_gps(spec),
+        elevation_deg=_elevation_deg(spec),
     )
 
 
@@ -293,6 +296,14 @@ def _gps(spec: Any) -> tuple[float, float, float] | None:
         altitude_m = math.nan
     below = spec.getattribute("GPS:AltitudeRef")
     return angles[0], angles[1], -altitude_m if below in (1, "1", "\x01") else altitude_m
+
+
+def _elevation_deg(spec: Any) -> float | None:
+    try:
+        angle = float(spec.getattribute("Exif:CameraElevationAngle"))
+    except (TypeError, ValueError):
+        return None
+    return angle if -90 <= angle <= 90 else None
 
 
 def _text(spec: Any, name: str) -> str:

@@ -1,0 +1,518 @@
+"""How long a metre is and where up is in a world of cameras that were found by pictures alone."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.lens import LENS_MODELS, Lens
+from usdfoliage.capture.listing import named
+from usdfoliage.capture.photo_set import PhotoFile
+from usdfoliage.capture.registration import Registered
+from usdfoliage.errors import CaptureError
+
+Array = NDArray[np.float64]
+
+UPS = ("auto", "gps", "elevation", "level", "ground", "ring", "trunk", "photographs")
+_EARTH_M = 6_371_008.8  # mean radius
+_DISAGREE_RAD = math.radians(12)
+# What each way of finding up is wrong by even where it is found exactly: lawns slope, rings lean, trunks more.
+_LEVEL_RAD, _GROUND_RAD, _RING_RAD, _TRUNK_RAD, _PICTURES_RAD = (math.radians(angle) for angle in (0.5, 2, 2, 6, 12))
+# Where the stored pixels' picture has its top, by EXIF orientation: x right, y down.
+_TOP = {1: (0, -1), 2: (0, -1), 3: (0, 1), 4: (0, 1), 5: (-1, 0), 6: (-1, 0), 7: (1, 0), 8: (1, 0)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownDistance:
+    """The distance between the cameras of two photographs."""
+
+    photographs: tuple[str, str]
+    metres: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.metres) and self.metres > 0):
+            raise ValueError(f"the distance must be above 0 m, not {self.metres}")
+        if self.photographs[0] == self.photographs[1]:
+            raise ValueError(f"the distance must be between two photographs, not {self.photographs[0]} and itself")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScaleBar:
+    """Two marks whose distance is known, and where photographs show them: x and y in pixels, as stored."""
+
+    first: tuple[tuple[str, float, float], ...]  # photograph, x, y; two or more
+    second: tuple[tuple[str, float, float], ...]
+    metres: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.metres) and self.metres > 0):
+            raise ValueError(f"the scale bar must be longer than 0 m, not {self.metres}")
+        for end, places in (("first", self.first), ("second", self.second)):
+            if len({name for name, _, _ in places}) < 2:
+                raise ValueError(f"the {end} end of the scale bar must be shown by two photographs, not {len(places)}")
+            if not all(math.isfinite(number) for _, *place in places for number in place):
+                raise ValueError(f"the {end} end of the scale bar must be at finite places")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldSettings:
+    """What the user says of the world, and what is believed without."""
+
+    metres_per_unit: float | None = None  # of the reconstruction
+    known_distance: KnownDistance | None = None
+    scale_bar: ScaleBar | None = None
+    up: str = "auto"  # or one of UPS
+    up_vector: tuple[float, float, float] | None = None  # in the reconstruction; goes before up
+    least_gps: int = 4  # photographs that must know their position
+    gps_spread: float = 5.0  # how far they must lie apart, in times what they contradict each other by
+
+    def __post_init__(self) -> None:
+        if self.metres_per_unit is not None and not 1e-9 <= self.metres_per_unit <= 1e9:
+            raise ValueError(f"metres_per_unit must be in 1e-9 to 1e9, not {self.metres_per_unit}")
+        if self.up not in UPS:
+            raise ValueError(f"up must be one of {', '.join(UPS)}, not {self.up!r}")
+        if self.up_vector is not None and not (np.isfinite(self.up_vector).all() and np.any(self.up_vector)):
+            raise ValueError(f"up_vector must be finite and not 0, not {self.up_vector}")
+        if self.least_gps < 3 or not self.gps_spread > 0:
+            raise ValueError(f"least_gps must be at least 3 and gps_spread above 0, not {self}")
+        given = [self.metres_per_unit, self.known_distance, self.scale_bar]
+        if sum(item is not None for item in given) > 1:
+            raise ValueError("give one of metres_per_unit, known_distance and scale_bar")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WorldFrame:
+    """A world in metres, Y up, the ground or the lowest points at 0, the first photograph taken from +Z."""
+
+    world_from_registered: Array  # (4, 4), a similarity for column vectors
+    scale_known: bool  # else a unit is the median distance from the cameras to the points they see, and called a metre
+    scale_from: str  # "scale", "distance", "scale bar", "gps" or "nothing"
+    up_from: str  # "given" or one of UPS
+    up_error_rad: float  # estimated
+    notes: tuple[str, ...]  # in sentences for the user
+
+    @property
+    def metres_per_unit(self) -> float:
+        """Metres per unit of the reconstruction."""
+        return float(np.cbrt(np.linalg.det(self.world_from_registered[:3, :3])))
+
+
+class _Up(NamedTuple):
+    method: str
+    direction: Array  # (3,), unit
+    error_rad: float
+
+
+class _Gps(NamedTuple):
+    scale: float  # metres per unit
+    up: Array  # (3,), unit, in the reconstruction
+    residual_m: float  # rms
+    spread_m: float  # rms
+    flat: float  # second largest spread over the largest: 0 on a line, which says nothing of up
+
+
+def read_scale_hints(values: Mapping[str, Any], where: str) -> tuple[KnownDistance | None, ScaleBar | None]:
+    """What the tables known_distance and scale_bar of capture.toml say.
+
+        [known_distance]                       [scale_bar]
+        photographs = ["a.jpg", "b.jpg"]       metres = 0.5
+        metres = 1.25                          first = { "a.jpg" = [120, 840], "b.jpg" = [96.5, 812] }
+                                               second = { "a.jpg" = [530, 838], "b.jpg" = [515, 820] }
+
+    Args:
+        values: Of the whole file.
+        where: The file, for messages.
+
+    Raises:
+        CaptureError: A table is not as above.
+    """
+    try:
+        distance = bar = None
+        if "known_distance" in values:
+            table = values["known_distance"]
+            first, second = table["photographs"]
+            distance = KnownDistance(photographs=(str(first), str(second)), metres=float(table["metres"]))
+        if "scale_bar" in values:
+            table = values["scale_bar"]
+            ends = [
+                tuple((str(name), float(x), float(y)) for name, (x, y) in table[end].items())
+                for end in ("first", "second")
+            ]
+            bar = ScaleBar(first=ends[0], second=ends[1], metres=float(table["metres"]))
+    except KeyError as error:
+        raise CaptureError(f"{where}: known_distance or scale_bar lacks {error}") from error
+    except (TypeError, ValueError, AttributeError) as error:
+        raise CaptureError(f"{where}: known_distance or scale_bar is not as it must be: {error}") from error
+    return distance, bar
+
+
+def level_and_scale(
+    registered: Registered, photos: Sequence[PhotoFile], settings: WorldSettings = WorldSettings()
+) -> WorldFrame:
+    """Find a metric world with Y up for registered cameras.
+
+    Every way of finding up that the pictures allow is tried, and the one that is surest taken; where others disagree it
+    is told.
+
+    Args:
+        registered: Cameras and points, in any world.
+        photos: What files say of position and orientation, by name; more than are registered may be there.
+        settings: What the user says.
+
+    Raises:
+        CaptureError: A photograph that the user names has no camera; a scale bar or distance of no length there; no up
+            is found the way that the user wants.
+    """
+    by_name = {photo.name: photo for photo in photos}
+    files = [by_name.get(photo.name) for photo in registered.photos]
+    poses = np.array([photo.cam_from_world for photo in registered.photos])
+    centers = -np.einsum("nji,nj->ni", poses[:, :, :3], poses[:, :, 3])
+    distance = _viewing_distance(registered, centers)
+    gps, notes = _fit_gps(centers, files, settings)
+
+    ups = _find_ups(registered, poses, centers, files, gps, distance)
+    if settings.up_vector is not None:
+        vector = np.array(settings.up_vector, np.float64)
+        chosen = _Up("given", vector / np.linalg.norm(vector), 0.0)
+    elif settings.up != "auto":
+        of_kind = [up for up in ups if up.method == settings.up]
+        if not of_kind:
+            found = ", ".join(up.method for up in ups)
+            raise CaptureError(f"up cannot be found by {settings.up} in these photographs; it can by {found}")
+        chosen = of_kind[0]
+    else:
+        chosen = min(ups, key=lambda up: up.error_rad)
+        notes += _disagreements(chosen, ups)
+        if chosen.error_rad > math.radians(5):
+            notes.append(f"up is found by {chosen.method} and may be wrong by {math.degrees(chosen.error_rad):.0f}°")
+
+    scale, scale_from = _scale(registered, centers, gps, distance, settings)
+    if scale_from == "nothing":
+        notes.append(
+            "the scale is unknown: the median distance from the cameras to what they see is taken for 1 m; "
+            "give --scale, a known distance between two cameras, or a scale bar in capture.toml"
+        )
+    return WorldFrame(
+        world_from_registered=_similarity(registered, poses, centers, chosen.direction, scale),
+        scale_known=scale_from != "nothing",
+        scale_from=scale_from,
+        up_from=chosen.method,
+        up_error_rad=chosen.error_rad,
+        notes=tuple(notes),
+    )
+
+
+def move_registered(registered: Registered, world_from_registered: Array) -> Registered:
+    """The same cameras and points in another world.
+
+    Args:
+        registered: In its world.
+        world_from_registered: (4, 4), a similarity.
+    """
+    scale = float(np.cbrt(np.linalg.det(world_from_registered[:3, :3])))
+    turn, move = world_from_registered[:3, :3] / scale, world_from_registered[:3, 3]
+    photos = []
+    for photo in registered.photos:
+        rotation = photo.cam_from_world[:, :3] @ turn.T
+        translation = scale * photo.cam_from_world[:, 3] - rotation @ move
+        photos.append(replace(photo, cam_from_world=np.column_stack([rotation, translation])))
+    points = registered.points @ world_from_registered[:3, :3].T + move
+    return replace(registered, photos=tuple(photos), points=points)
+
+
+def _viewing_distance(registered: Registered, centers: Array) -> float:
+    """Median distance from the cameras to the points that they see, in units of the reconstruction."""
+    if not len(registered.track_photos):
+        spread = float(np.linalg.norm(centers - centers.mean(axis=0), axis=1).max())
+        return spread or 1.0
+    point_of = np.repeat(np.arange(len(registered.points)), np.diff(registered.track_starts))
+    apart = np.linalg.norm(registered.points[point_of] - centers[registered.track_photos], axis=1)
+    return float(np.median(apart)) or 1.0
+
+
+def _scale(
+    registered: Registered, centers: Array, gps: _Gps | None, distance: float, settings: WorldSettings
+) -> tuple[float, str]:
+    """Metres per unit, and what says so."""
+    if settings.metres_per_unit is not None:
+        return settings.metres_per_unit, "scale"
+    if settings.known_distance is not None:
+        first, second = (
+            centers[_number(registered, name, "known_distance")] for name in settings.known_distance.photographs
+        )
+        apart = float(np.linalg.norm(second - first))
+        if apart <= 1e-6 * distance:
+            raise CaptureError(f"{' and '.join(settings.known_distance.photographs)} were taken from one place")
+        return settings.known_distance.metres / apart, "distance"
+    if settings.scale_bar is not None:
+        ends = [
+            _intersect_rays(registered, centers, places)
+            for places in (settings.scale_bar.first, settings.scale_bar.second)
+        ]
+        apart = float(np.linalg.norm(ends[1] - ends[0]))
+        if apart <= 1e-6 * distance:
+            raise CaptureError("the ends of the scale bar are one place; give the places of its two marks")
+        return settings.scale_bar.metres / apart, "scale bar"
+    if gps is not None:
+        return gps.scale, "gps"
+    return 1 / distance, "nothing"
+
+
+def _number(registered: Registered, name: str, what: str) -> int:
+    for number, photo in enumerate(registered.photos):
+        if photo.name == name:
+            return number
+    raise CaptureError(
+        f"{what} names {name!r}, which has no camera; there are {named([photo.name for photo in registered.photos])}"
+    )
+
+
+def _intersect_rays(registered: Registered, centers: Array, places: Sequence[tuple[str, float, float]]) -> Array:
+    """(3,), the point nearest to the rays through places of photographs."""
+    matrix, side = np.zeros((3, 3)), np.zeros(3)
+    for name, x, y in places:
+        number = _number(registered, name, "scale_bar")
+        photo = registered.photos[number]
+        ray = photo.cam_from_world[:, :3].T @ _ray(photo.lens, x, y)
+        across = np.eye(3) - np.outer(ray, ray)
+        matrix += across
+        side += across @ centers[number]
+    if np.linalg.cond(matrix) > 1e6:
+        raise CaptureError(
+            f"the rays to an end of the scale bar are parallel: {', '.join(name for name, _, _ in places)} were taken "
+            f"from one place; mark it in photographs farther apart"
+        )
+    return np.asarray(np.linalg.solve(matrix, side), np.float64)
+
+
+def _ray(lens: Lens, x: float, y: float) -> Array:
+    """(3,), unit, in camera axes."""
+    matrix = np.array([[lens.focal_px[0], 0, lens.center_px[0]], [0, lens.focal_px[1], lens.center_px[1]], [0, 0, 1.0]])
+    model = LENS_MODELS[lens.model]
+    coefficients = np.zeros(4 if model.distortion <= 4 else 8)
+    coefficients[: len(lens.distortion)] = lens.distortion
+    undistort = cv2.fisheye.undistortPoints if model.fisheye else cv2.undistortPoints
+    place = undistort(np.array([[[x, y]]], np.float64), matrix, coefficients).reshape(2)
+    ray = np.array([*place, 1.0])
+    return np.asarray(ray / np.linalg.norm(ray))
+
+
+def _fit_gps(
+    centers: Array, files: Sequence[PhotoFile | None], settings: WorldSettings
+) -> tuple[_Gps | None, list[str]]:
+    """What positions by satellite say, where they lie far enough apart for how exact they are."""
+    known = [number for number, file in enumerate(files) if file is not None and file.gps is not None]
+    if len(known) < settings.least_gps:
+        return None, []
+    degrees = np.array([file.gps for file in files if file is not None and file.gps is not None], np.float64)
+    east_m = np.radians(degrees[:, 1] - degrees[0, 1]) * _EARTH_M * np.cos(np.radians(degrees[0, 0]))
+    north_m = np.radians(degrees[:, 0] - degrees[0, 0]) * _EARTH_M
+    altitude_m = np.where(np.isfinite(degrees[:, 2]), degrees[:, 2], 0.0)
+    places_m = np.column_stack([east_m, north_m, altitude_m])
+    own = centers[known]
+    own, places_m = own - own.mean(axis=0), places_m - places_m.mean(axis=0)
+    spread_m = float(np.sqrt(np.square(places_m).sum(axis=1).mean()))
+    if spread_m == 0 or not np.isfinite(degrees[:, 2]).all():
+        return None, ["positions by satellite are all one, or without altitude, and not used"]
+    # Umeyama 1991: places = scale turn own.
+    u, sizes, vt = np.linalg.svd(places_m.T @ own / len(own))
+    signs = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+    turn = u @ np.diag(signs) @ vt
+    scale = float((sizes * signs).sum() / np.square(own).sum(axis=1).mean())
+    residual_m = float(np.sqrt(np.square(scale * own @ turn.T - places_m).sum(axis=1).mean()))
+    if spread_m < settings.gps_spread * residual_m or not scale > 0:
+        return None, [
+            f"positions by satellite contradict the pictures by {residual_m:.2g} m over {spread_m:.2g} m, "
+            f"and are not used"
+        ]
+    along = np.linalg.svd(own, compute_uv=False)
+    flat = float(along[1] / along[0])
+    return _Gps(scale, turn[2], residual_m, spread_m, flat), []
+
+
+def _find_ups(
+    registered: Registered,
+    poses: Array,
+    centers: Array,
+    files: Sequence[PhotoFile | None],
+    gps: _Gps | None,
+    distance: float,
+) -> list[_Up]:
+    """Every way in which up is found; at least by the pictures' tops."""
+    tops = np.array([_TOP[file.orientation if file else 1] for file in files], np.float64)
+    picture_up = np.einsum("nji,nj->ni", poses[:, :2, :3], tops)
+    picture_right = np.einsum("nji,nj->ni", poses[:, :2, :3], np.column_stack([-tops[:, 1], tops[:, 0]]))
+    forward = poses[:, 2, :3]
+    ups: list[_Up] = []
+
+    mean = picture_up.mean(axis=0)
+    rough = mean / np.linalg.norm(mean) if np.linalg.norm(mean) > 0.1 else picture_up[0]
+    looking_down = np.linalg.norm(mean) < 0.5 and np.linalg.norm(forward.mean(axis=0)) > 0.9
+    level = _level(picture_right, -forward.mean(axis=0) if looking_down else rough)
+    if looking_down:  # pictures from above have their tops anywhere
+        ups.append(_Up("photographs", -forward.mean(axis=0) / np.linalg.norm(forward.mean(axis=0)), _PICTURES_RAD))
+    else:
+        ups.append(_Up("photographs", rough, _PICTURES_RAD))
+    if level is not None:
+        ups.append(level)
+    if gps is not None and gps.flat > 0.05:
+        error = math.atan(gps.residual_m / (gps.spread_m * gps.flat * math.sqrt(len(centers) / 2)))
+        ups.append(_Up("gps", gps.up, error))
+    elevation = _by_elevation(picture_right, forward, files)
+    if elevation is not None:
+        ups.append(elevation)
+    first = min(ups, key=lambda up: up.error_rad).direction
+    ring = _ring(centers, first)
+    if ring is not None:
+        ups.append(ring)
+    ground = _ground(registered.points, centers, first, distance)
+    if ground is not None:
+        ups.append(ground)
+    trunk = _trunk(registered.points, centers, first)
+    if trunk is not None:
+        ups.append(trunk)
+    return ups
+
+
+def _level(picture_right: Array, towards: Array) -> _Up | None:
+    """Up across all pictures' lower edges: cameras are turned and tipped, but seldom rolled.
+
+    Source: R. Szeliski, Image Alignment and Stitching, 2006, section 2.3.2.
+    """
+    if len(picture_right) < 3:
+        return None
+    values, vectors = np.linalg.eigh(picture_right.T @ picture_right / len(picture_right))
+    roll, turned = np.sqrt(max(values[0], 0)), np.sqrt(max(values[1], 0))
+    if turned < 3 * roll or turned < 0.05:
+        return None  # all look one way: rolled or not, they cannot tell
+    up = vectors[:, 0] * (1 if vectors[:, 0] @ towards >= 0 else -1)
+    return _Up("level", up, math.atan(roll / (turned * math.sqrt(len(picture_right)))) + _LEVEL_RAD)
+
+
+def _by_elevation(picture_right: Array, forward: Array, files: Sequence[PhotoFile | None]) -> _Up | None:
+    """Up by the angle above the horizon at which cameras say they looked."""
+    known = [number for number, file in enumerate(files) if file is not None and file.elevation_deg is not None]
+    if len(known) < 3:
+        return None
+    angles = np.radians([file.elevation_deg for file in files if file is not None and file.elevation_deg is not None])
+    matrix = np.concatenate([forward[known], picture_right[known]])
+    side = np.concatenate([np.sin(angles), np.zeros(len(known))])
+    up, _, rank, _ = np.linalg.lstsq(matrix, side, rcond=1e-3)
+    if rank < 3 or not 0.7 < np.linalg.norm(up) < 1.4:
+        return None
+    residual = float(np.sqrt(np.mean(np.square(matrix @ up - side))))
+    return _Up("elevation", up / np.linalg.norm(up), residual / math.sqrt(len(known)) + _LEVEL_RAD)
+
+
+def _ring(centers: Array, towards: Array) -> _Up | None:
+    """The axis of a ring of cameras around the plant."""
+    if len(centers) < 6:
+        return None
+    values, vectors = np.linalg.eigh(np.cov(centers.T))
+    thick, narrow, wide = np.sqrt(np.maximum(values, 0))
+    if narrow < 0.5 * wide or thick > 0.3 * narrow:
+        return None  # a line, or places at all heights
+    axis = vectors[:, 0] * (1 if vectors[:, 0] @ towards >= 0 else -1)
+    if axis @ towards < math.cos(math.radians(30)):
+        return None  # a ring over the top
+    return _Up("ring", axis, math.atan(thick / (narrow * math.sqrt(len(centers)))) + _RING_RAD)
+
+
+def _ground(points: Array, centers: Array, towards: Array, distance: float) -> _Up | None:
+    """The normal of a plane that many points lie on and nearly none below, the cameras above.
+
+    Source: M. Fischler, R. Bolles, Random sample consensus, 1981; with our own conditions on the sides of the plane.
+    """
+    near = np.median(points, axis=0) if len(points) else np.zeros(3)
+    points = points[np.linalg.norm(points - near, axis=1) < 3 * distance]
+    if len(points) < 50:
+        return None
+    low = points[points @ towards <= np.quantile(points @ towards, 0.6)]
+    within = 0.01 * distance
+    rng = np.random.default_rng(0)  # any: the best of many tries is the same plane
+    best: NDArray[np.bool_] | None = None
+    for _ in range(400):
+        a, b, c = low[rng.choice(len(low), 3, replace=False)]
+        normal = np.cross(b - a, c - a)
+        length = np.linalg.norm(normal)
+        if length < 1e-12 * distance**2:
+            continue
+        normal = normal / length * (1 if normal @ towards >= 0 else -1)
+        if normal @ towards < math.cos(math.radians(25)):
+            continue
+        on = np.abs((low - a) @ normal) < within
+        if best is None or on.sum() > best.sum():
+            best = on
+    if best is None or best.sum() < max(30, 0.1 * len(points)):
+        return None
+    for _ in range(3):
+        middle = low[best].mean(axis=0)
+        _, sizes, vt = np.linalg.svd(low[best] - middle, full_matrices=False)
+        normal = vt[2] * (1 if vt[2] @ towards >= 0 else -1)
+        best = np.abs((low - middle) @ normal) < within
+        if best.sum() < 30:
+            return None
+    below = float(np.mean((points - middle) @ normal < -5 * within))
+    spread = sizes[1] / math.sqrt(float(best.sum()))
+    if below > 0.05 or spread < 0.05 * distance or float(np.mean((centers - middle) @ normal > 0)) < 0.9:
+        return None
+    thickness = sizes[2] / math.sqrt(float(best.sum()))
+    error = math.atan(thickness / spread / math.sqrt(max(best.sum() / 10, 1))) + _GROUND_RAD
+    return _Up("ground", normal, error)
+
+
+def _trunk(points: Array, centers: Array, towards: Array) -> _Up | None:
+    """The direction of a thin upright column of points amid the cameras."""
+    if len(points) < 50 or len(centers) < 6:
+        return None
+    right = np.linalg.svd(np.eye(3) - np.outer(towards, towards))[0][:, :2]
+    flat, around = points @ right, centers @ right
+    radius = float(np.median(np.linalg.norm(around - around.mean(axis=0), axis=1)))
+    inner = np.linalg.norm(flat - around.mean(axis=0), axis=1) < 0.5 * radius
+    if inner.sum() < 50 or radius == 0:
+        return None
+    heights = points[inner] @ towards
+    low = points[inner][heights < np.quantile(heights, 0.4)]
+    column = low[np.linalg.norm((low - np.median(low, axis=0)) @ right, axis=1) < 0.05 * radius]
+    if len(column) < 30:
+        return None
+    _, sizes, vt = np.linalg.svd(column - column.mean(axis=0), full_matrices=False)
+    if sizes[0] < 4 * sizes[1] or abs(vt[0] @ towards) < math.cos(math.radians(25)):
+        return None
+    axis = vt[0] * (1 if vt[0] @ towards >= 0 else -1)
+    return _Up("trunk", axis, math.atan(sizes[1] / sizes[0] / math.sqrt(len(column) / 10)) + _TRUNK_RAD)
+
+
+def _disagreements(chosen: _Up, ups: Sequence[_Up]) -> list[str]:
+    notes = []
+    for up in ups:
+        angle = math.acos(float(np.clip(chosen.direction @ up.direction, -1, 1)))
+        if angle > max(_DISAGREE_RAD, 3 * (chosen.error_rad + up.error_rad)) and up.method != "photographs":
+            notes.append(
+                f"up by {chosen.method} and up by {up.method} are {math.degrees(angle):.0f}° apart; "
+                f"{chosen.method} is taken: say --up {up.method} for the other"
+            )
+    return notes
+
+
+def _similarity(registered: Registered, poses: Array, centers: Array, up: Array, scale: float) -> Array:
+    """(4, 4): up becomes +Y, the first camera stands towards +Z, the middle of the points above the origin."""
+    middle = np.median(registered.points, axis=0) if len(registered.points) else centers.mean(axis=0)
+    behind = centers[0] - middle
+    behind = behind - (behind @ up) * up
+    if np.linalg.norm(behind) < 1e-6 * max(float(np.linalg.norm(centers[0] - middle)), 1e-300):
+        behind = -poses[0, 2, :3] + (poses[0, 2, :3] @ up) * up
+        if np.linalg.norm(behind) < 1e-6:
+            behind = np.linalg.svd(np.eye(3) - np.outer(up, up))[0][:, 0]
+    back = behind / np.linalg.norm(behind)
+    turn = np.array([np.cross(up, back), up, back])
+    heights = (registered.points if len(registered.points) else centers) @ up
+    origin = middle - (middle @ up) * up + float(np.quantile(heights, 0.01)) * up
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale * turn
+    matrix[:3, 3] = -scale * turn @ origin
+    return matrix
