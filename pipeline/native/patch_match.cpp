@@ -15,6 +15,7 @@ namespace usdfoliage {
 namespace {
 
 constexpr int kRegions = 8;
+constexpr int kProposedIterations = 1;  // in which suggestions are tried; then they have spread or not
 constexpr float kSamePlane = 0.02f;  // in pixels of the most moving photograph: another plane as near is the same
 
 // Places whose planes a pixel tries, one of each region: near ones in a V on each side, far ones along a line. All are of
@@ -211,12 +212,20 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
     const std::size_t wanted = std::min(count, static_cast<std::size_t>(match.options.best_sources));
     const std::size_t enough = count - wanted;
     best.fill(2 * kWorstCost);
+    int open = 0;
     for (std::size_t n = 0; n < count; ++n) {
         const std::size_t k = first + n < count ? first + n : first + n - count;
         const WindowPlaces& to = places[k / kLanes];
         const std::size_t lane = k % kLanes;
         const MatchSource& source = match.sources[k];
         float cost = window_cost(match.pattern, window, match.pictures[k], to, lane, own_tint, source.tint);
+        if (source.open != nullptr && cost < kWorstCost) {
+            const int at = static_cast<int>(to.v[lane] + 0.5f) * source.width + static_cast<int>(to.u[lane] + 0.5f);
+            if (source.open[at] != 0) {
+                ++open;
+                cost = kWorstCost;
+            }
+        }
         if (source.depth_m != nullptr && cost < kWorstCost && cost < best[wanted - 1]) {
             cost += match.options.geometric_weight *
                     disagreement_px(source, to.u[lane], to.v[lane], column, row, match.options.geometric_limit_px);
@@ -230,7 +239,7 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
     }
     float sum = 0;
     for (std::size_t i = 0; i < wanted; ++i) sum += best[i];
-    return sum / static_cast<float>(wanted) + apart_cost;
+    return sum / static_cast<float>(wanted) + apart_cost + match.options.open_weight * static_cast<float>(open);
 }
 
 inline bool same(const Match& match, const Plane& one, const Plane& other) {
@@ -327,15 +336,19 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
             }
         }
 
-        if (photo.segment_planes != nullptr && photo.segment_planes[3 * pixel] > 0) {
-            const Plane plane = load(photo.segment_planes, pixel);
-            if (usable(match, plane, column, row) && !same(match, plane, best)) {
-                const float its = plane_cost(match, window, plane, column, row, lowest, 0);
-                if (its < lowest) {
-                    lowest = its;
-                    best = plane;
-                }
+        // The plane of its segment, and what other photographs suggest.
+        const auto attempt = [&](const Plane& plane) {
+            if (!usable(match, plane, column, row) || same(match, plane, best)) return;
+            const float its = plane_cost(match, window, plane, column, row, lowest, 0);
+            if (its < lowest) {
+                lowest = its;
+                best = plane;
             }
+        };
+        if (photo.segment_planes != nullptr) attempt(load(photo.segment_planes, pixel));
+        for (int layer = 0; layer < photo.proposal_layers && iteration < kProposedIterations; ++layer) {
+            const std::size_t pixels = static_cast<std::size_t>(photo.width) * photo.height;
+            attempt(load(photo.proposals, static_cast<std::size_t>(layer) * pixels + pixel));
         }
 
         // By chance: anywhere, and around the best with steps that shrink from one iteration to the next.
@@ -429,7 +442,8 @@ void count_agreeing(const float* depth_m, int width, int height, const std::vect
         const int row = static_cast<int>(line);
         for (int column = 0; column < width; ++column) {
             const std::size_t pixel = line * static_cast<std::size_t>(width) + column;
-            counts[pixel] = 0;
+            std::uint8_t* to = counts + 2 * pixel;
+            to[0] = to[1] = 0;
             if (!(depth_m[pixel] > 0)) continue;
             const double inverse = 1 / static_cast<double>(depth_m[pixel]);
             for (const MatchSource& source : sources) {
@@ -439,14 +453,68 @@ void count_agreeing(const float* depth_m, int width, int height, const std::vect
                     seen[i] = h[3 * i] * column + h[3 * i + 1] * row + h[3 * i + 2] + source.epipole[i] * inverse;
                 }
                 if (!(seen[2] > 0)) continue;
-                const float apart = disagreement_px(source, seen[0] / seen[2], seen[1] / seen[2], column, row, 1e9f);
-                if (!(apart <= options.most_px)) continue;
-                const int at = static_cast<int>(seen[1] / seen[2] + 0.5) * source.width + static_cast<int>(seen[0] / seen[2] + 0.5);
+                const double u = seen[0] / seen[2];
+                const double v = seen[1] / seen[2];
+                if (!(u > -0.5 && v > -0.5 && u < source.width - 0.5 && v < source.height - 0.5)) continue;
+                const int at = static_cast<int>(v + 0.5) * source.width + static_cast<int>(u + 0.5);
+                if (source.open != nullptr && source.open[at] != 0) {
+                    ++to[1];
+                    continue;
+                }
+                const double found_m = source.depth_m[at];
+                if (!(found_m > 0)) continue;
                 const double expected_m = seen[2] * depth_m[pixel];
-                if (std::abs(source.depth_m[at] - expected_m) <= options.most_share * expected_m) ++counts[pixel];
+                if (found_m > expected_m * (1 + 2 * options.most_share)) ++to[1];
+                if (!(std::abs(found_m - expected_m) <= options.most_share * expected_m)) continue;
+                if (disagreement_px(source, u, v, column, row, 1e9f) <= options.most_px) ++to[0];
             }
         }
     });
+}
+
+void show_planes(const float* planes, const float* cost, int width, int height, float most_cost, const MatchSource& to,
+                 const double* pixel_from_ray, const double* other_pixel_from_ray, const double* turn, float* seen,
+                 float* seen_cost) {
+    const double focal[2] = {pixel_from_ray[0], pixel_from_ray[4]};
+    const double center[2] = {pixel_from_ray[2], pixel_from_ray[5]};
+    const double other_focal[2] = {other_pixel_from_ray[0], other_pixel_from_ray[4]};
+    const double other_center[2] = {other_pixel_from_ray[2], other_pixel_from_ray[5]};
+    for (int row = 0; row < height; ++row) {
+        for (int column = 0; column < width; ++column) {
+            const std::size_t pixel = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column);
+            const Plane plane = load(planes, pixel);
+            if (!(plane.inverse > 0) || cost[pixel] > most_cost) continue;
+            const double* h = to.homography;
+            double at[3];
+            for (int i = 0; i < 3; ++i) at[i] = h[3 * i] * column + h[3 * i + 1] * row + h[3 * i + 2] + to.epipole[i] * plane.inverse;
+            if (!(at[2] > 0)) continue;
+            const double u = at[0] / at[2];
+            const double v = at[1] / at[2];
+            if (!(u > -0.5 && v > -0.5 && u < to.width - 0.5 && v < to.height - 0.5)) continue;
+            const int x = static_cast<int>(u + 0.5);
+            const int y = static_cast<int>(v + 0.5);
+            const std::size_t other = static_cast<std::size_t>(y) * to.width + static_cast<std::size_t>(x);
+            if (cost[pixel] >= seen_cost[other]) continue;
+            // The plane n X = 1 in the photograph's camera axes, then in the other's: inverse depth is n times the ray.
+            double n[3];
+            n[0] = plane.right * focal[0];
+            n[1] = plane.down * focal[1];
+            n[2] = plane.inverse - n[0] * (column - center[0]) / focal[0] - n[1] * (row - center[1]) / focal[1];
+            double m[3];
+            double shift = 1;
+            for (int i = 0; i < 3; ++i) {
+                m[i] = turn[4 * i] * n[0] + turn[4 * i + 1] * n[1] + turn[4 * i + 2] * n[2];
+                shift += m[i] * turn[4 * i + 3];
+            }
+            if (!(shift > 1e-6)) continue;
+            for (double& each : m) each /= shift;
+            const double inverse = m[0] * (x - other_center[0]) / other_focal[0] + m[1] * (y - other_center[1]) / other_focal[1] + m[2];
+            if (!(inverse > 0)) continue;
+            seen_cost[other] = cost[pixel];
+            store(seen, other, {static_cast<float>(inverse), static_cast<float>(m[0] / other_focal[0]),
+                                static_cast<float>(m[1] / other_focal[1])});
+        }
+    }
 }
 
 }  // namespace usdfoliage

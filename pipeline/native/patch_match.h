@@ -22,6 +22,8 @@ struct MatchReference {
     const std::uint8_t* tint;  // height x width x 3, the photograph smoothed but for its edges
     const std::uint8_t* mask;  // height x width, 0 where no depth is wanted; or none
     const float* segment_planes;  // height x width x 3, as planes: that of each pixel's segment, 0 for none; or none
+    const float* proposals;  // layers x height x width x 3, planes that other photographs suggest, 0 for none
+    int proposal_layers;
     int width;
     int height;
     double pixel_from_ray[9];  // 3 x 3, rows first, of pixel indices
@@ -34,6 +36,7 @@ struct MatchReference {
 struct MatchSource {
     const std::uint8_t* gray;  // height x width
     const std::uint8_t* tint;  // height x width x 3, the photograph smoothed but for its edges
+    const std::uint8_t* open;  // height x width, not 0 where nothing can be, such as the sky; or none
     const float* depth_m;      // height x width, 0 where there is none; or none
     int width;
     int height;
@@ -57,6 +60,7 @@ struct MatchOptions {
     float tint_scale;          // of 765: sum of the differences of red, green and blue
     float geometric_weight;    // cost of a pixel of disagreement with the depth of another photograph
     float geometric_limit_px;  // disagreement beyond it costs no more
+    float open_weight;         // cost of every photograph that sees nothing where the plane is
     float segment_weight;      // cost of depth that differs from that of the segment's plane, equation 2
     float segment_limit_px;    // by so much movement in the photograph that moves most, or more
     float step;                // first perturbation, as a share of the range of inverse depth
@@ -84,11 +88,25 @@ struct AgreementOptions {
     int threads;       // 0: one per core
 };
 
-// Photographs whose depth agrees with a photograph's own.
+// Photographs whose depth agrees with a photograph's own, and those that see through it.
 //
 // @param depth_m  height x width of the reference, 0 where there is none.
-// @param counts   height x width written.
+// @param counts   height x width x 2 written: photographs that agree; photographs that see something behind, or nothing.
 void count_agreeing(const float* depth_m, int width, int height, const std::vector<MatchSource>& sources,
                     const AgreementOptions& options, std::uint8_t* counts);
+
+// The planes of a photograph as another one sees them, each at the pixel where it is seen: the best of those that meet.
+//
+// @param planes    height x width x 3 of the photograph.
+// @param cost      height x width, of them; those above most_cost are left out.
+// @param to        the other photograph: its size, and the warp from the photograph to it.
+// @param from_ray  3 x 3, pixel indices of the photograph from rays.
+// @param to_ray    3 x 3, rays of the other from its pixel indices.
+// @param turn      3 x 4, the other's camera axes from the photograph's.
+// @param seen      height x width x 3 of the other, those it holds are kept where they cost less.
+// @param seen_cost height x width of the other.
+void show_planes(const float* planes, const float* cost, int width, int height, float most_cost, const MatchSource& to,
+                 const double* pixel_from_ray, const double* other_pixel_from_ray, const double* turn, float* seen,
+                 float* seen_cost);
 
 }  // namespace usdfoliage

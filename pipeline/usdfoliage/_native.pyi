@@ -452,6 +452,8 @@ def match_planes(
     grays: list[NDArray[np.uint8]],
     tints: list[NDArray[np.uint8]],
     segment_planes: NDArray[np.float32] | None,
+    proposals: NDArray[np.float32] | None,
+    opens: list[NDArray[np.uint8]],
     depths: list[NDArray[np.float32]],
     warps: NDArray[np.float64],
     offsets: NDArray[np.int32],
@@ -469,6 +471,7 @@ def match_planes(
     tint_scale: float,
     geometric_weight: float,
     geometric_limit_px: float,
+    open_weight: float,
     segment_weight: float,
     segment_limit_px: float,
     step: float,
@@ -488,6 +491,8 @@ def match_planes(
         grays: brightness of 1 to 16 photographs that it is matched with, of any size.
         tints: their colours without noise.
         segment_planes: (H, W, 3), the plane of each pixel's segment, 0 for none.
+        proposals: (layers, H, W, 3), planes that other photographs suggest.
+        opens: where each photograph sees nothing at all, or no maps.
         depths: their depth maps, 0 for none; or no maps at all.
         warps: (photographs, 2, 3, 4), homography of the plane at infinity and epipole, to their pixel indices and back.
         offsets: (at most 64, 2), right and down, of the window's pixels.
@@ -508,9 +513,31 @@ def match_planes(
 def count_agreeing(
     depth_m: NDArray[np.float32],
     depths: list[NDArray[np.float32]],
+    opens: list[NDArray[np.uint8]],
     warps: NDArray[np.float64],
     most_px: float,
     most_share: float,
     threads: int,
 ) -> NDArray[np.uint8]:
-    """How many other depth maps agree with each pixel's depth (H, W), warps as in match_planes."""
+    """(H, W, 2): other depth maps that agree with each pixel's depth, and those that see through it; as match_planes."""
+
+def show_planes(
+    planes: list[NDArray[np.float32]],
+    costs: list[NDArray[np.float32]],
+    warps: NDArray[np.float64],
+    pixel_from_ray: list[NDArray[np.float64]],
+    other_pixel_from_ray: NDArray[np.float64],
+    turns: list[NDArray[np.float64]],
+    width: int,
+    height: int,
+    most_cost: float,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Planes (H, W, 3) of photographs as another one sees them, the best of those that meet; their cost (H, W).
+
+    Args:
+        warps: (photographs, 2, 3, 4), to the other's pixel indices and back.
+        pixel_from_ray: (3, 3), of each photograph, then of the other one.
+        turns: (3, 4), the other's camera axes from each photograph's: rotation, and for planes n X = 1 the vector
+            s with n' = R n / (1 + (R n) · s).
+        most_cost: planes that cost more are not shown.
+    """

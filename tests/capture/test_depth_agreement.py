@@ -21,7 +21,7 @@ def test_what_the_others_confirm_is_kept_and_what_not_is_not():
     wrong[30:50, 40:60, 0] *= 1.2
     own = MatchedPlanes(camera=CAMERAS[0], planes=wrong, cost=planes[0].cost)
     view = draw(CAMERAS[0], SLANTED)
-    found = confirm_depth(own, [*planes[1:], None], view.srgb)
+    found = confirm_depth(own, [*planes[1:], None], [], view.srgb)
     assert not found.depth_m[33:47, 43:57].any()
     good = inside(18).copy()
     good[26:54, 36:64] = False
@@ -36,10 +36,10 @@ def test_nothing_is_believed_without_other_views_that_agree():
     plane = exact_planes(CAMERAS[0], SLANTED[0][0])
     far = [exact_planes(cam, SLANTED[0][0] * 0.7) for cam in CAMERAS[1:]]
     view = draw(CAMERAS[0], SLANTED)
-    assert not confirm_depth(plane, far, view.srgb).depth_m.any()
+    assert not confirm_depth(plane, far, [], view.srgb).depth_m.any()
     poor = MatchedPlanes(camera=plane.camera, planes=plane.planes, cost=np.full(SIZE, 1.4, np.float32))
     agreeing = [exact_planes(cam, SLANTED[0][0]) for cam in CAMERAS[1:]]
-    assert not confirm_depth(poor, agreeing, view.srgb).depth_m.any()
+    assert not confirm_depth(poor, agreeing, [], view.srgb).depth_m.any()
 
 
 def test_the_cut_follows_edges_of_the_photograph():

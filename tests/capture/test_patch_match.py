@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from stereo_pictures import CAMERAS, FOCAL, HEIGHT, SLANTED, STEP, WIDTH, camera, draw, exact_planes, inside
 from usdfoliage import _native
-from usdfoliage.capture.patch_match import MatchedPlanes, PatchMatchSettings, match_view, pixel_from_ray, warps
+from usdfoliage.capture.patch_match import (
+    MatchedPlanes,
+    PatchMatchSettings,
+    match_view,
+    pixel_from_ray,
+    propose_planes,
+    warps,
+)
 
 SETTINGS = PatchMatchSettings(best_sources=2)
 RANGE_M = (0.6, 2.5)
@@ -165,10 +172,31 @@ def test_agreement_counts_views_that_lead_back():
     depths = [each.depth_m for each in planes]
     depths[3] = depths[3] * 1.1
     to = np.stack([warps(CAMERAS[0], cam) for cam in CAMERAS[1:]])
-    counts = _native.count_agreeing(depths[0], depths[1:], to, 1.0, 0.01, 0)
-    assert np.mean(counts[inside(16)] == 2) > 0.95
-    assert counts.max() == 2
-    assert not _native.count_agreeing(np.zeros_like(depths[0]), depths[1:], to, 1.0, 0.01, 0).any()
+    counts = _native.count_agreeing(depths[0], depths[1:], [], to, 1.0, 0.01, 0)
+    assert np.mean(counts[inside(16), 0] == 2) > 0.95
+    assert counts[..., 0].max() == 2
+    # The third puts its surface farther away: it sees through this one.
+    assert np.mean(counts[inside(16), 1] == 1) > 0.95
+    assert not _native.count_agreeing(np.zeros_like(depths[0]), depths[1:], [], to, 1.0, 0.01, 0).any()
+
+
+def test_planes_of_another_view_are_the_same_planes():
+    planes = [exact_planes(cam, SLANTED[0][0]) for cam in CAMERAS]
+    (layer, other) = propose_planes(CAMERAS[0], [planes[1], planes[2], None])
+    for seen in (layer, other):
+        shown = seen[..., 0] > 0
+        assert shown[inside(20)].mean() > 0.9
+        assert seen[shown] == pytest.approx(planes[0].planes[shown], rel=1e-3, abs=1e-5)
+    assert propose_planes(CAMERAS[0], [None]) is None
+
+
+def test_what_others_see_the_sky_at_is_not_there():
+    views = [draw(cam, SLANTED) for cam in CAMERAS]
+    start = exact_planes(CAMERAS[0], SLANTED[0][0])
+    free = match_view(views[0], views[1:], RANGE_M, 0, 0, SETTINGS, start=start)
+    masked = [replace(view, mask=np.zeros((HEIGHT, WIDTH), bool)) for view in views[1:]]
+    barred = match_view(views[0], masked, RANGE_M, 0, 0, SETTINGS, start=start)
+    assert (barred.cost - free.cost)[inside(16)].min() > 3 * SETTINGS.open_weight
 
 
 def test_wrong_arguments():

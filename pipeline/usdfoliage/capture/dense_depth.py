@@ -10,12 +10,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate, confirm_depth
-from usdfoliage.capture.patch_match import MOST_SOURCES, MatchedPlanes, PatchMatchSettings, Picture, match_view
+from usdfoliage.capture.patch_match import (
+    MOST_SOURCES,
+    MatchedPlanes,
+    PatchMatchSettings,
+    Picture,
+    match_view,
+    open_maps,
+)
 from usdfoliage.capture.plane_sweep import depth_range_m
 from usdfoliage.capture.segments import SegmentSettings, fit_segment_planes, segment_photo
 from usdfoliage.capture.view import View
@@ -42,7 +48,8 @@ ROUNDS = (
     Round(level=2, iterations=5, coherent=False),
     Round(level=1, iterations=4, coherent=False),
     Round(level=1, iterations=2, coherent=True),
-    Round(level=0, iterations=3, coherent=True, segments=True),
+    Round(level=0, iterations=2, coherent=True),
+    Round(level=0, iterations=1, coherent=True, segments=True),
 )
 
 
@@ -188,11 +195,15 @@ def finish_depth(
     planes = read_planes(index)
     if planes is None:
         raise ValueError(f"view {index} has not been matched")
-    view = read_view(index)
-    size = planes.camera.width_px, planes.camera.height_px
-    srgb = view.srgb if view.srgb.shape[1::-1] == size else cv2.resize(view.srgb, size, interpolation=cv2.INTER_AREA)
-    sources = [read_planes(k) for k in plan.sources[index]]
-    return confirm_depth(planes, sources, srgb, settings.agreement, threads=threads)
+    own = Picture.of(read_view(index), settings.max_side_px, settings.rounds[-1].level)
+    sources, opens = [], []
+    for k in plan.sources[index]:
+        found = read_planes(k)
+        if found is not None:
+            sources.append(found)
+            opens.append(Picture.of(read_view(k), settings.max_side_px, settings.rounds[-1].level))
+    maps = open_maps(opens, settings.matching.open_margin_px)
+    return confirm_depth(planes, sources, maps, own.srgb, settings.agreement, threads=threads)
 
 
 def estimate_depths(

@@ -26,9 +26,10 @@ class AgreementSettings:
 
     max_cost: float = 1.3  # of a plane: above it nothing fits
     agreeing: int = 2  # other views whose depth must agree
+    through: float = 1.0  # views that see something behind, or nothing, for each that agrees; with more it is dropped
     agree_px: float = 1.5  # between a pixel and where it comes back to from the other view
     agree_share: float = 0.01  # between two depths that agree
-    least_likelihood: float = 0.25  # below it a pixel had better have no depth, as far as its neighbours let it
+    least_likelihood: float = 0.1  # below it a pixel had better have no depth, as far as its neighbours let it
     smoothness: float = (
         0.5  # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
     )
@@ -44,8 +45,8 @@ class AgreementSettings:
         positive = (self.agree_px, self.agree_share, self.edge, self.filter_color, self.filter_share)
         if not all(np.isfinite(value) and value > 0 for value in positive):
             raise ValueError("agree_px, agree_share, edge, filter_color and filter_share must be above 0")
-        if not 0 <= self.least_likelihood < 1 or not 0 <= self.smoothness < 100:
-            raise ValueError("least_likelihood must be in [0, 1), smoothness in [0, 100)")
+        if not self.through >= 0 or not 0 <= self.least_likelihood < 1 or not 0 <= self.smoothness < 100:
+            raise ValueError("through must not be below 0, least_likelihood must be in [0, 1), smoothness in [0, 100)")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +63,7 @@ class DepthEstimate:
 def confirm_depth(
     matched: MatchedPlanes,
     source_planes: Sequence[MatchedPlanes | None],
+    source_opens: Sequence[NDArray[np.uint8]],
     srgb: NDArray[np.uint8],
     settings: AgreementSettings = AgreementSettings(),
     *,
@@ -75,22 +77,26 @@ def confirm_depth(
     Args:
         matched: The planes of the view.
         source_planes: Those of its sources; None where there are none.
+        source_opens: Where each of the sources sees nothing, as open_maps gives it for those with planes; or empty.
         srgb: (H, W, 3), the photograph at the size of the planes.
         settings: What is believed.
         threads: 0: one per core.
     """
     known = [planes for planes in source_planes if planes is not None]
     depth_m = np.where(matched.cost <= settings.max_cost, matched.depth_m, np.float32(0))
-    agreeing = np.zeros(depth_m.shape, np.uint8)
+    counts = np.zeros((*depth_m.shape, 2), np.uint8)
     if known:
-        agreeing = _native.count_agreeing(
+        counts = _native.count_agreeing(
             depth_m,
             [planes.depth_m for planes in known],
+            list(source_opens),
             np.stack([warps(matched.camera, planes.camera) for planes in known]),
             settings.agree_px,
             settings.agree_share,
             threads,
         )
+    agreeing, through = counts[..., 0], counts[..., 1]
+    depth_m[through > settings.through * agreeing] = 0
     needed = min(settings.agreeing, len(known))
     fit = np.clip(1 - matched.cost / settings.max_cost, 0, 1)
     likelihood = fit * np.minimum(agreeing / (needed + 1), 1)

@@ -38,6 +38,8 @@ class PatchMatchSettings:
     best_sources: int = 3  # those that fit best count at each pixel: the others may be hidden from it
     geometric_weight: float = 0.15  # cost of a pixel of disagreement with another view's depth
     geometric_limit_px: float = 3.0  # disagreement beyond it costs no more: that view may see something else
+    open_weight: float = 0.4  # cost of every source that sees nothing, such as the sky, where the plane is
+    open_margin_px: int = 1  # masks may be wrong by so much
     segment_weight: float = 0.2  # cost of depth away from the plane of the pixel's segment, equation 2
     segment_limit_px: float = 2.0  # by so much movement in the source that moves most, or more
     step: float = 0.03  # of the range of inverse depth: the first small changes of depth
@@ -54,7 +56,8 @@ class PatchMatchSettings:
         scales += [self.brightness_scale, self.tint_scale, self.segment_limit_px]
         if not all(np.isfinite(value) and value > 0 for value in scales):
             raise ValueError("scales, distance_scale_px, noise, step and geometric_limit_px must be above 0")
-        weights = (self.geometric_weight, self.brightness_weight, self.tint_weight, self.segment_weight)
+        weights = [self.geometric_weight, self.brightness_weight, self.tint_weight]
+        weights += [self.segment_weight, self.open_weight]
         if not all(np.isfinite(value) and value >= 0 for value in weights):
             raise ValueError("weights must not be below 0")
         if not 0 < self.max_slant_deg < 90:
@@ -157,6 +160,8 @@ def match_view(
         [other.gray for other in others],
         [smooth_tint(other.srgb) for other in others],
         segment_planes,
+        None if source_planes is None else propose_planes(own.camera, source_planes),
+        open_maps(others, settings.open_margin_px),
         [] if source_planes is None else _depths_of(source_planes, others),
         np.stack([warps(own.camera, other.camera) for other in others]),
         settings.window_offsets(),
@@ -174,6 +179,7 @@ def match_view(
         settings.tint_scale,
         settings.geometric_weight,
         settings.geometric_limit_px,
+        settings.open_weight,
         settings.segment_weight,
         settings.segment_limit_px,
         first_step,
@@ -182,6 +188,46 @@ def match_view(
         threads,
     )
     return MatchedPlanes(camera=own.camera, planes=planes, cost=cost)
+
+
+def propose_planes(
+    camera: Pinhole, source_planes: Sequence[MatchedPlanes | None], most_cost: float = 1.5
+) -> NDArray[np.float32] | None:
+    """The planes of sources as a camera sees them, (layers, H, W, 3), 0 for none; None where no source has any.
+
+    A twig that one view has found is so suggested to the others, as in M. Bleyer et al., PatchMatch stereo, 2011
+    (view propagation). Sources are taken by turns into two layers, so that a pixel hears of two of them.
+    """
+    known = [planes for planes in source_planes if planes is not None]
+    layers = []
+    for chosen in (known[0::2], known[1::2]):
+        if chosen:
+            seen, _ = _native.show_planes(
+                [planes.planes for planes in chosen],
+                [planes.cost for planes in chosen],
+                np.stack([warps(planes.camera, camera) for planes in chosen]),
+                [pixel_from_ray(planes.camera) for planes in chosen],
+                pixel_from_ray(camera),
+                [_turn(planes.camera, camera) for planes in chosen],
+                camera.width_px,
+                camera.height_px,
+                most_cost,
+            )
+            layers.append(seen)
+    return np.stack(layers) if layers else None
+
+
+def open_maps(pictures: "Sequence[Picture]", margin_px: int) -> list[NDArray[np.uint8]]:
+    """Where each picture (h, w) sees nothing, by its mask less a margin; no maps where none has a mask."""
+    if all(picture.mask is None for picture in pictures):
+        return []
+    kernel = np.ones((2 * margin_px + 1, 2 * margin_px + 1), np.uint8)
+    return [
+        np.zeros(picture.gray.shape, np.uint8)
+        if picture.mask is None
+        else (cv2.dilate(picture.mask, kernel) == 0).astype(np.uint8)
+        for picture in pictures
+    ]
 
 
 def pixel_from_ray(camera: Pinhole) -> NDArray[np.float64]:
@@ -195,11 +241,17 @@ def warps(camera: Pinhole, other: Pinhole) -> NDArray[np.float64]:
     return np.stack([_warp(camera, other), _warp(other, camera)])
 
 
-def _warp(camera: Pinhole, other: Pinhole) -> NDArray[np.float64]:
+def _turn(camera: Pinhole, other: Pinhole) -> NDArray[np.float64]:
+    """(3, 4), the other's camera axes from the camera's: rotation and translation."""
     rotation = other.cam_from_world[:, :3] @ camera.cam_from_world[:, :3].T
     translation = other.cam_from_world[:, 3] - rotation @ camera.cam_from_world[:, 3]
+    return np.column_stack([rotation, translation])
+
+
+def _warp(camera: Pinhole, other: Pinhole) -> NDArray[np.float64]:
+    turn = _turn(camera, other)
     to = pixel_from_ray(other)
-    return np.column_stack([to @ rotation @ np.linalg.inv(pixel_from_ray(camera)), to @ translation])
+    return np.column_stack([to @ turn[:, :3] @ np.linalg.inv(pixel_from_ray(camera)), to @ turn[:, 3]])
 
 
 def _depths_of(
