@@ -4,15 +4,16 @@ import argparse
 import logging
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage import __version__
 from usdfoliage.capture.capture_settings import read_capture_settings
 from usdfoliage.capture.cloud import merge_views
+from usdfoliage.capture.cloud_cleaning import drop_strays, thin_to_disks
 from usdfoliage.capture.colmap_stereo import check_cuda
-from usdfoliage.capture.folder import Capture, read_capture
 from usdfoliage.capture.listing import counted, named
+from usdfoliage.capture.photo_set import read_photo_set
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.capture_depth import (
     DepthTasks,
@@ -25,13 +26,16 @@ from usdfoliage.jobs.capture_depth import (
     seen_surfaces,
 )
 from usdfoliage.jobs.capture_folder import (
+    CAMERAS,
+    IMAGES,
+    GivenPhotographs,
     Record,
-    check_cameras,
     find_photographs,
     lay_out,
     publish,
 )
 from usdfoliage.jobs.capture_maps import KINDS, forget_other_maps, write_maps
+from usdfoliage.jobs.capture_poses import REGISTERED, check_world, estimate_poses, poses_are_given, read_posed
 from usdfoliage.jobs.capture_report import CaptureReport, write_capture_report
 from usdfoliage.jobs.capture_results import (
     CLOUD,
@@ -39,8 +43,11 @@ from usdfoliage.jobs.capture_results import (
     LAYER_CLOUD,
     REPORT,
     describe_photographs,
+    lay_cameras,
     lay_maps,
     list_results,
+    observation_errors_px,
+    shared_matches,
     write_results,
 )
 from usdfoliage.jobs.capture_settings import CaptureRunSettings, read_capture_run_settings
@@ -121,20 +128,29 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         FoliageError: The input is unusable, or the output cannot be written; results appear whole or not at all.
     """
     given = find_photographs(request.source, request.output)
-    check_cameras(given)
     read_capture_settings(given.source)  # what is wrong with it is said before anything is written
     if request.resume and not given.work.is_dir():
         raise CaptureError(f"{given.folder} has no earlier run to go on with; leave --resume out to begin one")
     if request.settings.dense == "colmap":
         check_cuda()
+    known = poses_are_given(given, Record(given.work), request.settings.poses)
+    check_world(request.settings.world, given=known)
     seconds: dict[str, float] = {}
     with lock_work(given.work):
         if request.fresh:
             forget_results(given.work)
         record = Record(given.work)
-        places, notes = choose_places(given.folder, record, force=request.force)
-        lay_out(given, record, force=request.force)
-        capture = find_capture(request, given.folder)
+        places, notes = choose_places(given.folder, record, cameras=not known, force=request.force)
+        lay_out(given, record, cameras=known, force=request.force)
+        with follow_step("poses", seconds, None):
+            posed = (
+                read_posed(given.folder, request.views)
+                if known
+                else estimate_poses(
+                    given.folder, request.views, request.settings, threads=request.threads, progress=progress
+                )
+            )
+        capture = posed.capture
         with follow_step("photographs", seconds, progress) as tell:
             prepared = prepare_views(
                 capture,
@@ -148,13 +164,14 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
             prepared.views, capture.points_m, request.settings.depth, given.work, dense=request.settings.dense
         )
         missing = find_missing(tasks)
-        notes += [*capture_notes(capture), *prepared.notes, *task_notes(tasks, len(missing))]
+        notes += [*posed.notes, *prepared.notes, *task_notes(tasks, len(missing))]
         with follow_step("depth", seconds, progress) as tell:
             run_tasks(tasks, missing, threads=request.threads, progress=tell)
         with follow_step("maps", seconds, progress) as tell:
             maps = write_maps(tasks, threads=request.threads, progress=tell)
         with follow_step("cloud", seconds, progress) as tell:
             cloud = merge_views(seen_surfaces(tasks, tell), request.settings.cloud)
+            cloud = thin_to_disks(drop_strays(cloud, request.settings.cleaning), request.settings.cleaning)
         if not len(cloud):
             raise CaptureError(
                 f"no depth was found in {counted(len(prepared.views), 'photograph')} of {given.folder}: they agree "
@@ -165,9 +182,11 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         with follow_step("output", seconds, progress):
             lay_maps(new, maps, places)
             write_results(new, capture, prepared, cloud)
+            if not known:
+                lay_cameras(new, given.work / REGISTERED)
         if request.report:
             with follow_step("report", seconds, progress):
-                photographs = describe_photographs(capture, prepared, tasks, maps)
+                photographs = describe_photographs(posed, prepared, tasks, maps)
                 with_maps = [number for number, held in enumerate(photographs) if held.read_maps is not None]
                 report = CaptureReport(
                     name=capture.name,
@@ -177,7 +196,9 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                     photographs=photographs,
                     cloud=cloud,
                     up=(0.0, 0.0, 1.0) if capture.settings.up_axis == "Z" else (0.0, 1.0, 0.0),
-                    poses_given=True,
+                    poses_given=known,
+                    shared=shared_matches(posed, photographs),
+                    errors_px=observation_errors_px(posed),
                     shown=[with_maps[k] for k in choose_shown(len(with_maps), request.report_views)],
                     seconds=seconds,
                     settings=list_settings(request.settings),
@@ -205,17 +226,21 @@ def plan_capture(request: CaptureRequest) -> str:
     if request.settings.dense == "colmap":
         check_cuda()
     given = find_photographs(request.source, request.output)
-    check_cameras(given)
     record = Record(given.work)
-    places, notes = choose_places(given.folder, record, force=request.force)
-    capture = find_capture(request, given.source)
+    known = poses_are_given(given, record, request.settings.poses)
+    check_world(request.settings.world, given=known)
+    places, notes = choose_places(given.folder, record, cameras=not known, force=request.force)
+    if not known:
+        return plan_estimate(request, given, [*places, CAMERAS], notes)
+    posed = read_posed(given.source, request.views)
+    capture = posed.capture
     depth = request.settings.depth
     masks, sky = request.settings.mask != "none", request.settings.sky if request.settings.mask == "auto" else None
     prepared = prepare_views(capture, given.work, depth.max_side_px, masks=masks, sky=sky, keep=False)
     tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work, dense=request.settings.dense)
     missing = 0 if request.fresh else len(find_missing(tasks))
     every = _count_tasks(tasks)
-    notes += [*capture_notes(capture), *prepared.notes, *task_notes(tasks, every)]
+    notes += [*posed.notes, *prepared.notes, *task_notes(tasks, every)]
     sizes = Counter((view.width_px, view.height_px) for view in prepared.views)
     levels = ", ".join(f"1/{2**each.level}" for each in depth.rounds)
     lines = [
@@ -233,18 +258,42 @@ def plan_capture(request: CaptureRequest) -> str:
     return "\n".join(lines)
 
 
-def find_capture(request: CaptureRequest, folder: Path) -> Capture:
-    """The capture with the photographs asked for, its depth maps left out; CaptureError where there are none."""
-    capture = read_capture(folder, views=request.views)
-    return replace(capture, views=tuple(replace(view, depth=None) for view in capture.views))
+def plan_estimate(request: CaptureRequest, given: GivenPhotographs, places: Sequence[str], notes: Sequence[str]) -> str:
+    """What plan_capture says where poses are to be estimated: what comes after them depends on them."""
+    images = given.source / IMAGES if given.is_capture else given.source
+    photo_set = read_photo_set(images, list(given.photos))
+    sizes = Counter((photo.width_px, photo.height_px) for photo in photo_set.photos)
+    depth = request.settings.depth
+    lines = [
+        f"photographs: {len(given.photos)} in {request.source}, {len(photo_set.photos)} to be used",
+        f"sizes: {', '.join(f'{count} of {width} x {height} px' for (width, height), count in sorted(sizes.items()))}",
+        "poses: to be estimated",
+        *(f"note: {note}" for note in (*notes, *photo_set.notes)),
+        f"depth: at {depth.max_side_px} px at most, in {len(depth.rounds)} rounds",
+        f"would write into {given.folder}: {', '.join([*(f'{place}/' for place in places), LAYER, CLOUD])}",
+    ]
+    return "\n".join(lines)
 
 
-def choose_places(folder: Path, record: Record, *, force: bool = False) -> tuple[list[str], list[str]]:
+def choose_places(
+    folder: Path, record: Record, *, cameras: bool = False, force: bool = False
+) -> tuple[list[str], list[str]]:
     """The folders of depth, normals and confidence, and sentences about those that are not where they would be.
+
+    Args:
+        folder: The capture.
+        record: Of it.
+        cameras: Whether cameras/ are to be written too.
+        force: Whether what is not ours may be lost.
 
     Raises:
         CaptureError: There are results in the way that usdfoliage did not make.
     """
+    if cameras and not record.owns(folder, CAMERAS):
+        raise CaptureError(
+            f"{folder / CAMERAS} holds poses that usdfoliage did not estimate, or that were changed since, and they are "
+            "never replaced; name another capture with -o"
+        )
     single = [name for name in (CLOUD, LAYER, LAYER_CLOUD, REPORT) if not record.owns(folder, name)]
     if single and not force:
         raise CaptureError(
@@ -270,11 +319,6 @@ def forget_results(work: Path) -> None:
     for below in work.iterdir():
         if below.is_dir():
             forget(below)
-
-
-def capture_notes(capture: Capture) -> list[str]:
-    """What is odd about a capture; depth maps are not asked of it."""
-    return [note for note in capture.notes if "without a depth map" not in note and "depth map without" not in note]
 
 
 def task_notes(tasks: DepthTasks, missing: int) -> list[str]:

@@ -4,16 +4,20 @@ import argparse
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from usdfoliage.capture.clear_sky import ClearSkySettings
 from usdfoliage.capture.cloud import CloudSettings
+from usdfoliage.capture.cloud_cleaning import CleaningSettings
 from usdfoliage.capture.dense_depth import DenseDepthSettings, Quality, Round
+from usdfoliage.capture.registration import RegistrationSettings
+from usdfoliage.capture.world_frame import UPS, KnownDistance, WorldSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.leaves_settings import set_everywhere
 from usdfoliage.jobs.settings_file import read_settings_file
 
 DenseChoice = Literal["own", "colmap"]
+PosesChoice = Literal["auto", "known", "estimate"]
 MaskChoice = Literal["auto", "given", "none"]
 
 
@@ -21,11 +25,15 @@ MaskChoice = Literal["auto", "given", "none"]
 class CaptureRunSettings:
     """Everything that decides the cloud of a capture."""
 
+    poses: PosesChoice = "auto"  # known where there are cameras/, else estimated
     dense: DenseChoice = "own"  # colmap: by COLMAP's PatchMatch, which needs CUDA
     mask: MaskChoice = "auto"  # given masks, and without one the sky is left out; given: only those; none: nothing is
     sky: ClearSkySettings = field(default_factory=ClearSkySettings)
+    registration: RegistrationSettings = field(default_factory=RegistrationSettings)  # of poses that are estimated
+    world: WorldSettings = field(default_factory=WorldSettings)  # likewise
     depth: DenseDepthSettings = field(default_factory=DenseDepthSettings)
     cloud: CloudSettings = field(default_factory=CloudSettings)
+    cleaning: CleaningSettings = field(default_factory=CleaningSettings)
 
 
 PRESETS: Mapping[Quality, CaptureRunSettings] = {
@@ -43,7 +51,7 @@ PRESETS: Mapping[Quality, CaptureRunSettings] = {
     "normal": CaptureRunSettings(),
     "high": CaptureRunSettings(depth=DenseDepthSettings(max_side_px=2400, sources=9)),
 }
-NORMAL: Quality = "normal"
+_ONE_CAMERA = {"one": "yes", "several": "no", "auto": "auto"}
 QUALITIES: tuple[Quality, ...] = get_args(Quality)
 
 
@@ -58,6 +66,16 @@ def read_capture_run_settings(options: argparse.Namespace) -> CaptureRunSettings
         settings = read_settings_file(options.settings, settings)
     if options.mask is not None:
         settings = dataclasses.replace(settings, mask=options.mask)
+    if options.poses is not None:
+        settings = dataclasses.replace(settings, poses=options.poses)
+    if options.matching is not None:
+        settings = _set_registration(settings, matching=options.matching)
+    if options.camera is not None:
+        settings = _set_registration(settings, one_camera=_ONE_CAMERA[options.camera])
+    if options.scale is not None:
+        settings = _set_world(settings, **_read_scale(options.scale))
+    if options.up is not None:
+        settings = _set_world(settings, **_read_up(options.up))
     if options.dense is not None:
         settings = dataclasses.replace(settings, dense=options.dense)
     if options.seed is not None:
@@ -65,3 +83,40 @@ def read_capture_run_settings(options: argparse.Namespace) -> CaptureRunSettings
             raise FoliageError(f"the seed must be 0 or more and below 2^31, not {options.seed}")
         settings = set_everywhere(settings, "seed", options.seed)
     return settings
+
+
+def _set_registration(settings: CaptureRunSettings, **changes: Any) -> CaptureRunSettings:
+    return dataclasses.replace(settings, registration=dataclasses.replace(settings.registration, **changes))
+
+
+def _set_world(settings: CaptureRunSettings, **changes: Any) -> CaptureRunSettings:
+    try:
+        return dataclasses.replace(settings, world=dataclasses.replace(settings.world, **changes))
+    except ValueError as error:
+        raise FoliageError(f"--scale or --up: {error}") from error
+
+
+def _read_scale(words: str) -> dict[str, Any]:
+    """Metres per unit of the reconstruction, or two photographs and the metres between their cameras."""
+    *photographs, number = words.rsplit(",", 2)
+    try:
+        metres = float(number)
+        if len(photographs) == 2:
+            known = KnownDistance(photographs=(photographs[0].strip(), photographs[1].strip()), metres=metres)
+            return {"metres_per_unit": None, "known_distance": known, "scale_bar": None}
+    except ValueError as error:
+        raise FoliageError(f"--scale: {error}") from error
+    if photographs:
+        raise FoliageError(f"--scale takes metres per unit, or PHOTO,PHOTO,METRES, not {words}")
+    return {"metres_per_unit": metres, "known_distance": None, "scale_bar": None}
+
+
+def _read_up(words: str) -> dict[str, Any]:
+    """A way of finding up, or its direction in the reconstruction."""
+    if words in UPS:
+        return {"up": words, "up_vector": None}
+    try:
+        x, y, z = (float(number) for number in words.split(","))
+    except ValueError as error:
+        raise FoliageError(f"--up takes {', '.join(UPS)}, or X,Y,Z, not {words}") from error
+    return {"up": "auto", "up_vector": (x, y, z)}
