@@ -59,11 +59,12 @@ def pose_errors(registered: Registered, model_folder: Path, up: Array) -> str:
     between = np.einsum("nij,kj,nlk->nil", found_poses[:, :, :3], turn, true_poses[:, :, :3])
     cosine = (np.trace(between, axis1=1, axis2=2) - 1) / 2
     angles = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    leaning = np.degrees(np.arccos(np.clip(turn[:, 1] @ up, -1, 1)))
     spread = float(np.sqrt(np.square(centers(true_poses) - centers(true_poses).mean(axis=0)).sum(axis=1).mean()))
     return (
         f"places {1000 * np.sqrt(np.mean(apart**2)):.2f} mm rms, {1000 * apart.max():.2f} mm at most "
         f"({np.sqrt(np.mean(apart**2)) / spread:.2%} of their spread); turns {angles.mean():.3f}° mean, "
-        f"{angles.max():.3f}° at most; scale {scale:.4f}, up {np.degrees(np.arccos(np.clip(turn[:, 1] @ up, -1, 1))):.2f}° off"
+        f"{angles.max():.3f}° at most; scale {scale:.4f}, up {leaning:.2f}° off"
     )
 
 
