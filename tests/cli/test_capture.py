@@ -15,10 +15,13 @@ from capture.test_colmap_stereo import write_matrix
 from capture_photos import LENS, draw, poses, scene, write_photos, write_posed_photos
 from captures import write_depth, write_text_model
 from cli.leaf_commands import files, printed, refused, run
+from scipy.spatial.transform import Rotation
 from usdfoliage.capture.cloud_file import read_cloud
 from usdfoliage.capture.folder import read_capture, read_views
 from usdfoliage.capture.map_files import read_confidence_map, read_normal_map
+from usdfoliage.capture.registration import Registered, RegisteredPhoto, Unregistered
 from usdfoliage.cli import capture as command
+from usdfoliage.jobs import capture_poses
 from usdfoliage.jobs.capture_settings import QUALITIES
 
 WORK = Path(".usdfoliage") / "capture"
@@ -448,12 +451,119 @@ def test_colmap_in_the_place_of_our_matching(bed, capsys, monkeypatch):
     assert not (bed / WORK / "colmap" / "images").exists()
 
 
-def test_without_poses_nothing_is_written(photos, bed, tmp_path, capsys):
-    message = refused(capsys, "capture", photos / "images", "-o", tmp_path / "out")
-    assert "cameras" in message
-    assert "COLMAP" in message
+LEANED = Rotation.from_euler("xyz", [0.4, -1.1, 2.0]).as_matrix()
+# The cameras look straight down, of which nothing but the user knows.
+UP = "=".join(["--up", ",".join(str(number) for number in LEANED @ [0, 0, 1])])
+
+
+@pytest.fixture
+def registration(monkeypatch):
+    """Registration that knows the poses, in a world turned, moved and five times as large; but not of the last one."""
+    moved = np.array([3.0, -2.0, 7.0])
+    photos = []
+    for name, pose in list(poses().items())[:-1]:
+        rotation = pose[:, :3] @ LEANED.T
+        photos.append(
+            RegisteredPhoto(
+                name=name,
+                lens=LENS,
+                cam_from_world=np.column_stack([rotation, 5 * pose[:, 3] - rotation @ moved]),
+                error_px=0.5,
+                points=0,
+            )
+        )
+    ground = np.stack(np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9), [0.0, 0.3]), -1).reshape(-1, 3)
+    cameras = [LENS.pinhole(pose) for pose in list(poses().values())[:-1]]
+    places = [camera.project(ground)[0] for camera in cameras]
+    found = Registered(
+        photos=tuple(photos),
+        points=5 * ground @ LEANED.T + moved,
+        srgb=np.full((len(ground), 3), 90, np.uint8),
+        error_px=np.full(len(ground), 0.5),
+        track_starts=np.arange(len(ground) + 1) * len(cameras),
+        track_photos=np.tile(np.arange(len(cameras)), len(ground)),
+        track_places_px=np.stack(places, 1).reshape(-1, 2),
+        names=tuple(poses()),
+        matches=np.full((5, 5), 40, np.int64),
+        failures=(Unregistered(name="leaf 4.png", reason="it shows another place"),),
+        notes=("1 of 5 photographs have no camera: leaf 4.png",),
+    )
+    monkeypatch.setattr(capture_poses, "register_photos", lambda *_words, **_named: found)
+
+
+def test_poses_are_estimated_where_there_are_none(photos, made, registration, tmp_path, capsys):
+    out = tmp_path / "out"
+    names = ",".join(list(poses())[0:4:3])
+    places = [LENS.pinhole(poses()[f"leaf {k}.png"]).position_m for k in (0, 3)]
+    apart = np.linalg.norm(places[0] - places[1])
+    hints = ("--settings", photos / "fast.toml", UP, "--scale", f"{names},{apart}")
+    call = ("capture", photos / "images", "-o", out, *hints)
+    lines = printed(capsys, *call)
+    assert "photographs: 4 of 5 have a pose, 4 have depth" in lines
+    assert any("scale by distance" in line for line in lines)
+    capture = read_capture(out)
+    assert (capture.settings.up_axis, capture.settings.metres_per_unit) == ("Y", 1.0)
+    cloud, known = read_cloud(out / "cloud.ply"), read_cloud(made / "cloud.ply")
+    flat = np.percentile(cloud.points_m[:, 1], [10, 50]) - np.percentile(known.points_m[:, 2], [10, 50])
+    assert np.ptp(flat) < 0.03  # in metres, and upright
+    first, last = (LENS.pinhole(capture.views[k].cam_from_world).position_m for k in (0, 3))
+    assert np.linalg.norm(first - last) == pytest.approx(apart)
+    assert "it shows another place" in (out / "report" / "index.html").read_text()
+
+    once = results(out)
+    assert any("earlier run" in line for line in printed(capsys, *call))
+    in_place = ("capture", out, *hints)
+    assert any("poses are estimated" in line for line in printed(capsys, *in_place))
+    assert results(out) == once
+    printed(capsys, "capture", out, "--settings", photos / "fast.toml", "--poses", "known", "--no-report")
+    assert any("15 of" in line or "12 of 12" in line for line in printed(capsys, *in_place))
+
+
+def test_estimated_poses_take_the_axes_and_unit_that_are_stated(photos, registration, tmp_path):
+    source = tmp_path / "source"
+    shutil.copytree(photos / "images", source / "images")
+    (source / "capture.toml").write_text(
+        'up_axis = "Z"\nmetres_per_unit = 0.01\n\n[known_distance]\nphotographs = ["leaf 0.png", "leaf 3.png"]\n'
+        "metres = 1.5\n"
+    )
+    assert run("capture", source, "--settings", photos / "fast.toml", UP) == 0
+    cloud = read_cloud(source / "cloud.ply")
+    assert np.ptp(np.percentile(cloud.points_m, [5, 95], axis=0), axis=0).argmin() == 2
+    assert np.median(np.abs(cloud.normals[:, 2])) > 0.9
+    positions = [LENS.pinhole(view.cam_from_world).position_m for view in read_capture(source).views]
+    assert np.linalg.norm(positions[0] - positions[3]) == pytest.approx(1.5)
+    assert np.median(cloud.points_m, axis=0)[2] < positions[0][2] * 100
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--poses", "estimate"), "never replaced"),
+        (("--scale", "2"), "keep their frame"),
+        (("--up", "trunk"), "keep their frame"),
+        (("--scale", "a.jpg,2"), "PHOTO,PHOTO,METRES"),
+        (("--scale", "0"), "metres_per_unit"),
+        (("--scale", "a.jpg,b.jpg,-2"), "above 0"),
+        (("--up", "north"), "X,Y,Z"),
+    ],
+)
+def test_poses_that_are_given_are_kept(bed, capsys, more, said):
+    assert said in refused(capsys, *words(bed, *more))
+    assert not (bed / ".usdfoliage").exists()
+
+
+def test_poses_that_are_not_there_or_damaged(photos, bed, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert "known poses" in refused(capsys, "capture", photos / "images", "-o", out, "--poses", "known")
     for name in ("cameras.txt", "images.txt"):
         (bed / "cameras" / name).unlink()
     assert "COLMAP" in refused(capsys, *words(bed))
     assert not (bed / ".usdfoliage").exists()
+    assert not out.exists()
+
+
+def test_a_dry_run_tells_that_poses_are_estimated(photos, tmp_path, capsys):
+    lines = printed(capsys, "capture", photos / "images", "-o", tmp_path / "out", "--dry-run")
+    assert "poses: to be estimated" in lines
+    assert "cameras/" in lines[-1]
     assert not (tmp_path / "out").exists()

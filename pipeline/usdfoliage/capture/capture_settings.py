@@ -29,6 +29,7 @@ class CaptureSettings:
             raise ValueError(f"metres_per_unit must be in 1e-9 to 1e9, not {self.metres_per_unit}")
 
 
+_TABLES = ("known_distance", "scale_bar")  # of other subjects, as read_capture_tables gives them
 _KINDS = {"name": "text", "up_axis": "text", "metres_per_unit": "a number", "color_space": "text", "note": "text"}
 
 
@@ -68,15 +69,7 @@ def read_capture_settings(folder: Path) -> tuple[CaptureSettings, tuple[str, ...
         CaptureError: The file is no TOML, or a value has a wrong type or is out of range.
     """
     path = folder / FILE_NAME
-    if not path.is_file():
-        return CaptureSettings(), ()
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise CaptureError(f"{path} is no TOML: {error}") from error
-    except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
-
+    values = _read(path)
     known: dict[str, Any] = {}
     for key, kind in _KINDS.items():
         if key not in values:
@@ -85,9 +78,31 @@ def read_capture_settings(folder: Path) -> tuple[CaptureSettings, tuple[str, ...
         if isinstance(value, bool) or not isinstance(value, str if kind == "text" else int | float):
             raise CaptureError(f"{path}: {key} must be {kind}, not {value!r}")
         known[key] = str(value).upper() if key == "up_axis" else value
-    unknown = sorted(set(values) - set(_KINDS))
+    unknown = sorted(set(values) - {*_KINDS, *_TABLES})
     notes = (f"{FILE_NAME}: {', '.join(unknown)} not known, and not used",) if unknown else ()
     try:
         return CaptureSettings(**known), notes
     except (ValueError, OverflowError) as error:
         raise CaptureError(f"{path}: {error}") from error
+
+
+def read_capture_tables(folder: Path) -> dict[str, Any]:
+    """What capture.toml says beyond CaptureSettings, unchecked: hints at the scale of poses that are not given.
+
+    Raises:
+        CaptureError: The file is no TOML.
+    """
+    values = _read(folder / FILE_NAME)
+    return {name: values[name] for name in _TABLES if name in values}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """The values of a TOML file; none where it does not exist."""
+    if not path.is_file():
+        return {}
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise CaptureError(f"{path} is no TOML: {error}") from error
+    except OSError as error:
+        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error

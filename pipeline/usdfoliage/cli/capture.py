@@ -30,6 +30,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "between them (all)",
     )
     parser.add_argument(
+        "--poses",
+        choices=("auto", "known", "estimate"),
+        help="known: those in cameras/, which keep their frame and unit; estimate: found from the photographs, in "
+        "metres and Y up; auto: known where they are (auto)",
+    )
+    parser.add_argument(
+        "--scale",
+        metavar="SCALE",
+        help="of estimated poses: metres per unit of the reconstruction, or PHOTO,PHOTO,METRES: how far apart two were "
+        "taken; capture.toml may have a scale_bar or known_distance instead",
+    )
+    parser.add_argument(
+        "--up",
+        metavar="UP",
+        help="of estimated poses: auto, gps, elevation, level, ground, ring, trunk, photographs, or X,Y,Z in the "
+        "reconstruction (auto)",
+    )
+    parser.add_argument(
+        "--camera",
+        choices=("auto", "one", "several"),
+        help="of estimated poses: whether one camera took all photographs of a size (auto: as EXIF says)",
+    )
+    parser.add_argument(
+        "--matching",
+        choices=("auto", "exhaustive", "sequential", "retrieval"),
+        help="of estimated poses: which photographs are compared (auto: all, of many those beside and alike)",
+    )
+    parser.add_argument(
         "--mask",
         choices=("auto", "given", "none"),
         help="auto: depth only where masks/ are white, and of photographs without one not in the sky; given: only the "

@@ -3,7 +3,7 @@
 import argparse
 import logging
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -291,8 +291,8 @@ def choose_places(
     """
     if cameras and not record.owns(folder, CAMERAS):
         raise CaptureError(
-            f"{folder / CAMERAS} holds poses that usdfoliage did not estimate, or that were changed since, and they are "
-            "never replaced; name another capture with -o"
+            f"{folder / CAMERAS} holds poses that usdfoliage did not estimate, or that were changed since, and they "
+            "are never replaced; name another capture with -o"
         )
     single = [name for name in (CLOUD, LAYER, LAYER_CLOUD, REPORT) if not record.owns(folder, name)]
     if single and not force:

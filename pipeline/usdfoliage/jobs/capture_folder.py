@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from usdfoliage.capture.cameras import find_camera_model
 from usdfoliage.capture.capture_settings import FILE_NAME
 from usdfoliage.capture.listing import counted, files_below, is_picture, named
 from usdfoliage.errors import CaptureError
@@ -99,11 +98,17 @@ def _too_few(images: Path, photos: Mapping[str, Path], others: Sequence[str]) ->
     return f"{images} has no photographs{there}; put them there as JPEG, PNG, TIFF or EXR{hint}"
 
 
-def lay_out(given: GivenPhotographs, record: "Record", *, force: bool = False) -> None:
+def lay_out(given: GivenPhotographs, record: "Record", *, cameras: bool = True, force: bool = False) -> None:
     """Put photographs, masks, cameras and capture.toml of the input where the capture is to be, unless they are there.
 
     Photographs and masks are hard links where the disk allows, else copies. What is there of another input is replaced
     only if usdfoliage put it there and nobody changed it since.
+
+    Args:
+        given: The input, and the capture.
+        record: Of the capture.
+        cameras: Whether its poses are used.
+        force: Whether what is not ours may be lost.
 
     Raises:
         CaptureError: Other files are there, or it cannot be written.
@@ -112,7 +117,7 @@ def lay_out(given: GivenPhotographs, record: "Record", *, force: bool = False) -
         return
     wanted = {f"{IMAGES}/{name}": path for name, path in given.photos.items()}
     if given.is_capture:
-        for folder in (MASKS, CAMERAS):
+        for folder in (MASKS, CAMERAS) if cameras else (MASKS,):
             wanted.update({f"{folder}/{name}": path for name, path in files_below(given.source / folder).items()})
         if (given.source / FILE_NAME).is_file():
             wanted[FILE_NAME] = given.source / FILE_NAME
@@ -212,6 +217,11 @@ class Record:
             for file in _files_of(capture, name)
         )
 
+    def made_cameras(self, capture: Path) -> bool:
+        """Whether the poses that are there were estimated by usdfoliage."""
+        files = _files_of(capture, CAMERAS)
+        return bool(files) and all(digest_file(capture / file) in self.made.get(file, ()) for file in files)
+
     def replace_made(self, names: Iterable[str], digests: Mapping[str, str]) -> None:
         """Of these files and folders, only those with these digests are there now."""
         folders = tuple(f"{name}/" for name in names)
@@ -239,17 +249,6 @@ def explain_video(name: str) -> str:
         f"take pictures out of it first: ffmpeg -i {name} -vf fps=2 -qscale:v 2 photos/%04d.jpg (so many a second that "
         "neighbours overlap by two thirds)"
     )
-
-
-def check_cameras(given: GivenPhotographs) -> None:
-    """Raises CaptureError, before anything is written, where the poses of the photographs are not given."""
-    cameras = given.source / CAMERAS
-    if not given.is_capture or not cameras.is_dir():
-        raise CaptureError(
-            f"{given.source} has no {CAMERAS}/, and the poses of the photographs are needed: put a COLMAP model there "
-            f"(cameras.txt and images.txt, or cameras.bin and images.bin), and the photographs into {IMAGES}/"
-        )
-    find_camera_model(cameras)
 
 
 def publish(new: Path, capture: Path, names: Iterable[str], record: Record) -> None:

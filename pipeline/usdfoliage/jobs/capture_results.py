@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path, PurePosixPath
 
+import numpy as np
+from numpy.typing import NDArray
+
 from usdfoliage import __version__
 from usdfoliage.asset.capture_layer import CaptureCamera, CaptureLayerSettings, write_capture_layer
 from usdfoliage.asset.plant import asset_name
@@ -16,8 +19,10 @@ from usdfoliage.capture.cloud_file import write_cloud
 from usdfoliage.capture.folder import Capture
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture_depth import DepthTasks, PreparedViews, in_world, picture_of, read_estimate
+from usdfoliage.jobs.capture_folder import CAMERAS
 from usdfoliage.jobs.capture_maps import ViewMaps
 from usdfoliage.jobs.capture_photograph import CapturePhotograph, ShownMaps
+from usdfoliage.jobs.capture_poses import PosedCapture, failures_of
 from usdfoliage.jobs.capture_work import explain, write_whole
 
 CLOUD, LAYER, LAYER_CLOUD, REPORT = "cloud.ply", "capture.usda", "capture_cloud.usdc", "report"
@@ -73,30 +78,58 @@ def write_results(new: Path, capture: Capture, prepared: PreparedViews, cloud: C
         write_whole(new / FILE_NAME, completed.encode("utf-8"))
 
 
+def lay_cameras(new: Path, model: Path) -> None:
+    """A copy of the model of estimated poses, as the capture is to have it.
+
+    Raises:
+        CaptureError: It cannot be written.
+    """
+    try:
+        shutil.copytree(model, new / CAMERAS)
+    except OSError as error:
+        raise CaptureError(explain(new / CAMERAS, error)) from error
+
+
 def describe_photographs(
-    capture: Capture, prepared: PreparedViews, tasks: DepthTasks, maps: Sequence[ViewMaps]
+    posed: PosedCapture, prepared: PreparedViews, tasks: DepthTasks, maps: Sequence[ViewMaps]
 ) -> list[CapturePhotograph]:
-    """What the report says of each photograph."""
+    """What the report says of each photograph, those without a camera last."""
     coverage = {held.name: held.coverage for held in maps}
-    dropped = dict(prepared.dropped)
-    used = {view.name: number for number, view in enumerate(tasks.views)}
-    numbers = {view.name: number for number, view in enumerate(capture.views)}
+    failures = failures_of(posed, prepared.dropped)
+    numbers = {view.name: number for number, view in enumerate(tasks.views)}
+    registered = {} if posed.registered is None else {photo.name: photo for photo in posed.registered.photos}
     photographs = []
-    for view in capture.views:
-        if view.name in dropped:
-            photographs.append(CapturePhotograph(name=view.name, failure=dropped[view.name]))
-            continue
-        index = used[view.name]
+    for index, view in enumerate(tasks.views):
+        found = registered.get(view.name)
         photographs.append(
             CapturePhotograph(
                 name=view.name,
-                camera=tasks.views[index].camera,
+                camera=view.camera,
+                error_px=None if found is None else found.error_px,
+                points=None if found is None else found.points,
                 sources=[numbers[tasks.views[k].name] for k in tasks.plan.sources[index]],
                 coverage=coverage.get(view.name, 0.0),
                 read_maps=partial(_show, tasks, index) if view.name in coverage else None,
             )
         )
-    return photographs
+    return photographs + [CapturePhotograph(name=name, failure=failures[name]) for name in sorted(failures)]
+
+
+def shared_matches(posed: PosedCapture, photographs: Sequence[CapturePhotograph]) -> NDArray[np.float64] | None:
+    """(N, N), features that two photographs share; None where poses were given."""
+    if posed.registered is None:
+        return None
+    places = {name: place for place, name in enumerate(posed.registered.names)}
+    listed = [places.get(photograph.name, -1) for photograph in photographs]
+    padded = np.pad(posed.registered.matches, (0, 1))  # the last row is of those that nobody looked at
+    return np.asarray(padded[np.ix_(listed, listed)], np.float64)
+
+
+def observation_errors_px(posed: PosedCapture) -> NDArray[np.float64] | None:
+    """(M,), reprojection error of the point of each observation; None where poses were given."""
+    if posed.registered is None:
+        return None
+    return np.repeat(posed.registered.error_px, np.diff(posed.registered.track_starts))
 
 
 def _show(tasks: DepthTasks, index: int) -> ShownMaps:
@@ -116,4 +149,4 @@ def _show(tasks: DepthTasks, index: int) -> ShownMaps:
 
 def list_results(new: Path) -> list[str]:
     """What is to be published beside the maps, the cloud last: where it is new, all is."""
-    return [name for name in (LAYER_CLOUD, LAYER, FILE_NAME, REPORT, CLOUD) if (new / name).exists()]
+    return [name for name in (CAMERAS, LAYER_CLOUD, LAYER, FILE_NAME, REPORT, CLOUD) if (new / name).exists()]

@@ -128,7 +128,7 @@ def _make(wanted: Any, value: Any, key: str, path: Path) -> Any:
 
 
 def _describe(kind: type) -> str:
-    return {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}[kind]
+    return {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}.get(kind, "a table")
 
 
 def _format_table(settings: Any, place: str, tables: list[str]) -> None:
