@@ -25,6 +25,7 @@ _VIDEOS = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".m2ts", ".w
 _RAW = {".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2", ".heic", ".heif"}  # what to convert
 _FILM_DIAGONAL_MM = math.hypot(36, 24)  # what the 35 mm equivalent of EXIF refers to (CIPA DC-008, 4.6.5)
 _UNDO_ORIENTATION = {6: 8, 8: 6}  # the others are their own inverses
+_SMOOTHING, _NOTHING = cv2.getGaussianKernel(7, 1.0), np.ones((1, 1))
 _SHARPNESS_SIDE_PX = 1600  # photographs of all sizes are compared at this one
 
 
@@ -32,7 +33,7 @@ _SHARPNESS_SIDE_PX = 1600  # photographs of all sizes are compared at this one
 class PhotoSetSettings:
     """When a photograph is not as good as its companions."""
 
-    blurred_below: float = 0.35  # of the median sharpness of the set
+    blurred_below: float = 0.5  # of the median sharpness of the set
     threads: int = 0  # 0: one per core
 
     def __post_init__(self) -> None:
@@ -50,7 +51,7 @@ class PhotoFile:
     height_px: int
     orientation: int  # of EXIF, 1 for none or upright
     digest: str  # of the file's bytes
-    sharpness: float  # standard deviation of the second differences over that of the picture's middle frequencies
+    sharpness: float  # contrast of fine detail over that of coarse detail
     camera: str  # make and model, "" where EXIF does not say
     focal_px: float | None  # by EXIF
     gps: tuple[float, float, float] | None  # latitude and longitude in degrees, altitude in metres (NaN for none)
@@ -221,16 +222,21 @@ def _look_at(name: str, path: Path) -> PhotoFile | DroppedFile:
 
 
 def _sharpness(gray: NDArray[np.uint8]) -> float:
-    """Share of fine detail in what detail there is: it tells blur, not how much the picture shows."""
+    """Share of fine detail in what detail there is: it tells blur, not how much the picture shows.
+
+    Along the direction that has less of it, as a camera that shakes blurs but one.
+    """
     longest = max(gray.shape)
     if longest > _SHARPNESS_SIDE_PX:
         size = [max(1, round(side * _SHARPNESS_SIDE_PX / longest)) for side in gray.shape[::-1]]
         gray = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), np.uint8)
     picture = gray.astype(np.float32)
-    smooth = cv2.GaussianBlur(picture, (0, 0), 1.0)
-    smoother = cv2.GaussianBlur(picture, (0, 0), 4.0)
-    fine, coarse = float(np.std(picture - smooth)), float(np.std(smooth - smoother))
-    return fine / coarse if coarse > 0 else 0.0
+    along = [
+        picture - cv2.sepFilter2D(picture, -1, across, down)
+        for across, down in ((_SMOOTHING, _NOTHING), (_NOTHING, _SMOOTHING))
+    ]
+    coarse = float(np.std(cv2.GaussianBlur(picture, (0, 0), 2.0) - cv2.GaussianBlur(picture, (0, 0), 8.0)))
+    return min(float(np.std(detail)) for detail in along) / coarse if coarse > 0 else 0.0
 
 
 def _blurred(photos: Sequence[PhotoFile], settings: PhotoSetSettings) -> tuple[str, ...]:

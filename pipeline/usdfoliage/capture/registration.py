@@ -32,6 +32,7 @@ _EXHAUSTIVE_UP_TO = 60  # photographs
 _PANORAMIC = (5, 6)  # COLMAP's configurations PANORAMIC and PLANAR_OR_PANORAMIC
 _CONFIGURED = (2, 3, 4, 5, 6)  # those that a motion or a plane explains
 _MIN_MODEL = 2  # photographs
+_LEAST_PARALLAX_DEG = 2.5  # median over points; COLMAP drops points below 1.5
 _STILL_SHARE = 0.35  # of matches that fit; fewer where things move, or repeat
 _FOCAL_SHARES = (0.35, 8.0)  # of the longer side: what cameras that photograph plants have
 
@@ -50,11 +51,11 @@ class RegistrationSettings:
     lens_model: str = "SIMPLE_RADIAL"
     focal_px: float | None = None  # of all photographs, at full size; None: by EXIF, or unknown
     max_ratio: float = 0.8  # of the distances to the nearest and the second nearest descriptor
-    pretest_features: int = 600  # so many are compared first; 0: always all
-    pretest_matches: int = 6  # of them, without which a pair is not looked at further
+    coarse_features: int = 800  # compared first, to tell which photographs are looked at further
+    coarse_matches: int = 16  # of them, with which a pair is looked at in any case
     least_matches: int = 15  # of a pair that one motion explains
     sequence_overlap: int = 8
-    neighbours: int = 20  # of each photograph, by retrieval
+    neighbours: int = 12  # of each photograph that are looked at in any case, those with most in common
     seed: int = 0
     threads: int = 0  # 0: one per core
 
@@ -71,7 +72,7 @@ class RegistrationSettings:
             raise ValueError(f"max_side_px must be at least 64, features at least 100, not {self}")
         if not 0 < self.peak_threshold < 1 or not 0 < self.max_ratio <= 1:
             raise ValueError(f"peak_threshold and max_ratio must be in 0 to 1, not {self}")
-        if min(self.pretest_features, self.pretest_matches, self.seed, self.threads) < 0 or self.least_matches < 8:
+        if min(self.coarse_features - 100, self.coarse_matches, self.seed, self.threads) < 0 or self.least_matches < 8:
             raise ValueError(f"counts must not be negative and least_matches at least 8, not {self}")
         if min(self.sequence_overlap, self.neighbours) < 1:
             raise ValueError(f"sequence_overlap and neighbours must be at least 1, not {self}")
@@ -136,7 +137,7 @@ def register_photos(
         photo_set: The photographs.
         work: A folder for features, matches and models; made where it is missing.
         settings: How.
-        progress: Told of the steps "features", "matches" and "cameras".
+        progress: Told of the steps "features", "pairs", "matches" and "cameras".
 
     Raises:
         CaptureError: Fewer than two photographs; no two of them overlap; the camera did not move; the work folder
@@ -157,10 +158,11 @@ def register_photos(
     features, failed = _find_features(photos, work, settings, processes, _told(progress, "features"))
     usable = [index for index in range(len(photos)) if index not in failed]
     cameras = _cameras(photos, features, usable, settings)
-    pairs = _choose_pairs(photos, features, usable, settings)
+    pairs = _choose_pairs(features, usable, work, settings, processes, _told(progress, "pairs"))
     match_files = _match(features, cameras, usable, pairs, work, settings, processes, _told(progress, "matches"))
     found = _Matches.gather(len(photos), match_files)
     model = _map(photo_set, features, cameras, usable, match_files, found, work, settings, _told(progress, "cameras"))
+    _check_moved(photo_set, model)
     return _registered(photo_set, features, cameras, model, found, failed, settings)
 
 
@@ -233,9 +235,42 @@ def _cameras(
 
 
 def _choose_pairs(
-    photos: Sequence[PhotoFile], features: Sequence[Path], usable: Sequence[int], settings: RegistrationSettings
+    features: Sequence[Path],
+    usable: Sequence[int],
+    work: Path,
+    settings: RegistrationSettings,
+    processes: int,
+    progress: Callable[[int, int], None],
 ) -> list[tuple[int, int]]:
-    """Which photographs are compared, the smaller number first."""
+    """Which photographs are compared in full, the smaller number first."""
+    candidates = _candidates(features, usable, settings)
+    if settings.matching == "exhaustive":
+        return candidates
+    job = {"task": "compare", "max_ratio": settings.max_ratio, "coarse_features": settings.coarse_features}
+    items = _by_first(candidates, job, features, work, "likeness")
+    told = {**job, "features": [str(file.resolve()) for file in features]}
+    failures = run_items(told, items, work, processes, progress)
+    lost = {failure.number for failure in failures}
+    alike = np.full((len(features), len(features)), -1, np.int64)
+    for number, item in enumerate(items):
+        if number in lost:  # all of its pairs are looked at
+            alike[item["first"], item["seconds"]] = settings.coarse_matches
+            continue
+        with np.load(item["out"], allow_pickle=False) as arrays:
+            alike[int(arrays["first"]), arrays["seconds"]] = arrays["alike"]
+    alike = np.maximum(alike, alike.T)
+    nearest = np.argsort(-alike, axis=1, kind="stable")[:, : settings.neighbours]
+    wanted = alike >= settings.coarse_matches
+    for first in usable:
+        wanted[first, nearest[first]] = True
+    wanted |= wanted.T
+    return [(first, second) for first, second in candidates if wanted[first, second]]
+
+
+def _candidates(
+    features: Sequence[Path], usable: Sequence[int], settings: RegistrationSettings
+) -> list[tuple[int, int]]:
+    """All pairs of a few photographs; of many those near in sequence, and those that look alike."""
     few = len(usable) <= _EXHAUSTIVE_UP_TO
     if settings.matching == "exhaustive" or (settings.matching == "auto" and few):
         places = set(all_pairs(len(usable)))
@@ -247,10 +282,25 @@ def _choose_pairs(
             descriptors = []
             for index in usable:
                 with np.load(features[index], allow_pickle=False) as arrays:
-                    descriptors.append(arrays["descriptors"][:1000])
+                    descriptors.append(arrays["descriptors"][: settings.coarse_features])
             rng = np.random.default_rng(settings.seed)
-            places |= retrieve_pairs(descriptors, settings.neighbours, rng)
+            places |= retrieve_pairs(descriptors, 4 * settings.neighbours, rng)
     return sorted((usable[first], usable[second]) for first, second in places)
+
+
+def _by_first(
+    pairs: Sequence[tuple[int, int]], job: dict[str, Any], made_from: Sequence[Any], work: Path, kind: str
+) -> list[dict[str, Any]]:
+    """An item for each photograph with all its later companions, and a file named by what it is made from."""
+    seconds: dict[int, list[int]] = {}
+    for first, second in pairs:
+        seconds.setdefault(first, []).append(second)
+    items = []
+    for first, others in seconds.items():
+        sources = [str(made_from[index]).rsplit("/", 1)[-1] for index in (first, *others)]
+        name = f"{kind}-{_named(job, first, others, sources)}.npz"
+        items.append({"first": first, "seconds": others, "out": str(work / name)})
+    return items
 
 
 def _match(
@@ -267,18 +317,10 @@ def _match(
     job = {
         "task": "match",
         "max_ratio": settings.max_ratio,
-        "pretest_features": settings.pretest_features,
-        "pretest_matches": settings.pretest_matches,
         "seed": settings.seed,
     }
-    seconds: dict[int, list[int]] = {}
-    for first, second in pairs:
-        seconds.setdefault(first, []).append(second)
-    items = []
-    for first, others in seconds.items():
-        made_from = [[features[index].name, cameras[index]] for index in (first, *others)]
-        name = f"matches-{_named(job, first, others, made_from)}.npz"
-        items.append({"first": first, "seconds": others, "out": str(work / name)})
+    made_from = [f"{json.dumps(cameras.get(index))} {file.name}" for index, file in enumerate(features)]
+    items = _by_first(pairs, job, made_from, work, "matches")
     told = {
         **job,
         "features": [str(file.resolve()) for file in features],
@@ -297,7 +339,7 @@ class _Matches:
     """What is known of all pairs."""
 
     verified: NDArray[np.int64]  # (P, P), symmetric
-    alike: NDArray[np.int64]  # (P, P), descriptors alike of the pairs that were looked at in full
+    alike: NDArray[np.int64]  # (P, P), descriptors alike of the pairs that were looked at
     panoramic: NDArray[np.bool_]  # (P, P), what is verified shows a turn, not a move
 
     @classmethod
@@ -310,7 +352,7 @@ class _Matches:
                 first, seconds = int(arrays["first"]), arrays["seconds"]
                 good = np.isin(arrays["configs"], _CONFIGURED)
                 verified[first, seconds] = np.where(good, arrays["counts"], 0)
-                alike[first, seconds] = arrays["tried"][:, 0] * arrays["tried"][:, 1]
+                alike[first, seconds] = arrays["alike"]
                 panoramic[first, seconds] = np.isin(arrays["configs"], _PANORAMIC)
         return cls(verified=verified + verified.T, alike=alike + alike.T, panoramic=panoramic | panoramic.T)
 
@@ -383,6 +425,25 @@ def _map(
     group[order] = best["group"]
     best["group"] = group
     return best
+
+
+def _check_moved(photo_set: PhotoSet, model: dict[str, NDArray[Any]]) -> None:
+    """Raise where the cameras have no baseline: what little parallax there is then is that of errors."""
+    poses = model["cam_from_world"]
+    centers = np.zeros((len(photo_set.photos), 3))
+    centers[model["images"]] = -np.einsum("nji,nj->ni", poses[:, :, :3], poses[:, :, 3])
+    starts, track = model["track_starts"], model["track"]
+    if len(starts) < 2:
+        return
+    rays = np.repeat(model["points"], np.diff(starts), axis=0) - centers[track[:, 0]]
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    widest = [np.min(own @ own.T) for own in np.split(rays, starts[1:-1])]  # cosine
+    angle_deg = float(np.degrees(np.arccos(np.clip(np.median(widest), -1, 1))))
+    if angle_deg < _LEAST_PARALLAX_DEG:
+        raise CaptureError(
+            f"the camera only turned between the photographs in {photo_set.folder} and did not move, or hardly: points "
+            f"are seen from directions {angle_deg:.1f}° apart, {_LEAST_PARALLAX_DEG}° are needed; walk around the plant"
+        )
 
 
 def _registered(

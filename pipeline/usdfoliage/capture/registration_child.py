@@ -4,9 +4,9 @@ import json
 import os
 import subprocess
 import sys
-import threading
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -54,32 +54,25 @@ def run_items(
     events: SimpleQueue[tuple[str, int, str]] = SimpleQueue()
     failures: list[ItemFailure] = []
     done = len(items) - len(open_items)
-    threads = [
-        threading.Thread(target=_do_share, args=(job, share, work, module, events), daemon=True)
-        for share in shares
-        if share
-    ]
-    for thread in threads:
-        thread.start()
-    running = len(threads)
     if progress is not None:
         progress(done, len(items))
-    fault = ""
-    while running:
-        kind, number, text = events.get()
-        if kind == "end":
-            running -= 1
-            fault = fault or text
-        elif kind == "step" and progress is not None:
-            progress(number, int(text))
-        elif kind in ("done", "failed"):
-            done += 1
-            if kind == "failed":
-                failures.append(ItemFailure(number=number, reason=text))
-            if progress is not None:
-                progress(done, len(items))
-    if fault:
-        raise CaptureError(fault)
+    with ThreadPoolExecutor(max(1, processes)) as pool:
+        running = [pool.submit(_do_share, job, share, work, module, events) for share in shares if share]
+        ended = 0
+        while ended < len(running):
+            kind, number, text = events.get()
+            if kind == "end":
+                ended += 1
+            elif kind == "step" and progress is not None:
+                progress(number, int(text))
+            elif kind in ("done", "failed"):
+                done += 1
+                if kind == "failed":
+                    failures.append(ItemFailure(number=number, reason=text))
+                if progress is not None:
+                    progress(done, len(items))
+        for share_run in running:
+            share_run.result()  # what it raised
     return tuple(sorted(failures, key=lambda failure: failure.number))
 
 
@@ -91,21 +84,19 @@ def _do_share(
     events: "SimpleQueue[tuple[str, int, str]]",
 ) -> None:
     left = list(share)
-    fault = ""
     try:
         while left:
             finished, ending = _run_child({**job, "items": left}, work, module, events)
             left = [entry for entry in left if entry[0] not in finished]
             if left and "No space left" in ending:
-                fault = f"{work} has no space left; free some and start again: what is done is kept"
-                break
+                raise CaptureError(f"{work} has no space left; free some and start again: what is done is kept")
             if left:  # the child ended at the first of them
                 events.put(("failed", left[0][0], f"the process ended there ({ending})"))
                 left = left[1:]
     except OSError as error:
-        fault = f"{work} cannot be used: {error.strerror}; free space there or choose another folder"
+        raise CaptureError(f"{work} cannot be used: {error.strerror}; choose another folder") from error
     finally:
-        events.put(("end", 0, fault))
+        events.put(("end", 0, ""))
 
 
 def _run_child(

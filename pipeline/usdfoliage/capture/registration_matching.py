@@ -64,7 +64,7 @@ def match_descriptors(
     good = (
         (back[nearest] == np.arange(len(first)))
         & (angles[0] <= settings.max_angle_rad)
-        & (angles[0] <= settings.max_ratio * angles[1])
+        & (angles[0] < settings.max_ratio * angles[1])
     )
     chosen = np.flatnonzero(good)
     return np.column_stack([chosen, nearest[chosen]]).astype(np.uint32)
