@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kRegions = 8;
 constexpr int kProposedIterations = 1;  // in which suggestions are tried; then they have spread or not
-constexpr float kSamePlane = 0.02f;  // in pixels of the most moving photograph: another plane as near is the same
+constexpr float kSamePlane = 0.08f;  // in pixels of the most moving photograph: another plane as near is the same
 
 // Places whose planes a pixel tries, one of each region: near ones in a V on each side, far ones along a line. All are of
 // the other half of the checkerboard.
@@ -353,9 +353,11 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
 
         // By chance: anywhere, and around the best with steps that shrink from one iteration to the next.
         Random random(options.seed, pixel, iteration + 1);
+        const bool settled = match.sources.front().depth_m != nullptr;
         const float step = options.step * range * std::pow(0.5f, static_cast<float>(iteration));
         const float tilt = 0.5f * std::pow(0.6f, static_cast<float>(iteration));
         for (int k = 0; k < 5; ++k) {
+            if (settled && (k == 1 || k == 3)) continue;  // most planes are found: what is left is to be finer
             Plane plane = best;
             switch (k) {
                 case 0:

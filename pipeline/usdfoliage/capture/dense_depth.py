@@ -45,9 +45,9 @@ class Round:
 
 
 ROUNDS = (
-    Round(level=2, iterations=5, coherent=False),
-    Round(level=1, iterations=4, coherent=False),
-    Round(level=1, iterations=2, coherent=True),
+    Round(level=2, iterations=4, coherent=False),
+    Round(level=1, iterations=3, coherent=False),
+    Round(level=1, iterations=1, coherent=True),
     Round(level=0, iterations=2, coherent=True),
     Round(level=0, iterations=1, coherent=True, segments=True),
 )
@@ -58,7 +58,7 @@ class DenseDepthSettings:
     """How thoroughly photographs are matched, and which depth is believed."""
 
     max_side_px: int = 1200  # photographs are matched at this size at most
-    sources: int = 7  # photographs matched with each one
+    sources: int = 6  # photographs matched with each one
     rounds: tuple[Round, ...] = ROUNDS
     seed: int = 0
     selection: ViewSelectionSettings = field(default_factory=ViewSelectionSettings)
