@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kRegions = 8;
 constexpr int kProposedIterations = 1;  // in which suggestions are tried; then they have spread or not
-constexpr float kSamePlane = 0.08f;  // in pixels of the most moving photograph: another plane as near is the same
+constexpr float kSamePlane = 0.04f;  // in pixels of the most moving photograph: another plane as near is the same
 
 // Places whose planes a pixel tries, one of each region: near ones in a V on each side, far ones along a line. All are of
 // the other half of the checkerboard.
