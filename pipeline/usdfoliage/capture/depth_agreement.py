@@ -17,6 +17,7 @@ from usdfoliage import _native
 from usdfoliage.capture.patch_match import MatchedPlanes, warps
 from usdfoliage.geometry.pinhole import Pinhole
 
+_CARRIED = 0.02  # confidence of pixels that keep their depth for their neighbours' sake alone
 _CUT_UNIT = 1000  # of costs, as whole numbers for the graph cut
 
 
@@ -108,7 +109,7 @@ def confirm_depth(
         camera=matched.camera,
         depth_m=depth_m,
         normals=np.where(there[..., None], matched.normals(), np.float32(0)),
-        confidence=np.where(there, likelihood, 0).astype(np.float32),
+        confidence=np.where(there, np.maximum(likelihood, _CARRIED), 0).astype(np.float32),
         agreeing=np.where(there, agreeing, 0).astype(np.uint8),
     )
 

@@ -1,0 +1,82 @@
+"""Depth of a few small photographs by all the rounds, against the truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stereo_pictures import CAMERAS, SLANTED, STEP, camera, draw, inside
+from usdfoliage.capture.dense_depth import (
+    DenseDepthSettings,
+    Round,
+    estimate_depths,
+    finish_depth,
+    match_round,
+    plan_depths,
+)
+from usdfoliage.errors import CaptureError
+
+POINTS_M = np.random.default_rng(0).uniform((-0.3, -0.2, 0.8), (0.3, 0.2, 1.6), (200, 3))
+ROUNDS = (
+    Round(level=1, iterations=4, coherent=False),
+    Round(level=0, iterations=3, coherent=False),
+    Round(level=0, iterations=1, coherent=True, segments=True),
+)
+SETTINGS = DenseDepthSettings(rounds=ROUNDS)
+
+
+@pytest.fixture(scope="module")
+def views():
+    return [draw(cam, STEP, f"{k}.png") for k, cam in enumerate(CAMERAS)]
+
+
+@pytest.fixture(scope="module")
+def estimates(views):
+    return estimate_depths(views, POINTS_M, SETTINGS)
+
+
+def test_depth_is_found_and_what_is_doubtful_is_not_kept(views, estimates):
+    for view, found in zip(views, estimates, strict=True):
+        kept = (found.depth_m > 0) & inside(10)
+        assert kept.sum() > 0.6 * inside(10).sum()
+        error = np.abs(found.depth_m / view.depth_m - 1)[kept]
+        assert np.median(error) < 0.004
+        assert np.mean(error < 0.02) > 0.95
+        assert found.confidence[found.depth_m == 0].max() == 0
+        assert found.confidence[kept].min() > 0
+
+
+def test_rounds_one_by_one_give_the_same(views, estimates):
+    plan = plan_depths([view.camera for view in views], POINTS_M, SETTINGS)
+    planes = [None] * len(views)
+    for number in range(len(ROUNDS)):
+        before = tuple(planes)
+        for index in reversed(range(len(views))):
+            planes[index] = match_round(number, index, plan, views.__getitem__, before.__getitem__, SETTINGS, threads=1)
+    found = finish_depth(2, plan, views.__getitem__, planes.__getitem__, SETTINGS, threads=1)
+    assert np.array_equal(found.depth_m, estimates[2].depth_m)
+    assert np.array_equal(found.normals, estimates[2].normals)
+
+
+def test_progress_counts_every_view_of_every_round(views):
+    told = []
+    estimate_depths(views, POINTS_M, replace(SETTINGS, rounds=ROUNDS[:1]), lambda *at: told.append(at))
+    assert told == [(k, 4) for k in range(1, 5)]
+
+
+def test_a_view_that_sees_something_else_has_no_depth(views):
+    away = draw(camera(0.0, 0.0, (0.0, np.pi, 0.0)), SLANTED, "away.png")
+    found = estimate_depths([*views[:3], away], POINTS_M, replace(SETTINGS, rounds=ROUNDS[:1]))
+    assert found[3] is None
+    assert all(each is not None for each in found[:3])
+
+
+def test_views_from_one_place_cannot_be_matched():
+    same = [draw(camera(), SLANTED, f"{k}.png") for k in range(3)]
+    with pytest.raises(CaptureError, match="no two of 3 photographs"):
+        estimate_depths(same, POINTS_M, SETTINGS)
+
+
+@pytest.mark.parametrize("wrong", [{"max_side_px": 8}, {"rounds": ()}, {"sources": 2}, {"sources": 40}, {"seed": -1}])
+def test_wrong_settings(wrong):
+    with pytest.raises(ValueError, match=r"must|<="):
+        DenseDepthSettings(**wrong)
