@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from usdfoliage.capture.cameras import read_camera_model, read_model_points
 from usdfoliage.capture.colmap_writer import write_colmap_model
 from usdfoliage.capture.lens import Lens
-from usdfoliage.capture.registration import Registered, RegisteredPhoto
+from usdfoliage.capture.registration_result import Registered, RegisteredPhoto
 from usdfoliage.errors import CaptureError
 
 LENSES = (
@@ -44,6 +44,7 @@ def registered(poses, lenses=LENSES, names=None, points=None) -> Registered:
         matches=np.zeros((len(photos), len(photos)), np.int64),
         failures=(),
         notes=(),
+        doubtful=False,
     )
 
 

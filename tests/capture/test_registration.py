@@ -11,9 +11,11 @@ from captures import look_at
 from textured_scene import LENS, arc, write_photos
 from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.photo_set import read_photo_set
-from usdfoliage.capture.registration import Registered, RegistrationSettings, project_with, register_photos
+from usdfoliage.capture.registration import RegistrationSettings, register_photos
 from usdfoliage.capture.registration_child import run_items
 from usdfoliage.capture.registration_matching import match_descriptors, neighbours_in_order, retrieve_pairs
+from usdfoliage.capture.registration_remarks import list_doubts
+from usdfoliage.capture.registration_result import Registered, project_with
 from usdfoliage.errors import CaptureError
 
 POSES = arc(6)
@@ -68,6 +70,14 @@ def test_cameras_are_where_they_were(registered):
         assert photo.lens.focal_px[0] == pytest.approx(LENS.focal_px[0], rel=0.02)
         assert photo.points > 100
         assert photo.error_px < 0.5
+
+
+def test_a_horizon_is_no_ground_for_cameras(registered):
+    assert not registered.doubtful
+    wide, band = registered.track_places_px, registered.track_places_px * (1, 0.02)
+    assert list_doubts(registered.photos, registered.track_photos, wide, 15) == ()
+    (doubt,) = list_doubts(registered.photos, registered.track_photos, band, 15)
+    assert "horizon" in doubt
 
 
 def test_points_are_seen_where_they_are_said_to_be(registered):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.photo_set import PhotoFile
-from usdfoliage.capture.registration import Registered, RegisteredPhoto
+from usdfoliage.capture.registration_result import Registered, RegisteredPhoto
 from usdfoliage.capture.world_frame import (
     KnownDistance,
     ScaleBar,
@@ -60,6 +60,7 @@ def scene(count=12, angle=2 * math.pi, height=1.5, radius=2.0, ground=True, seed
         matches=np.zeros((count, count), np.int64),
         failures=(),
         notes=(),
+        doubtful=False,
     )
 
 

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from usdfoliage.capture.cameras import find_camera_model, read_camera_model
 from usdfoliage.capture.capture_settings import read_capture_settings
 from usdfoliage.capture.photo_set import read_photo_set
-from usdfoliage.capture.registration import Registered, RegistrationSettings, register_photos
+from usdfoliage.capture.registration import RegistrationSettings, register_photos
+from usdfoliage.capture.registration_result import Registered
 from usdfoliage.capture.world_frame import level_and_scale, move_registered
 from usdfoliage.errors import FoliageError
 

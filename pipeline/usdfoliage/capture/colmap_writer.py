@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from usdfoliage.capture.lens import Lens
-from usdfoliage.capture.registration import Registered
+from usdfoliage.capture.registration_result import Registered
 from usdfoliage.errors import CaptureError
 
 _FILES = ("cameras.txt", "points3D.txt", "images.txt")  # the last is what a model is known by

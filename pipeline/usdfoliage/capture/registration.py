@@ -7,21 +7,22 @@ import hashlib
 import json
 import logging
 import os
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.lens import LENS_MODELS, Lens, scale_lens
-from usdfoliage.capture.listing import counted, named
+from usdfoliage.capture.listing import counted
 from usdfoliage.capture.photo_set import PhotoFile, PhotoSet, read_colors
 from usdfoliage.capture.registration_child import run_items
 from usdfoliage.capture.registration_matching import all_pairs, neighbours_in_order, retrieve_pairs
+from usdfoliage.capture.registration_remarks import list_doubts, list_failures, write_notes
+from usdfoliage.capture.registration_result import PairMatches, RegisteredPhoto, project_with
+from usdfoliage.capture.registration_result import Registered as Registered  # what callers get
 from usdfoliage.errors import CaptureError
 from usdfoliage.steps import StepProgress
 
@@ -29,12 +30,8 @@ logger = logging.getLogger(__name__)
 
 _VERSION = 1  # of what the files in the work folder mean
 _EXHAUSTIVE_UP_TO = 60  # photographs
-_PANORAMIC = (5, 6)  # COLMAP's configurations PANORAMIC and PLANAR_OR_PANORAMIC
-_CONFIGURED = (2, 3, 4, 5, 6)  # those that a motion or a plane explains
 _MIN_MODEL = 2  # photographs
 _LEAST_PARALLAX_DEG = 2.5  # median over points; COLMAP drops points below 1.5
-_STILL_SHARE = 0.35  # of matches that fit; fewer where things move, or repeat
-_FOCAL_SHARES = (0.35, 8.0)  # of the longer side: what cameras that photograph plants have
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,48 +77,6 @@ class RegistrationSettings:
             raise ValueError(f"focal_px must be above 0, not {self.focal_px}")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RegisteredPhoto:
-    """A photograph whose camera is known."""
-
-    name: str
-    lens: Lens  # at the photograph's full size
-    cam_from_world: NDArray[np.float64]  # (3, 4), in units of the reconstruction
-    error_px: float  # mean distance of its features from where the points are seen, at full size
-    points: int  # that it sees
-
-
-@dataclass(frozen=True, kw_only=True)
-class Unregistered:
-    """A photograph whose camera is not known."""
-
-    name: str
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Registered:
-    """Cameras of photographs, and points. Unit, place and turn of their world are arbitrary."""
-
-    photos: tuple[RegisteredPhoto, ...]  # by name
-    points: NDArray[np.float64]  # (N, 3)
-    srgb: NDArray[np.uint8]  # (N, 3)
-    error_px: NDArray[np.float64]  # (N,), mean over the photographs that see the point, at full size
-    track_starts: NDArray[np.int64]  # (N + 1,): point k is seen at places track_starts[k] to track_starts[k + 1]
-    track_photos: NDArray[np.int64]  # (T,), numbers in photos
-    track_places_px: NDArray[np.float64]  # (T, 2), x and y at full size
-    names: tuple[str, ...]  # of all photographs, by name
-    matches: NDArray[np.int64]  # (P, P), features of all photographs that one motion explains; symmetric
-    failures: tuple[Unregistered, ...]  # by name
-    notes: tuple[str, ...]  # in sentences for the user
-
-    @property
-    def mean_error_px(self) -> float:
-        """Over all places of all points."""
-        counts = np.diff(self.track_starts)
-        return float(np.average(self.error_px, weights=counts)) if counts.sum() else float("nan")
-
-
 def register_photos(
     photo_set: PhotoSet,
     work: Path,
@@ -160,7 +115,7 @@ def register_photos(
     cameras = _cameras(photos, features, usable, settings)
     pairs = _choose_pairs(features, usable, work, settings, processes, _told(progress, "pairs"))
     match_files = _match(features, cameras, usable, pairs, work, settings, processes, _told(progress, "matches"))
-    found = _Matches.gather(len(photos), match_files)
+    found = PairMatches.gather(len(photos), match_files)
     model = _map(photo_set, features, cameras, usable, match_files, found, work, settings, _told(progress, "cameras"))
     _check_moved(photo_set, model)
     return _registered(photo_set, features, cameras, model, found, failed, settings)
@@ -334,36 +289,13 @@ def _match(
     return [Path(str(item["out"])) for number, item in enumerate(items) if number not in lost]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Matches:
-    """What is known of all pairs."""
-
-    verified: NDArray[np.int64]  # (P, P), symmetric
-    alike: NDArray[np.int64]  # (P, P), descriptors alike of the pairs that were looked at
-    panoramic: NDArray[np.bool_]  # (P, P), what is verified shows a turn, not a move
-
-    @classmethod
-    def gather(cls, count: int, files: Sequence[Path]) -> "_Matches":
-        verified = np.zeros((count, count), np.int64)
-        alike = np.zeros((count, count), np.int64)
-        panoramic = np.zeros((count, count), np.bool_)
-        for file in files:
-            with np.load(file, allow_pickle=False) as arrays:
-                first, seconds = int(arrays["first"]), arrays["seconds"]
-                good = np.isin(arrays["configs"], _CONFIGURED)
-                verified[first, seconds] = np.where(good, arrays["counts"], 0)
-                alike[first, seconds] = arrays["alike"]
-                panoramic[first, seconds] = np.isin(arrays["configs"], _PANORAMIC)
-        return cls(verified=verified + verified.T, alike=alike + alike.T, panoramic=panoramic | panoramic.T)
-
-
 def _map(
     photo_set: PhotoSet,
     features: Sequence[Path],
     cameras: dict[int, dict[str, Any]],
     usable: Sequence[int],
     match_files: Sequence[Path],
-    found: _Matches,
+    found: PairMatches,
     work: Path,
     settings: RegistrationSettings,
     progress: Callable[[int, int], None],
@@ -451,7 +383,7 @@ def _registered(
     features: Sequence[Path],
     cameras: dict[int, dict[str, Any]],
     model: dict[str, NDArray[Any]],
-    found: _Matches,
+    found: PairMatches,
     failed: dict[int, str],
     settings: RegistrationSettings,
 ) -> Registered:
@@ -498,6 +430,7 @@ def _registered(
     )
     seen_by = np.maximum(np.diff(model["track_starts"]), 1)
     track_photos = place_in[track[:, 0]]
+    doubts = list_doubts(registered, track_photos, places_px, settings.least_matches)
     return Registered(
         photos=registered,
         points=points,
@@ -508,8 +441,9 @@ def _registered(
         track_places_px=places_px,
         names=tuple(photo.name for photo in photos),
         matches=found.verified,
-        failures=_failures(photo_set, features, model["group"], found, failed, settings),
-        notes=_notes(photos, images, found, registered, settings),
+        failures=list_failures(photo_set, features, model["group"], found, failed, settings.least_matches),
+        notes=(*doubts, *write_notes(photos, images, found, registered, settings.least_matches)),
+        doubtful=bool(doubts),
     )
 
 
@@ -531,107 +465,3 @@ def _colors(
         np.add.at(sums, point_of[here], pixels[rows, columns])
     seen_by = np.maximum(np.bincount(point_of, minlength=count), 1)
     return np.rint(sums / seen_by[:, None]).astype(np.uint8)
-
-
-def _failures(
-    photo_set: PhotoSet,
-    features: Sequence[Path],
-    group: NDArray[np.int64],
-    found: _Matches,
-    failed: dict[int, str],
-    settings: RegistrationSettings,
-) -> tuple[Unregistered, ...]:
-    """Each photograph without a camera, those left out of the set among them, with the likely reason."""
-    photos = photo_set.photos
-    in_group = np.flatnonzero(group == 0)
-    blurred = set(photo_set.blurred)
-    failures = [Unregistered(name=item.name, reason=item.reason) for item in photo_set.dropped]
-    for index, photo in enumerate(photos):
-        if group[index] == 0:
-            continue
-        if index in failed:
-            reason = f"its features could not be found: {failed[index]}"
-        else:
-            with np.load(features[index], allow_pickle=False) as arrays:
-                count = len(arrays["keypoints"])
-            others = found.verified[index] >= settings.least_matches
-            to_group = int(found.verified[index, in_group].max())
-            turned = others & found.panoramic[index]
-            hint = "; it is blurred" if photo.name in blurred else ""
-            if count < 4 * settings.least_matches:
-                reason = f"only {counted(count, 'feature')} in it: it shows too little, or nothing sharp{hint}"
-            elif group[index] > 0:
-                size = int((group == group[index]).sum())
-                reason = f"left in a smaller group of {counted(size, 'photograph')} that does not join the others{hint}"
-            elif not others.any():
-                best = int(found.verified[index].max())
-                reason = (
-                    f"at most {counted(best, 'feature')} in common with any other photograph, "
-                    f"{settings.least_matches} are needed: perhaps another scene, or too far from the next{hint}"
-                )
-            elif to_group < settings.least_matches:
-                reason = f"it overlaps only photographs that have no camera either{hint}"
-            elif bool((turned == others).all()):
-                reason = f"the camera only turned between it and the others, and did not move{hint}"
-            else:
-                reason = (
-                    f"{to_group} features in common with the best of the others, too few of them on points that have "
-                    f"a place{hint}"
-                )
-        failures.append(Unregistered(name=photo.name, reason=reason))
-    return tuple(sorted(failures, key=lambda failure: failure.name))
-
-
-def _notes(
-    photos: Sequence[PhotoFile],
-    images: NDArray[np.int64],
-    found: _Matches,
-    registered: Sequence[RegisteredPhoto],
-    settings: RegistrationSettings,
-) -> tuple[str, ...]:
-    notes = []
-    if len(images) < len(photos):
-        missing = sorted({photo.name for photo in photos} - {photo.name for photo in registered})
-        notes.append(f"{len(missing)} of {counted(len(photos), 'photograph')} have no camera: {named(missing)}")
-    inside = np.ix_(images, images)
-    looked_at = found.verified[inside] >= settings.least_matches
-    if looked_at.any():
-        share = float(np.median(found.verified[inside][looked_at] / np.maximum(found.alike[inside][looked_at], 1)))
-        if share < _STILL_SHARE:
-            notes.append(
-                f"only {share:.0%} of what looks alike in two photographs fits one motion of the camera; "
-                f"leaves may have moved in the wind between them, or much repeats"
-            )
-    focal = {round(photo.lens.focal_px[0] / max(photo.lens.width_px, photo.lens.height_px), 3) for photo in registered}
-    odd = [share for share in focal if not _FOCAL_SHARES[0] <= share <= _FOCAL_SHARES[1]]
-    if odd:
-        notes.append(
-            f"a focal length of {odd[0]:g} of the longer side is improbable; the cameras may be wrong: give --focal-px"
-        )
-    sparse = [photo.name for photo in registered if photo.points < 4 * settings.least_matches]
-    if len(sparse) > len(registered) / 2:
-        notes.append(
-            f"{len(sparse)} of {counted(len(registered), 'photograph')} see fewer than {4 * settings.least_matches} "
-            f"points; the cameras may be wrong: take more photographs, nearer to each other"
-        )
-    models = Counter(photo.lens for photo in registered)
-    if len(models) > 1 and len(models) < len(registered):
-        notes.append(f"{len(models)} cameras took {counted(len(registered), 'photograph')}")
-    return tuple(notes)
-
-
-def project_with(lens: Lens, cam_from_world: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 2), x and y where a lens with its distortion shows points (N, 3) of the world; those behind it anywhere."""
-    if not len(points):
-        return np.zeros((0, 2))
-    matrix = np.array([[lens.focal_px[0], 0, lens.center_px[0]], [0, lens.focal_px[1], lens.center_px[1]], [0, 0, 1.0]])
-    turn, _ = cv2.Rodrigues(np.ascontiguousarray(cam_from_world[:, :3]))
-    model = LENS_MODELS[lens.model]
-    coefficients = np.zeros(4 if model.distortion <= 4 else 8)
-    coefficients[: len(lens.distortion)] = lens.distortion
-    project = cv2.fisheye.projectPoints if model.fisheye else cv2.projectPoints
-    places, _ = project(
-        np.ascontiguousarray(points, np.float64).reshape(-1, 1, 3), turn, cam_from_world[:, 3].copy(), matrix,
-        coefficients,
-    )  # fmt: skip
-    return np.asarray(places, np.float64).reshape(-1, 2)

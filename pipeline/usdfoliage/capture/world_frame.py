@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.lens import LENS_MODELS, Lens
 from usdfoliage.capture.listing import named
 from usdfoliage.capture.photo_set import PhotoFile
-from usdfoliage.capture.registration import Registered
+from usdfoliage.capture.registration_result import Registered
 from usdfoliage.errors import CaptureError
 
 Array = NDArray[np.float64]
