@@ -190,6 +190,22 @@ def test_a_child_that_aborts_costs_one_item(tmp_path, monkeypatch, processes):
     assert list(work.iterdir()) == []
 
 
+def test_an_interrupt_ends_the_children(tmp_path, monkeypatch):
+    (tmp_path / "worker_of_test.py").write_text(WORKER + "    import time; time.sleep(0.3)\n")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    items = [{"out": str(tmp_path / f"{number}.out")} for number in range(40)]
+
+    def interrupt(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_items({}, items, tmp_path, 2, interrupt, module="worker_of_test")
+    assert 2 <= len(list(tmp_path.glob("*.out"))) < 10
+    assert not list(tmp_path.glob(".job*"))
+    assert run_items({}, items[:3], tmp_path, 2, module="worker_of_test") == ()  # and the next run goes on
+
+
 def descriptors(count: int) -> np.ndarray:
     """Of length 512, as those of SIFT."""
     drawn = np.random.default_rng(0).random((count, 128))

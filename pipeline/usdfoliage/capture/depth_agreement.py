@@ -30,7 +30,7 @@ class AgreementSettings:
     through: float = 1.0  # views that see something behind, or nothing, for each that agrees; with more it is dropped
     agree_px: float = 1.5  # between a pixel and where it comes back to from the other view
     agree_share: float = 0.01  # between two depths that agree
-    least_likelihood: float = 0.1  # below it a pixel had better have no depth, as far as its neighbours let it
+    least_likelihood: float = 0.05  # below it a pixel had better have no depth, as far as its neighbours let it
     smoothness: float = (
         0.5  # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
     )

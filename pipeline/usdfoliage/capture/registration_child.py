@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -52,28 +53,44 @@ def run_items(
     open_items = [(number, item) for number, item in enumerate(items) if not Path(item["out"]).is_file()]
     shares = [open_items[start::processes] for start in range(max(1, processes))]
     events: SimpleQueue[tuple[str, int, str]] = SimpleQueue()
-    failures: list[ItemFailure] = []
     done = len(items) - len(open_items)
     if progress is not None:
         progress(done, len(items))
     with ThreadPoolExecutor(max(1, processes)) as pool:
-        running = [pool.submit(_do_share, job, share, work, module, events) for share in shares if share]
-        ended = 0
-        while ended < len(running):
-            kind, number, text = events.get()
-            if kind == "end":
-                ended += 1
-            elif kind == "step" and progress is not None:
-                progress(number, int(text))
-            elif kind in ("done", "failed"):
-                done += 1
-                if kind == "failed":
-                    failures.append(ItemFailure(number=number, reason=text))
-                if progress is not None:
-                    progress(done, len(items))
+        stop = threading.Event()
+        running = [pool.submit(_do_share, job, share, work, module, events, stop) for share in shares if share]
+        try:
+            failures = _follow(events, len(running), done, len(items), progress)
+        except BaseException:  # an interrupt, or what progress raised: nothing goes on behind it
+            stop.set()
+            raise
         for share_run in running:
             share_run.result()  # what it raised
     return tuple(sorted(failures, key=lambda failure: failure.number))
+
+
+def _follow(
+    events: "SimpleQueue[tuple[str, int, str]]",
+    shares: int,
+    done: int,
+    total: int,
+    progress: Callable[[int, int], None] | None,
+) -> list[ItemFailure]:
+    """The failures, when every share has ended."""
+    failures = []
+    while shares:
+        kind, number, text = events.get()
+        if kind == "end":
+            shares -= 1
+        elif kind == "step" and progress is not None:
+            progress(number, int(text))
+        elif kind in ("done", "failed"):
+            done += 1
+            if kind == "failed":
+                failures.append(ItemFailure(number=number, reason=text))
+            if progress is not None:
+                progress(done, total)
+    return failures
 
 
 def _do_share(
@@ -82,11 +99,14 @@ def _do_share(
     work: Path,
     module: str,
     events: "SimpleQueue[tuple[str, int, str]]",
+    stop: threading.Event,
 ) -> None:
     left = list(share)
     try:
         while left:
-            finished, ending = _run_child({**job, "items": left}, work, module, events)
+            finished, ending = _run_child({**job, "items": left}, work, module, events, stop)
+            if stop.is_set():
+                return
             left = [entry for entry in left if entry[0] not in finished]
             if left and "No space left" in ending:
                 raise CaptureError(f"{work} has no space left; free some and start again: what is done is kept")
@@ -100,7 +120,11 @@ def _do_share(
 
 
 def _run_child(
-    job: Mapping[str, Any], work: Path, module: str, events: "SimpleQueue[tuple[str, int, str]]"
+    job: Mapping[str, Any],
+    work: Path,
+    module: str,
+    events: "SimpleQueue[tuple[str, int, str]]",
+    stop: threading.Event,
 ) -> tuple[set[int], str]:
     """Items that a child has finished, and the last that it said."""
     path = work / f".job-{uuid.uuid4().hex[:12]}.json"
@@ -116,18 +140,19 @@ def _run_child(
             ) as child,
         ):  # fmt: skip
             assert child.stdout is not None
-            try:
-                for line in child.stdout:
-                    kind, _, rest = line.strip().partition(" ")
-                    number, _, text = rest.partition(" ")
-                    if kind in ("done", "failed") and number.isdigit():
-                        finished.add(int(number))
-                        events.put((kind, int(number), text))
-                    elif kind == "step" and number.isdigit() and text.isdigit():
-                        events.put((kind, int(number), text))
-            finally:
-                if child.poll() is None and sys.exc_info()[0] is not None:
-                    child.kill()
+            ended = threading.Event()
+            watch = threading.Thread(target=_kill_when_stopped, args=(child, stop, ended), daemon=True)
+            watch.start()
+            for line in child.stdout:
+                kind, _, rest = line.strip().partition(" ")
+                number, _, text = rest.partition(" ")
+                if kind in ("done", "failed") and number.isdigit():
+                    finished.add(int(number))
+                    events.put((kind, int(number), text))
+                elif kind == "step" and number.isdigit() and text.isdigit():
+                    events.put((kind, int(number), text))
+            ended.set()
+            watch.join()
             code = child.wait()
             log.seek(0)
             said = log.read()[-4000:].decode(errors="replace").strip().splitlines()
@@ -136,3 +161,10 @@ def _run_child(
     finally:
         path.unlink(missing_ok=True)
         path.with_suffix(".log").unlink(missing_ok=True)
+
+
+def _kill_when_stopped(child: "subprocess.Popen[str]", stop: threading.Event, ended: threading.Event) -> None:
+    while not ended.wait(0.1):
+        if stop.is_set():
+            child.kill()
+            return
