@@ -36,6 +36,9 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/leaf_storm.py
 	@$(PYTHON_VENV) tools/bench/leaf_fit.py
 	@$(PYTHON_VENV) tools/bench/leaves.py
+	@$(PYTHON_VENV) tools/bench/depth.py --variants ours plain
+	@captures=$$(ls -d ../shared/data/synthetic/*/images 2>/dev/null | xargs -r -n 1 dirname); \
+		[ -z "$$captures" ] || $(PYTHON_VENV) tools/bench/registration.py $$captures
 	@$(PYTHON_VENV) -m pytest -m slow || [ $$? = 5 ]
 	@HYPOTHESIS_PROFILE=explore $(PYTHON_VENV) -m pytest -m "hypothesis and not slow"
 

@@ -217,11 +217,9 @@ def main() -> int:
     unknown = [name for name in chosen if name not in variants]
     if unknown:
         parser.error(f"there is no variant {', '.join(unknown)}; there are {', '.join(variants)}")
-    captures = options.captures or [DATA / name for name in CAPTURES]
-    missing = [folder for folder in captures if not folder.is_dir()]
-    if missing:
-        print(f"{missing[0]} is not there: give captures with exact depth", file=sys.stderr)
-        return 2
+    captures = options.captures or [folder for name in CAPTURES if (folder := DATA / name).is_dir()]
+    if not captures:
+        print(f"not measured: {DATA} is not there, and no captures with exact depth are given")
     for folder in captures:
         capture = replace(read_capture(folder), points_m=np.zeros((0, 3)))
         bare = replace(capture, views=tuple(replace(view, depth=None, mask=None) for view in capture.views))
