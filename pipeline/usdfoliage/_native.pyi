@@ -1,7 +1,5 @@
 """Native kernels of usdfoliage; arrays in, arrays out, the interpreter lock released. Arguments are trusted."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -505,7 +503,7 @@ def match_planes(
         tint_weight: cost of tint that differs by tint_scale or more.
         geometric_weight: cost of a pixel of disagreement with a depth map.
         geometric_limit_px: disagreement beyond it costs no more.
-        segment_weight: cost of depth away from the plane of the pixel's segment by segment_limit_px of movement or more.
+        segment_weight: cost of depth segment_limit_px of movement or more away from the segment's plane.
         step: first change of inverse depth, as a share of its range.
         most_slant: tangent between line of sight and normal.
     """
@@ -519,7 +517,7 @@ def count_agreeing(
     most_share: float,
     threads: int,
 ) -> NDArray[np.uint8]:
-    """(H, W, 2): other depth maps that agree with each pixel's depth, and those that see through it; as match_planes."""
+    """(H, W, 2): other depth maps that agree with each pixel's depth, and those that see through it."""
 
 def show_planes(
     planes: list[NDArray[np.float32]],

@@ -55,8 +55,8 @@ def test_segments_without_enough_depth_have_no_plane():
     planes[labels == 1] = 0
     planes[labels == 2, 0] = np.random.default_rng(0).uniform(0.2, 3.0, (labels == 2).sum())
     fitted = fit_segment_planes(planes, np.zeros(SIZE, np.float32), labels, 0.01)
-    assert (fitted[labels == 0, 0] == pytest.approx(1.0))
-    assert (fitted[labels == 3, 0] == pytest.approx(1.0))
+    assert fitted[labels == 0, 0] == pytest.approx(1.0)
+    assert fitted[labels == 3, 0] == pytest.approx(1.0)
     assert not fitted[labels == 1].any()
     assert not fitted[labels == 2].any()
     assert not fit_segment_planes(np.zeros((*SIZE, 3), np.float32), np.zeros(SIZE, np.float32), labels, 0.01).any()
