@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from usdfoliage.capture.cloud_file import read_cloud
 from usdfoliage.capture.folder import read_capture, read_views
 from usdfoliage.capture.map_files import read_confidence_map, read_normal_map
-from usdfoliage.capture.registration import Registered, RegisteredPhoto, Unregistered
+from usdfoliage.capture.registration_result import Registered, RegisteredPhoto, Unregistered
 from usdfoliage.cli import capture as command
 from usdfoliage.jobs import capture_poses
 from usdfoliage.jobs.capture_settings import QUALITIES

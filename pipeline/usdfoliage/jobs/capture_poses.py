@@ -1,5 +1,6 @@
 """Poses of a run: those that are given, or those that are estimated, in the frame and unit that the capture states."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +21,8 @@ from usdfoliage.jobs.capture_folder import CAMERAS, IMAGES, GivenPhotographs, Re
 from usdfoliage.jobs.capture_settings import CaptureRunSettings, PosesChoice
 from usdfoliage.jobs.capture_work import WORK
 from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
 
 REGISTRATION, REGISTERED = "registration", "registered"  # in the work folder: COLMAP's work, and the model of it
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # (x, y, z) -> (x, -z, y)
@@ -118,6 +121,8 @@ def estimate_poses(
     )
     how: RegistrationSettings = replace(settings.registration, threads=threads)
     registered = register_photos(photo_set, folder / WORK / REGISTRATION, how, progress)
+    if registered.doubtful:
+        logger.warning("the estimated poses are probably wrong, and so will be the cloud; the notes say why")
     frame = level_and_scale(registered, photo_set.photos, _with_hints(settings.world, folder))
     registered = move_registered(registered, stated_from_metric(stated) @ frame.world_from_registered)
     model = folder / WORK / REGISTERED
