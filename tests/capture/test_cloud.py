@@ -52,6 +52,20 @@ def test_what_few_views_see_is_left_out():
     assert np.array_equal(sure.points_m, everything.take(everything.views >= 3).points_m)
 
 
+def test_views_that_agree_have_seen_a_point():
+    view = seen(looking_down())
+    agreeing = np.zeros((HEIGHT, WIDTH), np.uint8)
+    agreeing[:, : WIDTH // 2] = 3
+    cloud = merge_views([SeenSurface(**{**vars(view), "agreeing": agreeing})])
+    left = cloud.points_m[:, 0] < 0
+    assert (cloud.views[left] == 4).all()
+    assert (cloud.views[~left] == 1).all()
+    sure = merge_views([SeenSurface(**{**vars(view), "agreeing": agreeing})], CloudSettings(least_views=2))
+    assert np.array_equal(sure.points_m, cloud.points_m[left])
+    with pytest.raises(ValueError, match="agreeing"):
+        merge_views([SeenSurface(**{**vars(view), "agreeing": agreeing[1:]})])
+
+
 @pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
 def test_cells_follow_the_footprint_of_a_pixel(scale):
     cloud = merge_views([seen(looking_down(height_m=2 * scale))])

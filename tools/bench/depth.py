@@ -188,6 +188,7 @@ def run(capture: Capture, variant: Variant, truth: Truth, save: Path | None) -> 
                         normals=turned.reshape(each.normals.shape).astype(np.float32),
                         srgb=cv2.resize(view.srgb, size, interpolation=cv2.INTER_AREA),
                         confidence=each.confidence,
+                        agreeing=each.agreeing,
                     )
                 )
         return seen

@@ -24,6 +24,7 @@ class SeenSurface:
     normals: NDArray[np.float32]  # (H, W, 3), unit, in the world, towards the camera; not looked at without depth
     srgb: NDArray[np.uint8]  # (H, W, 3)
     confidence: NDArray[np.float32]  # (H, W), 0 to 1
+    agreeing: NDArray[np.uint8] | None = None  # (H, W), other views whose depth agrees; None: not known
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,7 +35,7 @@ class Cloud:
     normals: NDArray[np.float32]  # (N, 3), unit, towards those that saw the point
     srgb: NDArray[np.uint8]  # (N, 3)
     confidence: NDArray[np.float32]  # (N,), 0 to 1, of the view that was surest
-    views: NDArray[np.int32]  # (N,), how many saw it
+    views: NDArray[np.int32]  # (N,), how many saw it: those with a point in its cell, or that agree with one of these
 
     def __len__(self) -> int:
         return len(self.points_m)
@@ -65,8 +66,8 @@ class _Cells:
 
     keys: NDArray[np.int64]  # (C,)
     sums: NDArray[np.float64]  # (C, 10): weight; weighed offset from the origin, normal and colour
-    confidence: NDArray[np.float64]  # (C,), the highest
-    views: NDArray[np.int64]  # (C,)
+    best: NDArray[np.float64]  # (C, 2), the highest confidence, and the most views that agree with a point
+    views: NDArray[np.int64]  # (C,), with a point in the cell
 
 
 def merge_views(surfaces: Iterable[SeenSurface], settings: CloudSettings = CloudSettings()) -> Cloud:
@@ -101,14 +102,17 @@ def merge_views(surfaces: Iterable[SeenSurface], settings: CloudSettings = Cloud
         weight = np.maximum(cosine, LEAST_COSINE) / np.square(footprint_m)
         values = np.column_stack([points_m - origin_m, normals, surface.srgb[rows, columns]])
         keys = _number_cells(points_m - origin_m, cell_m)
+        others = np.zeros(len(rows)) if surface.agreeing is None else surface.agreeing[rows, columns]
         own = _sum_up(
-            keys, np.column_stack([weight, values * weight[:, None]]), surface.confidence[rows, columns],
+            keys, np.column_stack([weight, values * weight[:, None]]),
+            np.column_stack([surface.confidence[rows, columns], others]).astype(np.float64),
             np.ones(len(keys), np.int64),
         )  # fmt: skip
-        own = _Cells(keys=own.keys, sums=own.sums, confidence=own.confidence, views=np.ones_like(own.views))
+        own = _Cells(keys=own.keys, sums=own.sums, best=own.best, views=np.ones_like(own.views))
         cells = _join(cells, own)
-    seen = cells.views >= settings.least_views
-    sums, confidence, views = cells.sums[seen], cells.confidence[seen], cells.views[seen]
+    seen_by = np.maximum(cells.views, cells.best[:, 1].astype(np.int64) + 1)
+    seen = seen_by >= settings.least_views
+    sums, confidence, views = cells.sums[seen], cells.best[seen, 0], seen_by[seen]
     means = sums[:, 1:] / sums[:, :1]
     length = np.linalg.norm(means[:, 3:6], axis=1, keepdims=True)
     return Cloud(
@@ -127,6 +131,7 @@ def _check(surface: SeenSurface) -> None:
         ("normals", surface.normals, (*size, 3)),
         ("srgb", surface.srgb, (*size, 3)),
         ("confidence", surface.confidence, size),
+        *(() if surface.agreeing is None else (("agreeing", surface.agreeing, size),)),
     )
     for name, array, shape in arrays:
         if array.shape != shape:
@@ -143,7 +148,7 @@ def _number_cells(offsets_m: NDArray[np.float64], cell_m: float) -> NDArray[np.i
 
 
 def _sum_up(
-    keys: NDArray[np.int64], sums: NDArray[np.float64], confidence: NDArray[np.floating], views: NDArray[np.int64]
+    keys: NDArray[np.int64], sums: NDArray[np.float64], best: NDArray[np.float64], views: NDArray[np.int64]
 ) -> _Cells:
     """The rows of each key as one."""
     if not len(keys):
@@ -154,7 +159,7 @@ def _sum_up(
     return _Cells(
         keys=ordered[first],
         sums=np.add.reduceat(sums[order], first, axis=0),
-        confidence=np.maximum.reduceat(confidence[order].astype(np.float64), first),
+        best=np.maximum.reduceat(best[order], first, axis=0),
         views=np.add.reduceat(views[order], first),
     )
 
@@ -163,12 +168,12 @@ def _join(first: _Cells, second: _Cells) -> _Cells:
     return _sum_up(
         np.concatenate([first.keys, second.keys]),
         np.concatenate([first.sums, second.sums]),
-        np.concatenate([first.confidence, second.confidence]),
+        np.concatenate([first.best, second.best]),
         np.concatenate([first.views, second.views]),
     )
 
 
 def _no_cells() -> _Cells:
     return _Cells(
-        keys=np.zeros(0, np.int64), sums=np.zeros((0, 10)), confidence=np.zeros(0), views=np.zeros(0, np.int64)
+        keys=np.zeros(0, np.int64), sums=np.zeros((0, 10)), best=np.zeros((0, 2)), views=np.zeros(0, np.int64)
     )

@@ -38,7 +38,7 @@ class AgreementSettings:
     filter_px: int = 3  # radius of the guided filter; 0: no filter
     filter_color: float = 8.0  # of 255: differences of colour that it takes for an edge
     filter_share: float = 0.004  # of the depth: neighbours that differ by more are not of one surface
-    min_region_px: int = 12  # smaller connected pieces of depth are dropped
+    min_region_px: int = 6  # smaller connected pieces of depth are dropped
 
     def __post_init__(self) -> None:
         if not 0 < self.max_cost < 3 or self.agreeing < 0 or self.min_region_px < 0 or self.filter_px < 0:

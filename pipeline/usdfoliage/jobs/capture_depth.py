@@ -362,6 +362,7 @@ def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None) -> Iterat
                 normals=in_world(estimate.normals, estimate.camera),
                 srgb=picture_of(tasks, index).srgb,
                 confidence=estimate.confidence,
+                agreeing=estimate.agreeing,
             )
         if progress is not None:
             progress(index + 1, len(tasks.views))
