@@ -4,7 +4,6 @@
 #include <array>
 #include <cassert>
 #include <cmath>
-#include <cstring>
 
 #include "parallel.h"
 #include "patch_match_window.h"
@@ -82,7 +81,7 @@ struct Match {
     double focal[2];
     double center[2];
     Warps warps[kGroups];
-    float pixels_an_inverse;  // movement in the most moving photograph, for a whole range of inverse depth
+    float pixels_an_inverse;  // movement in the most moving photograph, for inverse depth that differs by 1
 };
 
 struct Plane {
@@ -106,7 +105,7 @@ bool usable(const Match& match, const Plane& plane, int column, int row) {
     return square <= limit;
 }
 
-// A plane at inverse depth there whose normal points from where (across, along) give it in the pixel's own disc.
+// The plane of an inverse depth at a pixel, and of a normal in camera axes, of any length and away from the camera.
 Plane with_normal(const Match& match, float inverse, float nx, float ny, float nz, int column, int row) {
     const float x = static_cast<float>((column - match.center[0]) / match.focal[0]);
     const float y = static_cast<float>((row - match.center[1]) / match.focal[1]);
@@ -115,7 +114,7 @@ Plane with_normal(const Match& match, float inverse, float nx, float ny, float n
     return {inverse, nx * scale / static_cast<float>(match.focal[0]), ny * scale / static_cast<float>(match.focal[1])};
 }
 
-// A normal around an axis (unit): the axis plus something across it of a given length.
+// A plane of an inverse depth at a pixel whose normal is another plane's, changed by up to `tilt` of its length.
 Plane tilted(const Match& match, const Plane& plane, float inverse, float tilt, Random& random, int column, int row) {
     const float x = static_cast<float>((column - match.center[0]) / match.focal[0]);
     const float y = static_cast<float>((row - match.center[1]) / match.focal[1]);
@@ -301,6 +300,14 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
         Plane best = load(planes, pixel);
         float lowest = cost[pixel];
 
+        const auto attempt = [&](const Plane& plane, std::size_t first) {
+            const float its = plane_cost(match, window, plane, column, row, lowest, first);
+            if (its < lowest) {
+                lowest = its;
+                best = plane;
+            }
+        };
+
         std::array<Plane, kRegions + 1> tried;
         std::size_t tries = 0;
         tried[tries++] = best;
@@ -329,26 +336,17 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
             for (std::size_t i = 0; i < tries; ++i) known = known || same(match, plane, tried[i]);
             if (known) continue;
             tried[tries++] = plane;
-            const float its = plane_cost(match, window, plane, column, row, lowest, tries % match.sources.size());
-            if (its < lowest) {
-                lowest = its;
-                best = plane;
-            }
+            attempt(plane, tries % match.sources.size());
         }
 
         // The plane of its segment, and what other photographs suggest.
-        const auto attempt = [&](const Plane& plane) {
-            if (!usable(match, plane, column, row) || same(match, plane, best)) return;
-            const float its = plane_cost(match, window, plane, column, row, lowest, 0);
-            if (its < lowest) {
-                lowest = its;
-                best = plane;
-            }
+        const auto suggest = [&](const Plane& plane) {
+            if (usable(match, plane, column, row) && !same(match, plane, best)) attempt(plane, 0);
         };
-        if (photo.segment_planes != nullptr) attempt(load(photo.segment_planes, pixel));
+        if (photo.segment_planes != nullptr) suggest(load(photo.segment_planes, pixel));
         for (int layer = 0; layer < photo.proposal_layers && iteration < kProposedIterations; ++layer) {
             const std::size_t pixels = static_cast<std::size_t>(photo.width) * photo.height;
-            attempt(load(photo.proposals, static_cast<std::size_t>(layer) * pixels + pixel));
+            suggest(load(photo.proposals, static_cast<std::size_t>(layer) * pixels + pixel));
         }
 
         // By chance: anywhere, and around the best with steps that shrink from one iteration to the next.
@@ -372,12 +370,7 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
                     break;
             }
             if (!usable(match, plane, column, row)) continue;
-            const std::size_t first = (pixel + static_cast<std::size_t>(iteration + k)) % match.sources.size();
-            const float its = plane_cost(match, window, plane, column, row, lowest, first);
-            if (its < lowest) {
-                lowest = its;
-                best = plane;
-            }
+            attempt(plane, (pixel + static_cast<std::size_t>(iteration + k)) % match.sources.size());
         }
         store(planes, pixel, best);
         cost[pixel] = lowest;

@@ -19,7 +19,7 @@ constexpr float kWorstCost = 3.0f;  // of what a photograph does not see
 // The photograph that gets depth.
 struct MatchReference {
     const std::uint8_t* srgb;  // height x width x 3
-    const std::uint8_t* tint;  // height x width x 3, the photograph smoothed but for its edges
+    const std::uint8_t* tint;  // height x width x 3, the photograph without the noise of single pixels
     const std::uint8_t* mask;  // height x width, 0 where no depth is wanted; or none
     const float* segment_planes;  // height x width x 3, as planes: that of each pixel's segment, 0 for none; or none
     const float* proposals;  // layers x height x width x 3, planes that other photographs suggest, 0 for none
@@ -35,7 +35,7 @@ struct MatchReference {
 // equation 1 of Guo et al. for the plane through it.
 struct MatchSource {
     const std::uint8_t* gray;  // height x width
-    const std::uint8_t* tint;  // height x width x 3, the photograph smoothed but for its edges
+    const std::uint8_t* tint;  // height x width x 3, the photograph without the noise of single pixels
     const std::uint8_t* open;  // height x width, not 0 where nothing can be, such as the sky; or none
     const float* depth_m;      // height x width, 0 where there is none; or none
     int width;
@@ -73,12 +73,12 @@ struct MatchOptions {
 //
 // The cost is one minus the correlation of the window under the homographies of the plane, weighted by likeness in colour
 // and distance (M. Bleyer et al., PatchMatch stereo, 2011), and differences of brightness and tint, the mean over the best
-// photographs; planes spread in the
-// diffuse checkerboard of Q. Xu and W. Tao, Multi-scale geometric consistency guided multi-view stereo, 2019.
+// photographs, with what leaving the segment's plane and being seen through costs; planes spread in the diffuse
+// checkerboard of Q. Xu and W. Tao, Multi-scale geometric consistency guided multi-view stereo, 2019.
 //
 // @param offsets  samples x 2, right and down, of the window's pixels.
 // @param planes   height x width x 3, inverse depth (0: start at random), its slope to the right and down, per pixel.
-// @param cost     height x width written, in [0, kWorstCost + the geometric term]; kWorstCost and more: no match.
+// @param cost     height x width written; kWorstCost and more: no match.
 void match_planes(const MatchReference& reference, const std::vector<MatchSource>& sources, const int* offsets,
                   std::size_t samples, const MatchOptions& options, float* planes, float* cost);
 
@@ -100,9 +100,9 @@ void count_agreeing(const float* depth_m, int width, int height, const std::vect
 // @param planes    height x width x 3 of the photograph.
 // @param cost      height x width, of them; those above most_cost are left out.
 // @param to        the other photograph: its size, and the warp from the photograph to it.
-// @param from_ray  3 x 3, pixel indices of the photograph from rays.
-// @param to_ray    3 x 3, rays of the other from its pixel indices.
-// @param turn      3 x 4, the other's camera axes from the photograph's.
+// @param pixel_from_ray        3 x 3, pixel indices of the photograph from rays.
+// @param other_pixel_from_ray  the same of the other.
+// @param turn      3 x 4, the other's camera axes from the photograph's: rotation and translation.
 // @param seen      height x width x 3 of the other, those it holds are kept where they cost less.
 // @param seen_cost height x width of the other.
 void show_planes(const float* planes, const float* cost, int width, int height, float most_cost, const MatchSource& to,

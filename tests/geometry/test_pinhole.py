@@ -54,3 +54,13 @@ def test_the_ray_through_a_pixel_leads_to_it():
     rays = cam.rays().reshape(-1, 3) * 2 - cam.cam_from_world[:, 3]
     assert points == pytest.approx(rays @ cam.cam_from_world[:, :3], abs=1e-12)
     assert cam.position_m == pytest.approx(cam.unproject(np.array([[7.0, 9.0]]), np.zeros(1))[0])
+
+
+def test_a_resized_picture_shows_the_same_at_the_same_share_of_it():
+    points, cam = np.random.default_rng(1).normal(size=(50, 3)), camera()
+    large = cam.resized(100, 60)
+    assert (large.width_px, large.height_px) == (100, 60)
+    before, depth_m = cam.project(points)
+    after, same_m = large.project(points)
+    assert after == pytest.approx(before * (100 / 40, 60 / 30), nan_ok=True)
+    assert np.array_equal(depth_m, same_m)

@@ -15,7 +15,6 @@ from usdfoliage.capture.dense_depth import DenseDepthSettings, Round
 from usdfoliage.capture.depth_agreement import DepthEstimate
 from usdfoliage.capture.depth_enlarging import enlarge_depth
 from usdfoliage.capture.folder import read_capture
-from usdfoliage.capture.patch_match import scale_camera
 from usdfoliage.capture.view_selection import ViewSelectionSettings
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture_depth import MissingTasks, find_missing, plan_tasks, prepare_views, read_pixels
@@ -202,7 +201,7 @@ def _plane_seen(camera, normal, distance):
 def test_a_plane_stays_a_plane_at_any_size(slant, tilt, size):
     normal = np.array([slant, tilt, -1.0])
     normal /= np.linalg.norm(normal)
-    large = scale_camera(LENS.pinhole(np.eye(3, 4)), *size)
+    large = LENS.pinhole(np.eye(3, 4)).resized(*size)
     estimate = _plane_seen(LENS.pinhole(np.eye(3, 4)), normal, -2.0)
     enlarged = enlarge_depth(estimate, large)
     np.testing.assert_allclose(enlarged.depth_m, _plane_seen(large, normal, -2.0).depth_m, rtol=1e-5)
@@ -216,9 +215,7 @@ def test_nothing_stays_nothing_and_edges_stay_edges():
     depth_m, normals = estimate.depth_m.copy(), estimate.normals.copy()
     depth_m[:, 40:] = 5
     depth_m[:20], normals[:20] = 0, 0
-    enlarged = enlarge_depth(
-        dataclasses.replace(estimate, depth_m=depth_m, normals=normals), scale_camera(camera, 256, 192)
-    )
+    enlarged = enlarge_depth(dataclasses.replace(estimate, depth_m=depth_m, normals=normals), camera.resized(256, 192))
     assert set(np.unique(enlarged.depth_m)) == {0, 2, 5}
     assert not enlarged.depth_m[:40].any()
     assert not enlarged.normals[:40].any()

@@ -7,7 +7,7 @@ found (equation 3). Planes spread as in Q. Xu and W. Tao, Multi-scale geometric 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
@@ -91,7 +91,7 @@ class MatchedPlanes:
             return self
         height, width = size
         return MatchedPlanes(
-            camera=scale_camera(self.camera, width, height),
+            camera=self.camera.resized(width, height),
             planes=enlarge_planes(self.planes, size),
             cost=cv2.resize(self.cost, (width, height), interpolation=cv2.INTER_NEAREST),
         )
@@ -286,7 +286,7 @@ class Picture(NamedTuple):
 
     def scaled(self, scale: float) -> "Picture":
         width, height = round(self.camera.width_px * scale), round(self.camera.height_px * scale)
-        camera = scale_camera(self.camera, width, height)
+        camera = self.camera.resized(width, height)
         srgb = cv2.resize(self.srgb, (width, height), interpolation=cv2.INTER_AREA)
         mask = None
         if self.mask is not None:  # a pixel counts if any of those it stands for does
@@ -310,18 +310,6 @@ def enlarge_planes(planes: NDArray[np.float32], size: tuple[int, ...]) -> NDArra
     large[..., 1] *= across
     large[..., 2] *= down
     return np.ascontiguousarray(large, np.float32)
-
-
-def scale_camera(camera: Pinhole, width_px: int, height_px: int) -> Pinhole:
-    """The camera of the same picture at another size."""
-    across, down = width_px / camera.width_px, height_px / camera.height_px
-    return replace(
-        camera,
-        width_px=width_px,
-        height_px=height_px,
-        focal_px=(camera.focal_px[0] * across, camera.focal_px[1] * down),
-        center_px=(camera.center_px[0] * across, camera.center_px[1] * down),
-    )
 
 
 def smooth_tint(srgb: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -6,7 +6,7 @@ semiglobal matching; what the photographs of one another do not confirm is then 
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -266,14 +266,7 @@ def _reduced(view: View, max_side_px: int) -> tuple[Pinhole, NDArray[np.int16]]:
     if scale < 1:
         width, height = round(camera.width_px * scale), round(camera.height_px * scale)
         brightness = cv2.resize(brightness, (width, height), interpolation=cv2.INTER_AREA)
-        across, down = width / camera.width_px, height / camera.height_px
-        camera = replace(
-            camera,
-            width_px=width,
-            height_px=height,
-            focal_px=(camera.focal_px[0] * across, camera.focal_px[1] * down),
-            center_px=(camera.center_px[0] * across, camera.center_px[1] * down),
-        )
+        camera = camera.resized(width, height)
     return camera, np.ascontiguousarray(np.rint(brightness * _BRIGHTNESS_SCALE).astype(np.int16))
 
 

@@ -1,6 +1,6 @@
 """Cameras without lens distortion, and where they stand."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,17 @@ class Pinhole:
     def position_m(self) -> NDArray[np.float64]:
         """(3,), the centre of projection in the world."""
         return np.asarray(-self.cam_from_world[:, :3].T @ self.cam_from_world[:, 3])
+
+    def resized(self, width_px: int, height_px: int) -> "Pinhole":
+        """The camera of the same picture at another size."""
+        across, down = width_px / self.width_px, height_px / self.height_px
+        return replace(
+            self,
+            width_px=width_px,
+            height_px=height_px,
+            focal_px=(self.focal_px[0] * across, self.focal_px[1] * down),
+            center_px=(self.center_px[0] * across, self.center_px[1] * down),
+        )
 
     def rays(self) -> NDArray[np.float64]:
         """(H, W, 3), in camera axes, through every pixel's centre to where z is 1."""

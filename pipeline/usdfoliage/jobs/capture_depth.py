@@ -23,7 +23,7 @@ from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate
 from usdfoliage.capture.folder import Capture, CaptureView, read_view_noted
 from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.capture.listing import counted, named
-from usdfoliage.capture.patch_match import MatchedPlanes, Picture, scale_camera
+from usdfoliage.capture.patch_match import MatchedPlanes, Picture
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
@@ -319,7 +319,7 @@ def read_pixels(prepared: PreparedView) -> View:
     size = srgb.shape[:2]
     return View(
         name=prepared.name,
-        camera=scale_camera(prepared.camera, size[1], size[0]),
+        camera=prepared.camera.resized(size[1], size[0]),
         srgb=srgb,
         depth_m=np.broadcast_to(np.float32(0), size),
         mask=cast("NDArray[np.bool_] | None", held.get("mask")),
@@ -338,7 +338,7 @@ def read_estimate(tasks: DepthTasks, index: int) -> DepthEstimate | None:
     held = _need(path)
     depth_m = cast(NDArray[np.float32], held["depth_m"])
     return DepthEstimate(
-        camera=scale_camera(tasks.views[index].camera, depth_m.shape[1], depth_m.shape[0]),
+        camera=tasks.views[index].camera.resized(depth_m.shape[1], depth_m.shape[0]),
         depth_m=depth_m,
         normals=held["normals"].astype(np.float32),
         confidence=held["confidence"].astype(np.float32),
@@ -401,7 +401,7 @@ def _read_planes(tasks: DepthTasks, number: int, index: int) -> MatchedPlanes | 
     planes = np.empty((*inverse.shape, 3), np.float32)
     planes[..., 0] = inverse
     planes[..., 1:] = held["slopes"].astype(np.float32) * inverse[..., None]
-    camera = scale_camera(tasks.views[index].camera, inverse.shape[1], inverse.shape[0])
+    camera = tasks.views[index].camera.resized(inverse.shape[1], inverse.shape[0])
     return MatchedPlanes(camera=camera, planes=planes, cost=held["cost"].astype(np.float32))
 
 

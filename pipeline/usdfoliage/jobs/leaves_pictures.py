@@ -266,17 +266,10 @@ def shrink_to(picture: NDArray[np.uint8], longest_px: int) -> NDArray[np.uint8]:
 def shrink_camera(camera: Pinhole, longest_px: int, stage_from_world: NDArray[np.float64]) -> Pinhole:
     """The camera of a shrunk picture, in a frame (4, 4) that is turned and moved against its world."""
     height, width = shrunk_size((camera.height_px, camera.width_px), longest_px)
-    across, down = width / camera.width_px, height / camera.height_px
     world_from_stage = np.linalg.inv(stage_from_world)
     cam_from_stage = camera.cam_from_world[:, :3] @ world_from_stage[:3]
     cam_from_stage[:, 3] += camera.cam_from_world[:, 3]
-    return Pinhole(
-        width_px=width,
-        height_px=height,
-        focal_px=(camera.focal_px[0] * across, camera.focal_px[1] * down),
-        center_px=(camera.center_px[0] * across, camera.center_px[1] * down),
-        cam_from_world=cam_from_stage,
-    )
+    return replace(camera.resized(width, height), cam_from_world=cam_from_stage)
 
 
 def shrunk_size(size: tuple[int, ...], longest_px: int) -> tuple[int, int]:
