@@ -29,6 +29,7 @@ from usdfoliage.capture.cloud import SeenSurface, merge_views
 from usdfoliage.capture.cloud_cleaning import CleaningSettings, drop_strays
 from usdfoliage.capture.cloud_file import write_cloud
 from usdfoliage.capture.dense_depth import DenseDepthSettings, DepthEstimate, Round, estimate_depths
+from usdfoliage.capture.depth_enlarging import enlarge_depth
 from usdfoliage.capture.folder import Capture, read_capture, read_view
 from usdfoliage.capture.view import View
 from usdfoliage.jobs.capture_settings import PRESETS, QUALITIES
@@ -146,7 +147,7 @@ def score_depth(found: Mapping[str, DepthEstimate], truth: Truth) -> dict[str, f
     for name, label in (("leaf", LEAF), ("wood", WOOD), ("other", OTHER)):
         pixels = held = right = 0
         for view, (depth_m, labels) in truth.depths.items():
-            if view not in found or found[view].depth_m.shape != depth_m.shape:
+            if view not in found:
                 continue
             of_label = (labels == label) & (depth_m > 0)
             own = found[view].depth_m
@@ -199,7 +200,9 @@ def run(capture: Capture, variant: Variant, truth: Truth, save: Path | None) -> 
         write_cloud(save, cloud)
     return {
         **score_cloud(cloud.points_m, truth),
-        **score_depth(found, truth),
+        **score_depth(
+            {view.name: enlarge_depth(found[view.name], view.camera) for view in views if view.name in found}, truth
+        ),
         "points": float(len(cloud)),
         "cpu s a view": used / len(views),
         "wall s": wall,

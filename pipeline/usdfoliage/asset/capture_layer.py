@@ -4,7 +4,6 @@ The layer is in metres and in the axes of the capture's own world, Y or Z up, as
 Nobody but a plant's asset gives the Scope /<name>/geo/guide the purpose of its name: alone, the layer would be blank.
 """
 
-import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,11 +13,11 @@ from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
+from usdfoliage.asset.publish_file import publish_written
 from usdfoliage.capture.cloud import Cloud
 from usdfoliage.capture.cloud_file import fits_single
 from usdfoliage.capture.lens import Lens, undistort_places
 from usdfoliage.capture.point_spacing import point_widths
-from usdfoliage.errors import AssetError
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
 
@@ -101,7 +100,7 @@ def write_capture_layer(
             widths_m = np.full(len(cloud), settings.point_width_m, np.float32)
         points = author_cloud(stage, Sdf.Path(f"/{name}/{CLOUD}"), cloud, widths_m)
         bounds = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"]).ComputeWorldBound(points.GetPrim())
-    _publish(stage, payload)
+    publish_written(payload, lambda new: export_layer(stage, new))
 
     stage = _new_stage(path, name, settings)
     root = stage.GetDefaultPrim()
@@ -122,7 +121,7 @@ def write_capture_layer(
         box = bounds.ComputeAlignedRange()
         hint = Vt.Vec3fArray([Gf.Vec3f(box.GetMin()), Gf.Vec3f(box.GetMax())])
         UsdGeom.ModelAPI.Apply(root).SetExtentsHint(hint)
-    _publish(stage, path)
+    publish_written(path, lambda new: export_layer(stage, new))
 
 
 def author_camera(
@@ -330,20 +329,3 @@ def _new_stage(path: Path, name: str, settings: CaptureLayerSettings) -> Usd.Sta
     stage = new_layer(path, name)
     UsdGeom.SetStageUpAxis(stage, settings.up_axis)
     return stage
-
-
-def _publish(stage: Usd.Stage, path: Path) -> None:
-    """Export beside path, then rename."""
-    new = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.usdfoliage-new{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            export_layer(stage, new)
-            new.replace(path)
-        finally:
-            new.unlink(missing_ok=True)
-    except OSError as error:
-        raise AssetError(f"{path} was not written: {error.strerror}; what was there is unchanged") from error
-    opened = Sdf.Layer.Find(str(path))
-    if opened:
-        opened.Reload(force=True)

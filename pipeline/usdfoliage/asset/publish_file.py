@@ -2,6 +2,7 @@
 
 import os
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 
 from pxr import Sdf
@@ -15,14 +16,22 @@ def publish_text(path: Path, text: str) -> None:
     Raises:
         AssetError: The file cannot be written; what was there is unchanged.
     """
-    new = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.usdfoliage-new")
+    publish_written(path, lambda new: new.write_text(text, encoding="utf-8"))
+
+
+def publish_written(path: Path, write: Callable[[Path], object]) -> None:
+    """The same for what a function writes, to a name beside path with its suffix.
+
+    Raises:
+        AssetError: The file cannot be written; what was there is unchanged.
+    """
+    new = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.usdfoliage-new{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with new.open("x", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
+            write(new)
+            with new.open("rb") as written:
+                os.fsync(written.fileno())
             new.replace(path)
         finally:
             new.unlink(missing_ok=True)
