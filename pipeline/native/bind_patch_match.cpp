@@ -49,7 +49,8 @@ nb::tuple match(const Srgb& srgb, const Srgb& tint, const std::optional<Gray>& m
                 const Warps& warps, const Offsets& offsets, const Planes& start, int iterations, int best_sources,
                 float nearest_inverse, float farthest_inverse, float color_scale, float distance_scale_px, float noise,
                 float brightness_weight, float brightness_scale, float tint_weight, float tint_scale, float geometric_weight,
-                float geometric_limit_px, float open_weight, float segment_weight, float segment_limit_px, float step,
+                float geometric_limit_px, float open_weight, float segment_weight, float segment_limit_px,
+                float segment_texture, float step,
                 float most_slant, std::uint64_t seed, int threads) {
     usdfoliage::MatchReference reference{srgb.data(),
                                          tint.data(),
@@ -79,7 +80,8 @@ nb::tuple match(const Srgb& srgb, const Srgb& tint, const std::optional<Gray>& m
         usdfoliage::match_planes(reference, sources, offsets.data(), offsets.shape(0),
                                  {iterations, best_sources, nearest_inverse, farthest_inverse, color_scale, distance_scale_px, noise,
                                   brightness_weight, brightness_scale, tint_weight, tint_scale, geometric_weight,
-                                  geometric_limit_px, open_weight, segment_weight, segment_limit_px, step, most_slant, seed,
+                                  geometric_limit_px, open_weight, segment_weight, segment_limit_px, segment_texture,
+                                  step, most_slant, seed,
                                   threads},
                                  planes.data(), cost.data());
     }
@@ -135,7 +137,7 @@ void bind_patch_match(nb::module_& m) {
           "segment_planes"_a.none(), "proposals"_a.none(), "opens"_a, "depths"_a, "warps"_a, "offsets"_a, "start"_a, "iterations"_a, "best_sources"_a, "nearest_inverse"_a, "farthest_inverse"_a, "color_scale"_a,
           "distance_scale_px"_a, "noise"_a, "brightness_weight"_a, "brightness_scale"_a, "tint_weight"_a,
           "tint_scale"_a, "geometric_weight"_a, "geometric_limit_px"_a, "open_weight"_a, "segment_weight"_a,
-          "segment_limit_px"_a, "step"_a, "most_slant"_a, "seed"_a, "threads"_a,
+          "segment_limit_px"_a, "segment_texture"_a, "step"_a, "most_slant"_a, "seed"_a, "threads"_a,
           "Planes (H, W, 3) of a photograph by PatchMatch stereo, and their cost (H, W).");
     m.def("count_agreeing", &agreeing, "depth_m"_a, "depths"_a, "opens"_a, "warps"_a, "most_px"_a, "most_share"_a, "threads"_a,
           "How many other depth maps agree with each pixel's depth, and how many see through it (H, W, 2).");

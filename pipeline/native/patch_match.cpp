@@ -182,7 +182,9 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
     if (match.reference.segment_planes != nullptr) {
         const float segment = match.reference.segment_planes[3 * pixel];
         const float moved_px = std::abs(plane.inverse - segment) * match.pixels_an_inverse;
-        if (segment > 0) apart_cost = match.options.segment_weight * std::min(1.0f, moved_px / match.options.segment_limit_px);
+        const float texture = match.options.segment_texture * match.options.segment_texture;
+        const float plain = texture / (texture + window.variance);
+        if (segment > 0) apart_cost = plain * match.options.segment_weight * std::min(1.0f, moved_px / match.options.segment_limit_px);
     }
     bound -= apart_cost;
     const std::size_t count = match.sources.size();
@@ -292,6 +294,7 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
     const MatchReference& photo = match.reference;
     const MatchOptions& options = match.options;
     const float range = options.nearest_inverse - options.farthest_inverse;
+    const bool settled = match.sources.front().depth_m != nullptr;  // most planes are found: what is left is to be finer
     for (int column = (row + half) & 1; column < photo.width; column += 2) {
         const std::size_t pixel = static_cast<std::size_t>(row) * photo.width + column;
         if (photo.mask != nullptr && photo.mask[pixel] == 0) continue;
@@ -312,6 +315,7 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
         std::size_t tries = 0;
         tried[tries++] = best;
         for (int region = 0; region < kRegions; ++region) {
+            if (settled && region >= 4 && region - 4 != ((column / 2 + row + iteration) & 3)) continue;  // by turns
             const int places = region < 4 ? kNearPlaces : kFarPlaces;
             std::size_t chosen = pixel;
             float chosen_cost = kWorstCost;
@@ -351,11 +355,10 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
 
         // By chance: anywhere, and around the best with steps that shrink from one iteration to the next.
         Random random(options.seed, pixel, iteration + 1);
-        const bool settled = match.sources.front().depth_m != nullptr;
         const float step = options.step * range * std::pow(0.5f, static_cast<float>(iteration));
         const float tilt = 0.5f * std::pow(0.6f, static_cast<float>(iteration));
         for (int k = 0; k < 5; ++k) {
-            if (settled && (k == 1 || k == 3)) continue;  // most planes are found: what is left is to be finer
+            if (settled && (k < 2 || k == 3)) continue;
             Plane plane = best;
             switch (k) {
                 case 0:

@@ -63,6 +63,7 @@ struct MatchOptions {
     float open_weight;         // cost of every photograph that sees nothing where the plane is
     float segment_weight;      // cost of depth that differs from that of the segment's plane, equation 2
     float segment_limit_px;    // by so much movement in the photograph that moves most, or more
+    float segment_texture;     // standard deviation of brightness in a window that halves this cost
     float step;                // first perturbation, as a share of the range of inverse depth
     float most_slant;          // tangent between the line of sight and the normal
     std::uint64_t seed;

@@ -472,6 +472,7 @@ def match_planes(
     open_weight: float,
     segment_weight: float,
     segment_limit_px: float,
+    segment_texture: float,
     step: float,
     most_slant: float,
     seed: int,
@@ -503,7 +504,8 @@ def match_planes(
         tint_weight: cost of tint that differs by tint_scale or more.
         geometric_weight: cost of a pixel of disagreement with a depth map.
         geometric_limit_px: disagreement beyond it costs no more.
-        segment_weight: cost of depth segment_limit_px of movement or more away from the segment's plane.
+        segment_weight: cost of depth segment_limit_px of movement or more away from the segment's plane, where the
+            window has no texture; half of it where its brightness has a standard deviation of segment_texture.
         step: first change of inverse depth, as a share of its range.
         most_slant: tangent between line of sight and normal.
     """

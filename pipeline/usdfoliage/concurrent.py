@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+MOST_AT_ONCE = 4  # large pictures that are worked on at a time, however many cores there are: memory is finite
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -24,3 +26,14 @@ def map_threaded(function: Callable[[Item], Result], items: Iterable[Item], *, t
         return
     with ThreadPoolExecutor(workers) as pool:
         yield from pool.map(function, every)
+
+
+def share_cores(threads: int = 0) -> tuple[int, int]:
+    """How many large pictures are worked on at once, and by how many threads each.
+
+    Args:
+        threads: In all, 0 for one per core.
+    """
+    every = threads or os.cpu_count() or 1
+    at_once = min(every, MOST_AT_ONCE)
+    return at_once, -(-every // at_once)

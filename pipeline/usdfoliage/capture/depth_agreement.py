@@ -32,7 +32,7 @@ class AgreementSettings:
     agree_share: float = 0.01  # between two depths that agree
     least_likelihood: float = 0.05  # below it a pixel had better have no depth, as far as its neighbours let it
     smoothness: float = (
-        0.5  # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
+        0.4  # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
     )
     edge: float = 30.0  # of 765: a difference of colour that divides that cost by e
     filter_px: int = 3  # radius of the guided filter; 0: no filter

@@ -26,7 +26,7 @@ _LEAST_SIDE_PX = 32  # of a coarse picture; below it there is nothing to match
 class PatchMatchSettings:
     """How windows are compared, and how planes spread."""
 
-    window_px: int = 4  # radius of the matching window
+    window_px: int = 3  # from the matching window's middle to its sides
     window_step_px: int = 2  # between its pixels
     color_scale: float = 80.0  # of 765: sum of the differences of three channels that weighs 1 / e
     distance_scale_px: float = 4.0  # distance from the window's middle that weighs 1 / e
@@ -40,7 +40,8 @@ class PatchMatchSettings:
     geometric_limit_px: float = 3.0  # disagreement beyond it costs no more: that view may see something else
     open_weight: float = 0.4  # cost of every source that sees nothing, such as the sky, where the plane is
     open_margin_px: int = 1  # masks may be wrong by so much
-    segment_weight: float = 0.2  # cost of depth away from the plane of the pixel's segment, equation 2
+    segment_weight: float = 0.2  # cost of depth away from the plane of the pixel's segment, equation 2, where
+    segment_texture: float = 5.0  # of 255: the window has no texture; at this standard deviation it is half
     segment_limit_px: float = 2.0  # by so much movement in the source that moves most, or more
     step: float = 0.03  # of the range of inverse depth: the first small changes of depth
     max_slant_deg: float = 80.0  # between the line of sight and the normal
@@ -53,7 +54,7 @@ class PatchMatchSettings:
         if len(self.window_offsets()) > _MOST_SAMPLES:
             raise ValueError(f"the window may have {_MOST_SAMPLES} pixels, not {len(self.window_offsets())}")
         scales = [self.color_scale, self.distance_scale_px, self.noise, self.step, self.geometric_limit_px]
-        scales += [self.brightness_scale, self.tint_scale, self.segment_limit_px]
+        scales += [self.brightness_scale, self.tint_scale, self.segment_limit_px, self.segment_texture]
         if not all(np.isfinite(value) and value > 0 for value in scales):
             raise ValueError("scales, distance_scale_px, noise, step and geometric_limit_px must be above 0")
         weights = [self.geometric_weight, self.brightness_weight, self.tint_weight]
@@ -65,10 +66,8 @@ class PatchMatchSettings:
 
     def window_offsets(self) -> NDArray[np.int32]:
         """(N, 2), right and down, of the pixels that a window compares."""
-        reach = self.window_px // self.window_step_px * self.window_step_px
-        line = np.arange(-reach, reach + 1, self.window_step_px, dtype=np.int32)
-        square = np.stack(np.meshgrid(line, line), -1).reshape(-1, 2)
-        return square[np.hypot(*square.T) <= 1.2 * reach]  # without its corners, which weigh little
+        line = np.arange(-self.window_px, self.window_px + 1, self.window_step_px, dtype=np.int32)
+        return np.stack(np.meshgrid(line, line), -1).reshape(-1, 2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -182,6 +181,7 @@ def match_view(
         settings.open_weight,
         settings.segment_weight,
         settings.segment_limit_px,
+        settings.segment_texture,
         first_step,
         float(np.tan(np.radians(settings.max_slant_deg))),
         seed,

@@ -25,6 +25,7 @@ from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.capture.listing import counted, named
 from usdfoliage.capture.patch_match import MatchedPlanes, Picture
 from usdfoliage.capture.view import View
+from usdfoliage.concurrent import MOST_AT_ONCE, map_threaded, share_cores
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture_settings import DenseChoice
@@ -33,7 +34,7 @@ from usdfoliage.jobs.capture_work import digest_file, explain, forget, has_resul
 logger = logging.getLogger(__name__)
 
 PHOTOS, PLANES, DEPTH, COLMAP = "photos", "planes", "depth", "colmap"  # folders in the work folder
-_MOST_IN_MEMORY = 12  # photographs, and planes of as many
+_MOST_IN_MEMORY = 12 + 2 * MOST_AT_ONCE  # photographs, and planes of as many
 
 Progress = Callable[[int, int], None]
 Arrays = dict[str, NDArray[np.generic]]
@@ -111,6 +112,7 @@ def prepare_views(
     masks: bool = True,
     sky: ClearSkySettings | None = None,
     keep: bool = True,
+    threads: int = 0,
     progress: Progress | None = None,
 ) -> PreparedViews:
     """Read every photograph of a capture once; those that cannot be used are named, their companions kept.
@@ -122,6 +124,7 @@ def prepare_views(
         masks: Whether masks are looked at.
         sky: What is left out of photographs without a mask; None for nothing.
         keep: Whether the work folder gets what is read; without it there are no pixels to go on with.
+        threads: 0: one per core.
         progress: Told of photographs done, and of all.
 
     Raises:
@@ -134,17 +137,27 @@ def prepare_views(
     views: list[PreparedView] = []
     dropped: list[tuple[str, str]] = []
     remarks: dict[str, list[str]] = {}
-    for index, chosen in enumerate(bare.views):
+
+    def read(index: int) -> tuple[Path, Arrays] | CaptureError:
+        """Its file, and what is to be known of it without its pixels; or why it cannot be used."""
+        made = None
         try:
-            path = work / PHOTOS / f"{_picture_key(bare, chosen, max_side_px, sky)}.npz"
+            path = work / PHOTOS / f"{_picture_key(bare, bare.views[index], max_side_px, sky)}.npz"
             held = read_result(path)
-            made = None if held is not None else _read_picture(bare, index, max_side_px, sky)
+            if held is None:
+                made = held = _read_picture(bare, index, max_side_px, sky)
         except CaptureError as error:
-            dropped.append((chosen.name, str(error)))
+            return error
+        if made is not None and keep:
+            write_result(path, made)
+        return path, {name: held[name] for name in ("size", "notes")}
+
+    results = map_threaded(read, range(len(bare.views)), threads=share_cores(threads)[0])
+    for index, (chosen, result) in enumerate(zip(bare.views, results, strict=True)):
+        if isinstance(result, CaptureError):
+            dropped.append((chosen.name, str(result)))
         else:
-            if made is not None and keep:
-                write_result(path, made)
-            held = made or held or {}
+            path, held = result
             width_px, height_px = (int(side) for side in held["size"])
             key = task_key(path.stem, chosen.cam_from_world)
             views.append(PreparedView(chosen=chosen, pixels=path, width_px=width_px, height_px=height_px, key=key))
@@ -262,21 +275,28 @@ def run_tasks(tasks: DepthTasks, missing: MissingTasks, *, threads: int = 0, pro
         if progress is not None:
             progress(done, len(missing))
 
+    at_once, threads_each = share_cores(threads)
     read_view = _remembering(lambda index: read_pixels(tasks.views[index]))
     if tasks.dense == "colmap" and any(missing.planes):
         _match_by_colmap(tasks, missing.planes[0], tell)
     for number, views in enumerate(missing.planes if tasks.dense == "own" else ()):
         read_before = _remembering(lambda index, number=number: _read_planes(tasks, number - 1, index))  # type: ignore[misc]
-        for index in views:
-            matched = match_round(number, index, tasks.plan, read_view, read_before, tasks.settings, threads=threads)
+
+        def match(index: int, number: int = number, read: Callable[[int], MatchedPlanes | None] = read_before) -> None:
+            matched = match_round(number, index, tasks.plan, read_view, read, tasks.settings, threads=threads_each)
             _write_planes(_there(tasks.planes[number][index]), matched)
+
+        for _ in map_threaded(match, views, threads=at_once):
             tell()
         if views and number:
             forget(tasks.work / PLANES / str(number - 1))
     read_last = _remembering(lambda index: _read_planes(tasks, len(tasks.planes) - 1, index))
-    for index in missing.depth:
-        estimate = finish_depth(index, tasks.plan, read_view, read_last, tasks.settings, threads=threads)
+
+    def finish(index: int) -> None:
+        estimate = finish_depth(index, tasks.plan, read_view, read_last, tasks.settings, threads=threads_each)
         _write_estimate(_there(tasks.depth[index]), estimate)
+
+    for _ in map_threaded(finish, missing.depth, threads=at_once):
         tell()
     forget(tasks.work / PLANES)
 
