@@ -4,7 +4,8 @@
 usage: tools/bench/depth.py [CAPTURE ...] [--variants ours plain ...] [--quality normal] [--save FOLDER]
 
 The depth is found from the photographs and poses alone: depth, masks, scans and points of the capture are not looked
-at. The truth is depth/ (exact, of some or all views) with truth/<photograph>_label.png (1 wood, 2 leaf, 3 other).
+at. The truth is depth/ (exact, of some or all views) with truth/<photograph>_label.png (1 wood, 2 leaf, 3 other), and
+truth/skeleton.json, where it is there, tells twigs (thinner than 10 mm) from other wood.
 For each variant: accuracy (share of the cloud's points near the plant that lie within a distance of its surface),
 completeness (share of the plant's surface within it of a point; of leaves, of wood), F; of the depth maps the share
 of pixels with depth and of these the share within a distance; processor seconds a view. Without captures the two
@@ -12,6 +13,7 @@ of ../shared/data/synthetic are used.
 """
 
 import argparse
+import json
 import resource
 import sys
 import time
@@ -28,15 +30,18 @@ from usdfoliage.capture.clear_sky import find_clear_sky
 from usdfoliage.capture.cloud import SeenSurface, merge_views
 from usdfoliage.capture.cloud_cleaning import CleaningSettings, drop_strays
 from usdfoliage.capture.cloud_file import write_cloud
-from usdfoliage.capture.dense_depth import DenseDepthSettings, DepthEstimate, Round, estimate_depths
+from usdfoliage.capture.dense_depth import DenseDepthSettings, Round, finish_depth, match_views, plan_depths
+from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate
 from usdfoliage.capture.depth_enlarging import enlarge_depth
 from usdfoliage.capture.folder import Capture, read_capture, read_view
+from usdfoliage.capture.patch_match import MatchedPlanes
 from usdfoliage.capture.view import View
 from usdfoliage.jobs.capture_settings import PRESETS, QUALITIES
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "synthetic"
 CAPTURES = ("dense_foliage", "tree_leaf_on")
-WOOD, LEAF, OTHER = 1, 2, 3
+WOOD, LEAF, OTHER, TWIG = 1, 2, 3, 4
+TWIG_RADIUS_M = 0.005
 DISTANCES_MM = (2, 5, 10)
 TRUTH_CELL_M = 0.0015
 MARGIN_M = 0.02  # around the plant, within which points are judged; nearer to its surface than to others, or to none
@@ -64,13 +69,13 @@ def variants_of(depth: DenseDepthSettings) -> Mapping[str, Variant]:
     ours = Variant(depth=depth)
     return {
         "ours": ours,
-        "no segments (eq. 2)": replace(ours, depth=replace(depth, rounds=fine)),
-        "no coherence (eq. 3)": replace(ours, depth=replace(depth, rounds=blind)),
         "no graph cut (eq. 4)": replace(ours, depth=replace(depth, agreement=uncut)),
         "no guided filter": replace(ours, depth=replace(depth, agreement=unfiltered)),
+        "no cleaning": replace(ours, cleaning=CleaningSettings(neighbors=0)),
+        "no segments (eq. 2)": replace(ours, depth=replace(depth, rounds=fine)),
+        "no coherence (eq. 3)": replace(ours, depth=replace(depth, rounds=blind)),
         "no colour": replace(ours, depth=replace(depth, matching=no_color)),
         "no sky": replace(ours, sky=False),
-        "no cleaning": replace(ours, cleaning=CleaningSettings(neighbors=0)),
         "plain": Variant(
             depth=replace(
                 depth, rounds=one_round, matching=no_color, agreement=replace(uncut, filter_px=0, through=1e9)
@@ -110,7 +115,18 @@ def read_truth(capture: Capture) -> Truth:
         raise SystemExit(f"{capture.folder} has no exact depth with labels")
     places, label = np.concatenate(points), np.concatenate(labels)
     _, first = np.unique(np.floor(places / TRUTH_CELL_M).astype(np.int64), axis=0, return_index=True)
-    return Truth(points_m=places[first], label=label[first], depths=depths)
+    return Truth(points_m=places[first], label=part_twigs(capture, places[first], label[first]), depths=depths)
+
+
+def part_twigs(capture: Capture, points_m: NDArray[np.float64], label: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The labels (N,) of points (N, 3), wood that is a twig's apart, as far as the skeleton is known."""
+    skeleton = capture.folder / "truth" / "skeleton.json"
+    if not skeleton.is_file():
+        return label
+    held = json.loads(skeleton.read_text(encoding="utf-8"))
+    _, nearest = cKDTree(np.asarray(held["nodes"], float)).query(points_m, workers=-1)
+    thin = np.asarray(held["radius"], float)[nearest] < TWIG_RADIUS_M
+    return np.where((label == WOOD) & thin, np.uint8(TWIG), label)
 
 
 def score_cloud(points_m: NDArray[np.float64], truth: Truth) -> dict[str, float]:
@@ -126,7 +142,13 @@ def score_cloud(points_m: NDArray[np.float64], truth: Truth) -> dict[str, float]
     away_m = np.asarray(away_m)[plant[nearest] | (np.asarray(away_m) > MARGIN_M)]
     tree = cKDTree(near)
     found = {}
-    for name, chosen in (("plant", plant), ("leaf", truth.label == LEAF), ("wood", truth.label == WOOD)):
+    twig = truth.label == TWIG
+    for name, chosen in (
+        ("plant", plant),
+        ("leaf", truth.label == LEAF),
+        ("wood", twig | (truth.label == WOOD)),
+        ("twigs", twig),
+    ):
         surface = truth.points_m[chosen]
         if len(surface) > MOST_POINTS:
             surface = surface[rng.choice(len(surface), MOST_POINTS, replace=False)]
@@ -164,16 +186,38 @@ def cpu_seconds() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def run(capture: Capture, variant: Variant, truth: Truth, save: Path | None) -> dict[str, float]:
-    """Scores and processor seconds a view of one variant."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matched:
+    """What variants that differ after matching alone have in common."""
+
+    views: Sequence[View]
+    planes: Sequence[MatchedPlanes | None]
+    cpu_s: float
+    wall_s: float
+
+
+def match(capture: Capture, variant: Variant) -> Matched:
     start, wall = cpu_seconds(), time.perf_counter()
     views: list[View] = []
     for index in range(len(capture.views)):
         view = read_view(capture, index)
         sky = find_clear_sky(view.srgb) if variant.sky else None
         views.append(replace(view, depth_m=np.zeros_like(view.depth_m), mask=None if sky is None else ~sky))
-    estimates = estimate_depths(views, None, variant.depth)
-    found = {view.name: each for view, each in zip(views, estimates, strict=True) if each is not None}
+    plan = plan_depths([view.camera for view in views], None, variant.depth)
+    planes = match_views(views, plan, variant.depth)
+    return Matched(views=views, planes=planes, cpu_s=cpu_seconds() - start, wall_s=time.perf_counter() - wall)
+
+
+def run(matched: Matched, variant: Variant, truth: Truth, save: Path | None) -> dict[str, float]:
+    """Scores and processor seconds a view of one variant."""
+    start, wall = cpu_seconds(), time.perf_counter()
+    views, planes = matched.views, matched.planes
+    plan = plan_depths([view.camera for view in views], None, variant.depth)
+    found = {
+        view.name: finish_depth(index, plan, views.__getitem__, planes.__getitem__, variant.depth)
+        for index, view in enumerate(views)
+        if planes[index] is not None
+    }
 
     def surfaces() -> Sequence[SeenSurface]:
         seen = []
@@ -195,7 +239,7 @@ def run(capture: Capture, variant: Variant, truth: Truth, save: Path | None) -> 
         return seen
 
     cloud = drop_strays(merge_views(surfaces()), variant.cleaning)
-    used, wall = cpu_seconds() - start, time.perf_counter() - wall
+    used, wall = cpu_seconds() - start + matched.cpu_s, time.perf_counter() - wall + matched.wall_s
     if save is not None:
         write_cloud(save, cloud)
     return {
@@ -229,15 +273,23 @@ def main() -> int:
         bare = replace(capture, views=tuple(replace(view, depth=None, mask=None) for view in capture.views))
         truth = read_truth(capture)
         print(f"{folder.name}: {len(capture.views)} views, truth of {len(truth.depths)}")
-        print("variant | F 2/5/10 mm | accuracy | leaf | wood | depth maps: leaf, wood | points | cpu s a view, wall s")
+        matched: dict[tuple[DenseDepthSettings, bool], Matched] = {}
+        print(
+            "variant | F 2/5/10 mm | accuracy | leaf | wood | twigs of it | depth maps: leaf, wood | points | "
+            "cpu s a view, wall s"
+        )
         for name in chosen:
             if options.save is not None:
                 options.save.mkdir(parents=True, exist_ok=True)
             save = None if options.save is None else options.save / f"{folder.name}_{name.split(' (')[0]}.ply"
-            scores = run(bare, variants[name], truth, save)
+            variant = variants[name]
+            key = replace(variant.depth, agreement=AgreementSettings()), variant.sky
+            if key not in matched:
+                matched = {key: match(bare, variant)}  # of one at a time: it is large
+            scores = run(matched[key], variant, truth, save)
             three = [
                 " / ".join(f"{scores[f'{what} {distance}']:.3f}" for distance in DISTANCES_MM)
-                for what in ("F", "accuracy", "leaf", "wood")
+                for what in ("F", "accuracy", "leaf", "wood", "twigs")
             ]
             maps = ", ".join(
                 f"{scores[f'{what} with depth']:.2f} × {scores[f'{what} within 5 mm']:.2f}" for what in ("leaf", "wood")

@@ -26,6 +26,7 @@ from usdfoliage.capture.plane_sweep import depth_range_m
 from usdfoliage.capture.segments import SegmentSettings, fit_segment_planes, segment_photo
 from usdfoliage.capture.view import View
 from usdfoliage.capture.view_selection import ViewSelectionSettings, select_views
+from usdfoliage.concurrent import map_threaded, share_cores
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
 
@@ -206,6 +207,45 @@ def finish_depth(
     return confirm_depth(planes, sources, maps, own.srgb, settings.agreement, threads=threads)
 
 
+def match_views(
+    views: Sequence[View],
+    plan: DepthPlan,
+    settings: DenseDepthSettings = DenseDepthSettings(),
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    threads: int = 0,
+) -> list[MatchedPlanes | None]:
+    """The planes of every view after all the rounds, everything in memory; None for views without sources.
+
+    Args:
+        views: Their depth is not looked at. Pixels outside a view's mask get no plane.
+        plan: Of them.
+        settings: How thoroughly.
+        progress: Called with the number of views matched, each round counted, and of all.
+        threads: 0: one per core.
+    """
+    at_once, threads_each = share_cores(threads)
+    planes: list[MatchedPlanes | None] = [None] * len(views)
+    done = 0
+    for number in range(len(settings.rounds)):
+        before = tuple(planes)
+
+        def match(
+            index: int, number: int = number, before: tuple[MatchedPlanes | None, ...] = before
+        ) -> MatchedPlanes | None:
+            if not plan.sources[index]:
+                return None
+            read = views.__getitem__, before.__getitem__
+            return match_round(number, index, plan, *read, settings, threads=threads_each)
+
+        for index, matched in enumerate(map_threaded(match, range(len(views)), threads=at_once)):
+            planes[index] = matched
+            done += 1
+            if progress is not None:
+                progress(done, len(settings.rounds) * len(views))
+    return planes
+
+
 def estimate_depths(
     views: Sequence[View],
     points_m: NDArray[np.floating] | None = None,
@@ -227,21 +267,9 @@ def estimate_depths(
         CaptureError: No two views look at the same place from a usable angle.
     """
     plan = plan_depths([view.camera for view in views], points_m, settings)
-    planes: list[MatchedPlanes | None] = [None] * len(views)
-    done = 0
-    for number in range(len(settings.rounds)):
-        before = tuple(planes)
-        for index in range(len(views)):
-            if plan.sources[index]:
-                planes[index] = match_round(
-                    number, index, plan, views.__getitem__, before.__getitem__, settings, threads=threads
-                )
-            done += 1
-            if progress is not None:
-                progress(done, len(settings.rounds) * len(views))
-    last = tuple(planes)
+    planes = match_views(views, plan, settings, progress, threads=threads)
     return [
-        finish_depth(index, plan, views.__getitem__, last.__getitem__, settings, threads=threads)
+        finish_depth(index, plan, views.__getitem__, planes.__getitem__, settings, threads=threads)
         if plan.sources[index]
         else None
         for index in range(len(views))

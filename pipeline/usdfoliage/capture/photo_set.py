@@ -27,6 +27,7 @@ _FILM_DIAGONAL_MM = math.hypot(36, 24)  # what the 35 mm equivalent of EXIF refe
 _UNDO_ORIENTATION = {6: 8, 8: 6}  # the others are their own inverses
 _SMOOTHING, _NOTHING = cv2.getGaussianKernel(7, 1.0), np.ones((1, 1))
 _SHARPNESS_SIDE_PX = 1600  # photographs of all sizes are compared at this one
+BLURRED = "far less sharp than the others; better photographs help"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +132,7 @@ def read_photo_set(
             dropped.append(DroppedFile(name=photo.name, reason=f"a copy of {first[photo.digest]}"))
         first.setdefault(photo.digest, photo.name)
     kept = tuple(photo for photo in photos if first[photo.digest] == photo.name)
-    blurred = _blurred(kept, settings)
+    blurred = find_blurred([(photo.name, photo.sharpness) for photo in kept], settings)
     copies = dropped[unreadable:]
     notes = [f"{item.name} is left out: {item.reason}" for item in dropped[:unreadable]]
     if copies:
@@ -145,7 +146,7 @@ def read_photo_set(
     if raws:
         notes.append(f"{named(raws)} not used; convert to JPEG, PNG, TIFF or EXR")
     if blurred:
-        notes.append(f"{named(list(blurred))}: far less sharp than the others; better photographs help")
+        notes.append(f"{named(list(blurred))}: {BLURRED}")
     sizes = {(photo.width_px, photo.height_px) for photo in kept}
     if len(sizes) > 1:
         told = ", ".join(f"{width}×{height}" for width, height in sorted(sizes)[:5])
@@ -215,14 +216,14 @@ def _look_at(name: str, path: Path) -> PhotoFile | DroppedFile:
     height, width = gray.shape
     photo = PhotoFile(
         name=name, path=path, width_px=width, height_px=height, orientation=1, digest=digest,
-        sharpness=_sharpness(gray), camera="", focal_px=None, gps=None,
+        sharpness=measure_sharpness(gray), camera="", focal_px=None, gps=None,
         elevation_deg=None,
     )  # fmt: skip
     return _with_exif(photo)
 
 
-def _sharpness(gray: NDArray[np.uint8]) -> float:
-    """Share of fine detail in what detail there is: it tells blur, not how much the picture shows.
+def measure_sharpness(gray: NDArray[np.uint8]) -> float:
+    """Share of fine detail in what detail a picture (H, W) has: it tells blur, not how much the picture shows.
 
     Along the direction that has less of it, as a camera that shakes blurs but one.
     """
@@ -239,11 +240,19 @@ def _sharpness(gray: NDArray[np.uint8]) -> float:
     return min(float(np.std(detail)) for detail in along) / coarse if coarse > 0 else 0.0
 
 
-def _blurred(photos: Sequence[PhotoFile], settings: PhotoSetSettings) -> tuple[str, ...]:
-    if len(photos) < 3:
+def find_blurred(
+    sharpness: Sequence[tuple[str, float]], settings: PhotoSetSettings = PhotoSetSettings()
+) -> tuple[str, ...]:
+    """Names of photographs far less sharp than the others.
+
+    Args:
+        sharpness: The name of each and what measure_sharpness says of it.
+        settings: What counts as blurred.
+    """
+    if len(sharpness) < 3:
         return ()  # of two, either may be the odd one
-    middle = float(np.median([photo.sharpness for photo in photos]))
-    return tuple(photo.name for photo in photos if photo.sharpness < settings.blurred_below * middle)
+    middle = float(np.median([value for _, value in sharpness]))
+    return tuple(name for name, value in sharpness if value < settings.blurred_below * middle)
 
 
 def _with_exif(photo: PhotoFile) -> PhotoFile:

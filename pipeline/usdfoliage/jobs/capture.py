@@ -165,7 +165,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
             prepared.views, capture.points_m, request.settings.depth, given.work, dense=request.settings.dense
         )
         missing = find_missing(tasks)
-        notes += [*posed.notes, *prepared.notes, *task_notes(tasks, len(missing))]
+        notes += [*posed.notes, *prepared.notes, *(prepared.doubts if known else ()), *task_notes(tasks, len(missing))]
         with follow_step("depth", seconds, progress) as tell:
             run_tasks(tasks, missing, threads=request.threads, progress=tell)
         with follow_step("maps", seconds, progress) as tell:
@@ -243,7 +243,7 @@ def plan_capture(request: CaptureRequest) -> str:
     tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work, dense=request.settings.dense)
     missing = 0 if request.fresh else len(find_missing(tasks))
     every = _count_tasks(tasks)
-    notes += [*posed.notes, *prepared.notes, *task_notes(tasks, every)]
+    notes += [*posed.notes, *prepared.notes, *prepared.doubts, *task_notes(tasks, every)]
     sizes = Counter((view.width_px, view.height_px) for view in prepared.views)
     levels = ", ".join(f"1/{2**each.level}" for each in depth.rounds)
     lines = [

@@ -24,6 +24,7 @@ from usdfoliage.capture.folder import Capture, CaptureView, read_view_noted
 from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.capture.listing import counted, named
 from usdfoliage.capture.patch_match import MatchedPlanes, Picture
+from usdfoliage.capture.photo_set import BLURRED, find_blurred, measure_sharpness
 from usdfoliage.capture.view import View
 from usdfoliage.concurrent import MOST_AT_ONCE, map_threaded, share_cores
 from usdfoliage.errors import CaptureError
@@ -73,6 +74,7 @@ class PreparedViews:
     views: tuple[PreparedView, ...]
     dropped: tuple[tuple[str, str], ...]  # names of those that cannot be used, and why
     notes: tuple[str, ...]
+    doubts: tuple[str, ...]  # about photographs that are used: what is told of them before poses are estimated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,6 +139,8 @@ def prepare_views(
     views: list[PreparedView] = []
     dropped: list[tuple[str, str]] = []
     remarks: dict[str, list[str]] = {}
+    sharpness: list[tuple[str, float]] = []
+    alike: dict[str, list[str]] = {}
 
     def read(index: int) -> tuple[Path, Arrays] | CaptureError:
         """Its file, and what is to be known of it without its pixels; or why it cannot be used."""
@@ -150,7 +154,7 @@ def prepare_views(
             return error
         if made is not None and keep:
             write_result(path, made)
-        return path, {name: held[name] for name in ("size", "notes")}
+        return path, {name: held[name] for name in ("size", "notes", "sharpness")}
 
     results = map_threaded(read, range(len(bare.views)), threads=share_cores(threads)[0])
     for index, (chosen, result) in enumerate(zip(bare.views, results, strict=True)):
@@ -163,6 +167,8 @@ def prepare_views(
             views.append(PreparedView(chosen=chosen, pixels=path, width_px=width_px, height_px=height_px, key=key))
             for text in json.loads(str(held["notes"])):
                 remarks.setdefault(text, []).append(chosen.name)
+            sharpness.append((chosen.name, float(held["sharpness"])))
+            alike.setdefault(path.stem, []).append(chosen.name)
         if progress is not None:
             progress(index + 1, len(bare.views))
     notes = [f"{name} is left out: {reason}" for name, reason in dropped]
@@ -173,7 +179,14 @@ def prepare_views(
             f"{counted(len(views), 'photograph')} of {len(bare.views)} in {capture.folder} can be used, and depth "
             f"takes two at least{reason}"
         )
-    return PreparedViews(views=tuple(views), dropped=tuple(dropped), notes=tuple(notes))
+    blurred = find_blurred(sharpness)
+    doubts = [f"{named(blurred)}: {BLURRED}"] if blurred else []
+    doubts += [
+        f"{named(names)} are one photograph: what has a copy for company is seen once; remove the copies"
+        for names in alike.values()
+        if len(names) > 1
+    ]
+    return PreparedViews(views=tuple(views), dropped=tuple(dropped), notes=tuple(notes), doubts=tuple(doubts))
 
 
 def _picture_key(capture: Capture, chosen: CaptureView, max_side_px: int, sky: ClearSkySettings | None) -> str:
@@ -189,6 +202,7 @@ def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkyS
     held: Arrays = {
         "srgb": small.srgb,
         "size": np.array([view.camera.width_px, view.camera.height_px]),
+        "sharpness": np.array(measure_sharpness(small.gray)),
         "notes": np.array(json.dumps(about)),
     }
     if small.mask is not None:
