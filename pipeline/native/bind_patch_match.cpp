@@ -11,6 +11,7 @@
 
 #include "arrays.h"
 #include "bindings.h"
+#include "depth_fringe.h"
 #include "patch_match.h"
 
 namespace nb = nanobind;
@@ -130,6 +131,17 @@ nb::tuple show(const std::vector<Planes>& planes, const std::vector<Depth>& cost
                           to_numpy(std::move(seen_cost), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)}));
 }
 
+auto fringe(const Depth& depth_m, const Srgb& srgb, int radius_px, float gap, float least_contrast, float nearer, int threads) {
+    std::vector<std::uint8_t> found(depth_m.size());
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::find_fringe(depth_m.data(), srgb.data(), static_cast<int>(depth_m.shape(1)),
+                                static_cast<int>(depth_m.shape(0)), {radius_px, gap, least_contrast, nearer, threads},
+                                found.data());
+    }
+    return to_numpy(std::move(found), {depth_m.shape(0), depth_m.shape(1)});
+}
+
 }  // namespace
 
 void bind_patch_match(nb::module_& m) {
@@ -143,4 +155,6 @@ void bind_patch_match(nb::module_& m) {
           "How many other depth maps agree with each pixel's depth, and how many see through it (H, W, 2).");
     m.def("show_planes", &show, "planes"_a, "costs"_a, "warps"_a, "pixel_from_ray"_a, "other_pixel_from_ray"_a, "turns"_a,
           "width"_a, "height"_a, "most_cost"_a, "Planes (H, W, 3) of photographs as another one sees them, and their cost (H, W).");
+    m.def("find_fringe", &fringe, "depth_m"_a, "srgb"_a, "radius_px"_a, "gap"_a, "least_contrast"_a, "nearer"_a, "threads"_a,
+          "Pixels (H, W) with the depth of what stands before them.");
 }

@@ -15,6 +15,7 @@ namespace {
 
 constexpr int kRegions = 8;
 constexpr int kProposedIterations = 1;  // in which suggestions are tried; then they have spread or not
+constexpr std::size_t kLeastSeeing = 2;  // photographs that count at least
 constexpr float kSamePlane = 0.04f;  // in pixels of the most moving photograph: another plane as near is the same
 
 // Places whose planes a pixel tries, one of each region: near ones in a V on each side, far ones along a line. All are of
@@ -214,12 +215,14 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
     const std::size_t enough = count - wanted;
     best.fill(2 * kWorstCost);
     int open = 0;
+    std::size_t seeing = 0;
     for (std::size_t n = 0; n < count; ++n) {
         const std::size_t k = first + n < count ? first + n : first + n - count;
         const WindowPlaces& to = places[k / kLanes];
         const std::size_t lane = k % kLanes;
         const MatchSource& source = match.sources[k];
         float cost = window_cost(match.pattern, window, match.pictures[k], to, lane, own_tint, source.tint);
+        if (cost < kWorstCost) ++seeing;
         if (source.open != nullptr && cost < kWorstCost) {
             const int at = static_cast<int>(to.v[lane] + 0.5f) * source.width + static_cast<int>(to.u[lane] + 0.5f);
             if (source.open[at] != 0) {
@@ -238,9 +241,11 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
         }
         if (n + 1 == enough && best[0] >= bound) return 2 * kWorstCost;
     }
+    // What lies outside a photograph says nothing against the plane; one alone says too little for it.
+    const std::size_t counted = std::clamp(seeing, std::min(wanted, kLeastSeeing), wanted);
     float sum = 0;
-    for (std::size_t i = 0; i < wanted; ++i) sum += best[i];
-    return sum / static_cast<float>(wanted) + apart_cost + match.options.open_weight * static_cast<float>(open);
+    for (std::size_t i = 0; i < counted; ++i) sum += best[i];
+    return sum / static_cast<float>(counted) + apart_cost + match.options.open_weight * static_cast<float>(open);
 }
 
 inline bool same(const Match& match, const Plane& one, const Plane& other) {

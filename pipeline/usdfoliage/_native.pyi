@@ -521,6 +521,26 @@ def count_agreeing(
 ) -> NDArray[np.uint8]:
     """(H, W, 2): other depth maps that agree with each pixel's depth, and those that see through it."""
 
+def find_fringe(
+    depth_m: NDArray[np.float32],
+    srgb: NDArray[np.uint8],
+    radius_px: int,
+    gap: float,
+    least_contrast: float,
+    nearer: float,
+    threads: int,
+) -> NDArray[np.uint8]:
+    """(H, W): 1 for pixels whose colour is that of what lies farther around them, or has no depth, else 0.
+
+    Args:
+        depth_m: (H, W), 0 where there is none.
+        srgb: (H, W, 3).
+        radius_px: of the square in which colours are compared.
+        gap: share of the depth by which other surfaces lie farther.
+        least_contrast: of 765, between the mean colours, below which they tell nothing.
+        nearer: share of the distance to the own surface's mean colour, within which it is the background's.
+    """
+
 def show_planes(
     planes: list[NDArray[np.float32]],
     costs: list[NDArray[np.float32]],

@@ -61,6 +61,7 @@ class DenseDepthSettings:
     max_side_px: int = 1200  # photographs are matched at this size at most
     sources: int = 6  # photographs matched with each one
     rounds: tuple[Round, ...] = ROUNDS
+    nearer: float = 0.3  # than the nearest point known: features are on the ground rather than on the trees above it
     seed: int = 0
     selection: ViewSelectionSettings = field(default_factory=ViewSelectionSettings)
     segments: SegmentSettings = field(default_factory=SegmentSettings)
@@ -71,6 +72,8 @@ class DenseDepthSettings:
     def __post_init__(self) -> None:
         if self.max_side_px < 32 or not self.rounds:
             raise ValueError("max_side_px must be at least 32, and there must be rounds")
+        if not (np.isfinite(self.nearer) and self.nearer >= 0):
+            raise ValueError(f"nearer must not be below 0, not {self.nearer:g}")
         if not self.matching.best_sources <= self.sources <= MOST_SOURCES:
             raise ValueError(f"best_sources <= sources <= {MOST_SOURCES}, not {self.sources}")
         if not 0 <= self.seed < 2**63:
@@ -104,7 +107,7 @@ def plan_depths(
     sources: list[tuple[int, ...]] = []
     for index in range(len(cameras)):
         try:
-            range_m = depth_range_m(cameras, index, points_m)
+            range_m = depth_range_m(cameras, index, points_m, nearer=settings.nearer)
         except CaptureError as error:
             logger.info("view %d: %s", index, error)
             ranges_m.append((np.nan, np.nan))

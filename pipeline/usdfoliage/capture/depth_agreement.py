@@ -35,17 +35,25 @@ class AgreementSettings:
         0.4  # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
     )
     edge: float = 30.0  # of 765: a difference of colour that divides that cost by e
+    fringe_px: int = 8  # radius in which a pixel's colour is compared with what lies behind; 0: it is not
+    fringe_contrast: float = 24.0  # of 765: difference of colour to what lies behind, below which nothing is told
+    fringe_nearer: float = (
+        0.4  # share of the distance to the own surface's colour: nearer to the background's is no depth
+    )
+    fringe_passes: int = 6  # each takes what is outermost
     filter_px: int = 3  # radius of the guided filter; 0: no filter
     filter_color: float = 8.0  # of 255: differences of colour that it takes for an edge
     filter_share: float = 0.004  # of the depth: neighbours that differ by more are not of one surface
     min_region_px: int = 6  # smaller connected pieces of depth are dropped
 
     def __post_init__(self) -> None:
-        if not 0 < self.max_cost < 3 or self.agreeing < 0 or self.min_region_px < 0 or self.filter_px < 0:
+        if not 0 < self.max_cost < 3 or self.agreeing < 0 or min(self.min_region_px, self.filter_px) < 0:
             raise ValueError("max_cost must be in (0, 3), agreeing, min_region_px and filter_px not below 0")
         positive = (self.agree_px, self.agree_share, self.edge, self.filter_color, self.filter_share)
         if not all(np.isfinite(value) and value > 0 for value in positive):
             raise ValueError("agree_px, agree_share, edge, filter_color and filter_share must be above 0")
+        if not (0 <= self.fringe_px <= 64 and self.fringe_passes >= 0 and 0 <= self.fringe_nearer < 1):
+            raise ValueError("fringe_px must be in [0, 64], fringe_passes not below 0, fringe_nearer in [0, 1)")
         if not self.through >= 0 or not 0 <= self.least_likelihood < 1 or not 0 <= self.smoothness < 100:
             raise ValueError("through must not be below 0, least_likelihood must be in [0, 1), smoothness in [0, 100)")
 
@@ -102,6 +110,7 @@ def confirm_depth(
     fit = np.clip(1 - matched.cost / settings.max_cost, 0, 1)
     likelihood = fit * np.minimum(agreeing / (needed + 1), 1)
     depth_m[~choose_pixels(likelihood, agreeing >= needed, depth_m, srgb, settings)] = 0
+    depth_m = drop_fringe(depth_m, srgb, settings, threads=threads)
     depth_m = drop_small_pieces(depth_m, settings.agree_share, settings.min_region_px)
     depth_m = smooth_depth(depth_m, likelihood, srgb, settings)
     there = depth_m > 0
@@ -151,6 +160,40 @@ def choose_pixels(
     terminal = np.rint(-gain * _CUT_UNIT).astype(np.int32)  # to the end of those dropped where positive
     terminal[depth_m <= 0] = 8 * _CUT_UNIT * max(1, round(settings.smoothness))
     return np.asarray((_native.cut_grid(pairs[0], pairs[1], terminal) != 0) & (depth_m > 0))
+
+
+def drop_fringe(
+    depth_m: NDArray[np.float32],
+    srgb: NDArray[np.uint8],
+    settings: AgreementSettings = AgreementSettings(),
+    *,
+    threads: int = 0,
+) -> NDArray[np.float32]:
+    """Depth (H, W) without the fringe of background that windows give to thin things before it.
+
+    Beside a twig a window sees the twig, and matches best at its depth. The colour of such a pixel is that of what has
+    no depth around it, or lies farther, rather than the mean of what has its own depth.
+
+    Args:
+        depth_m: (H, W), 0 where there is none.
+        srgb: (H, W, 3).
+        settings: How near.
+        threads: 0: one per core.
+    """
+    for _ in range(settings.fringe_passes if settings.fringe_px else 0):
+        fringe = _native.find_fringe(
+            depth_m,
+            srgb,
+            settings.fringe_px,
+            2 * settings.agree_share,
+            settings.fringe_contrast,
+            settings.fringe_nearer,
+            threads,
+        )
+        if not fringe.any():
+            break
+        depth_m = np.where(fringe != 0, np.float32(0), depth_m)
+    return depth_m
 
 
 def smooth_depth(
