@@ -61,6 +61,7 @@ logger = logging.getLogger(__name__)
 BESIDE = "_estimated"  # ends the name of a folder of maps where the user has one of that name
 # Of memory, measured with photographs of a megapixel at two qualities; the cloud is small beside it.
 BYTES_AT_LEAST, BYTES_A_PHOTO_PIXEL, BYTES_A_MATCHED_PIXEL = 250_000_000, 150, 400
+BYTES_A_CLOUD_PIXEL, MOST_VIEWS_OF_CLOUD = 70, 24  # of every view; the more there are, the more they see the same
 _NEW = "new"  # in the work folder: results on their way to their places
 
 
@@ -255,7 +256,7 @@ def plan_capture(request: CaptureRequest) -> str:
         f"depth: at {depth.max_side_px} px at most, in {len(depth.rounds)} rounds of {levels} of that, each photograph "
         f"with {depth.sources} others at most",
         f"tasks: {every}, {every - missing} of them done by an earlier run",
-        f"memory: about {estimate_memory(prepared, request.settings) / 2**30:.1f} GiB",
+        f"memory: about {estimate_memory(prepared, request.settings, request.threads) / 2**30:.1f} GiB",
         f"would write into {given.folder}: {', '.join([*(f'{place}/' for place in places), LAYER, CLOUD])}",
     ]
     return "\n".join(lines)
@@ -340,11 +341,14 @@ def _count_tasks(tasks: DepthTasks) -> int:
     return sum(path is not None for paths in (*tasks.planes, tasks.depth) for path in paths)
 
 
-def estimate_memory(prepared: PreparedViews, settings: CaptureRunSettings) -> float:
+def estimate_memory(prepared: PreparedViews, settings: CaptureRunSettings, threads: int = 0) -> float:
     """Bytes that a run takes at its peak, by what was measured."""
     photo_px = max(view.width_px * view.height_px for view in prepared.views)
     matched_px = max(_matched_px(view.width_px, view.height_px, settings.depth.max_side_px) for view in prepared.views)
-    return BYTES_AT_LEAST + BYTES_A_PHOTO_PIXEL * photo_px + BYTES_A_MATCHED_PIXEL * matched_px
+    at_once, _ = share_cores(threads)
+    views = min(len(prepared.views), MOST_VIEWS_OF_CLOUD)
+    each = BYTES_A_PHOTO_PIXEL * photo_px + BYTES_A_MATCHED_PIXEL * matched_px
+    return BYTES_AT_LEAST + at_once * each + views * BYTES_A_CLOUD_PIXEL * matched_px
 
 
 def _matched_px(width_px: int, height_px: int, max_side_px: int) -> float:
