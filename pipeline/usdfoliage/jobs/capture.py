@@ -14,6 +14,7 @@ from usdfoliage.capture.cloud_cleaning import drop_strays, thin_to_disks
 from usdfoliage.capture.colmap_stereo import check_cuda
 from usdfoliage.capture.listing import counted, named
 from usdfoliage.capture.photo_set import read_photo_set
+from usdfoliage.concurrent import share_cores
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.capture_depth import (
     DepthTasks,
