@@ -173,9 +173,9 @@ inline float disagreement_px(const MatchSource& source, double u, double v, int 
 
 // Cost of a plane at a pixel: the mean over the photographs that fit best.
 //
-// A plane that is where the surface is fits somewhere among as many photographs as may be hidden from it, and one more: if
-// none of these fits as well as `bound`, the others are not asked. They are asked from `first` on, so that it is not always
-// the same ones that decide.
+// A plane that is where the surface is mostly fits somewhere among as many photographs as may be hidden from it: if none of
+// these, two of which see it, fits as well as `bound`, the others are not asked. They are asked from `first` on, so that it
+// is not always the same ones that decide.
 inline float plane_cost(const Match& match, const Window& window, const Plane& plane, int column, int row, float bound,
                         std::size_t first) {
     const std::size_t pixel = static_cast<std::size_t>(row) * match.reference.width + static_cast<std::size_t>(column);
@@ -239,7 +239,8 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
             cost = std::max(best[i], cost);
             best[i] = low;
         }
-        if (n + 1 == enough && best[0] >= bound) return 2 * kWorstCost;
+        const bool asked = enough > 0 && n + 1 >= enough && seeing >= std::min(enough, kLeastSeeing);
+        if (asked && best[0] >= bound) return 2 * kWorstCost;
     }
     // What lies outside a photograph says nothing against the plane; one alone says too little for it.
     const std::size_t counted = std::clamp(seeing, std::min(wanted, kLeastSeeing), wanted);

@@ -36,4 +36,4 @@ def share_cores(threads: int = 0) -> tuple[int, int]:
     """
     every = threads or os.cpu_count() or 1
     at_once = min(every, MOST_AT_ONCE)
-    return at_once, -(-every // at_once)
+    return at_once, every // at_once

@@ -8,11 +8,13 @@ from stereo_pictures import CAMERAS, SLANTED, STEP, camera, draw, inside
 from usdfoliage.capture.dense_depth import (
     DenseDepthSettings,
     Round,
+    drop_limits,
     estimate_depths,
     finish_depth,
     match_round,
     plan_depths,
 )
+from usdfoliage.capture.patch_match import MatchedPlanes
 from usdfoliage.errors import CaptureError
 
 POINTS_M = np.random.default_rng(0).uniform((-0.3, -0.2, 0.8), (0.3, 0.2, 1.6), (200, 3))
@@ -80,3 +82,12 @@ def test_views_from_one_place_cannot_be_matched():
 def test_wrong_settings(wrong):
     with pytest.raises(ValueError, match=r"must|<="):
         DenseDepthSettings(**wrong)
+
+
+def test_what_lies_at_the_ends_of_the_range_is_no_depth():
+    planes = np.zeros((1, 5, 3), np.float32)
+    planes[0, :, 0] = 1 / np.array([1.0, 1.02, 1.5, 3.95, 4.0])
+    camera = replace(CAMERAS[0], width_px=5, height_px=1)
+    matched = MatchedPlanes(camera=camera, planes=planes, cost=np.zeros((1, 5), np.float32))
+    kept = drop_limits(matched, (1.0, 4.0)).planes[0, :, 0]
+    assert (kept > 0).tolist() == [False, True, True, False, False]

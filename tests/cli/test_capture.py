@@ -342,6 +342,20 @@ def test_no_photographs_one_photograph_and_videos(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+def test_files_that_are_not_used_are_named(photos, tmp_path, capsys):
+    folder = tmp_path / "mixed"
+    shutil.copytree(photos / "images", folder)
+    (folder / "walk.mp4").write_bytes(b"x")
+    (folder / "IMG_1.heic").write_bytes(b"x")
+    (folder / "list.txt").write_bytes(b"x")
+    shutil.copytree(photos / "images", folder / "second")
+    told = "\n".join(printed(capsys, "capture", folder, "-o", tmp_path / "out", "--dry-run"))
+    assert "walk.mp4 not used: a video; take pictures out of it first: ffmpeg -i walk.mp4" in told
+    assert "IMG_1.heic not used; convert to JPEG" in told
+    assert "list.txt not used: no photographs" in told
+    assert "photographs in folders below (second) not used" in told
+
+
 def test_photographs_of_different_places_are_refused(bed, capsys):
     apart = poses()
     for number, pose in enumerate(apart.values()):

@@ -76,9 +76,10 @@ def test_a_truncated_result_is_none(tmp_path, compressed, share):
     assert read_result(path) is None
 
 
-def test_a_result_with_a_wrong_bit_is_none(tmp_path):
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_result_with_a_wrong_bit_is_none(tmp_path, compressed):
     path = tmp_path / "a.npz"
-    write_result(path, {"depth": np.zeros((40, 30))})
+    write_result(path, {"depth": np.random.default_rng(0).random((40, 30))}, compressed=compressed)
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(bytes(data))

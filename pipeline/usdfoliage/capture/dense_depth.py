@@ -7,7 +7,7 @@ goes on at the view where it was.
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -31,6 +31,8 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
 
 logger = logging.getLogger(__name__)
+
+_LIMIT = 0.01  # of the range of inverse depth, at its ends
 
 Quality = Literal["draft", "normal", "high"]
 
@@ -199,6 +201,7 @@ def finish_depth(
     planes = read_planes(index)
     if planes is None:
         raise ValueError(f"view {index} has not been matched")
+    planes = drop_limits(planes, plan.ranges_m[index])
     own = Picture.of(read_view(index), settings.max_side_px, settings.rounds[-1].level)
     sources, opens = [], []
     for k in plan.sources[index]:
@@ -208,6 +211,19 @@ def finish_depth(
             opens.append(Picture.of(read_view(k), settings.max_side_px, settings.rounds[-1].level))
     maps = open_maps(opens, settings.matching.open_margin_px)
     return confirm_depth(planes, sources, maps, own.srgb, settings.agreement, threads=threads)
+
+
+def drop_limits(planes: MatchedPlanes, range_m: tuple[float, float]) -> MatchedPlanes:
+    """The planes without those at the ends of the range of depths: what is there may well lie beyond.
+
+    Args:
+        planes: Of a view.
+        range_m: Nearest and farthest depth that it was searched for.
+    """
+    near, far = 1 / range_m[0], 1 / range_m[1]
+    share = (planes.planes[..., 0] - far) / (near - far)
+    kept = (share > _LIMIT) & (share < 1 - _LIMIT)
+    return replace(planes, planes=np.where(kept[..., None], planes.planes, np.float32(0)))
 
 
 def match_views(

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.listing import counted, files_below, is_picture, named
 from usdfoliage.capture.raster import apply_orientation, read_raster
-from usdfoliage.concurrent import map_threaded
+from usdfoliage.concurrent import map_threaded, share_cores
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.color import encode_srgb
 
 logger = logging.getLogger(__name__)
 
 _VIDEOS = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".m2ts", ".wmv", ".mpg", ".mpeg", ".3gp", ".insv"}
-_RAW = {".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2", ".heic", ".heif"}  # what to convert
+RAW = {".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2", ".heic", ".heif"}  # what to convert
 _FILM_DIAGONAL_MM = math.hypot(36, 24)  # what the 35 mm equivalent of EXIF refers to (CIPA DC-008, 4.6.5)
 _UNDO_ORIENTATION = {6: 8, 8: 6}  # the others are their own inverses
 _SMOOTHING, _NOTHING = cv2.getGaussianKernel(7, 1.0), np.ones((1, 1))
@@ -106,14 +106,16 @@ def read_photo_set(
             raise CaptureError(f"{images} has no {named(missing)}; give names of files in it")
         found = {name: found[name] for name in sorted(set(names))}
     videos = [name for name in found if PurePosixPath(name).suffix.lower() in _VIDEOS]
-    raws = [name for name in found if PurePosixPath(name).suffix.lower() in _RAW]
+    raws = [name for name in found if PurePosixPath(name).suffix.lower() in RAW]
     pictures = [name for name in found if is_picture(name)]
     if not pictures:
         raise CaptureError(_without_pictures(images, videos, raws))
 
     photos: list[PhotoFile] = []
     dropped: list[DroppedFile] = []
-    looked_at = map_threaded(lambda name: _look_at(name, found[name]), pictures, threads=settings.threads)
+    looked_at = map_threaded(
+        lambda name: _look_at(name, found[name]), pictures, threads=share_cores(settings.threads)[0]
+    )
     for done, result in enumerate(looked_at, 1):
         if isinstance(result, PhotoFile):
             photos.append(result)
@@ -134,7 +136,7 @@ def read_photo_set(
     kept = tuple(photo for photo in photos if first[photo.digest] == photo.name)
     blurred = find_blurred([(photo.name, photo.sharpness) for photo in kept], settings)
     copies = dropped[unreadable:]
-    notes = [f"{item.name} is left out: {item.reason}" for item in dropped[:unreadable]]
+    notes = [f"{named([item.name])} is left out: {item.reason}" for item in dropped[:unreadable]]
     if copies:
         notes.append(
             f"{counted(len(copies), 'copy').replace('copys', 'copies')} left out: "

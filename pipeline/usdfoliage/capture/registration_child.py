@@ -1,6 +1,7 @@
 """Work in child processes that may end in any way: what one of them ended at is told, and the rest is done."""
 
 import json
+import logging
 import os
 import subprocess
 import sys
@@ -13,7 +14,10 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
+from usdfoliage.capture.whole_file import find_damage
 from usdfoliage.errors import CaptureError
+
+logger = logging.getLogger(__name__)
 
 MODULE = "usdfoliage.capture.registration_worker"
 _SINGLE_THREADED = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
@@ -50,7 +54,7 @@ def run_items(
     Raises:
         CaptureError: The work folder cannot be written; no child can be started.
     """
-    open_items = [(number, item) for number, item in enumerate(items) if not Path(item["out"]).is_file()]
+    open_items = [(number, item) for number, item in enumerate(items) if not _is_done(Path(item["out"]))]
     shares = [open_items[start::processes] for start in range(max(1, processes))]
     events: SimpleQueue[tuple[str, int, str]] = SimpleQueue()
     done = len(items) - len(open_items)
@@ -67,6 +71,17 @@ def run_items(
         for share_run in running:
             share_run.result()  # what it raised
     return tuple(sorted(failures, key=lambda failure: failure.number))
+
+
+def _is_done(path: Path) -> bool:
+    """Whether a result is there and whole; one that is damaged is removed."""
+    if not path.is_file():
+        return False
+    damage = find_damage(path) if path.suffix == ".npz" else None
+    if damage is not None:
+        logger.warning("%s is damaged (%s) and is made again", path, damage)
+        path.unlink()
+    return damage is None
 
 
 def _follow(

@@ -104,7 +104,8 @@ def list_doubts(
     odd = [share for share in focal if not _FOCAL_SHARES[0] <= share <= _FOCAL_SHARES[1]]
     if odd:
         doubts.append(
-            f"a focal length of {odd[0]:g} of the longer side is improbable; the cameras may be wrong: give --focal-px"
+            f"a focal length of {odd[0]:g} of the longer side is improbable; the cameras may be wrong: "
+            f"give focal_px under [registration] with --settings"
         )
     sparse = [photo.name for photo in registered if photo.points < 4 * least_matches]
     if len(sparse) > len(registered) / 2:

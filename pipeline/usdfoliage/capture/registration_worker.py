@@ -60,6 +60,8 @@ def write_arrays(path: Path, arrays: Arrays) -> None:
     try:
         with new.open("wb") as file:
             np.savez(file, **named)
+            file.flush()
+            os.fsync(file.fileno())  # a name without its bytes would be taken for a result
         new.replace(path)
     finally:
         new.unlink(missing_ok=True)

@@ -2,11 +2,38 @@
 
 import os
 import uuid
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from usdfoliage.errors import CaptureError
+
+DAMAGED = (
+    OSError,
+    ValueError,
+    EOFError,
+    zipfile.BadZipFile,
+    zlib.error,
+    NotImplementedError,
+)  # what reading a .npz raises
+
+
+def find_damage(path: Path) -> str | None:
+    """What is wrong with a .npz file; None for one that is whole.
+
+    Raises:
+        FileNotFoundError: It is not there.
+    """
+    try:
+        with zipfile.ZipFile(path) as held:
+            damaged = held.testzip()
+    except FileNotFoundError:
+        raise
+    except DAMAGED as error:
+        return str(error) or type(error).__name__
+    return None if damaged is None else f"{damaged} is not what was written"
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from usdfoliage.capture.capture_settings import read_capture_settings
 from usdfoliage.capture.cloud import merge_views
 from usdfoliage.capture.cloud_cleaning import drop_strays, thin_to_disks
 from usdfoliage.capture.colmap_stereo import check_cuda
-from usdfoliage.capture.listing import counted, named
+from usdfoliage.capture.listing import counted, named, parse_views
 from usdfoliage.capture.photo_set import read_photo_set
 from usdfoliage.concurrent import share_cores
 from usdfoliage.errors import CaptureError, FoliageError
@@ -143,6 +143,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
             forget_results(given.work)
         record = Record(given.work)
         places, notes = choose_places(given.folder, record, cameras=not known, force=request.force)
+        notes += given.notes
         lay_out(given, record, cameras=known, force=request.force)
         with follow_step("poses", seconds, None):
             posed = (
@@ -214,7 +215,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
     return MadeCapture(
         cloud=given.folder / CLOUD,
         report=given.folder / REPORT / "index.html" if request.report else None,
-        photographs=len(given.photos),
+        photographs=len(given.photos) if request.views is None else len(parse_views(request.views, list(given.photos))),
         registered=len(capture.views),
         views=len(maps),
         points=len(cloud),
@@ -233,6 +234,7 @@ def plan_capture(request: CaptureRequest) -> str:
     known = poses_are_given(given, record, request.settings.poses)
     check_world(request.settings.world, given=known)
     places, notes = choose_places(given.folder, record, cameras=not known, force=request.force)
+    notes += given.notes
     if not known:
         return plan_estimate(request, given, [*places, CAMERAS], notes)
     posed = read_posed(given.source, request.views)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from usdfoliage.capture.capture_settings import FILE_NAME
 from usdfoliage.capture.listing import counted, files_below, is_picture, named
+from usdfoliage.capture.photo_set import RAW
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture_work import WORK, digest_file, explain, write_whole
 
@@ -32,6 +33,7 @@ class GivenPhotographs:
     photos: Mapping[str, Path]  # by their names below images/
     folder: Path  # the capture that is filled
     is_capture: bool  # whether source is a capture, else it is a folder of photographs
+    notes: tuple[str, ...]  # about files that are no photographs and are not used
 
     @property
     def in_place(self) -> bool:
@@ -76,7 +78,13 @@ def find_photographs(source: Path, output: Path | None) -> GivenPhotographs:
         raise CaptureError(f"{output} is a file; name a folder for the capture")
     if not is_capture and _same(source, output):
         raise CaptureError(f"{output} holds the photographs themselves; name another folder for the capture with -o")
-    return GivenPhotographs(source=source, photos=photos, folder=output, is_capture=is_capture)
+    return GivenPhotographs(
+        source=source,
+        photos=photos,
+        folder=output,
+        is_capture=is_capture,
+        notes=_unused(images, photos, list(below), is_capture),
+    )
 
 
 def _files_in(folder: Path) -> dict[str, Path]:
@@ -86,13 +94,37 @@ def _files_in(folder: Path) -> dict[str, Path]:
         raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
 
 
+def _unused(images: Path, photos: Mapping[str, Path], every: Sequence[str], is_capture: bool) -> tuple[str, ...]:
+    """What is told of files beside the photographs."""
+    videos = [name for name in every if is_video(name)]
+    raws = [name for name in every if name not in photos and Path(name).suffix.lower() in RAW]
+    notes = [f"{named(videos)} not used: a video; {explain_video(videos[0])}"] if videos else []
+    if raws:
+        notes.append(f"{named(raws)} not used; convert to JPEG, PNG, TIFF or EXR")
+    others = [name for name in every if name not in photos and name not in videos and name not in raws]
+    if others:
+        notes.append(f"{named(others)} not used: no photographs")
+    deeper = [] if is_capture else _pictures_deeper(images)
+    if deeper:
+        folders = sorted({path.parent.name for path in deeper})
+        notes.append(
+            f"{counted(len(deeper), 'photograph')} in folders below ({named(folders)}) not used; put what belongs "
+            "together into one"
+        )
+    return tuple(notes)
+
+
+def _pictures_deeper(images: Path) -> list[Path]:
+    return [path for path in images.glob("*/*") if is_picture(path.name) and path.parent.name != WORK.split("/")[0]]
+
+
 def _too_few(images: Path, photos: Mapping[str, Path], others: Sequence[str]) -> str:
     videos = [name for name in others if is_video(name)]
     if videos:
         return f"{images} has {counted(len(photos), 'photograph')} and a video; {explain_video(videos[0])}"
     if photos:
         return f"{images} has one photograph, {named(list(photos))}; a cloud takes two at least, from different places"
-    deeper = sorted({path.parent.name for path in images.glob("*/*") if is_picture(path.name)} - {WORK.split("/")[0]})
+    deeper = sorted({path.parent.name for path in _pictures_deeper(images)})
     hint = f"; there are some in {named(deeper)}, name that folder" if deeper else ""
     there = f", only {named(list(others))}" if others else ""
     return f"{images} has no photographs{there}; put them there as JPEG, PNG, TIFF or EXR{hint}"

@@ -10,7 +10,7 @@ import numpy as np
 from usdfoliage.capture.depth_enlarging import enlarge_depth
 from usdfoliage.capture.lens import undistort
 from usdfoliage.capture.map_files import write_confidence_map, write_depth_map, write_normal_map
-from usdfoliage.concurrent import map_threaded
+from usdfoliage.concurrent import map_threaded, share_cores
 from usdfoliage.jobs.capture_depth import DepthTasks, in_world, picture_of, read_estimate
 from usdfoliage.jobs.capture_work import digest_file, forget, task_key, write_whole
 
@@ -37,7 +37,9 @@ def write_maps(
     """
     views = [index for index, path in enumerate(tasks.depth) if path is not None]
     maps = []
-    for done, written in enumerate(map_threaded(lambda index: _write(tasks, index), views, threads=threads), 1):
+    for done, written in enumerate(
+        map_threaded(lambda index: _write(tasks, index), views, threads=share_cores(threads)[0]), 1
+    ):
         maps.append(written)
         if progress is not None:
             progress(done, len(views))

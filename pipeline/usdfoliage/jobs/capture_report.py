@@ -148,7 +148,7 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
     )
     index = folder / "index.html"
     with whole_file(index) as new:
-        new.write_text(page, encoding="utf-8")
+        new.write_text(page, encoding="utf-8", errors="backslashreplace")  # file names may be any bytes
     return index
 
 

@@ -14,7 +14,6 @@ import logging
 import os
 import shutil
 import uuid
-import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__, _native
+from usdfoliage.capture.whole_file import DAMAGED, find_damage
 from usdfoliage.errors import CaptureError
 
 logger = logging.getLogger(__name__)
@@ -130,7 +130,7 @@ def read_result(path: Path) -> dict[str, NDArray[np.generic]] | None:
             return {name: held[name] for name in held.files}
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError) as error:
+    except (*DAMAGED, KeyError) as error:
         logger.warning("%s is damaged (%s) and is made again", path, error)
         return None
 
@@ -138,12 +138,9 @@ def read_result(path: Path) -> dict[str, NDArray[np.generic]] | None:
 def has_result(path: Path) -> bool:
     """Whether a result is there and whole."""
     try:
-        with zipfile.ZipFile(path) as held:
-            damaged = held.testzip()
+        damaged = find_damage(path)
     except FileNotFoundError:
         return False
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError) as error:
-        damaged = str(error)
     if damaged is not None:
         logger.warning("%s is damaged (%s) and is made again", path, damaged)
     return damaged is None
