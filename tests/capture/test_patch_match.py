@@ -35,7 +35,7 @@ def test_a_slanted_plane_is_found_with_its_slope():
     normals = planes.normals()
     assert np.linalg.norm(normals, axis=-1) == pytest.approx(1, abs=1e-5)
     true = -SLANTED[0][0] / np.linalg.norm(SLANTED[0][0])
-    assert np.degrees(np.arccos(np.median(normals[inside()] @ true))) < 8
+    assert np.degrees(np.arccos(np.median(normals[inside()] @ true))) < 7
     assert np.median(planes.cost[inside()]) < 0.1
 
 
@@ -46,7 +46,7 @@ def test_a_step_stays_a_step():
     error = np.abs(planes.depth_m / views[0].depth_m - 1)
     assert np.mean(error[inside()] < 0.01) > 0.9
     beside = np.abs(np.arange(WIDTH) + 0.5 - WIDTH / 2) > 6
-    assert np.mean(error[:, beside][inside()[:, beside]] < 0.01) > 0.94
+    assert np.mean(error[:, beside][inside()[:, beside]] < 0.01) > 0.95
 
 
 def test_color_tells_what_texture_does_not():
@@ -215,6 +215,7 @@ def test_wrong_arguments():
         match_view(views[0], views[1:], RANGE_M, 0, 1, source_planes=[None])
     for wrong in (
         {"window_px": 0},
+        {"window_px": 4, "window_step_px": 3},
         {"color_scale": 0.0},
         {"noise": np.nan},
         {"max_slant_deg": 90.0},

@@ -190,6 +190,20 @@ def test_a_child_that_aborts_costs_one_item(tmp_path, monkeypatch, processes):
     assert list(work.iterdir()) == []
 
 
+def test_a_damaged_result_is_made_again(tmp_path, monkeypatch):
+    (tmp_path / "worker_of_test.py").write_text(WORKER)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    items = [{"out": str(tmp_path / f"{number}.npz")} for number in range(3)]
+    np.savez(items[0]["out"], kept=np.arange(9))
+    np.savez(items[1]["out"], torn=np.arange(900))
+    os.truncate(items[1]["out"], 300)
+    (tmp_path / "2.npz").touch()
+    whole = (tmp_path / "0.npz").read_bytes()
+    assert run_items({}, items, tmp_path, 2, module="worker_of_test") == ()
+    assert (tmp_path / "0.npz").read_bytes() == whole
+    assert [(tmp_path / f"{number}.npz").read_text() for number in (1, 2)] == ["made", "made"]
+
+
 def test_an_interrupt_ends_the_children(tmp_path, monkeypatch):
     (tmp_path / "worker_of_test.py").write_text(WORKER + "    import time; time.sleep(0.3)\n")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))

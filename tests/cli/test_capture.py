@@ -21,7 +21,6 @@ from usdfoliage.capture.folder import read_capture, read_views
 from usdfoliage.capture.map_files import read_confidence_map, read_normal_map
 from usdfoliage.capture.registration_result import Registered, RegisteredPhoto, Unregistered
 from usdfoliage.cli import capture as command
-from usdfoliage.concurrent import MOST_AT_ONCE
 from usdfoliage.jobs import capture_poses
 from usdfoliage.jobs.capture_settings import QUALITIES
 
@@ -164,14 +163,13 @@ main(sys.argv[1:])
     ],
 )
 def test_a_killed_run_goes_on_where_it_was(bed, made, capsys, module, function, after, found):
+    alone = map(str, words(bed, "--threads", 1))  # what is worked on beside the one that is killed would be lost too
     script = KILLED.format(module=module, function=function, after=after)
-    killed = subprocess.run([sys.executable, "-c", script, *map(str, words(bed))], check=False, capture_output=True)
+    killed = subprocess.run([sys.executable, "-c", script, *alone], check=False, capture_output=True)
     assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
     assert not (bed / "cloud.ply").exists()
     notes = [line for line in printed(capsys, *words(bed)) if line.startswith("note: ")]
-    done = [int(note.split()[1]) for note in notes]
-    assert notes == [f"note: {count} of 15 tasks of depth were done by an earlier run" for count in done]
-    assert found - MOST_AT_ONCE < done[0] <= found  # what was worked on beside the one that was killed is lost too
+    assert notes == [f"note: {found} of 15 tasks of depth were done by an earlier run"]
     assert results(bed) == results(made)
     assert not list((bed / WORK / "planes").rglob("*.npz"))
 

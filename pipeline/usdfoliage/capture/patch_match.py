@@ -51,6 +51,10 @@ class PatchMatchSettings:
             raise ValueError(
                 f"window_px and window_step_px must be at least 1 and best_sources 1 to {MOST_SOURCES}, not {self}"
             )
+        if 2 * self.window_px % self.window_step_px:
+            raise ValueError(
+                f"window_step_px must divide the window's side {2 * self.window_px}, not {self.window_step_px}"
+            )
         if len(self.window_offsets()) > _MOST_SAMPLES:
             raise ValueError(f"the window may have {_MOST_SAMPLES} pixels, not {len(self.window_offsets())}")
         scales = [self.color_scale, self.distance_scale_px, self.noise, self.step, self.geometric_limit_px]

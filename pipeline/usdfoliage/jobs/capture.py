@@ -12,7 +12,7 @@ from usdfoliage.capture.capture_settings import read_capture_settings
 from usdfoliage.capture.cloud import merge_views
 from usdfoliage.capture.cloud_cleaning import drop_strays, thin_to_disks
 from usdfoliage.capture.colmap_stereo import check_cuda
-from usdfoliage.capture.listing import counted, named, parse_views
+from usdfoliage.capture.listing import counted, named
 from usdfoliage.capture.photo_set import read_photo_set
 from usdfoliage.concurrent import share_cores
 from usdfoliage.errors import CaptureError, FoliageError
@@ -212,10 +212,11 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
             publish(new, given.folder, [*places, *list_results(new)], record)
         forget_others(tasks)
         forget_other_maps(tasks, maps)
+    failures = () if posed.registered is None else posed.registered.failures
     return MadeCapture(
         cloud=given.folder / CLOUD,
         report=given.folder / REPORT / "index.html" if request.report else None,
-        photographs=len(given.photos) if request.views is None else len(parse_views(request.views, list(given.photos))),
+        photographs=len(given.photos) if request.views is None else len(capture.views) + len(failures),
         registered=len(capture.views),
         views=len(maps),
         points=len(cloud),

@@ -12,7 +12,7 @@ from usdfoliage.capture.cameras import find_camera_model
 from usdfoliage.capture.capture_settings import FILE_NAME, CaptureSettings, read_capture_settings, read_capture_tables
 from usdfoliage.capture.colmap_writer import write_colmap_model
 from usdfoliage.capture.folder import Capture, read_capture
-from usdfoliage.capture.listing import parse_views
+from usdfoliage.capture.listing import files_below, is_picture, parse_views
 from usdfoliage.capture.photo_set import PhotoSetSettings, read_photo_set
 from usdfoliage.capture.registration import Registered, RegistrationSettings, register_photos
 from usdfoliage.capture.world_frame import WorldSettings, level_and_scale, move_registered, read_scale_hints
@@ -111,9 +111,9 @@ def estimate_poses(
     images = folder / IMAGES
     stated, remarks = read_capture_settings(folder)
     photo_settings = PhotoSetSettings(threads=threads)
-    names = None
+    names = [name for name in files_below(images) if is_picture(name)]  # of other files find_photographs has told
     if views is not None:
-        every = read_photo_set(images, None, photo_settings)
+        every = read_photo_set(images, names, photo_settings)
         listed = [photo.name for photo in every.photos]
         names = [listed[place] for place in parse_views(views, listed)]
     photo_set = read_photo_set(
