@@ -32,7 +32,8 @@ def views():
 @pytest.fixture
 def plan():
     sources = ((1, 2), (0, 2), (1, 3), (2, 4), ())
-    return DepthPlan(ranges_m=((1.0, 3.0), (1.5, 4.0), (1.0, 3.0), (1.0, 3.0), (np.nan, np.nan)), sources=sources)
+    ranges_m = ((1.0, 75.0), (1.5, 100.0), (1.0, 75.0), (1.0, 75.0), (np.nan, np.nan))
+    return DepthPlan(ranges_m=ranges_m, farthest_m=(3.0, 4.0, 3.0, 3.0, np.nan), sources=sources)
 
 
 def test_the_workspace_has_photographs_cameras_and_sources(tmp_path, views, plan):

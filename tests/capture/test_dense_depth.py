@@ -12,6 +12,7 @@ from usdfoliage.capture.dense_depth import (
     estimate_depths,
     finish_depth,
     match_round,
+    match_views,
     plan_depths,
 )
 from usdfoliage.capture.patch_match import MatchedPlanes
@@ -78,16 +79,27 @@ def test_views_from_one_place_cannot_be_matched():
         estimate_depths(same, POINTS_M, SETTINGS)
 
 
-@pytest.mark.parametrize("wrong", [{"max_side_px": 8}, {"rounds": ()}, {"sources": 2}, {"sources": 40}, {"seed": -1}])
+@pytest.mark.parametrize("wrong", [{"max_side_px": 8}, {"rounds": ()}, {"sources": 2}, {"sources": 40}, {"seed": -1}, {"farther": 0.5}])
 def test_wrong_settings(wrong):
     with pytest.raises(ValueError, match=r"must|<="):
         DenseDepthSettings(**wrong)
 
 
+def test_what_lies_behind_the_plant_is_told_from_it(views):
+    near_points_m = POINTS_M * (1, 1, 0) + (0, 0, 1) * np.linspace(0.85, 1.05, len(POINTS_M))[:, None]
+    plan = plan_depths([view.camera for view in views], near_points_m, SETTINGS)
+    planes = match_views(views, plan, SETTINGS)
+    behind, before = (inside(10) & np.isclose(views[0].depth_m, depth_m) for depth_m in (1.4, 1.0))
+    assert np.mean(np.abs(planes[0].depth_m[behind] - 1.4) < 0.02) > 0.8
+    depth_m = finish_depth(0, plan, views.__getitem__, planes.__getitem__, SETTINGS).depth_m
+    assert np.mean(depth_m[before] > 0) > 0.6
+    assert np.mean(depth_m[behind] > 0) < 0.02
+
+
 def test_what_lies_at_the_ends_of_the_range_is_no_depth():
     planes = np.zeros((1, 5, 3), np.float32)
-    planes[0, :, 0] = 1 / np.array([1.0, 1.02, 1.5, 3.95, 4.0])
+    planes[0, :, 0] = 1 / np.array([1.0, 1.02, 1.5, 3.95, 4.05])
     camera = replace(CAMERAS[0], width_px=5, height_px=1)
     matched = MatchedPlanes(camera=camera, planes=planes, cost=np.zeros((1, 5), np.float32))
-    kept = drop_limits(matched, (1.0, 4.0)).planes[0, :, 0]
+    kept = drop_limits(matched, (1.0, 9.0), 4.0).planes[0, :, 0]
     assert (kept > 0).tolist() == [False, True, True, False, False]

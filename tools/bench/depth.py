@@ -46,6 +46,7 @@ DISTANCES_MM = (2, 5, 10)
 TRUTH_CELL_M = 0.0015
 MARGIN_M = 0.02  # around the plant, within which points are judged; nearer to its surface than to others, or to none
 MOST_POINTS = 800_000
+PLAIN_ITERATIONS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +66,7 @@ def variants_of(depth: DenseDepthSettings) -> Mapping[str, Variant]:
     no_color = replace(matching, brightness_weight=0.0, tint_weight=0.0)
     uncut = replace(agreement, smoothness=0.0)
     unfiltered = replace(agreement, filter_px=0)
-    one_round = (Round(level=0, iterations=sum(each.iterations for each in depth.rounds), coherent=False),)
+    one_round = (Round(level=0, iterations=PLAIN_ITERATIONS, coherent=False),)
     ours = Variant(depth=depth)
     return {
         "ours": ours,

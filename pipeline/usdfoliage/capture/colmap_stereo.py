@@ -80,7 +80,7 @@ def run_stereo(folder: Path, plan: DepthPlan) -> None:
     options.geom_consistency = True
     options.filter = False  # what is believed is decided afterwards
     options.depth_min = float(np.nanmin(np.array(plan.ranges_m)))
-    options.depth_max = float(np.nanmax(np.array(plan.ranges_m)))
+    options.depth_max = float(np.nanmax(plan.farthest_m))
     try:
         pycolmap.patch_match_stereo(str(folder), options=options)
     except RuntimeError as error:

@@ -64,6 +64,7 @@ class DenseDepthSettings:
     sources: int = 6  # photographs matched with each one
     rounds: tuple[Round, ...] = ROUNDS
     nearer: float = 0.3  # than the nearest point known: features are on the ground rather than on the trees above it
+    farther: float = 25.0  # times the farthest depth believed, that is searched: what lies behind is known by it
     seed: int = 0
     selection: ViewSelectionSettings = field(default_factory=ViewSelectionSettings)
     segments: SegmentSettings = field(default_factory=SegmentSettings)
@@ -76,6 +77,8 @@ class DenseDepthSettings:
             raise ValueError("max_side_px must be at least 32, and there must be rounds")
         if not (np.isfinite(self.nearer) and self.nearer >= 0):
             raise ValueError(f"nearer must not be below 0, not {self.nearer:g}")
+        if not (np.isfinite(self.farther) and self.farther >= 1):
+            raise ValueError(f"farther must be at least 1, not {self.farther:g}")
         if not self.matching.best_sources <= self.sources <= MOST_SOURCES:
             raise ValueError(f"best_sources <= sources <= {MOST_SOURCES}, not {self.sources}")
         if not 0 <= self.seed < 2**63:
@@ -86,7 +89,8 @@ class DenseDepthSettings:
 class DepthPlan:
     """What each view is matched with."""
 
-    ranges_m: tuple[tuple[float, float], ...]  # nearest and farthest depth of each view, NaN where it has no sources
+    ranges_m: tuple[tuple[float, float], ...]  # nearest and farthest depth searched in each view, NaN without sources
+    farthest_m: tuple[float, ...]  # depth believed in each view; what is found behind it is background
     sources: tuple[tuple[int, ...], ...]  # views that each is matched with, the most useful first
 
 
@@ -106,6 +110,7 @@ def plan_depths(
         CaptureError: No two views look at the same place from a usable angle.
     """
     ranges_m: list[tuple[float, float]] = []
+    farthest_m: list[float] = []
     sources: list[tuple[int, ...]] = []
     for index in range(len(cameras)):
         try:
@@ -113,16 +118,18 @@ def plan_depths(
         except CaptureError as error:
             logger.info("view %d: %s", index, error)
             ranges_m.append((np.nan, np.nan))
+            farthest_m.append(np.nan)
             sources.append(())
             continue
-        ranges_m.append(range_m)
+        ranges_m.append((range_m[0], range_m[1] * settings.farther))
+        farthest_m.append(range_m[1])
         sources.append(tuple(select_views(cameras, index, range_m, settings.sources, settings.selection)))
     if not any(sources):
         raise CaptureError(
             f"no two of {len(cameras)} photographs look at the same place from {settings.selection.min_angle_deg:g} to "
             f"{settings.selection.max_angle_deg:g} degrees apart"
         )
-    return DepthPlan(ranges_m=tuple(ranges_m), sources=tuple(sources))
+    return DepthPlan(ranges_m=tuple(ranges_m), farthest_m=tuple(farthest_m), sources=tuple(sources))
 
 
 def match_round(
@@ -201,28 +208,30 @@ def finish_depth(
     planes = read_planes(index)
     if planes is None:
         raise ValueError(f"view {index} has not been matched")
-    planes = drop_limits(planes, plan.ranges_m[index])
+    planes = drop_limits(planes, plan.ranges_m[index], plan.farthest_m[index])
     own = Picture.of(read_view(index), settings.max_side_px, settings.rounds[-1].level)
     sources, opens = [], []
     for k in plan.sources[index]:
         found = read_planes(k)
         if found is not None:
-            sources.append(found)
+            sources.append(drop_limits(found, plan.ranges_m[k], plan.farthest_m[k]))  # what is not believed is no witness
             opens.append(Picture.of(read_view(k), settings.max_side_px, settings.rounds[-1].level))
     maps = open_maps(opens, settings.matching.open_margin_px)
     return confirm_depth(planes, sources, maps, own.srgb, settings.agreement, threads=threads)
 
 
-def drop_limits(planes: MatchedPlanes, range_m: tuple[float, float]) -> MatchedPlanes:
-    """The planes without those at the ends of the range of depths: what is there may well lie beyond.
+def drop_limits(planes: MatchedPlanes, range_m: tuple[float, float], farthest_m: float) -> MatchedPlanes:
+    """The planes without those of the background and those nearest of all, which may well lie nearer still.
 
     Args:
         planes: Of a view.
         range_m: Nearest and farthest depth that it was searched for.
+        farthest_m: Depth that is believed.
     """
-    near, far = 1 / range_m[0], 1 / range_m[1]
-    share = (planes.planes[..., 0] - far) / (near - far)
-    kept = (share > _LIMIT) & (share < 1 - _LIMIT)
+    near, far = 1 / range_m[0], 1 / farthest_m
+    limit = _LIMIT * (near - far)
+    inverse = planes.planes[..., 0]
+    kept = (inverse > far + limit) & (inverse < near - limit)
     return replace(planes, planes=np.where(kept[..., None], planes.planes, np.float32(0)))
 
 

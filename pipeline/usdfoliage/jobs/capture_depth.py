@@ -232,7 +232,7 @@ def plan_tasks(
     keys = [view.key for view in views]  # of what the round before left of each view
     planes: list[tuple[Path | None, ...]] = []
     if dense == "colmap":
-        every = task_key("colmap", keys, [list(range_m) for range_m in plan.ranges_m], list(plan.sources))
+        every = task_key("colmap", keys, list(plan.ranges_m), list(plan.farthest_m), list(plan.sources))
         keys = [task_key(every, index) for index in range(len(views))]
         planes.append(
             tuple(work / PLANES / "0" / f"{key}.npz" if plan.sources[k] else None for k, key in enumerate(keys))
@@ -250,7 +250,7 @@ def plan_tasks(
         folder = work / PLANES / str(number)
         planes.append(tuple(folder / f"{key}.npz" if plan.sources[k] else None for k, key in enumerate(keys)))
     depth = tuple(
-        work / DEPTH / f"{task_key('depth', keys[index], [keys[k] for k in sources], settings.agreement)}.npz"
+        work / DEPTH / f"{task_key('depth', keys[index], [keys[k] for k in sources], plan.farthest_m[index], settings.agreement)}.npz"
         if sources
         else None
         for index, sources in enumerate(plan.sources)
