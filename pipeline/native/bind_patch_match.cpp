@@ -13,6 +13,7 @@
 #include "bindings.h"
 #include "depth_fringe.h"
 #include "patch_match.h"
+#include "view_agreement.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;

@@ -75,11 +75,22 @@ def test_a_view_that_sees_something_else_has_no_depth(views):
 
 def test_views_from_one_place_cannot_be_matched():
     same = [draw(camera(), SLANTED, f"{k}.png") for k in range(3)]
-    with pytest.raises(CaptureError, match="no two of 3 photographs"):
+    with pytest.raises(CaptureError, match=r"no two of 3 photographs .* only turned"):
         estimate_depths(same, POINTS_M, SETTINGS)
 
 
-@pytest.mark.parametrize("wrong", [{"max_side_px": 8}, {"rounds": ()}, {"sources": 2}, {"sources": 40}, {"seed": -1}, {"farther": 0.5}])
+def test_cameras_that_only_turned_are_told_from_those_that_look_apart():
+    turned = [camera(0.0, 0.0, (0.0, angle, 0.0)) for angle in (0.0, 0.1, 0.2)]
+    with pytest.raises(CaptureError, match="only turned"):
+        plan_depths(turned)
+    apart = [camera(5.0 * k, 0.0, (0.0, k * np.pi / 2, 0.0)) for k in range(3)]
+    with pytest.raises(CaptureError, match="nearer to each other, or check the poses"):
+        plan_depths(apart, POINTS_M)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"max_side_px": 8}, {"rounds": ()}, {"sources": 2}, {"sources": 40}, {"seed": -1}, {"farther": 0.5}]
+)
 def test_wrong_settings(wrong):
     with pytest.raises(ValueError, match=r"must|<="):
         DenseDepthSettings(**wrong)

@@ -158,7 +158,7 @@ for number, item in job["items"]:
     if item.get("abort"):
         os.abort()
     if item.get("refuse"):
-        print("failed", number, "no good", flush=True)
+        print("failed", number, item["refuse"], flush=True)
         continue
     pathlib.Path(item["out"]).write_text("made")
     print("done", number, flush=True)
@@ -171,7 +171,7 @@ def test_a_child_that_aborts_costs_one_item(tmp_path, monkeypatch, processes):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
     items = [{"out": str(tmp_path / f"{number}.out")} for number in range(7)]
     items[2]["abort"] = items[5]["abort"] = True
-    items[3]["refuse"] = True
+    items[3]["refuse"] = "no good"
     told: list[tuple[int, int]] = []
     work = tmp_path / "work"
     work.mkdir()
@@ -202,6 +202,16 @@ def test_a_damaged_result_is_made_again(tmp_path, monkeypatch):
     assert run_items({}, items, tmp_path, 2, module="worker_of_test") == ()
     assert (tmp_path / "0.npz").read_bytes() == whole
     assert [(tmp_path / f"{number}.npz").read_text() for number in (1, 2)] == ["made", "made"]
+
+
+def test_a_data_base_that_finds_the_disk_full_says_so(tmp_path, monkeypatch):
+    (tmp_path / "worker_of_test.py").write_text(WORKER)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    items = [{"out": str(tmp_path / f"{number}.out")} for number in range(3)]
+    items[1]["refuse"] = "SQLite error: database or disk is full"
+    with pytest.raises(CaptureError, match="no space left; free some"):
+        run_items({}, items, tmp_path, 2, module="worker_of_test")
+    assert (tmp_path / "2.out").exists()  # what can be done is kept
 
 
 def test_an_interrupt_ends_the_children(tmp_path, monkeypatch):

@@ -127,9 +127,21 @@ def plan_depths(
     if not any(sources):
         raise CaptureError(
             f"no two of {len(cameras)} photographs look at the same place from {settings.selection.min_angle_deg:g} to "
-            f"{settings.selection.max_angle_deg:g} degrees apart"
+            f"{settings.selection.max_angle_deg:g} degrees apart; {_hint(cameras, ranges_m, settings)}"
         )
     return DepthPlan(ranges_m=tuple(ranges_m), farthest_m=tuple(farthest_m), sources=tuple(sources))
+
+
+def _hint(cameras: Sequence[Pinhole], ranges_m: Sequence[tuple[float, float]], settings: DenseDepthSettings) -> str:
+    """What to do where no two views can be matched."""
+    positions_m = np.array([camera.position_m for camera in cameras])
+    spread_m = float(np.linalg.norm(np.ptp(positions_m, axis=0)))
+    nearest_m = np.array(ranges_m)[:, 0]
+    near_m = float(np.median(nearest_m[np.isfinite(nearest_m)])) if np.isfinite(nearest_m).any() else 0.0
+    rounding_m = 1e-6 * (1 + float(np.abs(positions_m).max()))
+    if spread_m <= max(near_m * np.tan(np.radians(settings.selection.min_angle_deg)), rounding_m):
+        return "the camera only turned between them and did not move, or hardly; walk around the plant"
+    return "take more photographs from places nearer to each other, or check the poses"
 
 
 def match_round(
@@ -214,7 +226,8 @@ def finish_depth(
     for k in plan.sources[index]:
         found = read_planes(k)
         if found is not None:
-            sources.append(drop_limits(found, plan.ranges_m[k], plan.farthest_m[k]))  # what is not believed is no witness
+            # What is not believed of a source is no witness.
+            sources.append(drop_limits(found, plan.ranges_m[k], plan.farthest_m[k]))
             opens.append(Picture.of(read_view(k), settings.max_side_px, settings.rounds[-1].level))
     maps = open_maps(opens, settings.matching.open_margin_px)
     return confirm_depth(planes, sources, maps, own.srgb, settings.agreement, threads=threads)

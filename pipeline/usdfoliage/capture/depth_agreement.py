@@ -43,7 +43,7 @@ class AgreementSettings:
     fringe_passes: int = 6  # each takes what is outermost
     filter_px: int = 1  # radius of the guided filter; 0: no filter
     filter_color: float = 8.0  # of 255: differences of colour that it takes for an edge
-    filter_share: float = 0.001  # of the depth, by which the filter moves a pixel at most: what differs by more is no noise
+    filter_share: float = 0.001  # of the depth, by which the filter moves a pixel at most
     min_region_px: int = 6  # smaller connected pieces of depth are dropped
 
     def __post_init__(self) -> None:

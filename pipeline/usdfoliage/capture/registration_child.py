@@ -52,7 +52,7 @@ def run_items(
         module: The worker.
 
     Raises:
-        CaptureError: The work folder cannot be written; no child can be started.
+        CaptureError: The work folder cannot be written or is full; no child can be started.
     """
     open_items = [(number, item) for number, item in enumerate(items) if not _is_done(Path(item["out"]))]
     shares = [open_items[start::processes] for start in range(max(1, processes))]
@@ -70,7 +70,18 @@ def run_items(
             raise
         for share_run in running:
             share_run.result()  # what it raised
+    if any(_tells_full_disk(failure.reason) for failure in failures):
+        raise _full(work)
     return tuple(sorted(failures, key=lambda failure: failure.number))
+
+
+def _tells_full_disk(text: str) -> bool:
+    """Whether a worker, or the data base in it, ended for want of space."""
+    return "No space left" in text or "disk is full" in text
+
+
+def _full(work: Path) -> CaptureError:
+    return CaptureError(f"{work} has no space left; free some and start again: what is done is kept")
 
 
 def _is_done(path: Path) -> bool:
@@ -123,8 +134,8 @@ def _do_share(
             if stop.is_set():
                 return
             left = [entry for entry in left if entry[0] not in finished]
-            if left and "No space left" in ending:
-                raise CaptureError(f"{work} has no space left; free some and start again: what is done is kept")
+            if left and _tells_full_disk(ending):
+                raise _full(work)
             if left:  # the child ended at the first of them
                 events.put(("failed", left[0][0], f"the process ended there ({ending})"))
                 left = left[1:]

@@ -249,14 +249,19 @@ def plan_tasks(
                 )
         folder = work / PLANES / str(number)
         planes.append(tuple(folder / f"{key}.npz" if plan.sources[k] else None for k, key in enumerate(keys)))
-    depth = tuple(
-        work / DEPTH / f"{task_key('depth', keys[index], [keys[k] for k in sources], plan.farthest_m[index], settings.agreement)}.npz"
-        if sources
-        else None
-        for index, sources in enumerate(plan.sources)
-    )
+    depth: list[Path | None] = []
+    for index, sources in enumerate(plan.sources):
+        of_sources = [keys[k] for k in sources]
+        key = task_key("depth", keys[index], of_sources, plan.farthest_m[index], settings.agreement)
+        depth.append(work / DEPTH / f"{key}.npz" if sources else None)
     return DepthTasks(
-        work=work, views=tuple(views), settings=settings, plan=plan, planes=tuple(planes), depth=depth, dense=dense
+        work=work,
+        views=tuple(views),
+        settings=settings,
+        plan=plan,
+        planes=tuple(planes),
+        depth=tuple(depth),
+        dense=dense,
     )
 
 
