@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from usdfoliage.capture.clear_sky import find_clear_sky
 from usdfoliage.capture.cloud import SeenSurface, merge_views
-from usdfoliage.capture.cloud_cleaning import CleaningSettings, drop_strays
+from usdfoliage.capture.cloud_cleaning import CleaningSettings, drop_floating, drop_strays
 from usdfoliage.capture.cloud_file import write_cloud
 from usdfoliage.capture.dense_depth import DenseDepthSettings, Round, finish_depth, match_views, plan_depths
 from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate
@@ -72,7 +72,7 @@ def variants_of(depth: DenseDepthSettings) -> Mapping[str, Variant]:
         "ours": ours,
         "no graph cut (eq. 4)": replace(ours, depth=replace(depth, agreement=uncut)),
         "no guided filter": replace(ours, depth=replace(depth, agreement=unfiltered)),
-        "no cleaning": replace(ours, cleaning=CleaningSettings(neighbors=0)),
+        "no cleaning": replace(ours, cleaning=CleaningSettings(neighbors=0, isolation=0)),
         "no segments (eq. 2)": replace(ours, depth=replace(depth, rounds=fine)),
         "no coherence (eq. 3)": replace(ours, depth=replace(depth, rounds=blind)),
         "no colour": replace(ours, depth=replace(depth, matching=no_color)),
@@ -82,7 +82,7 @@ def variants_of(depth: DenseDepthSettings) -> Mapping[str, Variant]:
                 depth, rounds=one_round, matching=no_color, agreement=replace(uncut, filter_px=0, through=1e9)
             ),
             sky=False,
-            cleaning=CleaningSettings(neighbors=0),
+            cleaning=CleaningSettings(neighbors=0, isolation=0),
         ),
     }
 
@@ -239,7 +239,7 @@ def run(matched: Matched, variant: Variant, truth: Truth, save: Path | None) -> 
                 )
         return seen
 
-    cloud = drop_strays(merge_views(surfaces()), variant.cleaning)
+    cloud = drop_floating(drop_strays(merge_views(surfaces()), variant.cleaning), variant.cleaning)
     used, wall = cpu_seconds() - start + matched.cpu_s, time.perf_counter() - wall + matched.wall_s
     if save is not None:
         write_cloud(save, cloud)

@@ -1,14 +1,18 @@
-"""What a merged cloud loses before it is used: stray points, and points that lie too close together."""
+"""What a merged cloud loses before it is used: stray points, floating pieces, points that lie too close together."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from usdfoliage.capture.cloud import Cloud
+from usdfoliage.capture.cloud import CELL_BITS, Cloud
 
 _CHUNK = 200_000  # points whose neighbours are looked for at once
+_FIRST_GAP = 16  # of the distance between neighbouring points: smaller pieces are looked for by drop_strays
+_GAP_CELLS = 4  # that a gap is wide when pieces are looked for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,12 +21,15 @@ class CleaningSettings:
 
     neighbors: int = 6  # that a point must have within reach; 0 keeps strays
     reach: float = 4.0  # of the median distance between neighbouring points
+    isolation: float = 2.5  # gap around a piece, of its size, from which on it is dropped; 0 keeps them
     spacing_m: float = 0.0  # least distance between points that are left, as Poisson disks; 0 leaves them all
     seed: int = 0
 
     def __post_init__(self) -> None:
         if self.neighbors < 0 or not self.reach > 0 or not (np.isfinite(self.spacing_m) and self.spacing_m >= 0):
             raise ValueError("neighbors and spacing_m must not be below 0, reach must be above 0")
+        if not (np.isfinite(self.isolation) and self.isolation >= 0):
+            raise ValueError(f"isolation must not be below 0, not {self.isolation:g}")
 
 
 def drop_strays(cloud: Cloud, settings: CleaningSettings = CleaningSettings()) -> Cloud:
@@ -30,9 +37,7 @@ def drop_strays(cloud: Cloud, settings: CleaningSettings = CleaningSettings()) -
     if settings.neighbors == 0 or len(cloud) <= settings.neighbors:
         return cloud
     tree = cKDTree(cloud.points_m)
-    sample = cloud.points_m[:: max(1, len(cloud) // 20_000)]
-    nearest = np.asarray(tree.query(sample, k=2, workers=-1)[0])[:, 1]
-    reach_m = settings.reach * float(np.median(nearest))
+    reach_m = settings.reach * _median_gap_m(cloud.points_m, tree)
     kept = np.zeros(len(cloud), bool)
     for start in range(0, len(cloud), _CHUNK):
         points = cloud.points_m[start : start + _CHUNK]
@@ -40,6 +45,46 @@ def drop_strays(cloud: Cloud, settings: CleaningSettings = CleaningSettings()) -
         farthest = np.asarray(away)[:, -1]
         kept[start : start + _CHUNK] = np.isfinite(farthest)
     return cloud.take(kept)
+
+
+def drop_floating(cloud: Cloud, settings: CleaningSettings = CleaningSettings()) -> Cloud:
+    """Without pieces that float: a gap around them is wide for their size.
+
+    What views agree about by mistake hangs alone in the air, be it as large as a leaf; leaves have a plant beside them.
+    Gaps are doubled from one look to the next until all is one piece; that of the largest size always stays.
+    """
+    if settings.isolation == 0 or len(cloud) < 2:
+        return cloud
+    extent_m = float(np.ptp(cloud.points_m, axis=0).max())
+    gap_m = _FIRST_GAP * _median_gap_m(cloud.points_m, cKDTree(cloud.points_m))
+    gap_m = max(gap_m, 2 * _GAP_CELLS * extent_m / (1 << CELL_BITS))
+    if not gap_m > 0:  # all points are one
+        return cloud
+    left = np.arange(len(cloud))
+    while True:
+        cells = np.floor((cloud.points_m[left] - cloud.points_m.min(axis=0)) * (_GAP_CELLS / gap_m)).astype(np.int64)
+        keys = (cells[:, 0] << (2 * CELL_BITS)) | (cells[:, 1] << CELL_BITS) | cells[:, 2]
+        _, cell_of, count = np.unique(keys, return_inverse=True, return_counts=True)
+        middles_m = np.column_stack([np.bincount(cell_of, line) / count for line in cloud.points_m[left].T])
+        near = cKDTree(middles_m).query_pairs(gap_m, output_type="ndarray")
+        links = coo_array((np.ones(len(near), bool), (near[:, 0], near[:, 1])), shape=(len(count), len(count)))
+        pieces, piece_of = connected_components(links, directed=False)
+        if pieces == 1:
+            return cloud.take(left)
+        low_m, high_m = np.full((pieces, 3), np.inf), np.full((pieces, 3), -np.inf)
+        np.minimum.at(low_m, piece_of, middles_m)
+        np.maximum.at(high_m, piece_of, middles_m)
+        size_m = np.linalg.norm(high_m - low_m, axis=1)
+        floating = settings.isolation * size_m < gap_m
+        floating[np.argmax(size_m)] = False
+        left = left[~floating[piece_of][cell_of]]
+        gap_m *= 2
+
+
+def _median_gap_m(points_m: NDArray[np.float64], tree: cKDTree) -> float:
+    """Median distance between neighbouring points, of a sample."""
+    sample = points_m[:: max(1, len(points_m) // 20_000)]
+    return float(np.median(np.asarray(tree.query(sample, k=2, workers=-1)[0])[:, 1]))
 
 
 def thin_to_disks(cloud: Cloud, settings: CleaningSettings = CleaningSettings()) -> Cloud:

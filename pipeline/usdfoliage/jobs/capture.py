@@ -10,7 +10,7 @@ from pathlib import Path
 from usdfoliage import __version__
 from usdfoliage.capture.capture_settings import read_capture_settings
 from usdfoliage.capture.cloud import merge_views
-from usdfoliage.capture.cloud_cleaning import drop_strays, thin_to_disks
+from usdfoliage.capture.cloud_cleaning import drop_floating, drop_strays, thin_to_disks
 from usdfoliage.capture.colmap_stereo import check_cuda
 from usdfoliage.capture.listing import counted, named
 from usdfoliage.capture.photo_set import read_photo_set
@@ -175,7 +175,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
             maps = write_maps(tasks, threads=request.threads, progress=tell)
         with follow_step("cloud", seconds, progress) as tell:
             cloud = merge_views(seen_surfaces(tasks, tell), request.settings.cloud)
-            cloud = thin_to_disks(drop_strays(cloud, request.settings.cleaning), request.settings.cleaning)
+            cleaning = request.settings.cleaning
+            cloud = thin_to_disks(drop_floating(drop_strays(cloud, cleaning), cleaning), cleaning)
         if not len(cloud):
             raise CaptureError(
                 f"no depth was found in {counted(len(prepared.views), 'photograph')} of {given.folder}: they agree "
