@@ -100,7 +100,9 @@ def test_moving_keeps_what_cameras_see():
 def test_a_ring_is_upright_however_the_reconstruction_lies(x, y, z, scale):
     true = scene()
     found = jumble(true, (x, y, z), scale)
-    frame = level_and_scale(found, files_of(found), WorldSettings(metres_per_unit=1 / scale))
+    without = level_and_scale(found, files_of(found))
+    times = 1 / (scale * without.metres_per_unit)
+    frame = level_and_scale(found, files_of(found), WorldSettings(times=times))
     world = move_registered(found, frame.world_from_registered)
     assert up_error_deg(world, true) < 1
     assert frame.metres_per_unit == pytest.approx(1 / scale)
@@ -264,14 +266,26 @@ def test_hints_that_are_none(values):
 def test_up_that_the_user_states_and_up_that_is_not_there():
     true = scene()
     found = jumble(true)
-    vector = Rotation.from_rotvec((0.7, -1.2, 0.4)).as_matrix() @ (0, 2.0, 0)
+    without = level_and_scale(found, files_of(found))
+    seen = move_registered(found, without.world_from_registered)
+    turn, _ = Rotation.align_vectors(
+        centers(seen) - centers(seen).mean(axis=0), centers(true) - centers(true).mean(axis=0)
+    )
+    vector = turn.as_matrix() @ (0, 2.0, 0)  # what stands upright in truth, as the world without it shows it
     frame = level_and_scale(found, files_of(found), WorldSettings(up_vector=tuple(vector)))
     assert frame.up_from == "given"
     assert up_error_deg(move_registered(found, frame.world_from_registered), true) < 1e-5
+    leaning = level_and_scale(found, files_of(found), WorldSettings(up_vector=(0.3, 1.0, 0.0)))
+    again = level_and_scale(found, files_of(found), WorldSettings(up_vector=(0.0, 5.0, 0.0)))
+    assert up_error_deg(move_registered(found, leaning.world_from_registered), true) > 10
+    np.testing.assert_allclose(again.world_from_registered, without.world_from_registered, atol=1e-9)
     with pytest.raises(CaptureError, match="cannot be found by gps"):
         level_and_scale(found, files_of(found), WorldSettings(up="gps"))
 
 
 def test_two_scales_are_refused():
     with pytest.raises(ValueError, match="one of"):
-        WorldSettings(metres_per_unit=1, known_distance=KnownDistance(photographs=("a", "b"), metres=1))
+        WorldSettings(
+            known_distance=KnownDistance(photographs=("a", "b"), metres=1),
+            scale_bar=ScaleBar(first=(("a", 1, 1), ("b", 1, 1)), second=(("a", 2, 1), ("b", 2, 1)), metres=1),
+        )

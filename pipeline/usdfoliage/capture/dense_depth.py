@@ -205,6 +205,7 @@ def finish_depth(
     read_planes: Callable[[int], MatchedPlanes | None],
     settings: DenseDepthSettings = DenseDepthSettings(),
     *,
+    level: int | None = None,
     threads: int = 0,
 ) -> DepthEstimate:
     """The depth of one view after the last round, as far as it is believed.
@@ -215,20 +216,22 @@ def finish_depth(
         read_view: Gives a view, by its number.
         read_planes: Gives what the last round left of a view, by its number; None for a view without sources.
         settings: What is believed.
+        level: How often the pictures that the planes are of were halved; None: as in the last round.
         threads: 0: one per core.
     """
+    level = settings.rounds[-1].level if level is None else level
     planes = read_planes(index)
     if planes is None:
         raise ValueError(f"view {index} has not been matched")
     planes = drop_limits(planes, plan.ranges_m[index], plan.farthest_m[index])
-    own = Picture.of(read_view(index), settings.max_side_px, settings.rounds[-1].level)
+    own = Picture.of(read_view(index), settings.max_side_px, level)
     sources, opens = [], []
     for k in plan.sources[index]:
         found = read_planes(k)
         if found is not None:
             # What is not believed of a source is no witness.
             sources.append(drop_limits(found, plan.ranges_m[k], plan.farthest_m[k]))
-            opens.append(Picture.of(read_view(k), settings.max_side_px, settings.rounds[-1].level))
+            opens.append(Picture.of(read_view(k), settings.max_side_px, level))
     maps = open_maps(opens, settings.matching.open_margin_px)
     return confirm_depth(planes, sources, maps, own.srgb, settings.agreement, threads=threads)
 

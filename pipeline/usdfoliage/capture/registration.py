@@ -4,6 +4,7 @@ COLMAP does the geometry; what it is given, and what of its results is told, is 
 """
 
 import hashlib
+import importlib.metadata
 import json
 import logging
 import os
@@ -127,7 +128,8 @@ def _told(progress: StepProgress | None, step: str) -> Callable[[int, int], None
 
 def _named(*parts: Any) -> str:
     """A file's name for what it is made from."""
-    return hashlib.sha256(json.dumps([_VERSION, *parts], sort_keys=True).encode()).hexdigest()[:24]
+    made_by = [_VERSION, importlib.metadata.version("pycolmap")]
+    return hashlib.sha256(json.dumps([*made_by, *parts], sort_keys=True).encode()).hexdigest()[:24]
 
 
 def _find_features(

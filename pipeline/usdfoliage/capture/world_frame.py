@@ -59,26 +59,25 @@ class ScaleBar:
 class WorldSettings:
     """What the user says of the world, and what is believed without."""
 
-    metres_per_unit: float | None = None  # of the reconstruction
+    times: float = 1.0  # as large as the world is without it
     known_distance: KnownDistance | None = None
     scale_bar: ScaleBar | None = None
     up: str = "auto"  # or one of UPS
-    up_vector: tuple[float, float, float] | None = None  # in the reconstruction; goes before up
+    up_vector: tuple[float, float, float] | None = None  # in the world as it is without it; goes before up
     least_gps: int = 4  # photographs that must know their position
     gps_spread: float = 5.0  # how far they must lie apart, in times what they contradict each other by
 
     def __post_init__(self) -> None:
-        if self.metres_per_unit is not None and not 1e-9 <= self.metres_per_unit <= 1e9:
-            raise ValueError(f"metres_per_unit must be in 1e-9 to 1e9, not {self.metres_per_unit}")
+        if not 1e-9 <= self.times <= 1e9:
+            raise ValueError(f"the scale must be in 1e-9 to 1e9, not {self.times:g}")
         if self.up not in UPS:
             raise ValueError(f"up must be one of {', '.join(UPS)}, not {self.up!r}")
         if self.up_vector is not None and not (np.isfinite(self.up_vector).all() and np.any(self.up_vector)):
             raise ValueError(f"up_vector must be finite and not 0, not {self.up_vector}")
         if self.least_gps < 3 or not self.gps_spread > 0:
             raise ValueError(f"least_gps must be at least 3 and gps_spread above 0, not {self}")
-        given = [self.metres_per_unit, self.known_distance, self.scale_bar]
-        if sum(item is not None for item in given) > 1:
-            raise ValueError("give one of metres_per_unit, known_distance and scale_bar")
+        if self.known_distance is not None and self.scale_bar is not None:
+            raise ValueError("give one of known_distance and scale_bar")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,7 +146,8 @@ def level_and_scale(
     """Find a metric world with Y up for registered cameras.
 
     Every way of finding up that the pictures allow is tried, and the one that is surest taken; where others disagree it
-    is told.
+    is told. What the user says as a factor or direction is said of the world as it is found without that, since that is
+    the one in which anything can be measured or looked at.
 
     Args:
         registered: Cameras and points, in any world.
@@ -167,7 +167,8 @@ def level_and_scale(
 
     ups = find_ups(registered, poses, centers, files, _gps_up(gps, len(centers)), distance)
     if settings.up_vector is not None:
-        vector = np.array(settings.up_vector, np.float64)
+        found = level_and_scale(registered, photos, replace(settings, up_vector=None)).world_from_registered
+        vector = np.linalg.solve(found[:3, :3], np.array(settings.up_vector, np.float64))
         chosen = UpDirection("given", vector / np.linalg.norm(vector), 0.0)
     elif settings.up != "auto":
         of_kind = [up for up in ups if up.method == settings.up]
@@ -182,10 +183,13 @@ def level_and_scale(
             notes.append(f"up is found by {chosen.method} and may be wrong by {math.degrees(chosen.error_rad):.0f}°")
 
     scale, scale_from = _scale(registered, centers, gps, distance, settings)
+    if settings.times != 1:
+        scale, scale_from = settings.times * scale, "scale"
     if scale_from == "nothing":
         notes.append(
             "the scale is unknown: the median distance from the cameras to what they see is taken for 1 m; "
-            "give --scale, a known distance between two cameras, or a scale bar in capture.toml"
+            "measure something in the cloud and give --scale, its true length over that one; or say a known distance "
+            "between two cameras, or a scale bar, in capture.toml"
         )
     return WorldFrame(
         world_from_registered=_similarity(registered, poses, centers, chosen.direction, scale),
@@ -229,8 +233,6 @@ def _scale(
     registered: Registered, centers: Array, gps: _Gps | None, distance: float, settings: WorldSettings
 ) -> tuple[float, str]:
     """Metres per unit, and what says so."""
-    if settings.metres_per_unit is not None:
-        return settings.metres_per_unit, "scale"
     if settings.known_distance is not None:
         first, second = (
             centers[_number(registered, name, "known_distance")] for name in settings.known_distance.photographs

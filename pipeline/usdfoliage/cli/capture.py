@@ -38,14 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scale",
         metavar="SCALE",
-        help="of estimated poses: metres per unit of the reconstruction, or PHOTO,PHOTO,METRES: how far apart two were "
-        "taken; capture.toml may have a scale_bar or known_distance instead",
+        help="of estimated poses: how many times as large as without it, or PHOTO,PHOTO,METRES: how far apart two "
+        "were taken; capture.toml may have a scale_bar or known_distance instead",
     )
     parser.add_argument(
         "--up",
         metavar="UP",
         help="of estimated poses: auto, gps, elevation, level, ground, ring, trunk, photographs, or X,Y,Z in the "
-        "reconstruction (auto)",
+        "world as it is without it (auto)",
     )
     parser.add_argument(
         "--camera",

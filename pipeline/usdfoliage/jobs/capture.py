@@ -211,8 +211,9 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                 write_capture_report(new / REPORT, report)
         with follow_step("publishing", seconds, progress):
             publish(new, given.folder, [*places, *list_results(new)], record)
-        forget_others(tasks)
-        forget_other_maps(tasks, maps)
+        if request.views is None:  # else the others may be asked for next
+            forget_others(tasks)
+            forget_other_maps(tasks, maps)
     failures = () if posed.registered is None else posed.registered.failures
     return MadeCapture(
         cloud=given.folder / CLOUD,

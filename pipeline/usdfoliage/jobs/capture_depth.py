@@ -283,6 +283,8 @@ def find_missing(tasks: DepthTasks) -> MissingTasks:
 def run_tasks(tasks: DepthTasks, missing: MissingTasks, *, threads: int = 0, progress: Progress | None = None) -> None:
     """Match and finish what is missing; the planes of a round are removed when nothing asks for them any more.
 
+    Those of the last round stay: another setting of what is believed then costs no matching.
+
     Raises:
         CaptureError: The work folder cannot be written.
     """
@@ -312,12 +314,13 @@ def run_tasks(tasks: DepthTasks, missing: MissingTasks, *, threads: int = 0, pro
     read_last = _remembering(lambda index: _read_planes(tasks, len(tasks.planes) - 1, index))
 
     def finish(index: int) -> None:
-        estimate = finish_depth(index, tasks.plan, read_view, read_last, tasks.settings, threads=threads_each)
+        estimate = finish_depth(
+            index, tasks.plan, read_view, read_last, tasks.settings, level=tasks.level, threads=threads_each
+        )
         _write_estimate(_there(tasks.depth[index]), estimate)
 
     for _ in map_threaded(finish, missing.depth, threads=at_once):
         tell()
-    forget(tasks.work / PLANES)
 
 
 def _match_by_colmap(tasks: DepthTasks, views: Sequence[int], tell: Callable[[], None]) -> None:
@@ -345,6 +348,7 @@ def forget_others(tasks: DepthTasks) -> None:
     """Remove results in the work folder that are not of these tasks."""
     forget(tasks.work / PHOTOS, [view.pixels for view in tasks.views])
     forget(tasks.work / DEPTH, [path for path in tasks.depth if path is not None])
+    forget(tasks.work / PLANES, [path for path in tasks.planes[-1] if path is not None])
 
 
 def read_pixels(prepared: PreparedView) -> View:

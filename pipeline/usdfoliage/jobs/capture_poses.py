@@ -68,8 +68,8 @@ def poses_are_given(given: GivenPhotographs, record: Record, wanted: PosesChoice
 
 def check_world(settings: WorldSettings, *, given: bool) -> None:
     """Raises CaptureError for a scale or direction that poses which are given cannot take."""
-    said = (settings.metres_per_unit, settings.known_distance, settings.scale_bar, settings.up_vector)
-    if given and (any(value is not None for value in said) or settings.up != "auto"):
+    said = (settings.known_distance, settings.scale_bar, settings.up_vector)
+    if given and (any(value is not None for value in said) or settings.up != "auto" or settings.times != 1):
         raise CaptureError(
             f"the given poses keep their frame and unit; say what these are in {FILE_NAME} (up_axis, metres_per_unit) "
             "and leave --scale and --up out"
@@ -123,7 +123,11 @@ def estimate_poses(
     registered = register_photos(photo_set, folder / WORK / REGISTRATION, how, progress)
     if registered.doubtful:
         logger.warning("the estimated poses are probably wrong, and so will be the cloud; the notes say why")
-    frame = level_and_scale(registered, photo_set.photos, _with_hints(settings.world, folder))
+    world = _with_hints(settings.world, folder)
+    if world.up_vector is not None:  # said in the axes that are written
+        x, y, z = np.linalg.solve(stated_from_metric(stated)[:3, :3], world.up_vector)
+        world = replace(world, up_vector=(float(x), float(y), float(z)))
+    frame = level_and_scale(registered, photo_set.photos, world)
     registered = move_registered(registered, stated_from_metric(stated) @ frame.world_from_registered)
     model = folder / WORK / REGISTERED
     write_colmap_model(model, registered)
@@ -152,7 +156,7 @@ def failures_of(posed: PosedCapture, dropped: Sequence[tuple[str, str]]) -> dict
 
 def _with_hints(settings: WorldSettings, folder: Path) -> WorldSettings:
     """What the user says with the command goes before what capture.toml says."""
-    if settings.metres_per_unit is not None or settings.known_distance is not None or settings.scale_bar is not None:
+    if settings.known_distance is not None or settings.scale_bar is not None:
         return settings
     distance, bar = read_scale_hints(read_capture_tables(folder), str(folder / FILE_NAME))
     try:

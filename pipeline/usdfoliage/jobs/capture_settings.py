@@ -97,22 +97,22 @@ def _set_world(settings: CaptureRunSettings, **changes: Any) -> CaptureRunSettin
 
 
 def _read_scale(words: str) -> dict[str, Any]:
-    """Metres per unit of the reconstruction, or two photographs and the metres between their cameras."""
+    """How many times as large, or two photographs and the metres between their cameras."""
     *photographs, number = words.rsplit(",", 2)
     try:
-        metres = float(number)
+        value = float(number)
         if len(photographs) == 2:
-            known = KnownDistance(photographs=(photographs[0].strip(), photographs[1].strip()), metres=metres)
-            return {"metres_per_unit": None, "known_distance": known, "scale_bar": None}
+            known = KnownDistance(photographs=(photographs[0].strip(), photographs[1].strip()), metres=value)
+            return {"known_distance": known, "scale_bar": None}
     except ValueError as error:
         raise FoliageError(f"--scale: {error}") from error
     if photographs:
-        raise FoliageError(f"--scale takes metres per unit, or PHOTO,PHOTO,METRES, not {words}")
-    return {"metres_per_unit": metres, "known_distance": None, "scale_bar": None}
+        raise FoliageError(f"--scale takes a factor, or PHOTO,PHOTO,METRES, not {words}")
+    return {"times": value}
 
 
 def _read_up(words: str) -> dict[str, Any]:
-    """A way of finding up, or its direction in the reconstruction."""
+    """A way of finding up, or its direction in the world as it is without it."""
     if words in UPS:
         return {"up": words, "up_vector": None}
     try:
