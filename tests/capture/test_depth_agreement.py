@@ -1,5 +1,7 @@
 """Which depth is believed, on pictures whose answer is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stereo_pictures import CAMERAS, HEIGHT, SLANTED, WIDTH, draw, exact_planes, inside
@@ -7,6 +9,7 @@ from usdfoliage.capture.depth_agreement import (
     AgreementSettings,
     choose_pixels,
     confirm_depth,
+    drop_fringe,
     drop_small_pieces,
     smooth_depth,
 )
@@ -41,6 +44,35 @@ def test_nothing_is_believed_without_other_views_that_agree():
     poor = MatchedPlanes(camera=plane.camera, planes=plane.planes, cost=np.full(SIZE, 1.4, np.float32))
     agreeing = [exact_planes(cam, SLANTED[0][0]) for cam in CAMERAS[1:]]
     assert not confirm_depth(poor, agreeing, [], view.srgb).depth_m.any()
+
+
+def test_what_more_views_see_through_than_agree_with_is_dropped():
+    # Two planes: behind the near one every other view but two sees the far one.
+    near, far = SLANTED[0][0], SLANTED[0][0] * 0.8
+    own = exact_planes(CAMERAS[0], near)
+    agreeing = [exact_planes(cam, near) for cam in CAMERAS[1:3]]
+    through = [exact_planes(CAMERAS[3], far)] * 3
+    view = draw(CAMERAS[0], SLANTED)
+    settings = AgreementSettings(fringe_px=0, smoothness=0, min_region_px=0, filter_px=0)
+    middle = inside(24)
+    assert (confirm_depth(own, [*agreeing, *through[:2]], [], view.srgb, settings).depth_m[middle] > 0).all()
+    assert not confirm_depth(own, [*agreeing, *through], [], view.srgb, settings).depth_m[middle].any()
+    lenient = replace(settings, through=1.5)
+    assert (confirm_depth(own, [*agreeing, *through], [], view.srgb, lenient).depth_m[middle] > 0).all()
+
+
+def test_the_fringe_of_a_thin_thing_is_what_has_the_colour_behind_it():
+    depth_m, srgb = np.full((40, 60), 3, np.float32), np.full((40, 60, 3), 230, np.uint8)
+    depth_m[:, 26:34] = 1  # what windows made of a stem 4 pixels wide
+    srgb[:, 28:32] = (60, 90, 20)
+    found = drop_fringe(depth_m, srgb)
+    stem = np.zeros((40, 60), bool)
+    stem[:, 28:32] = True
+    assert (found[stem] == 1).all()
+    assert not (found[~stem] == 1).any()
+    assert np.array_equal(drop_fringe(depth_m, srgb, AgreementSettings(fringe_px=0)), depth_m)
+    low = AgreementSettings(fringe_contrast=700)  # brighter by less than that tells nothing
+    assert np.array_equal(drop_fringe(depth_m, srgb, low), depth_m)
 
 
 def test_the_cut_follows_edges_of_the_photograph():

@@ -22,6 +22,7 @@ from usdfoliage.capture.map_files import read_confidence_map, read_normal_map
 from usdfoliage.capture.registration_result import Registered, RegisteredPhoto, Unregistered
 from usdfoliage.capture.world_frame import level_and_scale
 from usdfoliage.cli import capture as command
+from usdfoliage.errors import CaptureError
 from usdfoliage.jobs import capture_poses
 from usdfoliage.jobs.capture_settings import QUALITIES
 
@@ -343,7 +344,7 @@ def test_no_photographs_one_photograph_and_videos(tmp_path, capsys):
     assert "no photographs" in refused(capsys, "capture", folder, *out)
     (folder / "walk.mp4").write_bytes(b"video")
     assert "ffmpeg -i walk.mp4" in refused(capsys, "capture", folder, *out)
-    assert "ffmpeg -i walk.mp4" in refused(capsys, "capture", folder / "walk.mp4", *out)
+    assert f"ffmpeg -i {folder / 'walk.mp4'}" in refused(capsys, "capture", folder / "walk.mp4", *out)
     (folder / "walk.mp4").unlink()
     write_photos(folder / "deeper", {"one.png": poses()["leaf 0.png"]})
     assert "deeper" in refused(capsys, "capture", folder, *out)
@@ -449,6 +450,8 @@ def test_an_interrupted_run_says_that_it_goes_on(bed, capsys, monkeypatch):
 def test_resume_alone_begins_nothing(bed, capsys):
     assert "no earlier run" in refused(capsys, *words(bed, "--resume"))
     assert not (bed / ".usdfoliage").exists()
+    assert "99" in refused(capsys, *words(bed, "--views", "99"))
+    assert "no earlier run" in refused(capsys, *words(bed, "--resume"))  # what failed left nothing to go on with
 
 
 def test_colmap_in_the_place_of_our_matching(bed, capsys, monkeypatch):
@@ -549,6 +552,17 @@ def test_poses_are_estimated_where_there_are_none(photos, made, registration, tm
     assert results(out) == once
     printed(capsys, "capture", out, "--settings", photos / "fast.toml", "--poses", "known", "--no-report")
     assert any("15 of" in line or "12 of 12" in line for line in printed(capsys, *in_place))
+
+
+def test_files_that_cannot_be_read_are_named_where_no_cameras_are_found(photos, tmp_path, capsys, monkeypatch):
+    def find_none(*_words, **_named):
+        raise CaptureError("no cameras could be found")
+
+    monkeypatch.setattr(capture_poses, "register_photos", find_none)
+    shutil.copytree(photos / "images", tmp_path / "photos")
+    (tmp_path / "photos" / "torn.jpg").write_bytes(b"\xff\xd8\xff torn")
+    said = refused(capsys, "capture", tmp_path / "photos", "-o", tmp_path / "out")
+    assert "no cameras could be found (torn.jpg is left out: " in said
 
 
 def test_estimated_poses_take_the_axes_and_unit_that_are_stated(photos, registration, tmp_path):

@@ -5,6 +5,7 @@ import os
 import shutil
 import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,13 +14,16 @@ from capture_photos import LENS, poses, write_posed_photos
 from hypothesis import given
 from hypothesis import strategies as st
 from usdfoliage.capture.capture_settings import complete_capture_settings
+from usdfoliage.capture.cloud import CloudSettings
 from usdfoliage.capture.dense_depth import DenseDepthSettings, Round
 from usdfoliage.capture.depth_agreement import DepthEstimate
 from usdfoliage.capture.depth_enlarging import enlarge_depth
 from usdfoliage.capture.folder import read_capture
 from usdfoliage.capture.view_selection import ViewSelectionSettings
 from usdfoliage.errors import CaptureError
+from usdfoliage.jobs.capture import size_cells
 from usdfoliage.jobs.capture_depth import MissingTasks, find_missing, plan_tasks, prepare_views, read_pixels
+from usdfoliage.jobs.capture_maps import ViewMaps
 from usdfoliage.jobs.capture_work import (
     explain,
     forget,
@@ -264,3 +268,13 @@ def test_only_missing_keys_are_added(text):
 def test_any_value_can_be_read_back(name, unit):
     read = tomllib.loads(complete_capture_settings("", {"name": name, "metres_per_unit": unit}))
     assert read == {"name": name, "metres_per_unit": unit}
+
+
+def test_cells_are_as_large_as_the_median_view_sees():
+    def held(footprint_m):
+        return ViewMaps(name="", files=(Path(), Path(), Path()), coverage=0.5, footprint_m=footprint_m)
+
+    maps = [held(size) for size in (0.5, 0.001, 0.002, np.nan, 0.0015)]
+    assert size_cells(CloudSettings(cell_footprints=2.0), maps).cell_m == pytest.approx(0.0035)
+    assert size_cells(CloudSettings(cell_m=0.1), maps).cell_m == 0.1
+    assert size_cells(CloudSettings(), [held(np.nan)]).cell_m is None

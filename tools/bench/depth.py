@@ -30,6 +30,7 @@ from usdfoliage.capture.clear_sky import find_clear_sky
 from usdfoliage.capture.cloud import SeenSurface, merge_views
 from usdfoliage.capture.cloud_cleaning import CleaningSettings, drop_floating, drop_strays
 from usdfoliage.capture.cloud_file import write_cloud
+from usdfoliage.capture.cloud_visibility import VisibilitySettings, drop_seen_through
 from usdfoliage.capture.dense_depth import DenseDepthSettings, Round, finish_depth, match_views, plan_depths
 from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate
 from usdfoliage.capture.depth_enlarging import enlarge_depth
@@ -56,6 +57,7 @@ class Variant:
     depth: DenseDepthSettings
     sky: bool = True
     cleaning: CleaningSettings = field(default_factory=CleaningSettings)
+    visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 
 
 def variants_of(depth: DenseDepthSettings) -> Mapping[str, Variant]:
@@ -67,12 +69,13 @@ def variants_of(depth: DenseDepthSettings) -> Mapping[str, Variant]:
     uncut = replace(agreement, smoothness=0.0)
     unfiltered = replace(agreement, filter_px=0)
     one_round = (Round(level=0, iterations=PLAIN_ITERATIONS, coherent=False),)
+    keep_all = VisibilitySettings(through=np.inf)
     ours = Variant(depth=depth)
     return {
         "ours": ours,
         "no graph cut (eq. 4)": replace(ours, depth=replace(depth, agreement=uncut)),
         "no guided filter": replace(ours, depth=replace(depth, agreement=unfiltered)),
-        "no cleaning": replace(ours, cleaning=CleaningSettings(neighbors=0, isolation=0)),
+        "no cleaning": replace(ours, cleaning=CleaningSettings(neighbors=0, isolation=0), visibility=keep_all),
         "no segments (eq. 2)": replace(ours, depth=replace(depth, rounds=fine)),
         "no coherence (eq. 3)": replace(ours, depth=replace(depth, rounds=blind)),
         "no colour": replace(ours, depth=replace(depth, matching=no_color)),
@@ -83,6 +86,7 @@ def variants_of(depth: DenseDepthSettings) -> Mapping[str, Variant]:
             ),
             sky=False,
             cleaning=CleaningSettings(neighbors=0, isolation=0),
+            visibility=keep_all,
         ),
     }
 
@@ -239,7 +243,9 @@ def run(matched: Matched, variant: Variant, truth: Truth, save: Path | None) -> 
                 )
         return seen
 
-    cloud = drop_floating(drop_strays(merge_views(surfaces()), variant.cleaning), variant.cleaning)
+    depths = [(each.camera, each.depth_m) for each in found.values()]
+    cloud = drop_seen_through(merge_views(surfaces()), depths, variant.visibility)
+    cloud = drop_floating(drop_strays(cloud, variant.cleaning), variant.cleaning)
     used, wall = cpu_seconds() - start + matched.cpu_s, time.perf_counter() - wall + matched.wall_s
     if save is not None:
         write_cloud(save, cloud)

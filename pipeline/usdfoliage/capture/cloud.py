@@ -1,6 +1,7 @@
 """One coloured cloud out of the depth maps of many views, view after view: memory grows with the plant's surface alone.
 
-Points of all views that fall into one cell of a grid become one, each weighed by how finely its view resolves it.
+Points of all views that fall into one cell of a grid become one, each weighed by how finely its view resolves it. Its
+colour is that of the views that resolve it best.
 """
 
 from collections.abc import Iterable
@@ -13,6 +14,7 @@ from usdfoliage.geometry.pinhole import Pinhole
 
 CELL_BITS = 21  # of a cell's number along an axis: three of them fill 63 bits
 LEAST_COSINE = 0.1  # at which a surface is taken to be seen, for its weight
+_BEST = 4  # power of a weight for colours: a view that sees half as finely counts a sixteenth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +51,7 @@ class Cloud:
 class CloudSettings:
     """How points of many views become one."""
 
-    cell_m: float | None = None  # side of the cells; None: so many footprints of a pixel, as the first view sees them
+    cell_m: float | None = None  # side of the cells; None: so many footprints of a pixel of the median view
     cell_footprints: float = 1.0
     least_views: int = 1  # that a point must be seen by
 
@@ -65,7 +67,9 @@ class _Cells:
     """Sums over the points of each cell, in the order of the cells' keys."""
 
     keys: NDArray[np.int64]  # (C,)
-    sums: NDArray[np.float64]  # (C, 10): weight; weighed offset from the origin, normal and colour
+    sums: NDArray[
+        np.float64
+    ]  # (C, 11): weight; weighed offset from the origin and normal; weight of colour, and colour
     best: NDArray[np.float64]  # (C, 2), the highest confidence, and the most views that agree with a point
     views: NDArray[np.int64]  # (C,), with a point in the cell
 
@@ -75,7 +79,7 @@ def merge_views(surfaces: Iterable[SeenSurface], settings: CloudSettings = Cloud
 
     Args:
         surfaces: Taken one by one, and not kept.
-        settings: How.
+        settings: How; views are not known before they come, so that without a size of cells the first one decides.
 
     Raises:
         ValueError: The arrays of a view are not as large as its pictures, or its points lie more than a million cells
@@ -83,7 +87,8 @@ def merge_views(surfaces: Iterable[SeenSurface], settings: CloudSettings = Cloud
     """
     cell_m = settings.cell_m
     origin_m: NDArray[np.float64] | None = None
-    cells = _no_cells()
+    unit_weight = 1.0
+    joined: list[_Cells] = []  # each at most half as many as the one before it
     for surface in surfaces:
         _check(surface)
         rows, columns = np.nonzero(np.isfinite(surface.depth_m) & (surface.depth_m > 0))
@@ -94,26 +99,38 @@ def merge_views(surfaces: Iterable[SeenSurface], settings: CloudSettings = Cloud
         footprint_m = depth_m / float(np.sqrt(np.prod(surface.camera.focal_px)))
         if origin_m is None:
             origin_m = points_m[0]
+            unit_weight = 1 / float(np.median(footprint_m)) ** 2
         if cell_m is None:
             cell_m = settings.cell_footprints * float(np.median(footprint_m))
         normals = surface.normals[rows, columns].astype(np.float64)
         towards = surface.camera.position_m - points_m
         cosine = np.einsum("nc,nc->n", normals, towards) / np.linalg.norm(towards, axis=1)
-        weight = np.maximum(cosine, LEAST_COSINE) / np.square(footprint_m)
-        values = np.column_stack([points_m - origin_m, normals, surface.srgb[rows, columns]])
+        weight = np.maximum(cosine, LEAST_COSINE) / np.square(footprint_m) / unit_weight
+        best = np.clip(weight**_BEST, 1e-30, 1e30)
         keys = _number_cells(points_m - origin_m, cell_m)
         others = np.zeros(len(rows)) if surface.agreeing is None else surface.agreeing[rows, columns]
         own = _sum_up(
-            keys, np.column_stack([weight, values * weight[:, None]]),
+            keys,
+            np.column_stack(
+                [
+                    weight, (points_m - origin_m) * weight[:, None], normals * weight[:, None],
+                    best, surface.srgb[rows, columns] * best[:, None],
+                ]
+            ),
             np.column_stack([surface.confidence[rows, columns], others]).astype(np.float64),
             np.ones(len(keys), np.int64),
         )  # fmt: skip
         own = _Cells(keys=own.keys, sums=own.sums, best=own.best, views=np.ones_like(own.views))
-        cells = _join(cells, own)
+        joined.append(own)
+        while len(joined) > 1 and len(joined[-2].keys) < 2 * len(joined[-1].keys):
+            joined[-2:] = [_join(joined[-2], joined[-1])]
+    cells = _no_cells()
+    for part in reversed(joined):
+        cells = _join(part, cells)
     seen_by = np.maximum(cells.views, cells.best[:, 1].astype(np.int64) + 1)
     seen = seen_by >= settings.least_views
     sums, confidence, views = cells.sums[seen], cells.best[seen, 0], seen_by[seen]
-    means = sums[:, 1:] / sums[:, :1]
+    means = np.column_stack([sums[:, 1:7] / sums[:, :1], sums[:, 8:] / sums[:, 7:8]])
     length = np.linalg.norm(means[:, 3:6], axis=1, keepdims=True)
     return Cloud(
         points_m=means[:, :3] + (np.zeros(3) if origin_m is None else origin_m),
@@ -175,5 +192,5 @@ def _join(first: _Cells, second: _Cells) -> _Cells:
 
 def _no_cells() -> _Cells:
     return _Cells(
-        keys=np.zeros(0, np.int64), sums=np.zeros((0, 10)), best=np.zeros((0, 2)), views=np.zeros(0, np.int64)
+        keys=np.zeros(0, np.int64), sums=np.zeros((0, 11)), best=np.zeros((0, 2)), views=np.zeros(0, np.int64)
     )

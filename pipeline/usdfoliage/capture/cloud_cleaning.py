@@ -21,7 +21,7 @@ class CleaningSettings:
 
     neighbors: int = 6  # that a point must have within reach; 0 keeps strays
     reach: float = 4.0  # of the median distance between neighbouring points
-    isolation: float = 2.5  # gap around a piece, of its size, from which on it is dropped; 0 keeps them
+    isolation: float = 3.0  # gap around a piece, of its size, from which on it is dropped; 0 keeps them
     spacing_m: float = 0.0  # least distance between points that are left, as Poisson disks; 0 leaves them all
     seed: int = 0
 

@@ -95,8 +95,12 @@ def _floats(where: str, fields: Sequence[str]) -> list[float]:
         try:
             value = float(field)
         except ValueError as error:
-            raise CaptureError(f"{where}: {field[:40]!r} must be a number") from error
+            raise CaptureError(
+                f"{where}: {field[:40]!r} must be a number; write the model again with the program that made it"
+            ) from error
         if not np.isfinite(value):
-            raise CaptureError(f"{where}: {field[:40]} must be finite")
+            raise CaptureError(
+                f"{where}: {field[:40]} must be finite; leave that photograph or point out, or estimate the poses"
+            )
         values.append(value)
     return values

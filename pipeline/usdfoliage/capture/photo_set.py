@@ -3,6 +3,7 @@
 import hashlib
 import logging
 import math
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -105,7 +106,7 @@ def read_photo_set(
         if missing:
             raise CaptureError(f"{images} has no {named(missing)}; give names of files in it")
         found = {name: found[name] for name in sorted(set(names))}
-    videos = [name for name in found if PurePosixPath(name).suffix.lower() in _VIDEOS]
+    videos = [name for name in found if is_video(name)]
     raws = [name for name in found if PurePosixPath(name).suffix.lower() in RAW]
     pictures = [name for name in found if is_picture(name)]
     if not pictures:
@@ -144,7 +145,7 @@ def read_photo_set(
             + ("; …" if len(copies) > 5 else "")
         )
     if videos:
-        notes.append(f"{named(videos)}: {_video_remedy(videos[0])}")
+        notes.append(f"{named(videos)}: {explain_video(videos[0])}")
     if raws:
         notes.append(f"{named(raws)} not used; convert to JPEG, PNG, TIFF or EXR")
     if blurred:
@@ -332,15 +333,21 @@ def _text(spec: Any, name: str) -> str:
 
 def _without_pictures(images: Path, videos: Sequence[str], raws: Sequence[str]) -> str:
     if videos:
-        return f"{images} has no photographs but a video, {videos[0]}; {_video_remedy(videos[0])}"
+        return f"{images} has no photographs but a video, {videos[0]}; {explain_video(videos[0])}"
     if raws:
         return f"{images} has no photographs that can be read but {named(raws)}; convert them to JPEG, PNG, TIFF or EXR"
     return f"{images} has no photographs; put them there as JPEG, PNG, TIFF or EXR"
 
 
-def _video_remedy(name: str) -> str:
-    stem = PurePosixPath(name).stem
+def is_video(name: str) -> bool:
+    """Whether a file is named as videos are."""
+    return PurePosixPath(name).suffix.lower() in _VIDEOS
+
+
+def explain_video(name: str) -> str:
+    """How to get photographs out of a video."""
+    frames = shlex.quote(f"{PurePosixPath(name).stem}_%04d.jpg")
     return (
-        f"take pictures out of a video first: ffmpeg -i {name} -vf fps=2 -qscale:v 2 {stem}_%04d.jpg, "
-        f"with so many a second that neighbours overlap by two thirds"
+        f"take pictures out of it first: ffmpeg -i {shlex.quote(name)} -vf fps=2 -qscale:v 2 {frames}, "
+        "so many a second that neighbours overlap by two thirds"
     )

@@ -350,7 +350,7 @@ def _map(
         )
         raise CaptureError(
             f"no cameras could be found for the photographs in {photo_set.folder}: "
-            f"{int(overlapping.sum() // 2)} pairs overlap, but none starts a reconstruction; {hint}"
+            f"{counted(int(overlapping.sum() // 2), 'pair')} of them overlap, but none starts a reconstruction; {hint}"
         )
     order = np.asarray(usable, np.int64)
     best["images"] = order[best["images"]]

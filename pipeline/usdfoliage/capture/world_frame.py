@@ -173,8 +173,8 @@ def level_and_scale(
     elif settings.up != "auto":
         of_kind = [up for up in ups if up.method == settings.up]
         if not of_kind:
-            found = ", ".join(up.method for up in ups)
-            raise CaptureError(f"up cannot be found by {settings.up} in these photographs; it can by {found}")
+            ways = ", ".join(up.method for up in ups)
+            raise CaptureError(f"up cannot be found by {settings.up} in these photographs; it can by {ways}")
         chosen = of_kind[0]
     else:
         chosen = min(ups, key=lambda up: up.error_rad)

@@ -113,7 +113,7 @@ def run(options: argparse.Namespace) -> int:
     for note in made.notes:
         print(f"note: {note}")
     print(f"photographs: {made.registered:,} of {made.photographs:,} have a pose, {made.views:,} have depth")
-    print(f"coverage: {made.coverage:.0%} of a photograph's pixels that are not masked have depth")
+    print(f"coverage: {made.coverage:.0%} of the median photograph's pixels that are not masked have depth")
     print(f"points: {made.points:,}")
     print(f"seconds: {', '.join(f'{name} {seconds:.1f}' for name, seconds in made.seconds.items())}")
     print(f"cloud: {made.cloud}")

@@ -4,13 +4,16 @@ import argparse
 import logging
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from usdfoliage import __version__
 from usdfoliage.capture.capture_settings import read_capture_settings
-from usdfoliage.capture.cloud import merge_views
+from usdfoliage.capture.cloud import CloudSettings, merge_views
 from usdfoliage.capture.cloud_cleaning import drop_floating, drop_strays, thin_to_disks
+from usdfoliage.capture.cloud_visibility import drop_seen_through
 from usdfoliage.capture.colmap_stereo import check_cuda
 from usdfoliage.capture.listing import counted, named
 from usdfoliage.capture.photo_set import read_photo_set
@@ -24,6 +27,7 @@ from usdfoliage.jobs.capture_depth import (
     plan_tasks,
     prepare_views,
     run_tasks,
+    seen_depths,
     seen_surfaces,
 )
 from usdfoliage.jobs.capture_folder import (
@@ -35,7 +39,7 @@ from usdfoliage.jobs.capture_folder import (
     lay_out,
     publish,
 )
-from usdfoliage.jobs.capture_maps import KINDS, forget_other_maps, write_maps
+from usdfoliage.jobs.capture_maps import KINDS, ViewMaps, forget_other_maps, write_maps
 from usdfoliage.jobs.capture_poses import REGISTERED, check_world, estimate_poses, poses_are_given, read_posed
 from usdfoliage.jobs.capture_report import CaptureReport, write_capture_report
 from usdfoliage.jobs.capture_results import (
@@ -118,7 +122,7 @@ class MadeCapture:
     registered: int  # of them, with a pose
     views: int  # of these, with depth
     points: int
-    coverage: float  # mean share of a photograph that has depth
+    coverage: float  # median share of a photograph, what is masked left out, that has depth
     seconds: Mapping[str, float]  # by step
     notes: tuple[str, ...]
 
@@ -131,7 +135,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
     """
     given = find_photographs(request.source, request.output)
     read_capture_settings(given.source)  # what is wrong with it is said before anything is written
-    if request.resume and not given.work.is_dir():
+    if request.resume and not has_results(given.work):
         raise CaptureError(f"{given.folder} has no earlier run to go on with; leave --resume out to begin one")
     if request.settings.dense == "colmap":
         check_cuda()
@@ -174,7 +178,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         with follow_step("maps", seconds, progress) as tell:
             maps = write_maps(tasks, threads=request.threads, progress=tell)
         with follow_step("cloud", seconds, progress) as tell:
-            cloud = merge_views(seen_surfaces(tasks, tell), request.settings.cloud)
+            cloud = merge_views(seen_surfaces(tasks, tell), size_cells(request.settings.cloud, maps))
+            cloud = drop_seen_through(cloud, seen_depths(tasks), request.settings.visibility)
             cleaning = request.settings.cleaning
             cloud = thin_to_disks(drop_floating(drop_strays(cloud, cleaning), cleaning), cleaning)
         if not len(cloud):
@@ -222,7 +227,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         registered=len(capture.views),
         views=len(maps),
         points=len(cloud),
-        coverage=sum(held.coverage for held in maps) / max(1, len(maps)),
+        coverage=float(np.median([held.coverage for held in maps])),
         seconds=seconds,
         notes=tuple(notes),
     )
@@ -322,6 +327,19 @@ def choose_places(
         f"{beside[0]} takes it), and --force would replace what was there"
     )
     return beside, [note]
+
+
+def size_cells(settings: CloudSettings, maps: Sequence[ViewMaps]) -> CloudSettings:
+    """Cells as large as a pixel's footprint in the median view, unless their size is given."""
+    footprints_m = [held.footprint_m for held in maps if np.isfinite(held.footprint_m)]
+    if settings.cell_m is not None or not footprints_m:
+        return settings
+    return replace(settings, cell_m=settings.cell_footprints * float(np.median(footprints_m)))
+
+
+def has_results(work: Path) -> bool:
+    """Whether an earlier run has left anything to go on with."""
+    return work.is_dir() and any(below.is_dir() and any(below.iterdir()) for below in work.iterdir())
 
 
 def forget_results(work: Path) -> None:

@@ -411,6 +411,14 @@ def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None) -> Iterat
             progress(index + 1, len(tasks.views))
 
 
+def seen_depths(tasks: DepthTasks) -> Iterator[tuple[Pinhole, NDArray[np.float32]]]:
+    """Camera and depth of each view that has depth, one after the other."""
+    for index in range(len(tasks.views)):
+        estimate = read_estimate(tasks, index)
+        if estimate is not None:
+            yield estimate.camera, estimate.depth_m
+
+
 def in_world(normals: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
     """Normals (H, W, 3) in camera axes in those of the world."""
     return np.asarray(normals @ camera.cam_from_world[:, :3].astype(np.float32))

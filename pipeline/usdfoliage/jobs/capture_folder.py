@@ -4,7 +4,6 @@ import errno
 import filecmp
 import json
 import logging
-import mimetypes
 import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,7 +13,7 @@ from pathlib import Path
 
 from usdfoliage.capture.capture_settings import FILE_NAME
 from usdfoliage.capture.listing import counted, files_below, is_picture, named
-from usdfoliage.capture.photo_set import RAW
+from usdfoliage.capture.photo_set import RAW, explain_video, is_video
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture_work import WORK, digest_file, explain, write_whole
 
@@ -56,7 +55,7 @@ def find_photographs(source: Path, output: Path | None) -> GivenPhotographs:
         CaptureError: There are no two photographs, or nowhere to put what is made of them.
     """
     if is_video(source.name) and not source.is_dir():
-        raise CaptureError(f"{source} is a video; {explain_video(source.name)}")
+        raise CaptureError(f"{source} is a video; {explain_video(str(source))}")
     if source.is_file():
         raise CaptureError(f"{source} is one file; give the folder of at least two photographs, or a capture")
     if not source.is_dir():
@@ -229,7 +228,7 @@ class Record:
             held = json.loads(self._path.read_text(encoding="utf-8"))
             brought = {str(name): str(digest) for name, digest in held["brought"].items()}
             made = {str(name): set(map(str, digests)) for name, digests in held["made"].items()}
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             logger.warning("%s is damaged (%s): all that is in the capture counts as the user's", self._path, error)
@@ -267,20 +266,6 @@ def _files_of(capture: Path, name: str) -> list[str]:
     if not path.is_dir():
         return [name] if path.exists() else []
     return sorted(below.relative_to(capture).as_posix() for below in path.rglob("*") if not below.is_dir())
-
-
-def is_video(name: str) -> bool:
-    """Whether a file is named as videos are."""
-    kind, _ = mimetypes.guess_type(name)
-    return kind is not None and kind.startswith("video/")
-
-
-def explain_video(name: str) -> str:
-    """How to get photographs out of a video."""
-    return (
-        f"take pictures out of it first: ffmpeg -i {name} -vf fps=2 -qscale:v 2 photos/%04d.jpg (so many a second that "
-        "neighbours overlap by two thirds)"
-    )
 
 
 def publish(new: Path, capture: Path, names: Iterable[str], record: Record) -> None:

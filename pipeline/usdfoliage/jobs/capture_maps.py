@@ -25,6 +25,7 @@ class ViewMaps:
     name: str  # of the photograph
     files: tuple[Path, Path, Path]  # as KINDS
     coverage: float  # share of the pixels, of those in the mask where there is one, that have depth
+    footprint_m: float  # median size of a pixel on what it sees; NaN without depth
 
 
 def write_maps(
@@ -58,14 +59,16 @@ def _write(tasks: DepthTasks, index: int) -> ViewMaps:
     folder = tasks.work / MAPS / key
     depth, normals, confidence = (folder / f"{kind}.exr" for kind in KINDS)
     record = folder / "record.json"
-    coverage = _read_record(record, (depth, normals, confidence))
-    if coverage is None:
+    measured = _read_record(record, (depth, normals, confidence))
+    if measured is None:
         estimate = read_estimate(tasks, index)
         if estimate is None:
             raise ValueError(f"{prepared.name} has no sources, and no depth")
         mask = picture_of(tasks, index).mask
         has_depth = estimate.depth_m > 0
         coverage = float(np.mean(has_depth if mask is None else has_depth[mask > 0]))
+        middle_m = float(np.median(estimate.depth_m[has_depth])) if has_depth.any() else np.nan
+        measured = coverage, middle_m / float(np.sqrt(np.prod(estimate.camera.focal_px)))
         full = enlarge_depth(estimate, prepared.camera)
         maps = full.depth_m, in_world(full.normals, full.camera), full.confidence
         if not prepared.lens.is_pinhole:
@@ -75,16 +78,18 @@ def _write(tasks: DepthTasks, index: int) -> ViewMaps:
         write_normal_map(normals, maps[1])
         write_confidence_map(confidence, np.clip(maps[2], 0, 1))
         digests = [digest_file(path) for path in (depth, normals, confidence)]
-        write_whole(record, json.dumps({"digests": digests, "coverage": coverage}).encode())
-    return ViewMaps(name=prepared.name, files=(depth, normals, confidence), coverage=coverage)
+        held_too = {"digests": digests, "coverage": measured[0], "footprint_m": measured[1]}
+        write_whole(record, json.dumps(held_too).encode())
+    files = depth, normals, confidence
+    return ViewMaps(name=prepared.name, files=files, coverage=measured[0], footprint_m=measured[1])
 
 
-def _read_record(record: Path, files: tuple[Path, Path, Path]) -> float | None:
-    """The coverage of maps that are there as they were written; None for others."""
+def _read_record(record: Path, files: tuple[Path, Path, Path]) -> tuple[float, float] | None:
+    """Coverage and footprint of maps that are there as they were written; None for others."""
     try:
         held = json.loads(record.read_text(encoding="utf-8"))
         if held["digests"] != [digest_file(path) for path in files if path.is_file()]:
             return None
-        return float(held["coverage"])
+        return float(held["coverage"]), float(held["footprint_m"])
     except (OSError, ValueError, KeyError, TypeError):
         return None

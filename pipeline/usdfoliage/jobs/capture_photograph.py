@@ -30,6 +30,6 @@ class CapturePhotograph:
     error_px: float | None = None  # mean reprojection error of its points; None where its pose was given
     points: int | None = None  # points of the cameras' model that it sees
     sources: Sequence[int] = ()  # photographs, by number, that it was matched with for its depth
-    coverage: float | None = None  # share of its plant's pixels, of all without a mask, that have depth
+    coverage: float | None = None  # share of its pixels, what is masked left out, that has depth
     remark: str = ""  # what is odd about it
     read_maps: Callable[[], ShownMaps] | None = None  # called once, for those shown; nothing is kept

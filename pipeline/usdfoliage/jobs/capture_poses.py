@@ -25,6 +25,7 @@ from usdfoliage.steps import StepProgress
 logger = logging.getLogger(__name__)
 
 REGISTRATION, REGISTERED = "registration", "registered"  # in the work folder: COLMAP's work, and the model of it
+_MOST_NAMED = 5  # files
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # (x, y, z) -> (x, -z, y)
 
 
@@ -120,7 +121,13 @@ def estimate_poses(
         images, names, photo_settings, lambda done, total: progress("photographs", done / total) if progress else None
     )
     how: RegistrationSettings = replace(settings.registration, threads=threads)
-    registered = register_photos(photo_set, folder / WORK / REGISTRATION, how, progress)
+    try:
+        registered = register_photos(photo_set, folder / WORK / REGISTRATION, how, progress)
+    except CaptureError as error:
+        left_out = "; ".join(f"{item.name} is left out: {item.reason}" for item in photo_set.dropped[:_MOST_NAMED])
+        more = len(photo_set.dropped) - _MOST_NAMED
+        told = f"{left_out}; and {more} more" if more > 0 else left_out
+        raise CaptureError(f"{error} ({told})" if told else str(error)) from error
     if registered.doubtful:
         logger.warning("the estimated poses are probably wrong, and so will be the cloud; the notes say why")
     world = _with_hints(settings.world, folder)

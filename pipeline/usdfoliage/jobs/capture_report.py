@@ -193,7 +193,7 @@ def capture_rows(report: CaptureReport) -> list[Row]:
         rows.append(_spread(np.array(errors), "reprojection error", " px", "of the photographs' means"))
     covered = np.array([held.coverage for held in photographs if held.coverage is not None])
     if len(covered):
-        rows.append(_spread(100 * covered, "depth", " %", "of the pixels of each photograph's plant, or of all"))
+        rows.append(_spread(100 * covered, "depth", " %", "of the pixels of each photograph that are not masked"))
     rows.append(Row(name="points", value=f"{len(cloud):,}", remark="of the cloud"))
     if len(cloud):
         size = np.ptp(np.quantile(cloud.points_m, (0.002, 0.998), axis=0), axis=0)
@@ -336,7 +336,7 @@ def _write_view(folder: Path, report: CaptureReport, number: int) -> PictureRow:
         )
     facts = []
     if held.coverage is not None:
-        facts.append(f"depth for {100 * held.coverage:.0f} % of the plant's pixels, or of all without a mask")
+        facts.append(f"depth for {100 * held.coverage:.0f} % of the pixels that are not masked")
     if held.error_px is not None:
         facts.append(f"reprojection error {held.error_px:.2f} px")
     if held.sources:

@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 from usdfoliage.capture.clear_sky import ClearSkySettings
 from usdfoliage.capture.cloud import CloudSettings
 from usdfoliage.capture.cloud_cleaning import CleaningSettings
+from usdfoliage.capture.cloud_visibility import VisibilitySettings
 from usdfoliage.capture.dense_depth import DenseDepthSettings, Quality, Round
 from usdfoliage.capture.registration import RegistrationSettings
 from usdfoliage.capture.world_frame import UPS, KnownDistance, WorldSettings
@@ -33,6 +34,7 @@ class CaptureRunSettings:
     world: WorldSettings = field(default_factory=WorldSettings)  # likewise
     depth: DenseDepthSettings = field(default_factory=DenseDepthSettings)
     cloud: CloudSettings = field(default_factory=CloudSettings)
+    visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
     cleaning: CleaningSettings = field(default_factory=CleaningSettings)
 
 
