@@ -3,7 +3,9 @@
 import cv2
 import numpy as np
 import pytest
-from usdfoliage.capture.clear_sky import ClearSkySettings, find_clear_sky
+from scipy.spatial.transform import Rotation
+from usdfoliage.capture.clear_sky import ClearSkySettings, elevations_deg, find_clear_sky
+from usdfoliage.geometry.pinhole import Pinhole
 
 SIZE = (120, 160)
 
@@ -54,3 +56,36 @@ def test_settings_that_cannot_be():
     with pytest.raises(ValueError, match="max_texture"):
         ClearSkySettings(max_texture=-1)
     assert find_clear_sky(photo(0.5)[0], ClearSkySettings(max_texture=0)) is None
+
+
+def pitched(degrees):
+    """A camera in a world with Z up, that looks so far over the horizon."""
+    level = np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)])  # right, down and ahead in the world
+    turn = Rotation.from_euler("x", -degrees, degrees=True).as_matrix() @ level
+    pose = np.column_stack([turn, np.zeros(3)])
+    height, width = SIZE
+    center_px = (width / 2, height / 2)
+    return Pinhole(width_px=width, height_px=height, focal_px=(100, 100), center_px=center_px, cam_from_world=pose)
+
+
+def test_elevations_are_those_of_the_lines_of_sight():
+    up = np.array([0, 0, 1])
+    at = elevations_deg(pitched(0), up)
+    assert at[0, 80] == pytest.approx(np.degrees(np.arctan2(59.5, 100)), abs=0.01)
+    assert at[-1, 80] == pytest.approx(-at[0, 80])
+    assert elevations_deg(pitched(30), up)[59:61, 79:81].mean() == pytest.approx(30, abs=0.1)
+
+
+def test_what_lies_below_the_horizon_is_no_sky():
+    picture, _ = photo(0.5)
+    everywhere = find_clear_sky(picture)
+    up = np.array([0, 0, 1])
+    assert find_clear_sky(picture, elevation_deg=elevations_deg(pitched(-75), up)) is None  # a road seen by a drone
+    level = elevations_deg(pitched(0), up)
+    settings = ClearSkySettings(below_horizon_deg=0)
+    np.testing.assert_array_equal(
+        find_clear_sky(picture, settings, elevation_deg=level), everywhere & (np.arange(SIZE[0]) < 60)[:, None]
+    )
+    np.testing.assert_array_equal(find_clear_sky(picture, elevation_deg=elevations_deg(pitched(60), up)), everywhere)
+    with pytest.raises(ValueError, match="below_horizon_deg"):
+        ClearSkySettings(below_horizon_deg=-1)

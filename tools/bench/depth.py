@@ -26,7 +26,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from usdfoliage.capture.clear_sky import find_clear_sky
+from usdfoliage.capture.clear_sky import elevations_deg, find_clear_sky
 from usdfoliage.capture.cloud import SeenSurface, merge_views
 from usdfoliage.capture.cloud_cleaning import CleaningSettings, drop_floating, drop_strays
 from usdfoliage.capture.cloud_file import write_cloud
@@ -206,7 +206,9 @@ def match(capture: Capture, variant: Variant) -> Matched:
     views: list[View] = []
     for index in range(len(capture.views)):
         view = read_view(capture, index)
-        sky = find_clear_sky(view.srgb) if variant.sky else None
+        up = np.linalg.solve(capture.asset_from_world[:3, :3], (0, 1, 0))
+        elevation_deg = elevations_deg(view.camera, up)
+        sky = find_clear_sky(view.srgb, elevation_deg=elevation_deg) if variant.sky else None
         views.append(replace(view, depth_m=np.zeros_like(view.depth_m), mask=None if sky is None else ~sky))
     plan = plan_depths([view.camera for view in views], None, variant.depth)
     planes = match_views(views, plan, variant.depth)

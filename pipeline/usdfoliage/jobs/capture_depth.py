@@ -15,7 +15,7 @@ from typing import TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.capture.clear_sky import ClearSkySettings, find_clear_sky
+from usdfoliage.capture.clear_sky import ClearSkySettings, elevations_deg, find_clear_sky
 from usdfoliage.capture.cloud import SeenSurface
 from usdfoliage.capture.colmap_stereo import read_stereo_planes, run_stereo, write_stereo_workspace
 from usdfoliage.capture.dense_depth import DenseDepthSettings, DepthPlan, finish_depth, match_round, plan_depths
@@ -142,11 +142,12 @@ def prepare_views(
     sharpness: list[tuple[str, float]] = []
     alike: dict[str, list[str]] = {}
 
-    def read(index: int) -> tuple[Path, Arrays] | CaptureError:
+    def read(index: int) -> tuple[Path, str, Arrays] | CaptureError:
         """Its file, and what is to be known of it without its pixels; or why it cannot be used."""
         made = None
         try:
-            path = work / PHOTOS / f"{_picture_key(bare, bare.views[index], max_side_px, sky)}.npz"
+            photo = digest_file(bare.views[index].photo)
+            path = work / PHOTOS / f"{_picture_key(bare, bare.views[index], photo, max_side_px, sky)}.npz"
             held = read_result(path)
             if held is None:
                 made = held = _read_picture(bare, index, max_side_px, sky)
@@ -154,21 +155,21 @@ def prepare_views(
             return error
         if made is not None and keep:
             write_result(path, made)
-        return path, {name: held[name] for name in ("size", "notes", "sharpness")}
+        return path, photo, {name: held[name] for name in ("size", "notes", "sharpness")}
 
     results = map_threaded(read, range(len(bare.views)), threads=share_cores(threads)[0])
     for index, (chosen, result) in enumerate(zip(bare.views, results, strict=True)):
         if isinstance(result, CaptureError):
             dropped.append((chosen.name, str(result)))
         else:
-            path, held = result
+            path, photo, held = result
             width_px, height_px = (int(side) for side in held["size"])
             key = task_key(path.stem, chosen.cam_from_world)
             views.append(PreparedView(chosen=chosen, pixels=path, width_px=width_px, height_px=height_px, key=key))
             for text in json.loads(str(held["notes"])):
                 remarks.setdefault(text, []).append(chosen.name)
             sharpness.append((chosen.name, float(held["sharpness"])))
-            alike.setdefault(path.stem, []).append(chosen.name)
+            alike.setdefault(photo, []).append(chosen.name)
         if progress is not None:
             progress(index + 1, len(bare.views))
     notes = [f"{name} is left out: {reason}" for name, reason in dropped]
@@ -189,10 +190,17 @@ def prepare_views(
     return PreparedViews(views=tuple(views), dropped=tuple(dropped), notes=tuple(notes), doubts=tuple(doubts))
 
 
-def _picture_key(capture: Capture, chosen: CaptureView, max_side_px: int, sky: ClearSkySettings | None) -> str:
-    mask = sky if chosen.mask is None else digest_file(chosen.mask)
-    color_space = capture.settings.color_space
-    return task_key("photo", digest_file(chosen.photo), mask, chosen.lens, color_space, max_side_px)
+def _picture_key(
+    capture: Capture, chosen: CaptureView, photo: str, max_side_px: int, sky: ClearSkySettings | None
+) -> str:
+    mask = (sky, None if sky is None else _up(capture, chosen)) if chosen.mask is None else digest_file(chosen.mask)
+    return task_key("photo", photo, mask, chosen.lens, capture.settings.color_space, max_side_px)
+
+
+def _up(capture: Capture, chosen: CaptureView) -> list[float]:
+    """The world's up (3,) in the axes of a camera."""
+    up = np.linalg.solve(capture.asset_from_world[:3, :3], (0, 1, 0))
+    return [float(number) for number in chosen.cam_from_world[:, :3] @ up]
 
 
 def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkySettings | None) -> Arrays:
@@ -208,7 +216,9 @@ def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkyS
     if small.mask is not None:
         held["mask"] = small.mask > 0
     elif sky is not None and capture.views[index].mask is None:
-        found = find_clear_sky(small.srgb, sky)
+        turned = replace(small.camera, cam_from_world=np.eye(4)[:3])
+        elevation_deg = elevations_deg(turned, np.array(_up(capture, capture.views[index])))
+        found = find_clear_sky(small.srgb, sky, elevation_deg=elevation_deg)
         if found is not None:
             held["mask"] = ~found
     return held
