@@ -2,22 +2,10 @@
 
 import numpy as np
 import pytest
+from plain_clouds import looking_down
 from usdfoliage.capture.cloud import CloudSettings, SeenSurface, merge_views
-from usdfoliage.geometry.pinhole import Pinhole
 
-WIDTH, HEIGHT, FOCAL = 60, 44, 80.0
-
-
-def looking_down(x=0.0, y=0.0, height_m=2.0):
-    """A camera above the plane z = 0."""
-    turn = np.diag([1.0, -1.0, -1.0])
-    return Pinhole(
-        width_px=WIDTH,
-        height_px=HEIGHT,
-        focal_px=(FOCAL, FOCAL),
-        center_px=(WIDTH / 2, HEIGHT / 2),
-        cam_from_world=np.column_stack([turn, -turn @ (x, y, height_m)]),
-    )
+WIDTH, HEIGHT = 60, 44
 
 
 def seen(camera, srgb=(90, 160, 40), confidence=0.8, noise_m=0.0, seed=0):

@@ -4,20 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_clouds import cloud_of
 from scipy.spatial import cKDTree
-from usdfoliage.capture.cloud import Cloud
 from usdfoliage.capture.cloud_cleaning import CleaningSettings, drop_floating, drop_strays, thin_to_disks
-
-
-def cloud_of(points_m):
-    count = len(points_m)
-    return Cloud(
-        points_m=np.asarray(points_m, float),
-        normals=np.tile(np.float32([0, 0, 1]), (count, 1)),
-        srgb=np.zeros((count, 3), np.uint8),
-        confidence=np.ones(count, np.float32),
-        views=np.arange(count, dtype=np.int32),
-    )
 
 
 def sheet(side=40, step=0.01):

@@ -4,37 +4,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from usdfoliage.capture.cloud import Cloud
+from plain_clouds import cloud_of, looking_down
 from usdfoliage.capture.cloud_visibility import VisibilitySettings, count_views, drop_seen_through
-from usdfoliage.geometry.pinhole import Pinhole
 
 SIDE, FOCAL, HEIGHT_M = 40, 40.0, 2.0  # a view sees 2 x 2 m of the plane z = 0
 
 
-def looking_down(x=0.0):
-    turn = np.diag([1.0, -1.0, -1.0])
-    return Pinhole(
-        width_px=SIDE,
-        height_px=SIDE,
-        focal_px=(FOCAL, FOCAL),
-        center_px=(SIDE / 2, SIDE / 2),
-        cam_from_world=np.column_stack([turn, -turn @ (x, 0, HEIGHT_M)]),
-    )
-
-
 def plane(x=0.0):
-    return looking_down(x), np.full((SIDE, SIDE), HEIGHT_M, np.float32)
+    return view_from(x), np.full((SIDE, SIDE), HEIGHT_M, np.float32)
 
 
-def cloud_of(points_m, views=1):
-    count = len(points_m)
-    return Cloud(
-        points_m=np.asarray(points_m, float),
-        normals=np.tile(np.float32([0, 0, 1]), (count, 1)),
-        srgb=np.zeros((count, 3), np.uint8),
-        confidence=np.ones(count, np.float32),
-        views=np.full(count, views, np.int32),
-    )
+def view_from(x):
+    return looking_down(x, height_m=HEIGHT_M, size=(SIDE, SIDE), focal_px=FOCAL)
 
 
 ON, ABOVE, BELOW, NEARLY, OUTSIDE = (0.1, 0.2, 0), (0.1, 0.2, 0.5), (0.1, 0.2, -0.5), (0.1, 0.2, 0.015), (9, 9, 0)
@@ -47,7 +28,7 @@ def test_a_point_is_had_seen_through_hidden_or_out_of_the_picture():
 
 
 def test_points_that_views_see_through_go_and_the_others_know_their_views():
-    cloud = cloud_of([ON, ABOVE, BELOW, OUTSIDE])
+    cloud = cloud_of([ON, ABOVE, BELOW, OUTSIDE], views=1)
     left = drop_seen_through(cloud, [plane(), plane(0.2), plane(-0.2)])
     assert left.points_m.tolist() == [list(ON), list(BELOW), list(OUTSIDE)]
     assert left.views.tolist() == [3, 1, 1]
@@ -66,7 +47,7 @@ def test_no_depth_says_nothing():
 def test_the_order_of_views_and_points_is_the_same(seed):
     rng = np.random.default_rng(seed)
     points = rng.uniform(-1.5, 1.5, (50, 3)) * (1, 1, 0.5)
-    views = [(looking_down(x), rng.uniform(1.2, 2.4, (SIDE, SIDE)).astype(np.float32)) for x in (0.0, 0.3, -0.5)]
+    views = [(view_from(x), rng.uniform(1.2, 2.4, (SIDE, SIDE)).astype(np.float32)) for x in (0.0, 0.3, -0.5)]
     order = rng.permutation(50)
     there, again = count_views(points, views), count_views(points[order], views[::-1])
     for first, second in zip(there, again, strict=True):
