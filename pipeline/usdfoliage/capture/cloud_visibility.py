@@ -5,7 +5,7 @@ photograph is matched with; here every depth map is asked about every point, one
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,5 +62,5 @@ def drop_seen_through(
     if np.isinf(settings.through):
         return cloud
     having, through = count_views(cloud.points_m, depths, settings)
-    counted = Cloud(**{**vars(cloud), "views": np.maximum(cloud.views, having)})
+    counted = replace(cloud, views=np.maximum(cloud.views, having))
     return counted.take(through <= settings.through * np.maximum(having, 1))
