@@ -206,8 +206,7 @@ def match(capture: Capture, variant: Variant) -> Matched:
     views: list[View] = []
     for index in range(len(capture.views)):
         view = read_view(capture, index)
-        up = np.linalg.solve(capture.asset_from_world[:3, :3], (0, 1, 0))
-        elevation_deg = elevations_deg(view.camera, up)
+        elevation_deg = elevations_deg(view.camera, capture.up)
         sky = find_clear_sky(view.srgb, elevation_deg=elevation_deg) if variant.sky else None
         views.append(replace(view, depth_m=np.zeros_like(view.depth_m), mask=None if sky is None else ~sky))
     plan = plan_depths([view.camera for view in views], None, variant.depth)

@@ -67,9 +67,7 @@ class _Cells:
     """Sums over the points of each cell, in the order of the cells' keys."""
 
     keys: NDArray[np.int64]  # (C,)
-    sums: NDArray[
-        np.float64
-    ]  # (C, 11): weight; weighed offset from the origin and normal; weight of colour, and colour
+    sums: NDArray[np.float64]  # (C, 11): weight; weighed offset and normal; weight of colour; weighed colour
     best: NDArray[np.float64]  # (C, 2), the highest confidence, and the most views that agree with a point
     views: NDArray[np.int64]  # (C,), with a point in the cell
 

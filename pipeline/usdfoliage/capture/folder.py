@@ -74,6 +74,11 @@ class Capture:
         return matrix
 
     @property
+    def up(self) -> NDArray[np.float64]:
+        """(3,), up in the views' world, of length 1."""
+        return np.asarray(np.linalg.solve(self.asset_from_world[:3, :3], (0.0, 1.0, 0.0)))
+
+    @property
     def asset_from_capture(self) -> NDArray[np.float64]:
         """(4, 4) for column vectors: from the coordinates in the input files, in their unit, to the asset's."""
         unit = self.settings.metres_per_unit

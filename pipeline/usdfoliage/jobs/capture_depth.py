@@ -193,14 +193,9 @@ def prepare_views(
 def _picture_key(
     capture: Capture, chosen: CaptureView, photo: str, max_side_px: int, sky: ClearSkySettings | None
 ) -> str:
-    mask = (sky, None if sky is None else _up(capture, chosen)) if chosen.mask is None else digest_file(chosen.mask)
+    seen_up = None if sky is None else chosen.cam_from_world[:, :3] @ capture.up
+    mask = (sky, seen_up) if chosen.mask is None else digest_file(chosen.mask)
     return task_key("photo", photo, mask, chosen.lens, capture.settings.color_space, max_side_px)
-
-
-def _up(capture: Capture, chosen: CaptureView) -> list[float]:
-    """The world's up (3,) in the axes of a camera."""
-    up = np.linalg.solve(capture.asset_from_world[:3, :3], (0, 1, 0))
-    return [float(number) for number in chosen.cam_from_world[:, :3] @ up]
 
 
 def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkySettings | None) -> Arrays:
@@ -216,9 +211,7 @@ def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkyS
     if small.mask is not None:
         held["mask"] = small.mask > 0
     elif sky is not None and capture.views[index].mask is None:
-        turned = replace(small.camera, cam_from_world=np.eye(4)[:3])
-        elevation_deg = elevations_deg(turned, np.array(_up(capture, capture.views[index])))
-        found = find_clear_sky(small.srgb, sky, elevation_deg=elevation_deg)
+        found = find_clear_sky(small.srgb, sky, elevation_deg=elevations_deg(small.camera, capture.up))
         if found is not None:
             held["mask"] = ~found
     return held
