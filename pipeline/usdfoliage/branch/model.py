@@ -1,0 +1,90 @@
+"""Branches: what all the rest of the system knows of them."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Skeleton:
+    """The axes of a plant's branches, one polyline a branch, from where it leaves its parent to its tip.
+
+    A branch comes after its parent. The first point of one that has a parent repeats the parent's vertex that it leaves
+    from, with a radius of its own. Metres, Y up.
+    """
+
+    points_m: NDArray[np.float64]  # (V, 3), branch after branch
+    radius_m: NDArray[np.float64]  # (V,), above 0
+    counts: NDArray[np.int32]  # (B,), vertices of each branch, at least 2
+    parent_curve: NDArray[np.int32]  # (B,), -1 for a root
+    parent_vertex: NDArray[np.int32]  # (B,), index into points_m, -1 for a root
+    order: NDArray[np.int32]  # (B,), 0 for a trunk, else its parent's + 1
+
+    def __post_init__(self) -> None:
+        branches, vertices = len(self.counts), len(self.points_m)
+        shapes: tuple[tuple[str, NDArray[np.generic], tuple[int, ...]], ...] = (
+            ("points_m", self.points_m, (vertices, 3)),
+            ("radius_m", self.radius_m, (vertices,)),
+            ("counts", self.counts, (branches,)),
+            ("parent_curve", self.parent_curve, (branches,)),
+            ("parent_vertex", self.parent_vertex, (branches,)),
+            ("order", self.order, (branches,)),
+        )
+        for name, array, shape in shapes:
+            if array.shape != shape:
+                raise ValueError(f"{name} must be {shape}, not {array.shape}")
+        if self.counts.sum() != vertices or (self.counts < 2).any():
+            raise ValueError("counts must be 2 or more each, and together as many as there are points")
+        if not np.isfinite(self.points_m).all() or not (np.isfinite(self.radius_m) & (self.radius_m > 0)).all():
+            raise ValueError("points must be finite, radii finite and above 0")
+        if (self.parent_curve >= np.arange(branches)).any() or (self.parent_curve < -1).any():
+            raise ValueError("a branch must come after its parent")
+        child = np.flatnonzero(self.parent_curve >= 0)
+        from_first = self.parent_vertex[child] - self.first[self.parent_curve[child]]
+        if (from_first < 0).any() or (from_first >= self.counts[self.parent_curve[child]]).any():
+            raise ValueError("a branch must leave from a vertex of its parent")
+        if not np.array_equal(self.points_m[self.first[child]], self.points_m[self.parent_vertex[child]]):
+            raise ValueError("the first point of a branch must repeat the vertex of its parent")
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+    @cached_property
+    def first(self) -> NDArray[np.int32]:
+        """(B,) index of each branch's first point."""
+        return np.asarray(np.concatenate([[0], np.cumsum(self.counts)[:-1]]), np.int32)
+
+    @cached_property
+    def curve(self) -> NDArray[np.int32]:
+        """(V,) branch of each point."""
+        return np.repeat(np.arange(len(self), dtype=np.int32), self.counts)
+
+    @cached_property
+    def lengths_m(self) -> NDArray[np.float64]:
+        """(B,) length of each branch along its axis."""
+        steps = np.linalg.norm(np.diff(self.points_m, axis=0), axis=1)
+        steps[self.first[1:] - 1] = 0  # from one branch to the next
+        return np.add.reduceat(np.concatenate([steps, [0.0]]), self.first)
+
+    def branch(self, number: int) -> slice:
+        """The points of a branch."""
+        start = int(self.first[number])
+        return slice(start, start + int(self.counts[number]))
+
+    def up_to_order(self, order: int) -> "Skeleton":
+        """The branches of this order and below it, which keep their parents."""
+        kept = self.order <= order
+        number = np.cumsum(kept) - 1
+        vertex = np.cumsum(kept[self.curve]) - 1
+        parent, leaves_from = self.parent_curve[kept], self.parent_vertex[kept]
+        return replace(
+            self,
+            points_m=self.points_m[kept[self.curve]],
+            radius_m=self.radius_m[kept[self.curve]],
+            counts=self.counts[kept],
+            parent_curve=np.where(parent < 0, -1, number[parent]).astype(np.int32),
+            parent_vertex=np.where(leaves_from < 0, -1, vertex[leaves_from]).astype(np.int32),
+            order=self.order[kept],
+        )
