@@ -1,0 +1,58 @@
+"""Allometry: how thick branches are by what they carry.
+
+J. Guo et al., Realistic procedural plant modeling from multiple view images, 2020, equation 5: of a node's diameter d_p
+each child has d_c = d_p (l_c / sum l)^gamma, where l is the length of all that the child carries. Here the internode to
+the child counts as carried by its parent, so that branches taper between forks as well, and the product along the way
+from the root becomes d_root (l / l_root)^gamma.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.branch.rooted_tree import RootedTree
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllometrySettings:
+    """How thickness follows from length."""
+
+    exponent: float = 0.45  # gamma; table 2 has 0.41 to 0.50
+
+    def __post_init__(self) -> None:
+        if not 0 < self.exponent <= 2:
+            raise ValueError(f"exponent must be in (0, 2], not {self.exponent:g}")
+
+
+def carried_lengths(tree: RootedTree, step_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(S,) length of all internodes above each node, and half its own, so that a tip carries something too.
+
+    Args:
+        tree: Of the nodes.
+        step_m: (S,), internode to each node from its parent.
+    """
+    least_m = 0.5 * np.median(step_m[step_m > 0]) if (step_m > 0).any() else 1.0
+    return np.asarray(tree.sum_above(step_m) - step_m + np.maximum(0.5 * step_m, least_m))
+
+
+def grow_radii(
+    tree: RootedTree,
+    step_m: NDArray[np.float64],
+    root_radius_m: float | NDArray[np.floating],
+    settings: AllometrySettings = AllometrySettings(),
+) -> NDArray[np.float64]:
+    """(S,) radius of every node from that of its root (eq. 5).
+
+    Args:
+        tree: Of the nodes.
+        step_m: (S,), internode to each node from its parent.
+        root_radius_m: Of all roots, or (S,) where roots have theirs.
+    """
+    carried_m = carried_lengths(tree, step_m)
+    radius_m = np.zeros(len(tree.parent))
+    radius_m[tree.levels[0]] = np.broadcast_to(root_radius_m, len(tree.parent))[tree.levels[0]]
+    for level in tree.levels[1:]:
+        above = tree.parent[level]
+        radius_m[level] = radius_m[above] * (carried_m[level] / carried_m[above]) ** settings.exponent
+    return radius_m

@@ -1,0 +1,230 @@
+"""From the cloud of a plant to the skeleton of its branches."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.axes import Axes, find_axes
+from usdfoliage.branch.cloud_graph import CloudGraphSettings, link_points
+from usdfoliage.branch.fairing import fair_axes
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.radii import Radii, RadiusSettings, estimate_radii
+from usdfoliage.branch.rooted_tree import RootedTree
+from usdfoliage.branch.sections import SectionTree, cut_sections, find_ways
+from usdfoliage.branch.stem_sections import StemSectionSettings, fit_stem_sections
+
+logger = logging.getLogger(__name__)
+
+_SIXTH = 6  # neighbour whose distance says how far apart points are
+_SAMPLE = 20_000  # points of which it is taken
+_HANGS_TOGETHER = 1.6  # distances to the sixth neighbour, that a slice of a thick stem must be thick
+_NEAR_BELIEVED = 3  # nodes from a believed circle, that are as thick as is thought
+_MOST_MOVED = 0.7  # of the radius, that a node is moved to the middle of its circle
+
+Tell = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchSettings:
+    """How a cloud becomes a skeleton. Lengths without a unit are internodes, or what they say."""
+
+    internode_m: float | None = None  # without it from the height
+    internode_of_height: float = 0.005  # table 2: 5 cm in a box of 10 m
+    graph: CloudGraphSettings = field(default_factory=CloudGraphSettings)
+    way_power: float = 2.0  # of a link's length, that it costs
+    coarse: float = 2.0  # internodes, thickness of a slice in which thick stems are found
+    fine: float = 0.24  # internodes, thickness of a slice
+    fine_spacings: tuple[float, float, float] = (0.2, 1.6, 0.6)  # of points: least, most; above the last internodes, least
+    stem_share: float = 0.3  # of the radius of a thick stem, thickness of its slices
+    least_length: float = 1.0  # slices, that a branch must reach beyond its parent's surface
+    stiffness: float = 1.0
+    radii: RadiusSettings = field(default_factory=RadiusSettings)
+
+    def __post_init__(self) -> None:
+        if self.internode_m is not None and not (np.isfinite(self.internode_m) and self.internode_m > 0):
+            raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
+        if not (self.way_power >= 1 and self.coarse > 0 and self.fine > 0 and self.least_length >= 0):
+            raise ValueError("way_power must be at least 1, coarse and fine above 0, least_length not below 0")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TracedBranches:
+    """A skeleton, and what it was made from."""
+
+    skeleton: Skeleton
+    radii: Radii
+    internode_m: float
+    spacing_m: float
+    thickness_m: float  # of a slice of a thin branch
+    pieces: int  # that the cloud's graph was in
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Traced:
+    sections: SectionTree
+    axes: Axes
+    center_m: NDArray[np.float64]
+    parent: NDArray[np.int32]
+    radii: Radii
+
+
+def reconstruct_branches(
+    points_m: NDArray[np.float64],
+    roots_m: NDArray[np.float64],
+    settings: BranchSettings = BranchSettings(),
+    progress: Tell | None = None,
+) -> TracedBranches:
+    """Trace the branches of a plant through its cloud, and measure them.
+
+    Args:
+        points_m: (N, 3), of wood, Y up, without ground.
+        roots_m: (R, 3), where its stems come out of the ground; the nearest points are taken.
+        settings: How.
+        progress: Told of what is done, and how far it is.
+
+    Raises:
+        ValueError: Fewer than two points, or no root.
+    """
+    if not len(roots_m):
+        raise ValueError("a plant has a root")
+    say = progress or (lambda name, share: None)
+    say("graph", 0.0)
+    spacing_m = point_spacing(points_m)
+    internode_m = settings.internode_m or settings.internode_of_height * float(np.ptp(points_m[:, 1]))
+    fine_m = _slice_thickness(internode_m, spacing_m, settings)
+    graph = link_points(points_m, settings.graph)
+    roots = np.unique(cKDTree(points_m).query(roots_m)[1])
+    say("stems", 0.3)
+    stem_m = _find_stems(points_m, graph.lengths_m, roots, internode_m, spacing_m, settings)
+    # A slice of a branch whose surface is seen hangs together where it is thicker than its points are apart; one that
+    # is thinner than that is a line of points.
+    together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
+    thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
+    say("branches", 0.6)
+    ways = find_ways(graph.lengths_m, roots, settings.way_power, stem_m > _HANGS_TOGETHER * spacing_m)
+    sections = cut_sections(points_m, graph.lengths_m, ways, thickness_m)
+    window_m = max(2 * fine_m, 1.5 * spacing_m)
+    traced = _trace(points_m, sections, settings.least_length * fine_m, window_m, settings)
+    # Again, without what ends inside the branch that it springs from.
+    least_m = np.full(len(sections), settings.least_length * fine_m)
+    least_m[traced.axes.nodes] += traced.radii.radius_m[traced.axes.nodes]
+    traced = _trace(points_m, sections, least_m, window_m, settings)
+    say("branches", 1.0)
+    return TracedBranches(
+        skeleton=_as_skeleton(traced),
+        radii=traced.radii,
+        internode_m=internode_m,
+        spacing_m=spacing_m,
+        thickness_m=fine_m,
+        pieces=graph.pieces,
+    )
+
+
+def point_spacing(points_m: NDArray[np.float64]) -> float:
+    """Median distance to the sixth neighbour, of a sample."""
+    tree = cKDTree(points_m)
+    sample = points_m[:: max(1, len(points_m) // _SAMPLE)]
+    return float(np.median(tree.query(sample, k=[min(_SIXTH, len(points_m) - 1) + 1], workers=-1)[0]))
+
+
+def _slice_thickness(internode_m: float, spacing_m: float, settings: BranchSettings) -> float:
+    """As fine as twigs ask for where points are close together; where they are not, points are twigs."""
+    least, most, sparse = settings.fine_spacings
+    if spacing_m > sparse * internode_m:
+        return least * spacing_m
+    return float(min(settings.fine * internode_m, most * spacing_m))
+
+
+def _find_stems(
+    points_m: NDArray[np.float64],
+    lengths_m: csr_array,
+    roots: NDArray[np.integer],
+    internode_m: float,
+    spacing_m: float,
+    settings: BranchSettings,
+) -> NDArray[np.float64]:
+    """(N,) radius of the thick stem that a point is on, 0 elsewhere: thin slices of a thick stem fall apart."""
+    coarse_m = max(settings.coarse * internode_m, _HANGS_TOGETHER * spacing_m)
+    sections = cut_sections(points_m, lengths_m, find_ways(lengths_m, roots), coarse_m)
+    traced = _trace(points_m, sections, 1.5 * coarse_m, coarse_m, settings)
+    known = traced.radii.believed
+    for _ in range(_NEAR_BELIEVED):
+        above = np.flatnonzero(traced.parent >= 0)
+        spread = known.copy()
+        spread[above] |= known[traced.parent[above]]
+        np.logical_or.at(spread, traced.parent[above], known[above])
+        known = spread
+    # A stem is one from the root on; what looks round farther out may be a cluster of leaves.
+    tree = RootedTree(traced.parent)
+    known[tree.levels[0]] = True
+    for level in tree.levels[1:]:
+        known[level] &= known[traced.parent[level]]
+    stem_m = np.where(known, np.minimum(traced.radii.radius_m, 4 * coarse_m / settings.stem_share), 0)
+    return np.asarray(stem_m[sections.section])
+
+
+def _trace(
+    points_m: NDArray[np.float64],
+    sections: SectionTree,
+    least_m: NDArray[np.floating] | float,
+    window_m: float,
+    settings: BranchSettings,
+) -> _Traced:
+    """Axes through sections, made fair, with radii; nodes that are on no axis keep their place and no parent."""
+    axes = find_axes(sections.center_m, sections.parent, least_m)
+    center_m = fair_axes(sections.center_m, axes, sections.points, settings.stiffness)
+    parent = axes.parent_node(len(sections))
+    circles = fit_stem_sections(
+        points_m, sections.section, center_m, axes, StemSectionSettings(window_m=window_m)
+    )
+    on_axis = np.zeros(len(sections), bool)
+    on_axis[axes.nodes] = True
+    number = np.cumsum(on_axis) - 1
+    radii = estimate_radii(
+        center_m[on_axis],
+        np.where(parent[on_axis] >= 0, number[parent[on_axis]], -1).astype(np.int32),
+        circles.take(on_axis),
+        settings.radii,
+    )
+    radius_m, believed = np.full(len(sections), settings.radii.least_radius_m), np.zeros(len(sections), bool)
+    radius_m[on_axis], believed[on_axis] = radii.radius_m, radii.believed
+    away_m = np.linalg.norm(circles.offset_m, axis=1)
+    share = np.minimum(1, _MOST_MOVED * radius_m / np.maximum(away_m, 1e-12))
+    center_m = np.where(believed[:, None], center_m + share[:, None] * circles.offset_m, center_m)
+    return _Traced(
+        sections=sections,
+        axes=axes,
+        center_m=center_m,
+        parent=parent,
+        radii=replace(radii, radius_m=radius_m, believed=believed),
+    )
+
+
+def _as_skeleton(traced: _Traced) -> Skeleton:
+    """The axes as polylines, those of a single node left out; a branch begins as thick as it goes on."""
+    axes = traced.axes
+    long = np.diff(axes.first) >= 2
+    if not long[axes.parent[long & (axes.parent >= 0)]].all():
+        raise AssertionError("a branch springs from a single node")
+    number = np.cumsum(long) - 1
+    keep = long[axes.axis_of]
+    nodes, axis_of, own = axes.nodes[keep], axes.axis_of[keep], axes.own[keep]
+    radius_m = traced.radii.radius_m[nodes]
+    shared = np.flatnonzero(~own)
+    radius_m[shared] = radius_m[shared + 1]
+    place = np.full(len(traced.center_m), -1, np.int64)
+    place[nodes[own]] = np.flatnonzero(own)
+    parent = axes.parent[long]
+    return Skeleton(
+        points_m=traced.center_m[nodes],
+        radius_m=radius_m,
+        counts=np.bincount(number[axis_of], minlength=int(long.sum())).astype(np.int32),
+        parent_curve=np.where(parent < 0, -1, number[parent]).astype(np.int32),
+        parent_vertex=np.where(parent < 0, -1, place[axes.nodes[axes.first[:-1][long]]]).astype(np.int32),
+        order=axes.order[long].astype(np.int32),
+    )

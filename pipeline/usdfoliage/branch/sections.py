@@ -1,0 +1,112 @@
+"""Cross-sections of a plant: what of its cloud is equally far from the root, along the plant, and hangs together."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
+
+_STEM = 0.25  # of its length, that a link on a stem costs: less than the many short ones of a branch beside it
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ways:
+    """From every point one way to a root, along the graph."""
+
+    before: NDArray[np.int32]  # (N,), the point before it on that way, -1 for a root
+    root: NDArray[np.int32]  # (N,), which of the roots it leads to
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SectionTree:
+    """Cross-sections as nodes of a tree, or of as many as there are roots."""
+
+    center_m: NDArray[np.float64]  # (S, 3), mean of the points
+    points: NDArray[np.int32]  # (S,), how many there are
+    parent: NDArray[np.int32]  # (S,), -1 for a root
+    section: NDArray[np.int32]  # (N,), that each point is in
+
+    def __len__(self) -> int:
+        return len(self.parent)
+
+
+def find_ways(
+    lengths_m: csr_array,
+    roots: NDArray[np.integer],
+    power: float = 1.0,
+    straight: NDArray[np.bool_] | None = None,
+) -> Ways:
+    """The cheapest way from every point to a root, where a link costs a power of its length.
+
+    With 1 ways are the shortest and leap from point to point; above it they keep to where points are close together,
+    and so to the branch that they are on, but stray on the surface of a thick stem.
+
+    Args:
+        lengths_m: (N, N), symmetric, of a graph in which every point is linked with a root.
+        roots: (R,), points.
+        power: 1 or more.
+        straight: (N,), points between which links cost their length alone.
+    """
+    usual_m = float(np.median(lengths_m.data))
+    cost = np.power(lengths_m.data / usual_m, power)
+    if straight is not None:
+        links = lengths_m.tocoo()
+        plain = straight[links.row] & straight[links.col]
+        cost[plain] = _STEM * lengths_m.data[plain] / usual_m
+    _, before, source = dijkstra(
+        csr_array((cost, lengths_m.indices, lengths_m.indptr), shape=lengths_m.shape),
+        directed=False,
+        indices=roots,
+        min_only=True,
+        return_predecessors=True,
+    )
+    number = np.full(lengths_m.shape[0], -1, np.int32)
+    number[roots] = np.arange(len(roots))
+    return Ways(before=np.where(before < 0, -1, before).astype(np.int32), root=number[source])
+
+
+def cut_sections(
+    points_m: NDArray[np.float64],
+    lengths_m: csr_array,
+    ways: Ways,
+    thickness_m: NDArray[np.floating] | float,
+) -> SectionTree:
+    """Cut the plant into slices along its ways, and these where they do not hang together.
+
+    Slices of branches that touch are one until the branches part. A section's parent is the one into which most of the
+    ways of its points lead; it is always of a slice nearer to the root.
+
+    Args:
+        points_m: (N, 3).
+        lengths_m: (N, N), symmetric: what hangs together.
+        ways: To the roots.
+        thickness_m: Of a slice along the ways, at each point (N,) or everywhere.
+
+    Source:
+        A. Verroust and F. Lazarus, Extracting skeletal curves from 3D scattered data, 2000; H. Xu et al., Knowledge and
+        heuristic-based modeling of laser-scanned trees, 2007, section 4. Slices of unequal thickness: ours.
+    """
+    count = len(points_m)
+    thick_m = np.broadcast_to(np.asarray(thickness_m, np.float64), count)
+    above = np.maximum(ways.before, 0)
+    passed = step_lengths(points_m, ways.before) / (0.5 * (thick_m + thick_m[above]))
+    slice_of = np.floor(RootedTree(ways.before).sum_below(passed)).astype(np.int64)
+    links = lengths_m.tocoo()
+    level = (slice_of[links.row] == slice_of[links.col]) & (ways.root[links.row] == ways.root[links.col])
+    within = coo_array((np.ones(int(level.sum()), bool), (links.row[level], links.col[level])), shape=(count, count))
+    sections, section = connected_components(within, directed=False)
+    held = np.bincount(section)
+    center_m = np.column_stack([np.bincount(section, line) / held for line in points_m.T])
+    own, other = section, section[above]
+    leaves = (ways.before >= 0) & (own != other)
+    votes = coo_array((np.ones(int(leaves.sum())), (own[leaves], other[leaves])), shape=(sections, sections)).tocsr()
+    parent = np.where(np.diff(votes.indptr) > 0, np.asarray(votes.argmax(axis=1)).ravel(), -1)
+    parent[section[ways.before < 0]] = -1
+    return SectionTree(
+        center_m=center_m,
+        points=held.astype(np.int32),
+        parent=parent.astype(np.int32),
+        section=section.astype(np.int32),
+    )
