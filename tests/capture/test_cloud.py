@@ -1,9 +1,11 @@
 """Clouds of surfaces that are known."""
 
+import weakref
+
 import numpy as np
 import pytest
 from plain_clouds import looking_down
-from usdfoliage.capture.cloud import CloudSettings, SeenSurface, merge_views
+from usdfoliage.capture.cloud import Cloud, CloudSettings, SeenSurface, merge_views
 
 WIDTH, HEIGHT = 60, 44
 
@@ -110,3 +112,30 @@ def test_nothing_and_broken_depth():
 def test_settings_that_cannot_be(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         CloudSettings(**wrong)
+
+
+def test_threads_change_nothing():
+    views = [seen(looking_down(0.1 * k, 0.05 * k), noise_m=0.02, seed=k) for k in range(9)]
+    settings = CloudSettings(cell_m=0.05)
+    alone = merge_views(views, settings, threads=1)
+    for threads in (0, 2, 4):
+        cloud = merge_views(iter(views), settings, threads=threads)
+        for name in Cloud.__dataclass_fields__:
+            assert np.array_equal(getattr(cloud, name), getattr(alone, name))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_of_many_views_few_are_in_memory(threads):
+    given, most = [], 0
+
+    def views():
+        nonlocal most
+        for k in range(40):
+            view = seen(looking_down(0.1 * k))
+            given.append(weakref.ref(view))
+            yield view
+            del view
+            most = max(most, sum(each() is not None for each in given))
+
+    merge_views(views(), threads=threads)
+    assert most <= threads + 2

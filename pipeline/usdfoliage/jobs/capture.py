@@ -178,8 +178,11 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         with follow_step("maps", seconds, progress) as tell:
             maps = write_maps(tasks, threads=request.threads, progress=tell)
         with follow_step("cloud", seconds, progress) as tell:
-            cloud = merge_views(seen_surfaces(tasks, tell), size_cells(request.settings.cloud, maps))
-            cloud = drop_seen_through(cloud, seen_depths(tasks), request.settings.visibility)
+            threads = request.threads
+            surfaces = seen_surfaces(tasks, tell, threads=threads)
+            cloud = merge_views(surfaces, size_cells(request.settings.cloud, maps), threads=threads)
+            depths = seen_depths(tasks, threads=threads)
+            cloud = drop_seen_through(cloud, depths, request.settings.visibility, threads=threads)
             cleaning = request.settings.cleaning
             cloud = thin_to_disks(drop_floating(drop_strays(cloud, cleaning), cleaning), cleaning)
         if not len(cloud):

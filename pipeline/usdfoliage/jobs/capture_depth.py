@@ -397,29 +397,46 @@ def picture_of(tasks: DepthTasks, index: int) -> Picture:
     return Picture.of(read_pixels(tasks.views[index]), tasks.settings.max_side_px, tasks.level)
 
 
-def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None) -> Iterator[SeenSurface]:
+def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None, *, threads: int = 0) -> Iterator[SeenSurface]:
     """What each view adds to the cloud, one after the other."""
-    for index in range(len(tasks.views)):
+
+    def read(index: int) -> SeenSurface | None:
         estimate = read_estimate(tasks, index)
-        if estimate is not None:
-            yield SeenSurface(
-                camera=estimate.camera,
-                depth_m=estimate.depth_m,
-                normals=in_world(estimate.normals, estimate.camera),
-                srgb=picture_of(tasks, index).srgb,
-                confidence=estimate.confidence,
-                agreeing=estimate.agreeing,
-            )
+        if estimate is None:
+            return None
+        return SeenSurface(
+            camera=estimate.camera,
+            depth_m=estimate.depth_m,
+            normals=in_world(estimate.normals, estimate.camera),
+            srgb=picture_of(tasks, index).srgb,
+            confidence=estimate.confidence,
+            agreeing=estimate.agreeing,
+        )
+
+    for done, surface in enumerate(_read_ahead(read, len(tasks.views), threads), 1):
+        if surface is not None:
+            yield surface
         if progress is not None:
-            progress(index + 1, len(tasks.views))
+            progress(done, len(tasks.views))
 
 
-def seen_depths(tasks: DepthTasks) -> Iterator[tuple[Pinhole, NDArray[np.float32]]]:
+def seen_depths(tasks: DepthTasks, *, threads: int = 0) -> Iterator[tuple[Pinhole, NDArray[np.float32]]]:
     """Camera and depth of each view that has depth, one after the other."""
-    for index in range(len(tasks.views)):
+
+    def read(index: int) -> tuple[Pinhole, NDArray[np.float32]] | None:
         estimate = read_estimate(tasks, index)
-        if estimate is not None:
-            yield estimate.camera, estimate.depth_m
+        return None if estimate is None else (estimate.camera, estimate.depth_m)
+
+    for seen in _read_ahead(read, len(tasks.views), threads):
+        if seen is not None:
+            yield seen
+
+
+def _read_ahead(read: Callable[[int], Held], count: int, threads: int) -> Iterator[Held]:
+    """What is read of each view, in their order, as many at once as are worked on at a time: memory is finite."""
+    at_once, _ = share_cores(threads)
+    for start in range(0, count, at_once):
+        yield from map_threaded(read, range(start, min(start + at_once, count)), threads=at_once)
 
 
 def in_world(normals: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
