@@ -4,7 +4,7 @@ Source: G. Turk, The PLY Polygon File Format, 1994.
 """
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from usdfoliage.capture.cloud import Cloud
+from usdfoliage.capture.cloud_parts import PART_POINTS, CloudPart, CloudParts
+from usdfoliage.capture.cloud_units import find_stated_unit, find_stated_up
 from usdfoliage.capture.whole_file import whole_file
 from usdfoliage.errors import CaptureError
 
@@ -67,6 +69,7 @@ class _Element(NamedTuple):
 class _Header(NamedTuple):
     order: str  # of bytes, numpy's; "" for text
     elements: tuple[_Element, ...]
+    comments: tuple[str, ...]
 
 
 def write_cloud(path: Path, cloud: Cloud, comments: Sequence[str] = (), metres_per_unit: float = 1.0) -> None:
@@ -171,14 +174,95 @@ def read_cloud_file(path: Path, metres_per_unit: float = 1.0) -> CloudFile:
     return _as_cloud(columns, count, metres_per_unit)
 
 
+def open_cloud_parts(path: Path) -> CloudParts:
+    """Open a PLY file whose points come in parts; only binary vertices with lists in them are read at once.
+
+    Raises:
+        CaptureError: As read_cloud_file; what is wrong with the points is raised when their part is read.
+    """
+    header, vertices = _open_vertices(path)
+    by_name = {one.name: one.type for one in reversed(vertices.properties) if one.count_type is None}
+    colors = [next((by_name[name] for name in known if name in by_name), None) for known in _COLOR]
+    levels: tuple[float, ...] = (255.0,)
+    if "u2" in colors:
+        levels = (65535.0,)
+    elif any(kind is not None and kind.startswith("f") for kind in colors):
+        levels = (1.0, 255.0)
+    return CloudParts(
+        parts=_read_parts(path, header, None not in colors),
+        work=vertices.rows,
+        metres_per_unit=find_stated_unit(header.comments),
+        up_axis=find_stated_up(header.comments),
+        color_levels=levels,
+        is_single=bool(header.order) and all(by_name[name] == "f4" for name in ("x", "y", "z")),
+    )
+
+
+def _open_vertices(path: Path) -> tuple[_Header, _Element]:
+    """The header, and of its elements the vertices, which are complete as far as the file's size tells."""
+    if not path.is_file():
+        raise CaptureError(f"{path} does not exist or is no file; give a cloud in PLY")
+    try:
+        with path.open("rb") as file:
+            header = _read_header(path, file)
+            file.seek(0, 2)
+    except OSError as error:
+        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+    return header, _find_vertices(path, header)
+
+
+def _read_parts(path: Path, header: _Header, has_colors: bool) -> Iterator[CloudPart]:
+    try:
+        with path.open("rb") as file:
+            _read_header(path, file)  # to where the data begin
+            for element in header.elements:
+                wanted = element.name == "vertex"
+                for first, columns in _read_element_parts(path, file, element, header.order, wanted):
+                    count = min(PART_POINTS, element.rows - first)
+                    points = _stack(columns, _PLACE, count)
+                    assert points is not None  # their properties were looked for
+                    colors = _stack(columns, _COLOR, count) if has_colors else None
+                    yield CloudPart(points, None if colors is None else colors.astype(np.float32), count)
+                if wanted:
+                    return
+    except OSError as error:
+        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+    except MemoryError as error:
+        raise CaptureError(f"{path} does not fit into memory; thin the cloud") from error
+
+
+def _read_element_parts(
+    path: Path, file: BinaryIO, element: _Element, order: str, wanted: bool
+) -> Iterator[tuple[int, dict[str, NDArray[np.generic]]]]:
+    """The rows of an element in parts, with the number of each part's first; none where they are not wanted."""
+    has_lists = any(one.count_type for one in element.properties)
+    if not wanted or (order and has_lists):
+        columns = _read_element(path, file, element, order, wanted)
+        for first in range(0, element.rows if wanted else 0, PART_POINTS):
+            yield first, {name: column[first : first + PART_POINTS] for name, column in columns.items()}
+        return
+    if order:  # told before anything is read
+        size = _row_type(element.properties, order, {}).itemsize
+        if element.rows * size > _bytes_left(file):
+            raise _truncated(path, element, _bytes_left(file) // size)
+    for first in range(0, element.rows, PART_POINTS):
+        part = element._replace(rows=min(PART_POINTS, element.rows - first))
+        try:
+            yield first, _read_element(path, file, part, order, wanted)
+        except _TruncatedError as error:
+            raise _truncated(path, element, first + error.found) from error
+
+
 def _read_header(path: Path, file: BinaryIO) -> _Header:
     """Leaves the file where the data begin."""
     lines = _header_lines(path, file)
     order: str | None = None
     elements: list[tuple[str, int, list[_Property]]] = []
+    comments = []
     for number, line in enumerate(lines, 2):
         words = line.split()
         if not words or words[0] in ("comment", "obj_info"):
+            comments.append(" ".join(words[1:]))
             continue
         try:
             if words[0] == "format":
@@ -195,7 +279,8 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
             raise CaptureError(f"{path} has more than {MAX_PROPERTIES} properties; write it again with fewer")
     if order is None:
         raise CaptureError(f"{path} does not say its format; write it again as binary_little_endian")
-    return _Header(order, tuple(_Element(name, count, tuple(held)) for name, count, held in elements))
+    named = tuple(_Element(name, count, tuple(held)) for name, count, held in elements)
+    return _Header(order, named, tuple(comments))
 
 
 def _header_lines(path: Path, file: BinaryIO) -> list[str]:
@@ -228,22 +313,32 @@ def _property_of(words: list[str]) -> _Property:
 
 def _read_vertices(path: Path, file: BinaryIO, header: _Header) -> tuple[dict[str, NDArray[np.generic]], int]:
     """The single numbers of the vertices by their names, each (N,), and N."""
-    if not any(element.name == "vertex" for element in header.elements):
-        raise CaptureError(f"{path} has no element vertex, but {_names(header.elements)}; give a cloud")
+    vertices = _find_vertices(path, header)
     for element in header.elements:
-        wanted = element.name == "vertex"
-        held = {one.name for one in element.properties if one.count_type is None}
-        if wanted and not {"x", "y", "z"} <= held:
-            raise CaptureError(f"the vertices of {path} have {', '.join(sorted(held)) or 'nothing'}, but no x, y and z")
-        if not header.order:
-            columns = _read_text(path, file, element, wanted)
-        elif any(one.count_type for one in element.properties):
-            columns = _read_lists(path, file, element, header.order, wanted)
-        else:
-            columns = _read_rows(path, file, element, header.order, wanted)
-        if wanted:
+        columns = _read_element(path, file, element, header.order, element is vertices)
+        if element is vertices:
             return columns, element.rows
     raise AssertionError("an element vertex was looked for above")
+
+
+def _find_vertices(path: Path, header: _Header) -> _Element:
+    vertices = next((element for element in header.elements if element.name == "vertex"), None)
+    if vertices is None:
+        raise CaptureError(f"{path} has no element vertex, but {_names(header.elements)}; give a cloud")
+    held = {one.name for one in vertices.properties if one.count_type is None}
+    if not {"x", "y", "z"} <= held:
+        raise CaptureError(f"the vertices of {path} have {', '.join(sorted(held)) or 'nothing'}, but no x, y and z")
+    return vertices
+
+
+def _read_element(
+    path: Path, file: BinaryIO, element: _Element, order: str, wanted: bool
+) -> dict[str, NDArray[np.generic]]:
+    if not order:
+        return _read_text(path, file, element, wanted)
+    if any(one.count_type for one in element.properties):
+        return _read_lists(path, file, element, order, wanted)
+    return _read_rows(path, file, element, order, wanted)
 
 
 def _names(elements: Sequence[_Element]) -> str:
@@ -400,11 +495,19 @@ def _bytes_left(file: BinaryIO) -> int:
     return end - at
 
 
-def _truncated(path: Path, element: _Element, found: int) -> CaptureError:
-    return CaptureError(
+class _TruncatedError(CaptureError):
+    """There are fewer rows than the header tells."""
+
+    found: int
+
+
+def _truncated(path: Path, element: _Element, found: int) -> _TruncatedError:
+    error = _TruncatedError(
         f"{path} is truncated: its header tells of {element.rows:,} rows of {element.name}, there are at most "
         f"{found:,}; copy it again"
     )
+    error.found = found
+    return error
 
 
 def _as_cloud(columns: Mapping[str, NDArray[np.generic]], count: int, metres_per_unit: float) -> CloudFile:
