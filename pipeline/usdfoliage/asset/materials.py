@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pxr import Sdf
 
+from usdfoliage.asset.bark_material import BarkMaterial, author_bark_material
 from usdfoliage.asset.crown_material import CrownMaterial, author_crown_material
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.leaf_material import LeafMaterial, author_leaf_material
@@ -14,10 +15,16 @@ from usdfoliage.asset.resources import resource_folder
 MATERIALS = "mtl"  # below the root prim
 CROWN_MATERIAL = f"{MATERIALS}/Crown"
 LEAF_MATERIAL = f"{MATERIALS}/Leaf"
+BARK_MATERIAL = f"{MATERIALS}/Bark"
 
 
 def write_materials_layer(
-    path: Path, name: str, *, crown: CrownMaterial | None = None, leaf: LeafMaterial | None = None
+    path: Path,
+    name: str,
+    *,
+    crown: CrownMaterial | None = None,
+    leaf: LeafMaterial | None = None,
+    bark: BarkMaterial | None = None,
 ) -> None:
     """Write the materials of the asset alone, at /name/mtl: those of the parts that it has."""
     stage = new_layer(path, name)
@@ -27,6 +34,8 @@ def write_materials_layer(
         author_crown_material(stage, root.AppendPath(CROWN_MATERIAL), crown)
     if leaf is not None:
         author_leaf_material(stage, root.AppendPath(LEAF_MATERIAL), leaf)
+    if bark is not None:
+        author_bark_material(stage, root.AppendPath(BARK_MATERIAL), bark)
     export_layer(stage, path)
 
 

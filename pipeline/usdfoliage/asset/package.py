@@ -116,7 +116,7 @@ def write_crown_asset(
         ValueError: name is no identifier, or the crown is not what CrownModel promises.
         AssetError: A file cannot be written.
     """
-    payload = _begin(folder, name)
+    payload = begin_asset(folder, name)
     # A mesh finer than its map would show the map's texels as facets.
     prim = crown_prim(name, crown, min(settings.crown_mesh_size, crown.radius_m.shape[1]))
     material = CrownMaterial(
@@ -138,7 +138,7 @@ def write_crown_asset(
     copy_shaders(folder / "shaders", (CROWN_SHADER,))
     write_materials_layer(payload / "materials.usda", name, crown=material)
     write_crown_layer(payload / "crown.usdc", name, prim)
-    return _finish(folder, name, plant, [VariantSet(name="lod", variants={"crown": ["./crown.usdc"]})])
+    return finish_asset(folder, name, plant, [VariantSet(name="lod", variants={"crown": ["./crown.usdc"]})])
 
 
 def write_leaf_asset(
@@ -172,14 +172,14 @@ def write_leaf_asset(
         AssetError: A picture cannot be copied, or a file cannot be written.
     """
     check_leaves(leaves)
-    payload = _begin(folder, name)
+    payload = begin_asset(folder, name)
     jitter = Jitter(
         amplitude=edits.jitter_amplitude,
         frequency=edits.jitter_frequency,
         map=read_jitter_map(look.jitter_map) if look.jitter_map is not None else None,
     )
-    texture = _copy_map(folder, f"{name}_leaf", look.texture)
-    jitter_map = _copy_map(folder, f"{name}_leaf_jitter", look.jitter_map)
+    texture = copy_map(folder, f"{name}_leaf", look.texture)
+    jitter_map = copy_map(folder, f"{name}_leaf_jitter", look.jitter_map)
     bounds = _write_leaves(payload, name, leaves, edits, jitter, look.color, jitter_map, settings)
     has_guide = "bezier" in settings.representations and len(settings.representations) > 1
     plant = Plant(
@@ -209,7 +209,7 @@ def write_leaf_asset(
         VariantSet(name="lod", variants={"leaves": []}),
         VariantSet(name="representation", variants=chosen, inside=["leaves"]),
     ]
-    return _finish(folder, name, plant, variants)
+    return finish_asset(folder, name, plant, variants)
 
 
 def _write_leaves(
@@ -243,7 +243,7 @@ def _write_leaves(
     return bounds
 
 
-def _copy_map(folder: Path, name: str, source: Path | None) -> str:
+def copy_map(folder: Path, name: str, source: Path | None) -> str:
     """Copy a picture into the asset's maps; returns its path from the payload's folder, empty without a picture."""
     if source is None:
         return ""
@@ -256,7 +256,7 @@ def _copy_map(folder: Path, name: str, source: Path | None) -> str:
     return f"{MAPS}/{target.name}"
 
 
-def _begin(folder: Path, name: str) -> Path:
+def begin_asset(folder: Path, name: str) -> Path:
     """The payload's folder, made; ValueError for a name that is no identifier."""
     if not Sdf.Path.IsValidIdentifier(name):
         raise ValueError(f"{name!r} is no identifier; asset_name makes one")
@@ -265,9 +265,15 @@ def _begin(folder: Path, name: str) -> Path:
     return payload
 
 
-def _finish(folder: Path, name: str, plant: Plant, variants: Sequence[VariantSet]) -> Path:
-    """The two layers that hold the others together."""
-    write_payload_layer(folder / "payload" / "payload.usda", name, ["./materials.usda"], variants)
+def finish_asset(
+    folder: Path,
+    name: str,
+    plant: Plant,
+    variants: Sequence[VariantSet],
+    shared: Sequence[str] = ("./materials.usda",),
+) -> Path:
+    """The two layers that hold the others together; shared are those of the payload's folder in every variant."""
+    write_payload_layer(folder / "payload" / "payload.usda", name, shared, variants)
     interface = folder / f"{name}.usda"
     write_interface_layer(interface, name, plant, variants)
     return interface

@@ -15,8 +15,10 @@ from usdfoliage.asset.schema import PLANT_API
 LEAVES = "geo/render/Leaves"  # in every representation
 LEAVES_GUIDE = "geo/guide/Leaves"  # in every representation but bezier: the leaves themselves are below
 CROWN = "geo/proxy/Crown"
+BRANCHES = "geo/render/Branches"
+SKELETON = "geo/guide/Skeleton"
 
-_RELATIONSHIPS: Mapping[str, str] = {LEAVES: "foliage:leaves", CROWN: "foliage:crown"}
+_RELATIONSHIPS: Mapping[str, str] = {LEAVES: "foliage:leaves", CROWN: "foliage:crown", SKELETON: "foliage:skeleton"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,7 +29,7 @@ class Plant:
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors
     extent_m: NDArray[np.float64]  # (2, 3), smallest and largest corner of everything below, but guides
     guide_extent_m: NDArray[np.float64] | None = None  # (2, 3), of the guides of any variant
-    parts: Sequence[str]  # what the asset holds, LEAVES or CROWN
+    parts: Sequence[str]  # what the asset holds, LEAVES, CROWN or SKELETON
     version: str  # of the asset
 
 

@@ -57,9 +57,7 @@ class Axes:
         return way_m - way_m[self.first[:-1]][self.axis_of]
 
 
-def find_axes(
-    center_m: NDArray[np.float64], parent: NDArray[np.int32], least_m: NDArray[np.floating] | float
-) -> Axes:
+def find_axes(center_m: NDArray[np.float64], parent: NDArray[np.int32], least_m: NDArray[np.floating] | float) -> Axes:
     """Follow at every fork the child that carries most; what is left begins a branch of its own.
 
     Args:

@@ -46,7 +46,7 @@ def link_points(points_m: NDArray[np.float64], settings: CloudGraphSettings = Cl
         raise ValueError(f"a graph takes two points, not {count}")
     tree = cKDTree(points_m)
     near = min(settings.neighbors, count - 1)
-    away_m, others = tree.query(points_m, k=near + 1, workers=settings.threads or -1)
+    away_m, others = (np.asarray(each) for each in tree.query(points_m, k=near + 1, workers=settings.threads or -1))
     rows = np.repeat(np.arange(count), near + 1)
     graph = _linked(rows, others.ravel(), away_m.ravel(), count)
     first_pieces = 0
@@ -77,7 +77,8 @@ def _bridges(
     found: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
     nearest_m = np.full(pieces, np.inf)
     for near in _LOOKS:
-        away_m, others = tree.query(points_m[looking], k=min(near, len(points_m)), workers=threads or -1)
+        found_there = tree.query(points_m[looking], k=min(near, len(points_m)), workers=threads or -1)
+        away_m, others = (np.asarray(each) for each in found_there)
         foreign = piece_of[others] != piece_of[looking][:, None]
         first = np.argmax(foreign, axis=1)
         rows = np.flatnonzero(foreign[np.arange(len(looking)), first])
@@ -94,7 +95,8 @@ def _bridges(
         if np.isfinite(nearest_m[piece]):
             continue  # the best that the nearest few hundred know: large pieces that all but touch
         own, outside = np.flatnonzero(piece_of == piece), np.flatnonzero(piece_of != piece)
-        away_m, other = cKDTree(points_m[outside]).query(points_m[own], workers=threads or -1)
+        found_there = cKDTree(points_m[outside]).query(points_m[own], workers=threads or -1)
+        away_m, other = (np.asarray(each) for each in found_there)
         best = int(np.argmin(away_m))
         found.append((own[best : best + 1], outside[other[best : best + 1]], away_m[best : best + 1]))
     start, end, length_m = (np.concatenate(parts) for parts in zip(*found, strict=True))

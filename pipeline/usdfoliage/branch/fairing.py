@@ -11,7 +11,7 @@ _FIXED = 1e9  # weight of what must stay where it is
 
 
 def fair_axes(
-    center_m: NDArray[np.float64], axes: Axes, weight: NDArray[np.floating], stiffness: float
+    center_m: NDArray[np.float64], axes: Axes, weight: NDArray[np.floating] | NDArray[np.integer], stiffness: float
 ) -> NDArray[np.float64]:
     """Nodes (S, 3) moved so that their axes bend little: least squares of the way moved and of second differences.
 
@@ -31,7 +31,7 @@ def fair_axes(
         entries = np.flatnonzero(order_of == order)
         nodes, axis_of = axes.nodes[entries], axes.axis_of[entries]
         count = len(entries)
-        middle = np.flatnonzero((axis_of[2:] == axis_of[:-2])) if count > 2 else np.zeros(0, np.int64)
+        middle = np.flatnonzero(axis_of[2:] == axis_of[:-2]) if count > 2 else np.zeros(0, np.int64)
         rows = np.repeat(np.arange(len(middle)), 3)
         bend = coo_array(
             (np.tile([1.0, -2.0, 1.0], len(middle)), (rows, (middle[:, None] + np.arange(3)).ravel())),

@@ -1,10 +1,11 @@
-"""Radii of branches: what circles tell where they can be believed, allometry in between and where twigs are too thin."""
+"""Radii of branches: what circles tell where they can be believed, and allometry in between and for thin twigs."""
 
 import logging
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import isotonic_regression
 from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import splu
 
@@ -29,6 +30,8 @@ class RadiusSettings:
     all_round: float = 0.7  # share of a circle with points, from which on it is believed by itself
     least_seen: float = 0.4  # and where it is as thick as allometry lets expect
     most_away: float = 0.2  # of the radius, mean distance of its points
+    certain_seen: float = 0.9  # share of a circle with points, and
+    certain_away: float = 0.08  # of the radius, mean distance of them: it is what it is, whatever is expected
     factor: float = 1.6  # by which a circle seen in part may differ from what is expected
     most_apart: float = 0.8  # of the radius, distance between its points
     least_radius_m: float = 0.0005  # of the finest twig
@@ -73,7 +76,10 @@ def estimate_radii(
     anchor = _measure_trunks(tree, step_m, carried, circles, found, center_m, settings)
     exponent = _fit_exponent(carried, circles, found, anchor, settings)
     expected = anchor[1] + exponent * (carried - anchor[0])
-    believed, spread = found & _as_expected(circles, expected, settings), 0.5 * float(np.log(settings.factor))
+    with np.errstate(invalid="ignore"):
+        certain = found & (circles.seen >= settings.certain_seen)
+        certain &= circles.away_m < settings.certain_away * circles.radius_m
+    believed = certain | (found & _as_expected(circles, expected, settings))
     noise_m = float(np.median(circles.away_m[believed])) if believed.any() else 0.0
 
     # What circles differ from it by, spread along the tree: a Gauss-Markov field, solved exactly.
@@ -83,7 +89,9 @@ def estimate_radii(
     weight[believed] = 1 / (
         np.square(circles.away_m[believed] / circles.radius_m[believed]) / 4 + settings.tolerance**2
     )
-    weight[believed] /= 1 + (measured[believed] / (2.5 * spread)) ** 4  # a circle through two branches is neither's
+    # A circle through two branches is neither's.
+    doubted = believed & ~certain
+    weight[doubted] /= 1 + (measured[doubted] / (1.25 * np.log(settings.factor))) ** 4
     own = np.flatnonzero(parent >= 0)
     usual_m = float(np.median(step_m[own])) if len(own) else 1.0
     change = 0.06 * np.maximum(step_m[own] / usual_m, 0.2) if usual_m > 0 else np.full(len(own), 0.06)
@@ -92,11 +100,29 @@ def estimate_radii(
     ties = coo_array((np.concatenate([tie, tie]), (rows, columns)), shape=(len(parent),) * 2).tocsc()
     matrix = diags_array(ties.sum(axis=1) + weight + 0.2) - ties
     solver = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0, options={"SymmetricMode": True})
-    radius_m = np.maximum(np.exp(expected + solver.solve(weight * measured)), settings.least_radius_m)
+    log_radius = _falling(tree, step_m, expected + solver.solve(weight * measured))
+    radius_m = np.maximum(np.exp(log_radius), settings.least_radius_m)
     for level in tree.levels[1:]:
         radius_m[level] = np.minimum(radius_m[level], radius_m[parent[level]])
-    logger.info("%d of %d circles believed, exponent %.2f, noise %.4f m", believed.sum(), len(parent), exponent, noise_m)
+    logger.info(
+        "%d of %d circles believed, exponent %.2f, noise %.4f m", believed.sum(), len(parent), exponent, noise_m
+    )
     return Radii(radius_m=radius_m, believed=believed, exponent=exponent, noise_m=noise_m)
+
+
+def _falling(tree: RootedTree, step_m: NDArray[np.float64], log_radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(S,) logarithms that rise nowhere along an axis, least squares: a thin circle does not thin all above it."""
+    main = tree.first_child(tree.sum_above(step_m))
+    head = np.arange(len(tree.parent))
+    for level in tree.levels[1:]:
+        goes_on = level[main[tree.parent[level]] == level]
+        head[goes_on] = head[tree.parent[goes_on]]
+    order = np.lexsort((tree.depth, head))
+    fallen = log_radius.copy()
+    for chain in np.split(order, np.flatnonzero(np.diff(head[order])) + 1):
+        if (np.diff(log_radius[chain]) > 0).any():
+            fallen[chain] = isotonic_regression(log_radius[chain], increasing=False).x
+    return fallen
 
 
 def _find_round(circles: StemSections, settings: RadiusSettings) -> NDArray[np.bool_]:
@@ -109,9 +135,7 @@ def _find_round(circles: StemSections, settings: RadiusSettings) -> NDArray[np.b
     return good & (part | (circles.seen >= settings.all_round))
 
 
-def _as_expected(
-    circles: StemSections, expected: NDArray[np.float64], settings: RadiusSettings
-) -> NDArray[np.bool_]:
+def _as_expected(circles: StemSections, expected: NDArray[np.float64], settings: RadiusSettings) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.abs(np.log(circles.radius_m) - expected) < np.log(settings.factor))
 
@@ -143,7 +167,9 @@ def _measure_trunks(
     guess_m = _TRUNK_OF_HEIGHT * height_m
     if len(spread_m):  # of points all around a trunk the spread is its radius
         guess_m = float(np.clip(np.median(spread_m), 0.5 * guess_m, 3 * guess_m))
-    return float(carried[low].mean() if low.any() else carried.max()), float(np.log(max(guess_m, settings.least_radius_m)))
+    return float(carried[low].mean() if low.any() else carried.max()), float(
+        np.log(max(guess_m, settings.least_radius_m))
+    )
 
 
 def _fit_exponent(

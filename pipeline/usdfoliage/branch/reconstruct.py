@@ -14,6 +14,7 @@ from usdfoliage.branch.cloud_graph import CloudGraphSettings, link_points
 from usdfoliage.branch.fairing import fair_axes
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import Radii, RadiusSettings, estimate_radii
+from usdfoliage.branch.refinement import RefinementSettings, collapse_nodes, round_bends
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.branch.sections import SectionTree, cut_sections, find_ways
 from usdfoliage.branch.stem_sections import StemSectionSettings, fit_stem_sections
@@ -23,6 +24,8 @@ logger = logging.getLogger(__name__)
 _SIXTH = 6  # neighbour whose distance says how far apart points are
 _SAMPLE = 20_000  # points of which it is taken
 _HANGS_TOGETHER = 1.6  # distances to the sixth neighbour, that a slice of a thick stem must be thick
+_FOOT = 1.6  # distances to the sixth neighbour, height of the foot of a stem
+_FOOT_POINTS = 20  # that tell how wide it is
 _NEAR_BELIEVED = 3  # nodes from a believed circle, that are as thick as is thought
 _MOST_MOVED = 0.7  # of the radius, that a node is moved to the middle of its circle
 
@@ -38,12 +41,15 @@ class BranchSettings:
     graph: CloudGraphSettings = field(default_factory=CloudGraphSettings)
     way_power: float = 2.0  # of a link's length, that it costs
     coarse: float = 2.0  # internodes, thickness of a slice in which thick stems are found
-    fine: float = 0.24  # internodes, thickness of a slice
-    fine_spacings: tuple[float, float, float] = (0.2, 1.6, 0.6)  # of points: least, most; above the last internodes, least
+    fine: float = 0.21  # internodes, thickness of a slice
+    fine_spacings: float = 1.6  # distances to the sixth neighbour, thickness of a slice at most
+    sparse: float = 0.6  # internodes, that points are apart from where on each of them may be a twig's only one
+    sparse_spacings: float = 0.14  # distances to the sixth neighbour, thickness of a slice there
     stem_share: float = 0.3  # of the radius of a thick stem, thickness of its slices
     least_length: float = 1.0  # slices, that a branch must reach beyond its parent's surface
-    stiffness: float = 1.0
+    stiffness: float = 4.0
     radii: RadiusSettings = field(default_factory=RadiusSettings)
+    refinement: RefinementSettings = field(default_factory=RefinementSettings)
 
     def __post_init__(self) -> None:
         if self.internode_m is not None and not (np.isfinite(self.internode_m) and self.internode_m > 0):
@@ -98,15 +104,16 @@ def reconstruct_branches(
     internode_m = settings.internode_m or settings.internode_of_height * float(np.ptp(points_m[:, 1]))
     fine_m = _slice_thickness(internode_m, spacing_m, settings)
     graph = link_points(points_m, settings.graph)
-    roots = np.unique(cKDTree(points_m).query(roots_m)[1])
+    feet, of_root = _find_feet(points_m, roots_m, spacing_m)
     say("stems", 0.3)
-    stem_m = _find_stems(points_m, graph.lengths_m, roots, internode_m, spacing_m, settings)
+    stem_m = _find_stems(points_m, graph.lengths_m, (feet, of_root), internode_m, spacing_m, settings)
     # A slice of a branch whose surface is seen hangs together where it is thicker than its points are apart; one that
     # is thinner than that is a line of points.
     together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
     thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
     say("branches", 0.6)
-    ways = find_ways(graph.lengths_m, roots, settings.way_power, stem_m > _HANGS_TOGETHER * spacing_m)
+    thick = stem_m > _HANGS_TOGETHER * spacing_m
+    ways = find_ways(graph.lengths_m, feet, of_root, settings.way_power, thick)
     sections = cut_sections(points_m, graph.lengths_m, ways, thickness_m)
     window_m = max(2 * fine_m, 1.5 * spacing_m)
     traced = _trace(points_m, sections, settings.least_length * fine_m, window_m, settings)
@@ -114,9 +121,11 @@ def reconstruct_branches(
     least_m = np.full(len(sections), settings.least_length * fine_m)
     least_m[traced.axes.nodes] += traced.radii.radius_m[traced.axes.nodes]
     traced = _trace(points_m, sections, least_m, window_m, settings)
+    collapsed = collapse_nodes(_as_skeleton(traced), internode_m, settings.refinement)
+    skeleton = round_bends(collapsed, settings.refinement)
     say("branches", 1.0)
     return TracedBranches(
-        skeleton=_as_skeleton(traced),
+        skeleton=skeleton,
         radii=traced.radii,
         internode_m=internode_m,
         spacing_m=spacing_m,
@@ -132,25 +141,44 @@ def point_spacing(points_m: NDArray[np.float64]) -> float:
     return float(np.median(tree.query(sample, k=[min(_SIXTH, len(points_m) - 1) + 1], workers=-1)[0]))
 
 
+def _find_feet(
+    points_m: NDArray[np.float64], roots_m: NDArray[np.float64], spacing_m: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Points all around the feet of stems, and the root of each: from one point alone, slices would lie aslant."""
+    feet: list[NDArray[np.int64]] = []
+    taken = np.zeros(len(points_m), bool)
+    for root_m in roots_m:
+        level = points_m[:, 1] < root_m[1] + _FOOT * spacing_m
+        slab = np.flatnonzero(level & (points_m[:, 1] > root_m[1] - _FOOT * spacing_m) & ~taken)
+        if not len(slab):
+            slab = np.flatnonzero(~taken)
+            slab = slab[[int(np.argmin(np.linalg.norm(points_m[slab] - root_m, axis=1)))]]
+        away_m = np.linalg.norm(points_m[slab][:, [0, 2]] - root_m[[0, 2]], axis=1)
+        near = np.sort(away_m)[:_FOOT_POINTS]
+        foot = slab[away_m <= 2 * float(np.median(near)) + 1e-9]
+        taken[foot] = True
+        feet.append(foot)
+    return np.concatenate(feet), np.repeat(np.arange(len(feet)), [len(foot) for foot in feet])
+
+
 def _slice_thickness(internode_m: float, spacing_m: float, settings: BranchSettings) -> float:
     """As fine as twigs ask for where points are close together; where they are not, points are twigs."""
-    least, most, sparse = settings.fine_spacings
-    if spacing_m > sparse * internode_m:
-        return least * spacing_m
-    return float(min(settings.fine * internode_m, most * spacing_m))
+    if spacing_m > settings.sparse * internode_m:
+        return settings.sparse_spacings * spacing_m
+    return min(settings.fine * internode_m, settings.fine_spacings * spacing_m)
 
 
 def _find_stems(
     points_m: NDArray[np.float64],
     lengths_m: csr_array,
-    roots: NDArray[np.integer],
+    roots: tuple[NDArray[np.int64], NDArray[np.int64]],
     internode_m: float,
     spacing_m: float,
     settings: BranchSettings,
 ) -> NDArray[np.float64]:
     """(N,) radius of the thick stem that a point is on, 0 elsewhere: thin slices of a thick stem fall apart."""
     coarse_m = max(settings.coarse * internode_m, _HANGS_TOGETHER * spacing_m)
-    sections = cut_sections(points_m, lengths_m, find_ways(lengths_m, roots), coarse_m)
+    sections = cut_sections(points_m, lengths_m, find_ways(lengths_m, *roots), coarse_m)
     traced = _trace(points_m, sections, 1.5 * coarse_m, coarse_m, settings)
     known = traced.radii.believed
     for _ in range(_NEAR_BELIEVED):
@@ -179,9 +207,7 @@ def _trace(
     axes = find_axes(sections.center_m, sections.parent, least_m)
     center_m = fair_axes(sections.center_m, axes, sections.points, settings.stiffness)
     parent = axes.parent_node(len(sections))
-    circles = fit_stem_sections(
-        points_m, sections.section, center_m, axes, StemSectionSettings(window_m=window_m)
-    )
+    circles = fit_stem_sections(points_m, sections.section, center_m, axes, StemSectionSettings(window_m=window_m))
     on_axis = np.zeros(len(sections), bool)
     on_axis[axes.nodes] = True
     number = np.cumsum(on_axis) - 1

@@ -11,6 +11,7 @@ from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 
 _STEM = 0.25  # of its length, that a link on a stem costs: less than the many short ones of a branch beside it
 
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ways:
     """From every point one way to a root, along the graph."""
@@ -35,6 +36,7 @@ class SectionTree:
 def find_ways(
     lengths_m: csr_array,
     roots: NDArray[np.integer],
+    of_root: NDArray[np.integer],
     power: float = 1.0,
     straight: NDArray[np.bool_] | None = None,
 ) -> Ways:
@@ -45,7 +47,8 @@ def find_ways(
 
     Args:
         lengths_m: (N, N), symmetric, of a graph in which every point is linked with a root.
-        roots: (R,), points.
+        roots: (R,), points at which ways end.
+        of_root: (R,), root that each of them is of, numbered from 0.
         power: 1 or more.
         straight: (N,), points between which links cost their length alone.
     """
@@ -63,7 +66,7 @@ def find_ways(
         return_predecessors=True,
     )
     number = np.full(lengths_m.shape[0], -1, np.int32)
-    number[roots] = np.arange(len(roots))
+    number[roots] = of_root
     return Ways(before=np.where(before < 0, -1, before).astype(np.int32), root=number[source])
 
 
@@ -95,7 +98,13 @@ def cut_sections(
     slice_of = np.floor(RootedTree(ways.before).sum_below(passed)).astype(np.int64)
     links = lengths_m.tocoo()
     level = (slice_of[links.row] == slice_of[links.col]) & (ways.root[links.row] == ways.root[links.col])
-    within = coo_array((np.ones(int(level.sum()), bool), (links.row[level], links.col[level])), shape=(count, count))
+    # All that a root's ways end at is one section, the foot of its stem.
+    ends = np.flatnonzero(ways.before < 0)
+    first_end = np.zeros(int(ways.root[ends].max()) + 1, np.int64)
+    first_end[ways.root[ends][::-1]] = ends[::-1]
+    rows = np.concatenate([links.row[level], ends])
+    columns = np.concatenate([links.col[level], first_end[ways.root[ends]]])
+    within = coo_array((np.ones(len(rows), bool), (rows, columns)), shape=(count, count))
     sections, section = connected_components(within, directed=False)
     held = np.bincount(section)
     center_m = np.column_stack([np.bincount(section, line) / held for line in points_m.T])

@@ -39,6 +39,7 @@ class StemSections:
     def take(self, chosen: NDArray[np.generic]) -> "StemSections":
         """Those of these nodes, by number or mask."""
         return StemSections(**{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
+
     spread_m: NDArray[np.float64]  # (S,), root mean square distance of the points from their mean
 
 
@@ -65,7 +66,7 @@ def fit_stem_sections(
     radius_m, away_m, spread_m, apart_m = (np.full(count, np.nan) for _ in range(4))
     offset_m, seen, held = np.zeros((count, 3)), np.zeros(count), np.zeros(count, np.int64)
     entries = np.flatnonzero(axes.own)
-    nodes, axis_of = axes.nodes[entries], axes.axis_of[entries]
+    nodes = axes.nodes[entries]
     # Points in the order of the chains, so that a window of nodes is a run of points.
     place = np.full(count, -1, np.int64)
     place[nodes] = np.arange(len(nodes))
@@ -111,8 +112,9 @@ def _windows(
     apart_m = float(way_m.max(initial=0)) + 4 * window_m + 1
     line_m = way_m[entries] + axis_of[entries] * apart_m
     numbers = np.arange(len(entries))
-    first, last = np.searchsorted(axis_of[entries], axis_of[entries]), np.searchsorted(
-        axis_of[entries], axis_of[entries], side="right"
+    first, last = (
+        np.searchsorted(axis_of[entries], axis_of[entries]),
+        np.searchsorted(axis_of[entries], axis_of[entries], side="right"),
     )
     low = np.minimum(np.searchsorted(line_m, line_m - window_m), numbers - 1)
     high = np.maximum(np.searchsorted(line_m, line_m + window_m, side="right"), numbers + 2)
@@ -144,13 +146,11 @@ class _Circles:
     seen: NDArray[np.float64]
 
 
-def _fit_circles(
-    x: NDArray[np.float64], y: NDArray[np.float64], window: NDArray[np.int64], count: int
-) -> _Circles:
+def _fit_circles(x: NDArray[np.float64], y: NDArray[np.float64], window: NDArray[np.int64], count: int) -> _Circles:
     """A circle for the points (P,) of each window (P,), numbered below count."""
 
     def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.bincount(window, values, count)
+        return np.asarray(np.bincount(window, values, count), np.float64)
 
     size = np.bincount(window, minlength=count).astype(np.float64)
     mean_x, mean_y = total(x) / size, total(y) / size

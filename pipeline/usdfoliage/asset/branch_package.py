@@ -1,0 +1,87 @@
+"""A whole asset of branches: their skeleton, their surface by order, and leaves on their twigs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.asset.bark_material import BARK_COLOR, BarkMaterial
+from usdfoliage.asset.branches import SkeletonPrim, write_branches_layer, write_skeleton_layer
+from usdfoliage.asset.materials import write_materials_layer
+from usdfoliage.asset.package import begin_asset, copy_map, finish_asset
+from usdfoliage.asset.plant import SKELETON, Plant
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.variants import VariantSet
+from usdfoliage.branch.cage import BranchCage
+
+ALL_ORDERS = "all"  # variant of the set branches
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchAssetSettings:
+    """How an asset of branches is written."""
+
+    color: tuple[float, float, float] = BARK_COLOR  # linear Rec.709
+    texture: Path | None = None  # picture of bark that repeats
+    texture_m: float = 0.5  # width of what it shows
+    version: str = "1"  # assetInfo
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BranchSurfaces:
+    """The surface of all branches, and coarser ones, which have those up to an order alone."""
+
+    whole: BranchCage
+    by_order: Sequence[tuple[int, BranchCage]] = field(default_factory=tuple)
+
+
+def write_branch_asset(
+    folder: Path,
+    name: str,
+    skeleton: SkeletonPrim,
+    surfaces: BranchSurfaces,
+    provenance: Provenance,
+    asset_from_capture: NDArray[np.float64],
+    settings: BranchAssetSettings = BranchAssetSettings(),
+) -> Path:
+    """Write an asset of branches, inside publish_folder as usdfoliage.asset.package.write_crown_asset.
+
+    Args:
+        folder: An existing folder; the asset's files are written into it.
+        name: Name of the root prim and of the interface layer, an identifier (usdfoliage.asset.plant.asset_name).
+        skeleton: Of all branches.
+        surfaces: The variants of the set branches.
+        provenance: The run that made it.
+        asset_from_capture: (4, 4) for column vectors.
+        settings: Bark, and the asset's version.
+
+    Returns:
+        The interface layer, folder/<name>.usda.
+
+    Raises:
+        ValueError: name is no identifier, or the settings are not those of any bark.
+        AssetError: A picture cannot be copied, or a file cannot be written.
+    """
+    payload = begin_asset(folder, name)
+    texture = copy_map(folder, f"{name}_bark", settings.texture)
+    bark = BarkMaterial(color=settings.color, texture=texture or None, texture_m=settings.texture_m)
+    guide_m = write_skeleton_layer(payload / "skeleton.usdc", name, skeleton)
+    variants = {ALL_ORDERS: ["./branches.usdc"]}
+    extent_m = write_branches_layer(payload / "branches.usdc", name, surfaces.whole, settings.color)
+    for order, cage in surfaces.by_order:
+        layer = f"branches_order{order}.usdc"
+        write_branches_layer(payload / layer, name, cage, settings.color)
+        variants[f"order{order}"] = [f"./{layer}"]
+    plant = Plant(
+        provenance=provenance,
+        asset_from_capture=asset_from_capture,
+        extent_m=extent_m,
+        guide_extent_m=guide_m,
+        parts=(SKELETON,),
+        version=settings.version,
+    )
+    write_materials_layer(payload / "materials.usda", name, bark=bark)
+    sets = [VariantSet(name="lod", variants={"leaves": []}), VariantSet(name="branches", variants=variants)]
+    return finish_asset(folder, name, plant, sets, ["./materials.usda", "./skeleton.usdc"])

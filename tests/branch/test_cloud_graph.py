@@ -1,0 +1,83 @@
+"""Graphs of clouds: nearest points linked, and what is in pieces bridged where the gap is narrowest."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+from usdfoliage.branch.cloud_graph import CloudGraphSettings, link_points
+
+
+def lump(middle_m, count: int, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-0.5, 0.5, (count, 3)) + middle_m
+
+
+def crossing(lengths_m, group: np.ndarray) -> list[tuple[int, int]]:
+    """Links between groups, each once."""
+    links = lengths_m.tocoo()
+    over = (group[links.row] != group[links.col]) & (links.row < links.col)
+    return list(zip(links.row[over].tolist(), links.col[over].tolist(), strict=True))
+
+
+@pytest.mark.parametrize("count", [20, 400])  # 400 points see none of the other lump's among their nearest
+def test_two_lumps_are_joined_by_their_shortest_link(count):
+    points_m = np.concatenate([lump([0, 0, 0], count, 0), lump([3, 1, 0], count, 1)])
+    group = np.repeat([0, 1], count)
+    graph = link_points(points_m, CloudGraphSettings(neighbors=6))
+    assert graph.pieces == 2
+    away_m = cdist(points_m[:count], points_m[count:])
+    start, end = np.unravel_index(np.argmin(away_m), away_m.shape)
+    assert crossing(graph.lengths_m, group) == [(start, count + end)]
+    assert graph.lengths_m[start, count + end] == pytest.approx(away_m.min())
+
+
+@examples(max_examples=40)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(2, 200), neighbors=st.integers(1, 5))
+def test_the_graph_is_one_piece_and_bridges_are_as_short_as_they_can_be(seed, count, neighbors):
+    points_m = np.random.default_rng(seed).normal(size=(count, 3)) ** 3
+    graph = link_points(points_m, CloudGraphSettings(neighbors=neighbors))
+    assert connected_components(graph.lengths_m, directed=False)[0] == 1
+    assert abs(graph.lengths_m - graph.lengths_m.T).max() == 0
+    links = graph.lengths_m.tocoo()
+    true_m = np.linalg.norm(points_m[links.row] - points_m[links.col], axis=1)
+    np.testing.assert_allclose(links.data, true_m, rtol=1e-12)
+
+    near = cKDTree(points_m).query(points_m, k=min(neighbors, count - 1) + 1)[1]
+    alone = np.zeros((count, count), bool)
+    alone[np.repeat(np.arange(count), near.shape[1]), near.ravel()] = True
+    assert (graph.lengths_m.toarray() > 0)[alone & ~np.eye(count, dtype=bool)].all()
+    pieces, piece_of = connected_components(alone, directed=False)
+    assert graph.pieces == pieces
+    gaps_m = np.zeros((pieces, pieces))
+    for one in range(pieces):
+        for other in range(pieces):
+            gaps_m[one, other] = cdist(points_m[piece_of == one], points_m[piece_of == other]).min()
+    bridges_m = [graph.lengths_m[start, end] for start, end in crossing(graph.lengths_m, piece_of)]
+    assert sum(bridges_m) == pytest.approx(minimum_spanning_tree(gaps_m).sum())
+
+
+def test_points_on_each_other_are_linked():
+    graph = link_points(np.repeat([[0.0, 0, 0], [0, 1, 0]], 30, axis=0), CloudGraphSettings(neighbors=4))
+    assert connected_components(graph.lengths_m, directed=False)[0] == 1
+    assert (graph.lengths_m.data > 0).all()
+    assert graph.lengths_m.data.max() == pytest.approx(1)
+
+
+def test_two_points_are_one_link():
+    graph = link_points(np.array([[0.0, 0, 0], [0, 2, 0]]))
+    assert graph.lengths_m.toarray().tolist() == [[0, 2], [2, 0]]
+    assert graph.pieces == 1
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_fewer_than_two_points_are_refused(count):
+    with pytest.raises(ValueError, match=f"takes two points, not {count}"):
+        link_points(np.zeros((count, 3)))
+
+
+def test_no_neighbours_are_refused():
+    with pytest.raises(ValueError, match="neighbors must be at least 1"):
+        CloudGraphSettings(neighbors=0)

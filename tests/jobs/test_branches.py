@@ -1,0 +1,150 @@
+"""From a cloud on disk to an asset of branches, as the command does it."""
+
+import json
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+from usdfoliage.__main__ import main
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branches import read_roots, read_unit, read_up
+
+HEIGHT_M, RADIUS_M, ARM_M = 2.0, 0.04, 0.02
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def y_tree(rng, ground=False):
+    """(N, 3) points, Z up, on a tapering trunk of 2 m that leans nowhere, with an arm from its middle at 50 degrees."""
+    parts = []
+    for start, direction, length, radius, count in (
+        ((0, 0, 0), (0, 0, 1), HEIGHT_M, RADIUS_M, 6000),
+        ((0, 0, 1.0), (np.sin(0.87), 0, np.cos(0.87)), 0.9, ARM_M, 1500),
+    ):
+        along, turn = rng.uniform(0, length, count), rng.uniform(0, 2 * np.pi, count)
+        axis = np.array(direction, float)
+        side = np.cross(axis, [0, 1, 0])
+        other = np.cross(axis, side)
+        ring = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * other
+        here_m = radius * (1 - 0.6 * along / length)
+        parts.append(np.array(start) + along[:, None] * axis + here_m[:, None] * ring)
+    tree = np.concatenate(parts)
+    outside = np.hypot(tree[:, 0], tree[:, 1]) > 0.99 * RADIUS_M * (1 - 0.6 * tree[:, 2] / HEIGHT_M)
+    tree = tree[outside]
+    if ground:
+        flat = np.column_stack([rng.uniform(-1.5, 1.5, (4000, 2)), rng.normal(0, 0.004, 4000)])
+        tree = np.concatenate([tree, flat])
+    return tree + rng.normal(0, 0.001, tree.shape)
+
+
+def write_xyz(path, points):
+    path.write_text("\n".join(" ".join(f"{c:.6f}" for c in point) for point in points), encoding="utf-8")
+    return path
+
+
+def test_a_tree_in_a_text_file_becomes_an_asset_that_lies_over_it(tmp_path, rng):
+    offset = np.array([120_000.0, 480_000.0, 7.0])
+    cloud = write_xyz(tmp_path / "tree y.xyz", y_tree(rng, ground=True) + offset)
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/out/geo/guide/Skeleton"))
+    points = np.array(curves.GetPointsAttr().Get(), float)
+    assert points[0] == pytest.approx([0, 0, 0], abs=0.05)
+    orders = np.array(curves.GetPrim().GetAttribute("foliage:order").Get())
+    assert orders[0] == 0
+    assert 1 in orders
+    counts = np.array(curves.GetCurveVertexCountsAttr().Get())
+    trunk, along = np.array(curves.GetWidthsAttr().Get())[: counts[0]], points[: counts[0], 1]
+    low = along < 0.4 * HEIGHT_M
+    assert trunk[low] == pytest.approx(2 * RADIUS_M * (1 - 0.6 * along[low] / HEIGHT_M), rel=0.15)
+    matrix = np.array(stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get())
+    top = np.append(offset + (0, 0, HEIGHT_M), 1) @ matrix
+    assert np.linalg.norm(points - top[:3], axis=1).min() < 0.06
+    assert (tmp_path / "out" / "report" / "index.html").is_file()
+
+
+def test_the_same_cloud_makes_the_same_bytes(tmp_path, rng):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    for name in ("one", "two"):
+        assert main(["branches", str(cloud), "-o", str(tmp_path / name), "--name", "tree", "--no-preview"]) == 0
+    for layer in ("skeleton.usdc", "branches.usdc"):
+        first, second = (tmp_path / name / "payload" / layer for name in ("one", "two"))
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_dry_run_writes_nothing(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng, ground=True))
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--dry-run"]) == 0
+    told = capsys.readouterr().out
+    assert "roots: 1" in told
+    assert "are ground and left out" in told
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_upside_down_tree_is_turned_when_it_is_said(tmp_path, rng):
+    points = y_tree(rng) * [1, -1, -1]
+    cloud = write_xyz(tmp_path / "tree.xyz", points)
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--up=-Z", "--no-preview"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/out/geo/guide/Skeleton"))
+    assert np.array(curves.GetPointsAttr().Get())[:, 1].max() == pytest.approx(HEIGHT_M, abs=0.06)
+
+
+def test_millimetres_are_told(tmp_path, rng):
+    cloud = write_xyz(tmp_path / "tree.xyz", 1000 * y_tree(rng))
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z", "--no-preview"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/out/geo/guide/Skeleton"))
+    assert np.array(curves.GetPointsAttr().Get())[:, 1].max() == pytest.approx(HEIGHT_M, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("content", "about"),
+    [
+        ("", "empty"),
+        ("1 2 3\n" * 200, "points"),
+        ("nan nan nan\n" * 200, "points"),
+        ("hello world\n", "tree.xyz"),
+    ],
+)
+def test_a_cloud_that_cannot_be_used_is_named_and_nothing_is_written(tmp_path, capsys, content, about):
+    cloud = tmp_path / "tree.xyz"
+    cloud.write_text(content, encoding="utf-8")
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ")
+    assert about in said
+    assert "tree.xyz" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_roots_are_a_word_a_number_or_places():
+    assert read_roots("auto") == (read_roots("auto")[0], ())
+    assert read_roots("3")[0].count == 3
+    assert read_roots("1,2,3;4,5,6")[1] == ((1, 2, 3), (4, 5, 6))
+    for bad in ("0", "one", "1,2", "1,2,nan", ""):
+        with pytest.raises(FoliageError):
+            read_roots(bad)
+
+
+def test_units_and_axes_that_are_not_known_are_refused():
+    assert read_unit("auto") is None
+    assert read_unit("cm") == pytest.approx(0.01)
+    assert read_up("-z") == "-Z"
+    with pytest.raises(FoliageError, match="--unit"):
+        read_unit("yard")
+    with pytest.raises(FoliageError, match="--up"):
+        read_up("W")
+
+
+def test_the_record_says_how_it_was_made(tmp_path, rng):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--internode", "0.02"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    record = stage.GetRootLayer().customLayerData["usdfoliage"]
+    assert json.loads(json.dumps(record["settings"]["internode"])) == "0.02"
+    skeleton = stage.GetPrimAtPath("/out/geo/guide/Skeleton")
+    assert skeleton.GetAttribute("foliage:growth:internodeLength").Get() == pytest.approx(0.02)
