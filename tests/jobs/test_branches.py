@@ -61,7 +61,7 @@ def test_a_tree_in_a_text_file_becomes_an_asset_that_lies_over_it(tmp_path, rng)
     low = along < 0.4 * HEIGHT_M
     assert trunk[low] == pytest.approx(2 * RADIUS_M * (1 - 0.6 * along[low] / HEIGHT_M), rel=0.15)
     matrix = np.array(stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get())
-    top = np.append(offset + (0, 0, HEIGHT_M), 1) @ matrix
+    top = np.append(offset + np.array([0, 0, HEIGHT_M]), 1) @ matrix
     assert np.linalg.norm(points - top[:3], axis=1).min() < 0.06
     assert (tmp_path / "out" / "report" / "index.html").is_file()
 

@@ -102,8 +102,7 @@ def estimate_radii(
     solver = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0, options={"SymmetricMode": True})
     log_radius = _falling(tree, step_m, expected + solver.solve(weight * measured))
     radius_m = np.maximum(np.exp(log_radius), settings.least_radius_m)
-    for level in tree.levels[1:]:
-        radius_m[level] = np.minimum(radius_m[level], radius_m[parent[level]])
+    radius_m = _never_growing(tree, radius_m)
     logger.info(
         "%d of %d circles believed, exponent %.2f, noise %.4f m", believed.sum(), len(parent), exponent, noise_m
     )
@@ -123,6 +122,19 @@ def _falling(tree: RootedTree, step_m: NDArray[np.float64], log_radius: NDArray[
         if (np.diff(log_radius[chain]) > 0).any():
             fallen[chain] = isotonic_regression(log_radius[chain], increasing=False).x
     return fallen
+
+
+def _never_growing(tree: RootedTree, radius_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(S,) radii that never grow outwards: the mean of the largest below them that do not, and of the smallest above.
+
+    One radius that is too small would drag all that it carries with it, one that is too large all that carry it.
+    """
+    at_most, at_least = radius_m.copy(), radius_m.copy()
+    for level in tree.levels[1:]:
+        at_most[level] = np.minimum(at_most[level], at_most[tree.parent[level]])
+    for level in reversed(tree.levels[1:]):
+        np.maximum.at(at_least, tree.parent[level], at_least[level])
+    return np.asarray(np.sqrt(at_most * at_least))
 
 
 def _find_round(circles: StemSections, settings: RadiusSettings) -> NDArray[np.bool_]:
