@@ -11,7 +11,7 @@ from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 def y_nodes(right_m: float = 2.0, left_m: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """A stem of 3 nodes to 2 m, and two arms of 2 nodes each that spring from its last one."""
     arms_m = np.array([[1, 0, 0], [2, 0, 0]]) * right_m / 2, np.array([[-1, 0, 0], [-2, 0, 0]]) * left_m / 2
-    centers_m = np.concatenate([[[0, 0, 0], [0, 1, 0], [0, 2, 0]], *(arm + [0, 2, 0] for arm in arms_m)])
+    centers_m = np.concatenate([[[0, 0, 0], [0, 1, 0], [0, 2, 0]], *(np.add(arm, [0, 2, 0]) for arm in arms_m)])
     return centers_m, np.array([-1, 0, 1, 2, 3, 2, 5], np.int32)
 
 

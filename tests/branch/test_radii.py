@@ -46,7 +46,7 @@ def test_a_cone_has_its_radii(noise_m, within):
     true_m = 0.1 - 0.015 * NODES_M[:, 1]
     np.testing.assert_allclose(radii.radius_m[:70], true_m[:70], rtol=within)  # a tip carries nothing, and is thin
     assert radii.believed[:70].all()
-    assert radii.noise_m == pytest.approx(noise_m * np.sqrt(2 / np.pi), abs=0.001)
+    assert 0.4 * noise_m <= radii.noise_m <= 0.8 * noise_m + 0.001  # of a cone a window is of several radii
 
 
 @pytest.mark.parametrize("exponent", [0.35, 0.45, 0.6])
@@ -72,6 +72,14 @@ def test_a_circle_seen_in_part_must_be_as_thick_as_is_expected(absurd):
     np.testing.assert_allclose(radii.radius_m, tapering(), rtol=0.05)
 
 
+def test_a_few_thin_circles_near_the_ground_do_not_thin_all_above():
+    radius_m = tapering()
+    radius_m[10:13] *= 0.75
+    radii = estimate_radii(NODES_M, PARENT, circles_of(radius_m))
+    np.testing.assert_allclose(radii.radius_m[20:], tapering()[20:], rtol=0.05)
+    assert (np.diff(radii.radius_m) <= 0).all()
+
+
 @pytest.mark.parametrize(
     "circles",
     [
@@ -92,7 +100,7 @@ def test_circles_that_are_none_are_not_believed(circles):
     np.testing.assert_allclose(radii.radius_m, guess_m * tapering() / tapering()[10], rtol=1e-6)
 
 
-@examples(max_examples=60)
+@examples(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_radii_never_grow_outwards_whatever_circles_say(seed):
     rng = np.random.default_rng(seed)

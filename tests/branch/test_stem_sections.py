@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from branch_clouds import cone, line, rings
 from hypothesis import given
+from hypothesis import settings as examples
 from usdfoliage.branch.axes import Axes
 from usdfoliage.branch.stem_sections import StemSections, StemSectionSettings, fit_stem_sections
 
@@ -23,6 +24,7 @@ def upright(offset=(0.0, 0.0)) -> np.ndarray:
     return np.column_stack([np.full(21, offset[0]), HEIGHTS_M, np.full(21, offset[1])])
 
 
+@examples(max_examples=30)
 @given(radius_m=st.floats(0.005, 1), x=st.floats(-0.02, 0.02), z=st.floats(-0.02, 0.02), far_m=st.floats(-1000, 1000))
 def test_a_cylinder_has_its_radius_and_its_middle_wherever_the_axis_runs(radius_m, x, z, far_m):
     circles = fit(rings(radius_m, HEIGHTS_M) + far_m, upright((x, z)) + far_m)
@@ -49,14 +51,14 @@ def test_noise_hardly_moves_the_circle_whichever_way_the_branch_goes(end_m):
     for noise_m in (0.001, 0.01):
         circles = fit(cone([0, 0, 0], end_m, 0.1, 8000, 1, noise_m), line([0, 0, 0], end_m, 21))
         error.append(np.abs(circles.radius_m / 0.1 - 1).max())
-        assert np.median(circles.away_m) == pytest.approx(noise_m * np.sqrt(2 / np.pi), rel=0.3)
+        assert 0.4 * noise_m < np.median(circles.away_m) < 0.8 * noise_m  # the mean, 0.8, with less for what is far
     assert error[0] < 0.003
     assert error[0] < error[1] < 0.05
 
 
 def test_what_is_far_from_the_circle_does_not_count():
     points_m = rings(0.1, HEIGHTS_M, 48)
-    strays_m = np.random.default_rng(0).uniform([0.15, 0, -0.3], [0.6, 1, 0.3], (len(points_m) // 8, 3))
+    strays_m = np.random.default_rng(0).uniform([0.12, 0, -0.1], [0.2, 1, 0.1], (len(points_m) // 8, 3))
     circles = fit(np.concatenate([points_m, strays_m]), upright())
     np.testing.assert_allclose(circles.radius_m, 0.1, rtol=0.02)
 
@@ -67,9 +69,9 @@ def test_a_cone_has_at_each_node_the_radius_it_has_there():
 
 
 def test_points_are_as_far_apart_as_their_share_of_the_surface_says():
-    circles = fit(rings(0.1, HEIGHTS_M, 12), upright(), 0.12)
-    assert circles.points[10] == 5 * 12
-    assert circles.apart_m[10] == pytest.approx(np.sqrt(2 * np.pi * 0.1 * 0.2 / 60))
+    circles = fit(rings(0.1, HEIGHTS_M), upright(), 0.12)
+    assert circles.points[10] == 5 * 24
+    assert circles.apart_m[10] == pytest.approx(np.sqrt(2 * np.pi * 0.1 * 0.2 / 120))
 
 
 @pytest.mark.parametrize(

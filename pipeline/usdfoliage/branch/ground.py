@@ -69,7 +69,8 @@ def find_ground(points_m: NDArray[np.float64], settings: GroundSettings = Ground
 
 def _fit_low_plane(points_m: NDArray[np.float64], layer_m: float) -> NDArray[np.float64]:
     """(3,) plane through the low ones of points (N, 3): what is above it counts less in turns, what is below counts."""
-    design = np.column_stack([points_m[:, 0], points_m[:, 2], np.ones(len(points_m))])
+    middle_m = points_m[:, [0, 2]].mean(axis=0)  # far from the origin the normal equations lose digits
+    design = np.column_stack([points_m[:, [0, 2]] - middle_m, np.ones(len(points_m))])
     plane = np.array([0.0, 0.0, np.quantile(points_m[:, 1], 0.05)])
     reach_m = max(0.25 * float(np.ptp(points_m[:, 1])), 2 * layer_m)
     for _ in range(_TURNS):
@@ -78,6 +79,7 @@ def _fit_low_plane(points_m: NDArray[np.float64], layer_m: float) -> NDArray[np.
         held = design * weight[:, None]
         plane = np.linalg.lstsq(held.T @ design + 1e-9 * np.eye(3), held.T @ points_m[:, 1], rcond=None)[0]
         reach_m = max(0.6 * reach_m, layer_m)
+    plane[2] -= plane[:2] @ middle_m
     return plane
 
 

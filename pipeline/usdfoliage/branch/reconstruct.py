@@ -94,13 +94,20 @@ def reconstruct_branches(
         progress: Told of what is done, and how far it is.
 
     Raises:
-        ValueError: Fewer than two points, or no root.
+        ValueError: Fewer than two points, all of them at one place, or no root.
     """
+    if len(points_m) < 2:
+        raise ValueError(f"a plant takes two points, not {len(points_m)}")
     if not len(roots_m):
         raise ValueError("a plant has a root")
     say = progress or (lambda name, share: None)
     say("graph", 0.0)
     spacing_m = point_spacing(points_m)
+    if spacing_m == 0:  # points come several times
+        points_m = np.unique(points_m, axis=0)
+        if len(points_m) < 2:
+            raise ValueError("all points are at one place")
+        spacing_m = point_spacing(points_m)
     internode_m = settings.internode_m or settings.internode_of_height * float(np.ptp(points_m[:, 1]))
     fine_m = _slice_thickness(internode_m, spacing_m, settings)
     graph = link_points(points_m, settings.graph)
@@ -152,6 +159,8 @@ def _find_feet(
         slab = np.flatnonzero(level & (points_m[:, 1] > root_m[1] - _FOOT * spacing_m) & ~taken)
         if not len(slab):
             slab = np.flatnonzero(~taken)
+            if not len(slab):
+                break
             slab = slab[[int(np.argmin(np.linalg.norm(points_m[slab] - root_m, axis=1)))]]
         away_m = np.linalg.norm(points_m[slab][:, [0, 2]] - root_m[[0, 2]], axis=1)
         near = np.sort(away_m)[:_FOOT_POINTS]

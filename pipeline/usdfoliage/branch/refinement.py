@@ -39,7 +39,10 @@ def collapse_nodes(
     stays = np.zeros(len(skeleton.points_m), bool)
     stays[skeleton.parent_vertex[skeleton.parent_vertex >= 0]] = True
     kept = stays.copy()
+    if not len(skeleton):
+        return skeleton
     allowed_m = np.maximum(settings.most_moved * skeleton.radius_m, settings.least_moved * internode_m)
+    allowed_m = np.maximum(allowed_m, 1e-12)  # where nothing may move, what lies on a line goes still
     for number in range(len(skeleton)):
         part = skeleton.branch(number)
         anchors = np.flatnonzero(stays[part])
@@ -85,6 +88,8 @@ def round_bends(skeleton: Skeleton, settings: RefinementSettings = RefinementSet
 
     A vertex that others spring from stays where it is, and so does its bend.
     """
+    if not len(skeleton):
+        return skeleton
     count = len(skeleton.points_m)
     inner = np.ones(count, bool)
     inner[skeleton.first] = False
@@ -119,10 +124,16 @@ def round_bends(skeleton: Skeleton, settings: RefinementSettings = RefinementSet
         )
         points_m[new_first[at] + step] = on_curve
     leaves_from = skeleton.parent_vertex
-    return replace(
+    rounded = replace(
         skeleton,
         points_m=points_m,
         radius_m=radius_m,
         counts=np.add.reduceat(repeats, skeleton.first).astype(np.int32),
         parent_vertex=np.where(leaves_from < 0, -1, new_first[leaves_from]).astype(np.int32),
     )
+    # Of bends next to each other one ends where the next begins.
+    kept = np.ones(len(points_m), bool)
+    begins = new_first[at]
+    gap_m = np.linalg.norm(points_m[begins] - points_m[begins - 1], axis=1)
+    kept[begins] = gap_m > 1e-6 * reach_m[:, 0]
+    return _with_vertices(rounded, kept)

@@ -48,7 +48,7 @@ def find_roots(points_m: NDArray[np.float64], settings: RootSettings = RootSetti
     density = np.zeros(cell.max(axis=0) + 3)
     np.add.at(density, (cell[:, 0], cell[:, 1]), 1.0)
     density = gaussian_filter(density, _BLUR_CELLS)
-    # Stems next to each other part at a level of their own, so that levels are gone through from the top.
+    # Stems next to each other part at a level of their own, so that several are looked at.
     clusters = _clusters_by_level(density, settings)
     member = clusters[cell[:, 0], cell[:, 1]]
     strength = np.array([density[clusters == number].max() for number in range(1, int(clusters.max()) + 1)])
@@ -69,7 +69,8 @@ def _clusters_by_level(density: NDArray[np.float64], settings: RootSettings) -> 
     if settings.count is None:
         return np.asarray(label(density >= settings.standing_out * top, np.ones((3, 3)))[0], np.int32)
     best = np.zeros(density.shape, np.int32)
-    for share in (0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02):
+    # From the middle outwards: near the top a thick stem is several clusters, near the bottom two stems are one.
+    for share in (0.3, 0.2, 0.4, 0.1, 0.5, 0.05, 0.65, 0.02, 0.8):
         found, count = label(density >= share * top, np.ones((3, 3)))
         if count > int(best.max()):
             best = np.asarray(found, np.int32)
