@@ -37,6 +37,7 @@ NEAR_ENOUGH = 0.2  # of a radius: a hole this far from where its axis comes out 
 SMALLER = 0.88  # times, a hole in each new attempt
 FARTHER = 0.4  # radii, the first ring of its branch in each new attempt
 ATTEMPTS = 6  # at a fork that crosses, before its branch is dropped
+STEP = 2  # attempts that are made at once: each builds all again
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +102,7 @@ def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchC
             break
         guilty = _guilty(built, pairs)
         logger.debug("%d pairs of faces cross, %d forks are tried again", len(pairs), len(guilty))
-        tries[_leading(tubes, exits)[holes.exit[guilty]]] += 1
+        tries[_leading(tubes, exits)[holes.exit[guilty]]] += STEP
     _name_dropped(tubes, exits, holes, tries, dropped)
     for branch in set(tubes.piece_branch.tolist()) - set(built.faces.curve.tolist()):
         dropped.setdefault(branch, COVERED)

@@ -4,6 +4,7 @@ A hole takes two rows of faces in one of the six sectors between three rings. Br
 the three rings where their sectors have room, else the thinner one moves along its parent to the next free place.
 """
 
+import bisect
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -201,12 +202,14 @@ def _place_along(
         low, high = start_m + gap, end_m - gap
         if not _place(want, blocks, low, high, gap):
             lost.append(want.exit)
-    taken = [block for block in blocks if block.members]
-    return sorted(taken, key=lambda block: block.low_m), lost
+    return [block for block in blocks if block.members], lost
 
 
 def _place(want: Want, blocks: list[_Block], low: float, high: float, gap: float) -> bool:
-    """Put a hole into the nearest block that has a sector for it, or into a new one where there is room."""
+    """Put a hole into the nearest block that has a sector for it, or into a new one where there is room.
+
+    Blocks are in order along the tube, do not overlap, and stay so.
+    """
     best: tuple[float, _Block | None, float, float] | None = None
     for press in (1.0, 0.75, 0.5, TIGHTEST):
         half = press * want.half_block_m
@@ -214,14 +217,14 @@ def _place(want: Want, blocks: list[_Block], low: float, high: float, gap: float
             moved = abs(middle - want.arc_m)
             if best is None or moved < best[0]:
                 best = (moved, None, middle, press)
-        for block in blocks:
-            if not has_room(block.members, want):
+        for number, block in enumerate(blocks):
+            most = 1.6 * max(block.high_m - block.low_m, 2 * half)
+            away = max(block.low_m - want.arc_m, want.arc_m - block.high_m) - most
+            if (best is not None and away > best[0]) or not has_room(block.members, want):
                 continue
             # A block may grow towards what it takes in, but stays about as long as its longest.
-            others = [other for other in blocks if other is not block]
-            floor = max([low] + [other.high_m + gap for other in others if other.high_m <= block.low_m])
-            roof = min([high] + [other.low_m - gap for other in others if other.low_m >= block.high_m])
-            most = 1.6 * max(block.high_m - block.low_m, 2 * half)
+            floor = max(low, blocks[number - 1].high_m + gap) if number else low
+            roof = min(high, blocks[number + 1].low_m - gap) if number + 1 < len(blocks) else high
             grow_low, grow_high = max(floor, block.high_m - most), min(roof, block.low_m + most)
             if grow_high - grow_low < 2 * half:
                 continue
@@ -246,7 +249,7 @@ def _place(want: Want, blocks: list[_Block], low: float, high: float, gap: float
         want.half_across_m *= np.sqrt(press)
     if chosen is None:
         chosen = _Block(low_m=want.arc_m - half, high_m=want.arc_m + half)
-        blocks.append(chosen)
+        bisect.insort(blocks, chosen, key=lambda block: block.low_m)
     chosen.low_m = min(chosen.low_m, want.arc_m - half)
     chosen.high_m = max(chosen.high_m, want.arc_m + half)
     chosen.members.append(want)
@@ -254,9 +257,9 @@ def _place(want: Want, blocks: list[_Block], low: float, high: float, gap: float
 
 
 def _free_middles(arc_m: float, half: float, blocks: list[_Block], low: float, high: float, gap: float) -> list[float]:
-    """The nearest middles of free stretches of this half length, one for each stretch."""
+    """The nearest middles of free stretches of this half length between blocks in order, one for each stretch."""
     ends = [low - gap]
-    for block in sorted(blocks, key=lambda block: block.low_m):
+    for block in blocks:
         ends += [block.low_m, block.high_m]
     ends.append(high + gap)
     middles = []
