@@ -19,6 +19,8 @@ requires = [
     "OpenEXR-3.3+",
     "opencv_contrib_python_headless",
     "Jinja2",
+    "laspy-2.7+",
+    "lazrs",
     "tqdm",
 ]
 
