@@ -55,7 +55,7 @@ def test_a_plant_twice_as_large_is_twice_as_thick(seed, scale):
 
 def test_every_root_may_have_a_radius_of_its_own():
     tree = RootedTree(np.array([-1, 0, -1, 2], np.int32))
-    radius_m = grow_radii(tree, np.array([0.0, 1, 0, 1]), np.array([0.1, 9, 0.3, 9]))
+    radius_m = grow_radii(tree, np.array([0.0, 1, 0, 1]), np.array([0.1, np.nan, 0.3, np.nan]))
     assert radius_m[[0, 2]].tolist() == [0.1, 0.3]
     assert radius_m[3] / radius_m[2] == pytest.approx(radius_m[1] / radius_m[0])
 

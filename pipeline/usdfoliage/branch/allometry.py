@@ -39,20 +39,30 @@ def carried_lengths(tree: RootedTree, step_m: NDArray[np.float64]) -> NDArray[np
 def grow_radii(
     tree: RootedTree,
     step_m: NDArray[np.float64],
-    root_radius_m: float | NDArray[np.floating],
+    known_m: float | NDArray[np.floating],
     settings: AllometrySettings = AllometrySettings(),
 ) -> NDArray[np.float64]:
-    """(S,) radius of every node from that of its root (eq. 5).
+    """(S,) radius of every node from those that are known, outwards (eq. 5).
 
     Args:
         tree: Of the nodes.
         step_m: (S,), internode to each node from its parent.
-        root_radius_m: Of all roots, or (S,) where roots have theirs.
+        known_m: Of all roots, or (S,) of nodes, NaN where it is to be found; that of a root must be known.
+        settings: The exponent.
+
+    Raises:
+        ValueError: A root's radius is not known.
     """
     carried_m = carried_lengths(tree, step_m)
-    radius_m = np.zeros(len(tree.parent))
-    radius_m[tree.levels[0]] = np.broadcast_to(root_radius_m, len(tree.parent))[tree.levels[0]]
+    radius_m = np.full(len(tree.parent), np.nan)
+    if np.ndim(known_m):
+        radius_m[:] = known_m
+    else:
+        radius_m[tree.levels[0]] = known_m
+    if np.isnan(radius_m[tree.levels[0]]).any():
+        raise ValueError("the radius of every root must be known")
     for level in tree.levels[1:]:
+        level = level[np.isnan(radius_m[level])]
         above = tree.parent[level]
         radius_m[level] = radius_m[above] * (carried_m[level] / carried_m[above]) ** settings.exponent
     return radius_m

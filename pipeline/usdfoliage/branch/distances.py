@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.geometry.perpendicular import two_across
 
 _AROUND = 8  # points around a branch, of its surface
 _NEAREST = 16  # places on axes that are looked at for each point: the nearest axis need not have the nearest surface
@@ -52,10 +53,7 @@ def distances_to_surface(points_m: NDArray[np.float64], skeleton: Skeleton, step
 def distances_to_cloud(skeleton: Skeleton, points_m: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
     """(K,) from places spread over the surface of all branches, weighed evenly along them, to the nearest point."""
     places_m, radii_m, direction = sample_axes(skeleton, step_m)
-    helper = np.where(np.abs(direction[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
-    side = np.cross(direction, helper)
-    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-12)
-    other = np.cross(direction, side)
+    side, other = two_across(direction)
     turn = 2 * np.pi * (np.arange(len(places_m)) % _AROUND) / _AROUND
     surface_m = places_m + radii_m[:, None] * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * other)
     return np.asarray(cKDTree(points_m).query(surface_m, workers=-1)[0])

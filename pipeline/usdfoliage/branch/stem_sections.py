@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.axes import Axes
+from usdfoliage.geometry.perpendicular import two_across
 
 _CHUNK = 2_000_000  # points of windows looked at at once
 _SECTORS = 12  # of a circle, for how much of it is seen
@@ -85,7 +86,7 @@ def fit_stem_sections(
         window = np.repeat(np.arange(len(part)), runs_here)
         within = np.arange(len(window)) - np.repeat(np.cumsum(runs_here) - runs_here, runs_here)
         chosen = ordered[np.repeat(begin[low[part]], runs_here) + within]
-        side, other = _across(direction[part])
+        side, other = two_across(direction[part])
         from_node = points_m[chosen] - center_m[nodes[part]][window]
         x = np.einsum("nc,nc->n", from_node, side[window])
         y = np.einsum("nc,nc->n", from_node, other[window])
@@ -126,14 +127,6 @@ def _windows(
     length_m = np.linalg.norm(along_m, axis=1, keepdims=True)
     direction = np.divide(along_m, length_m, out=np.zeros_like(along_m), where=length_m > 1e-9)
     return low, high, direction, length_m[:, 0]
-
-
-def _across(direction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two unit vectors (N, 3) across directions (N, 3)."""
-    helper = np.where(np.abs(direction[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
-    side = np.cross(direction, helper)
-    side /= np.linalg.norm(side, axis=1, keepdims=True)
-    return side, np.cross(direction, side)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from usdfoliage.capture.cloud import CELL_BITS, Cloud
+from usdfoliage.geometry.disks import choose_disks
 
 _CHUNK = 200_000  # points whose neighbours are looked for at once
 _FIRST_GAP = 16  # of the distance between neighbouring points: smaller pieces are looked for by drop_strays
@@ -146,31 +147,8 @@ def _median_gap_m(points_m: NDArray[np.float64], tree: cKDTree) -> float:
 def thin_to_disks(cloud: Cloud, settings: CleaningSettings = CleaningSettings()) -> Cloud:
     """Points that lie at least spacing_m apart, so many that no further one of the cloud fits between them.
 
-    Poisson disks over given points: of any that conflict the first in a random order stays. M. Corsini et al.,
-    Efficient and flexible sampling with blue noise properties of triangular meshes, 2012, pruning of samples.
+    Poisson disks over given points: of any that conflict the first in a random order stays.
     """
     if settings.spacing_m == 0 or len(cloud) == 0:
         return cloud
-    rng = np.random.default_rng(settings.seed)
-    rank = rng.permutation(len(cloud))
-    kept: NDArray[np.int64] = np.zeros(0, np.int64)
-    waiting = np.arange(len(cloud))
-    while len(waiting):
-        # The first of every cell of a grid as wide as a disk; then what of these conflicts, and what they cover.
-        cells = np.floor(cloud.points_m[waiting] / settings.spacing_m).astype(np.int64)
-        order = np.lexsort((rank[waiting], cells[:, 2], cells[:, 1], cells[:, 0]))
-        first = np.ones(len(order), bool)
-        first[1:] = (cells[order][1:] != cells[order][:-1]).any(axis=1)
-        chosen = waiting[order[first]]
-        chosen = chosen[np.argsort(rank[chosen])]
-        tree = cKDTree(cloud.points_m[chosen])
-        pairs = tree.query_pairs(settings.spacing_m, output_type="ndarray")
-        beaten = np.zeros(len(chosen), bool)
-        beaten[pairs.max(axis=1)] = True  # a pair's later one; it may come again once the others are settled
-        chosen = chosen[~beaten]
-        kept = np.concatenate([kept, chosen])
-        near = cKDTree(cloud.points_m[chosen]).query(
-            cloud.points_m[waiting], distance_upper_bound=settings.spacing_m, workers=-1
-        )[0]
-        waiting = waiting[~np.isfinite(near)]
-    return cloud.take(np.sort(kept))
+    return cloud.take(choose_disks(cloud.points_m, settings.spacing_m, settings.seed))
