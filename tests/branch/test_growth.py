@@ -71,7 +71,7 @@ def test_two_seeds_share_what_lies_between_them():
 def test_what_was_there_stays_and_radii_follow_allometry():
     start = fork()
     tip_m = start.points_m[start.counts[0] - 1]
-    points_m = ball(tip_m + [0, 0.5, 0], 0.4, 2000)
+    points_m = ball(np.add(tip_m, [0, 0.5, 0]), 0.4, 2000)
     grown = grow_branches(start, points_m, ones(points_m), PLAIN).skeleton
     assert len(grown) > len(start)
     for number in range(len(start)):
@@ -162,5 +162,5 @@ def test_variations_are_near_and_differ():
     ],
 )
 def test_settings_that_cannot_be_are_refused(wrong):
-    with pytest.raises(ValueError, match="must|kill|rest"):
+    with pytest.raises(ValueError, match=r"must|kill|rest"):
         GrowthSettings(**wrong)
