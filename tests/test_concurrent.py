@@ -4,7 +4,7 @@ import threading
 import time
 
 import pytest
-from usdfoliage.concurrent import map_threaded
+from usdfoliage.concurrent import map_ahead, map_threaded
 
 
 @pytest.mark.parametrize("threads", [0, 1, 3])
@@ -32,3 +32,18 @@ def test_no_more_threads_than_asked_for():
 def test_errors_come_out(threads):
     with pytest.raises(ZeroDivisionError):
         list(map_threaded(lambda number: 1 / number, [2, 1, 0], threads=threads))
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_few_items_are_taken_ahead(threads):
+    taken = []
+
+    def items():
+        for number in range(20):
+            taken.append(number)
+            yield number
+
+    for done, result in enumerate(map_ahead(lambda number: number**2, items(), threads)):
+        assert result == done**2
+        assert len(taken) <= done + 1 + threads
+    assert len(taken) == 20

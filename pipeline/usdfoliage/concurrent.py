@@ -1,8 +1,9 @@
 """Work on many views at once: numpy, OpenCV and the native functions let go of the interpreter while they count."""
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 MOST_AT_ONCE = 4  # large pictures that are worked on at a time, however many cores there are: memory is finite
@@ -26,6 +27,21 @@ def map_threaded(function: Callable[[Item], Result], items: Iterable[Item], *, t
         return
     with ThreadPoolExecutor(workers) as pool:
         yield from pool.map(function, every)
+
+
+def map_ahead(function: Callable[[Item], Result], items: Iterable[Item], threads: int) -> Iterator[Result]:
+    """As map_threaded, but no more items are taken ahead than there are threads: memory is finite."""
+    if threads < 2:
+        yield from map(function, items)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        waiting: deque[Future[Result]] = deque()
+        for item in items:
+            waiting.append(pool.submit(function, item))
+            if len(waiting) > threads:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
 
 
 def share_cores(threads: int = 0) -> tuple[int, int]:

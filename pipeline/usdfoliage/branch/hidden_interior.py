@@ -81,8 +81,9 @@ def _within(places_m: NDArray[np.float64], points_m: NDArray[np.float64]) -> NDA
 
 def blocked_share(places_m: NDArray[np.float64], points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
     """(M,) share of the directions in which points (N, 3), as cells of a grid, stand before a place (M, 3)."""
-    low_m = points_m.min(axis=0) - cell_m
-    shape = np.floor((points_m.max(axis=0) - low_m) / cell_m).astype(np.int64) + 2
+    both_m = np.concatenate([points_m, places_m])
+    low_m = both_m.min(axis=0) - cell_m
+    shape = np.floor((both_m.max(axis=0) - low_m) / cell_m).astype(np.int64) + 2
     taken = np.zeros(shape, bool)
     taken[tuple(np.floor((points_m - low_m) / cell_m).astype(np.int64).T)] = True
     ways = np.array([way for way in product((-2, -1, 0, 1, 2), repeat=3) if max(map(abs, way)) == 2], np.float64)

@@ -4,16 +4,14 @@ Points of all views that fall into one cell of a grid become one, each weighed b
 colour is that of the views that resolve it best.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.concurrent import map_threaded, share_cores
+from usdfoliage.concurrent import map_ahead, map_threaded, share_cores
 from usdfoliage.geometry.pinhole import Pinhole
 
 CELL_BITS = 21  # of a cell's number along an axis: three of them fill 63 bits
@@ -113,7 +111,7 @@ def merge_views(
 
     at_once, _ = share_cores(threads)
     joined: list[_Cells] = []  # each at most half as many as the one before it
-    for own in _map_ahead(lambda given: _sum_view(*given), with_grid(), at_once):
+    for own in map_ahead(lambda given: _sum_view(*given), with_grid(), at_once):
         if len(own.keys):
             joined.append(own)
         while len(joined) > 1 and len(joined[-2].keys) < 2 * len(joined[-1].keys):
@@ -122,25 +120,6 @@ def merge_views(
     while joined:
         cells = _join(joined.pop(), cells, at_once)
     return _to_cloud(cells, np.zeros(3) if grid is None else grid.origin_m, settings.least_views)
-
-
-def _map_ahead(
-    function: Callable[[tuple[SeenSurface, _Grid]], _Cells],
-    items: Iterable[tuple[SeenSurface, _Grid]],
-    threads: int,
-) -> Iterator[_Cells]:
-    """Results in the order of the items, of which no more than there are threads are taken ahead: memory is finite."""
-    if threads < 2:
-        yield from map(function, items)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        waiting: deque[Future[_Cells]] = deque()
-        for item in items:
-            waiting.append(pool.submit(function, item))
-            if len(waiting) > threads:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
 
 
 def _seen_points(

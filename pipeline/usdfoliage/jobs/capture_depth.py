@@ -26,7 +26,7 @@ from usdfoliage.capture.listing import counted, named
 from usdfoliage.capture.patch_match import MatchedPlanes, Picture
 from usdfoliage.capture.photo_set import BLURRED, find_blurred, measure_sharpness
 from usdfoliage.capture.view import View
-from usdfoliage.concurrent import MOST_AT_ONCE, map_threaded, share_cores
+from usdfoliage.concurrent import MOST_AT_ONCE, map_ahead, map_threaded, share_cores
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture_settings import DenseChoice
@@ -413,7 +413,7 @@ def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None, *, thread
             agreeing=estimate.agreeing,
         )
 
-    for done, surface in enumerate(_read_ahead(read, len(tasks.views), threads), 1):
+    for done, surface in enumerate(map_ahead(read, range(len(tasks.views)), share_cores(threads)[0]), 1):
         if surface is not None:
             yield surface
         if progress is not None:
@@ -427,16 +427,9 @@ def seen_depths(tasks: DepthTasks, *, threads: int = 0) -> Iterator[tuple[Pinhol
         estimate = read_estimate(tasks, index)
         return None if estimate is None else (estimate.camera, estimate.depth_m)
 
-    for seen in _read_ahead(read, len(tasks.views), threads):
+    for seen in map_ahead(read, range(len(tasks.views)), share_cores(threads)[0]):
         if seen is not None:
             yield seen
-
-
-def _read_ahead(read: Callable[[int], Held], count: int, threads: int) -> Iterator[Held]:
-    """What is read of each view, in their order, as many at once as are worked on at a time: memory is finite."""
-    at_once, _ = share_cores(threads)
-    for start in range(0, count, at_once):
-        yield from map_threaded(read, range(start, min(start + at_once, count)), threads=at_once)
 
 
 def in_world(normals: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
