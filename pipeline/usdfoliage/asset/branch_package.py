@@ -66,7 +66,7 @@ def write_branch_asset(
     settings: BranchAssetSettings = BranchAssetSettings(),
     foliage: BranchLeaves | None = None,
 ) -> Path:
-    """Write an asset of branches, and of leaves on them, inside publish_folder as usdfoliage.asset.package.write_crown_asset.
+    """Write an asset of branches, inside publish_folder as usdfoliage.asset.package.write_crown_asset.
 
     Args:
         folder: An existing folder; the asset's files are written into it.
@@ -76,7 +76,7 @@ def write_branch_asset(
         provenance: The run that made it.
         asset_from_capture: (4, 4) for column vectors.
         settings: Bark, and the asset's version.
-        foliage: The leaves, None for none.
+        foliage: Leaves on them, None for none.
 
     Returns:
         The interface layer, folder/<name>.usda.

@@ -18,8 +18,8 @@ from usdfoliage.branch.species import Species
 from usdfoliage.geometry.directions import unit_vectors, vectors_across
 
 UP = np.array([0.0, 1.0, 0.0])
-YOUNG = 0.35  # of its length, that the last leaf of a shoot still has to grow
-GROWING = 1.5  # nodes from the tip, after which that falls to the e-th part
+YOUNG = 0.2  # of its length, that the last leaf of a shoot still has to grow
+GROWING = 1.0  # nodes from the tip, after which that falls to the e-th part
 LIMIT = 2.5  # standard deviations that are drawn at most
 _WHOLE = 1e-9  # internodes, by which a shoot may be short of a whole number of them
 
@@ -160,9 +160,7 @@ def _measure_axes(skeleton: Skeleton) -> _Axes:
     )
 
 
-def _count_nodes(
-    skeleton: Skeleton, axes: _Axes, species: Species, settings: FoliageSettings
-) -> NDArray[np.int64]:
+def _count_nodes(skeleton: Skeleton, axes: _Axes, species: Species, settings: FoliageSettings) -> NDArray[np.int64]:
     """(B,) nodes with leaves of each branch."""
     parent = skeleton.parent_vertex
     inside_m = np.where(parent >= 0, skeleton.radius_m[np.maximum(parent, 0)], 0.0)

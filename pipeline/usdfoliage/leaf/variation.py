@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.leaf.fold import find_folds
+from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.surface import leaf_nets
 
 LIMIT = 2.5  # standard deviations; what is drawn beyond is taken in to it, so that no leaf is a monster
@@ -49,6 +50,21 @@ def default_leaf() -> NDArray[np.float64]:
             [0.034, 0.100, 0.011],
         ]
     )
+
+
+def leaf_of_width(width: float) -> NDArray[np.float64]:
+    """The leaf (7, 3) of default_leaf, so wide, in leaf lengths; its halves keep their slope.
+
+    Raises:
+        ValueError: The width is not above 0.
+    """
+    if not (np.isfinite(width) and width > 0):
+        raise ValueError(f"a leaf's width must be above 0, not {width}")
+    leaf = default_leaf()
+    factor = width / float(leaf_width(leaf[None])[0])
+    leaf[2:5, 1:] *= factor
+    leaf[5:] *= factor
+    return leaf
 
 
 def vary_leaves(
