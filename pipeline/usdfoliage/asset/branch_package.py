@@ -18,7 +18,7 @@ from usdfoliage.asset.package import (
     finish_asset,
     write_leaf_layers,
 )
-from usdfoliage.asset.plant import SKELETON, Plant
+from usdfoliage.asset.plant import SKELETON, Plant, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.branch.cage import BranchCage
@@ -109,16 +109,11 @@ def write_branch_asset(
     plant = Plant(
         provenance=provenance,
         asset_from_capture=asset_from_capture,
-        extent_m=_around(boxes),
-        guide_extent_m=_around(guides),
+        extent_m=box_around(boxes),
+        guide_extent_m=box_around(guides),
         parts=parts,
         version=settings.version,
     )
     write_materials_layer(payload / "materials.usda", name, bark=bark, leaf=leaf)
     sets.append(VariantSet(name="branches", variants=variants))
     return finish_asset(folder, name, plant, sets, ["./materials.usda", "./skeleton.usdc"])
-
-
-def _around(boxes: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """The box (2, 3) around boxes."""
-    return np.stack([np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]])

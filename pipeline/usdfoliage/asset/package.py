@@ -23,7 +23,7 @@ from usdfoliage.asset.leaves import (
     write_leaves_layer,
 )
 from usdfoliage.asset.materials import copy_shaders, write_materials_layer
-from usdfoliage.asset.plant import CROWN, LEAVES, Plant
+from usdfoliage.asset.plant import CROWN, LEAVES, Plant, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
@@ -228,7 +228,7 @@ def write_leaf_layers(
         for representation in chosen.keys() - {"bezier"}:
             chosen[representation].append(f"./{LEAVES_GUIDE}")
     return LeafLayers(
-        extent_m=np.stack([np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]]),
+        extent_m=box_around(bounds),
         guide_extent_m=bounds[settings.representations.index("bezier")] if has_guide else None,
         parts=(LEAVES,) if "bezier" in settings.representations else (),  # of the others none has FoliageLeafAPI there
         material=LeafMaterial(
