@@ -98,14 +98,16 @@ def write_branch_asset(
         write_branches_layer(payload / layer, name, cage, settings.color)
         variants[f"order{order}"] = [f"./{layer}"]
     sets = [VariantSet(name="lod", variants={"leaves": []})]
-    boxes, guides, parts, leaf = [extent_m], [guide_m], [SKELETON], None
-    if foliage is not None:
-        layers = write_leaf_layers(folder, name, foliage.leaves, foliage.settings, foliage.edits, foliage.look)
+    boxes, guides, parts = [extent_m], [guide_m], [SKELETON]
+    if foliage is None:
+        write_materials_layer(payload / "materials.usda", name, bark=bark)
+    else:
+        layers = write_leaf_layers(folder, name, foliage.leaves, foliage.settings, foliage.edits, foliage.look, bark)
         sets.append(layers.variants)
-        boxes += [layers.extent_m] if len(foliage.leaves) else []
-        guides += [layers.guide_extent_m] if layers.guide_extent_m is not None and len(foliage.leaves) else []
         parts += layers.parts
-        leaf = layers.material
+        if len(foliage.leaves):
+            boxes.append(layers.extent_m)
+            guides += [] if layers.guide_extent_m is None else [layers.guide_extent_m]
     plant = Plant(
         provenance=provenance,
         asset_from_capture=asset_from_capture,
@@ -114,6 +116,5 @@ def write_branch_asset(
         parts=parts,
         version=settings.version,
     )
-    write_materials_layer(payload / "materials.usda", name, bark=bark, leaf=leaf)
     sets.append(VariantSet(name="branches", variants=variants))
     return finish_asset(folder, name, plant, sets, ["./materials.usda", "./skeleton.usdc"])

@@ -16,7 +16,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom
 from usdfoliage.asset.interface import PAYLOAD
 from usdfoliage.asset.layer import save_layer
 from usdfoliage.asset.locate import open_layer
-from usdfoliage.asset.materials import LEAF_MATERIAL, MATERIALS, write_materials_layer
+from usdfoliage.asset.materials import LEAF_MATERIAL, MATERIALS
 from usdfoliage.asset.package import (
     LEAVES_GUIDE,
     REPRESENTATIONS,
@@ -98,7 +98,6 @@ def write_leaves_beside(
     """
     payload = begin_asset(folder, name)
     layers = write_leaf_layers(folder, name, leaves, settings, edits, look)
-    write_materials_layer(payload / _MATERIAL_LAYER, name, leaf=layers.material)
     _copy_layers(others, payload, name)
     guides = [*others.guide_extents_m, *([] if layers.guide_extent_m is None else [layers.guide_extent_m])]
     plant = Plant(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf
 
+from usdfoliage.asset.bark_material import BarkMaterial
 from usdfoliage.asset.crown import crown_prim, write_crown_layer, write_crown_maps
 from usdfoliage.asset.crown_material import CROWN_SHADER, CrownMaterial
 from usdfoliage.asset.interface import write_interface_layer, write_payload_layer
@@ -171,7 +172,7 @@ def write_leaf_asset(
         CaptureError: The jitter map cannot be used.
         AssetError: A picture cannot be copied, or a file cannot be written.
     """
-    payload = begin_asset(folder, name)
+    begin_asset(folder, name)
     layers = write_leaf_layers(folder, name, leaves, settings, edits, look)
     plant = Plant(
         provenance=provenance,
@@ -181,7 +182,6 @@ def write_leaf_asset(
         parts=layers.parts,
         version=settings.version,
     )
-    write_materials_layer(payload / "materials.usda", name, leaf=layers.material)
     # With a crown besides: the lods leaves, both and crown, the representation inside the first two, and the purposes
     # in a layer of both.
     return finish_asset(folder, name, plant, [VariantSet(name="lod", variants={"leaves": []}), layers.variants])
@@ -194,7 +194,6 @@ class LeafLayers:
     extent_m: NDArray[np.float64]  # (2, 3), in any representation
     guide_extent_m: NDArray[np.float64] | None  # (2, 3), where the leaves are a guide as well
     parts: Sequence[str]  # of the plant
-    material: LeafMaterial
     variants: VariantSet  # inside the lod leaves
 
 
@@ -205,10 +204,14 @@ def write_leaf_layers(
     settings: LeafAssetSettings = LeafAssetSettings(),
     edits: LeafEdits = NEUTRAL,
     look: LeafLook = LeafLook(),
+    bark: BarkMaterial | None = None,
 ) -> LeafLayers:
-    """Write what leaves are in an asset, whatever else it holds: their layers, pictures and shaders.
+    """Write what leaves are in an asset, whatever else it holds: their layers, pictures, shaders, and the materials.
 
     Arguments and errors are those of write_leaf_asset; the payload's folder exists.
+
+    Args:
+        bark: Of branches, for the materials layer.
     """
     check_leaves(leaves)
     payload = folder / "payload"
@@ -222,6 +225,13 @@ def write_leaf_layers(
     bounds = _write_leaves(payload, name, leaves, edits, jitter, look.color, jitter_map, settings)
     has_guide = "bezier" in settings.representations and len(settings.representations) > 1
     copy_shaders(folder / "shaders", LEAF_SHADERS)
+    material = LeafMaterial(
+        shaders=SHADERS,
+        texture=texture or None,
+        texture_color=look.texture_color,
+        jitter_map=jitter_map or None,
+    )
+    write_materials_layer(payload / "materials.usda", name, leaf=material, bark=bark)
     chosen = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in settings.representations}
     if has_guide:
         write_leaves_guide_layer(payload / LEAVES_GUIDE, name, [*chosen["bezier"], "./materials.usda"])
@@ -231,12 +241,6 @@ def write_leaf_layers(
         extent_m=box_around(bounds),
         guide_extent_m=bounds[settings.representations.index("bezier")] if has_guide else None,
         parts=(LEAVES,) if "bezier" in settings.representations else (),  # of the others none has FoliageLeafAPI there
-        material=LeafMaterial(
-            shaders=SHADERS,
-            texture=texture or None,
-            texture_color=look.texture_color,
-            jitter_map=jitter_map or None,
-        ),
         variants=VariantSet(name="representation", variants=chosen, inside=["leaves"]),
     )
 
