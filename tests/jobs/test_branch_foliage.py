@@ -92,6 +92,7 @@ def test_a_species_alone_adds_no_leaves_but_its_exponent(cloud, tmp_path):
 
 def test_fitted_leaves_are_drawn_with_their_shape_colour_and_length(tmp_path):
     leaves = random_leaves(5, facts=True)
+    leaves.parameters[3, 2, 1] = -0.1  # is none
     trusted = np.array([0.0, 1.0, 1.0, 1.0, 0.0])
     colors = np.linspace(0.1, 0.5, 15).reshape(5, 3)
     known = replace(leaves, confidence=trusted, color=colors)
@@ -104,8 +105,9 @@ def test_fitted_leaves_are_drawn_with_their_shape_colour_and_length(tmp_path):
     of = [np.flatnonzero((leaf == fitted.leaves.parameters).all(axis=(1, 2))) for leaf in made.parameters]
     assert all(len(each) == 1 for each in of)
     drawn = np.concatenate(of)
-    assert set(drawn) == {1, 2, 3}
-    assert made.color == pytest.approx(colors[drawn], abs=1e-6)
+    assert set(drawn) == {1, 2}
+    assert made.color == pytest.approx(colors[drawn], rel=0.5)
+    assert len(np.unique(made.color, axis=0)) == len(made)
     grown_share = made.length_m / leaves.length_m[drawn]
     assert 0.79 < grown_share.min() <= grown_share.max() <= 1 + 1e-6
     as_long = FoliageRequest(kind="fitted", source=source.parent, species=STOUT, length_m=2.0)

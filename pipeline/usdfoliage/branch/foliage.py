@@ -31,7 +31,7 @@ class FoliageSettings:
     """Which twigs carry leaves, and how far leaves differ."""
 
     most_leaves: int = 60_000  # more are thinned, evenly over the plant
-    of_root: float = 0.05  # of the root's radius, below which twigs carry leaves: a scan of a large tree has no finer
+    of_root: float = 0.08  # of the root's radius, below which twigs carry leaves: a scan of a large tree has no finer
     least_shoot: float = 0.5  # internodes beyond its parent's surface; what is shorter is a bud
     variation: float = 1.0  # how far leaves differ: 0 not at all, 1 as on a plant
     length: float = 0.15  # standard deviation of the logarithm of a leaf's length

@@ -23,6 +23,7 @@ from usdfoliage.jobs.leaf_asset import LENGTHS_M, MOST_LEAVES, MOST_LEAVES_OF_AL
 from usdfoliage.jobs.leaf_change import bake_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.leaf_settings import check_memory, read_representations, read_settings
 from usdfoliage.leaf.edits import LeafEdits
+from usdfoliage.leaf.fold import find_folds
 from usdfoliage.leaf.jitter import spread_phases
 from usdfoliage.leaf.measures import leaf_area, leaf_width
 from usdfoliage.leaf.model import Leaves
@@ -30,6 +31,7 @@ from usdfoliage.leaf.variation import VariationSettings, leaf_of_width, vary_col
 
 NONE, TEMPLATE, FITTED = KINDS = ("none", "template", "fitted")
 FAR = 3.0  # times as long or as short as those of the species, from which on fitted leaves are spoken of
+DRAWN_ALIKE = 0.3  # of how leaves differ in colour on a plant: by that those drawn from one leaf do
 MEASURED = 4000  # leaves whose width and area are measured, evenly chosen
 
 
@@ -199,15 +201,20 @@ def _of_species(places: LeafPlaces, request: FoliageRequest, rng: np.random.Gene
 def _of_fitted(
     places: LeafPlaces, fitted: FittedLeaves, request: FoliageRequest, rng: np.random.Generator
 ) -> BranchLeaves:
-    """Leaves drawn from those of a capture: what was guessed is drawn seldom."""
-    held = fitted.leaves
-    trust = np.ones(len(held)) if held.confidence is None or not held.confidence.any() else held.confidence
+    """Leaves drawn from those of a capture: what was guessed is drawn seldom, what folds over itself never."""
+    held, amount = fitted.leaves, request.settings.variation
+    sound = (held.parameters[:, 2:5, 1] > 0).all(axis=1) & ~find_folds(held.parameters)
+    trust = sound if held.confidence is None else sound * held.confidence
+    trust = np.asarray(trust, np.float64) if trust.any() else np.ones(len(held))
     drawn = rng.choice(len(held), len(places), p=trust / trust.sum())
     usual_m = float(np.median(held.length_m))
     length_m = held.length_m[drawn] * (request.length_m or usual_m) / usual_m
-    color = None if held.color is None else held.color[drawn]
-    if color is None and fitted.look.texture is None:
-        color = vary_colors(fitted.look.color, len(places), rng, request.settings.variation)
+    if held.color is not None:
+        color = vary_colors(held.color[drawn], len(places), rng, DRAWN_ALIKE * amount)
+    elif fitted.look.texture is None:
+        color = vary_colors(fitted.look.color, len(places), rng, amount)
+    else:
+        color = None
     young = places.length_m / request.species.leaf_length_m
     leaves = _leaves_at(places, held.parameters[drawn], young * length_m, color)
     return BranchLeaves(leaves=leaves, edits=fitted.edits, look=fitted.look)

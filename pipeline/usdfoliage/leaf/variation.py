@@ -101,9 +101,12 @@ def vary_leaves(
 
 
 def vary_colors(
-    color: tuple[float, float, float], count: int, rng: np.random.Generator, amount: float = 1.0
+    color: tuple[float, float, float] | NDArray[np.float64], count: int, rng: np.random.Generator, amount: float = 1.0
 ) -> NDArray[np.float64]:
-    """Colours (count, 3) of leaves around one, linear Rec.709: light and dark, young ones yellower, none below 0."""
+    """Colours (count, 3) of leaves around one, or around (count, 3) of their own, linear Rec.709.
+
+    They are light and dark, and the young ones yellower; none is below 0.
+    """
     light, age = np.clip(rng.standard_normal((2, count)), -LIMIT, LIMIT) * amount
     # In octaves: a young leaf is lighter, and more so in red than in green.
     octaves = 0.2 * light[:, None] + age[:, None] * np.array([0.22, 0.12, 0.02])
