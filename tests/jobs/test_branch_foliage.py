@@ -31,7 +31,21 @@ def cloud(tmp_path_factory):
 def leafy(cloud, tmp_path_factory):
     """An asset of a maple; its folder."""
     out = tmp_path_factory.mktemp("assets") / "tree"
-    words = ("--up", "Y", "--species", "MAPLE", "--foliage", "template", "--no-preview", "--most-leaves", "20")
+    stout = out.with_name("stout.toml")
+    stout.write_text("[Maple]\ntwig_radius_m = 0.02\n", encoding="utf-8")
+    words = (
+        "--species-file",
+        str(stout),
+        "--up",
+        "Y",
+        "--species",
+        "MAPLE",
+        "--foliage",
+        "template",
+        "--no-preview",
+        "--most-leaves",
+        "20",
+    )
     assert main(["branches", str(cloud), "-o", str(out), *words]) == 0
     return out
 

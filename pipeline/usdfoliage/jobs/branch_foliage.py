@@ -95,7 +95,11 @@ class GrownLeaves:
 
 
 def grow_leaves(
-    skeleton: Skeleton, request: FoliageRequest, fitted: FittedLeaves | None, seed: int
+    skeleton: Skeleton,
+    request: FoliageRequest,
+    fitted: FittedLeaves | None,
+    seed: int,
+    bare: Sequence[int] = (),
 ) -> GrownLeaves | None:
     """Leaves on the twigs of a skeleton as they were asked for; None for none.
 
@@ -104,6 +108,7 @@ def grow_leaves(
         request: Which leaves.
         fitted: Those to draw from, as read_fitted_leaves gives them; None: leaves of the species.
         seed: Of the random choices.
+        bare: Branches that the surface lacks: their leaves would float.
 
     Raises:
         FoliageError: So many need more memory than there is.
@@ -112,7 +117,7 @@ def grow_leaves(
         return None
     rng = np.random.default_rng(seed)
     settings = request.settings if fitted is None else replace(request.settings, length=0.0)  # they differ themselves
-    places = place_leaves(skeleton, request.species, rng, settings)
+    places = place_leaves(skeleton, request.species, rng, settings, bare)
     notes = []
     if fitted is None:
         foliage = _of_species(places, request, rng)

@@ -235,7 +235,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             surfaces, dropped = build_surfaces(traced.skeleton)
             notes.extend(dropped)
         with follow_step("leaves", seconds, progress):
-            grown = grow_leaves(traced.skeleton, request.foliage, fitted, request.seed)
+            lost = [branch.curve for branch in surfaces.whole.dropped]
+            grown = grow_leaves(traced.skeleton, request.foliage, fitted, request.seed, lost)
             notes.extend(grown.notes if grown else ())
         with follow_step("asset", seconds, progress):
             provenance = Provenance(
