@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from branch_shapes import fork
+from leaf_assets import two_leaves
 from pxr import Sdf, Usd, UsdGeom, UsdShade
-from usdfoliage.asset.branch_package import BranchAssetSettings, BranchSurfaces, write_branch_asset
+from usdfoliage.asset.branch_package import BranchAssetSettings, BranchLeaves, BranchSurfaces, write_branch_asset
 from usdfoliage.asset.branches import SkeletonPrim
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation import validate_asset
@@ -93,3 +94,55 @@ def test_bark_that_cannot_be_is_refused(tmp_path, bad):
             np.eye(4),
             BranchAssetSettings(**bad),
         )
+
+
+@pytest.fixture(scope="module")
+def leafy(tmp_path_factory):
+    plant = fork()
+    return write_branch_asset(
+        tmp_path_factory.mktemp("leafy"),
+        "fork",
+        SkeletonPrim(skeleton=plant),
+        BranchSurfaces(whole=build_branch_cage(plant)),
+        Provenance(capture="fork.ply", generator="test", seed=0, input_sha256=""),
+        np.eye(4),
+        foliage=BranchLeaves(leaves=two_leaves()),
+    )
+
+
+def test_leaves_and_branches_are_one_plant(leafy):
+    stage = Usd.Stage.Open(str(leafy))
+    plant = stage.GetDefaultPrim()
+    targets = {name: plant.GetRelationship(f"foliage:{name}").GetTargets() for name in ("leaves", "skeleton")}
+    assert targets == {
+        "leaves": [Sdf.Path("/fork/geo/render/Leaves")],
+        "skeleton": [Sdf.Path("/fork/geo/guide/Skeleton")],
+    }
+    render = [child.GetName() for child in stage.GetPrimAtPath("/fork/geo/render").GetChildren()]
+    assert sorted(render) == ["Branches", "Leaves"]
+    assert [child.GetName() for child in stage.GetPrimAtPath("/fork/mtl").GetChildren()] == ["Leaf", "Bark"]
+    leaves = UsdGeom.PointInstancer(stage.GetPrimAtPath("/fork/geo/render/Leaves"))
+    assert np.array(leaves.GetPositionsAttr().Get()) == pytest.approx(two_leaves().base_m)
+    assert np.array(leaves.GetScalesAttr().Get())[:, 0] == pytest.approx(two_leaves().length_m)
+    assert leaves.ComputePurpose() == UsdGeom.Tokens.default_
+    hint = np.array(UsdGeom.ModelAPI(plant).GetExtentsHint())
+    for prim in ("Branches", "Leaves"):
+        low, high = np.array(UsdGeom.Boundable(stage.GetPrimAtPath(f"/fork/geo/render/{prim}")).GetExtentAttr().Get())
+        assert (hint[0] <= low + 1e-6).all()
+        assert (hint[1] >= high - 1e-6).all()
+
+
+@pytest.mark.parametrize("name", ["bezier", "nurbs", "subdiv", "mesh"])
+def test_branches_stay_in_every_representation_of_the_leaves(leafy, name):
+    stage = Usd.Stage.Open(str(leafy))
+    plant = stage.GetDefaultPrim()
+    plant.GetVariantSet("representation").SetVariantSelection(name)
+    assert stage.GetPrimAtPath("/fork/geo/render/Branches").IsA(UsdGeom.Mesh)
+    kind = stage.GetPrimAtPath("/fork/geo/render/Leaves").GetTypeName()
+    assert kind == {"bezier": "PointInstancer", "nurbs": "Scope"}.get(name, "Mesh")
+    assert bool(stage.GetPrimAtPath("/fork/geo/guide/Leaves")) == (name != "bezier")
+
+
+def test_the_asset_with_leaves_is_sound(leafy):
+    report = validate_asset(leafy)
+    assert [str(finding) for finding in report.findings if finding.severity == "error"] == []

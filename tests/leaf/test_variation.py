@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.leaf.fold import find_folds
+from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.surface import evaluate_grid
-from usdfoliage.leaf.variation import VariationSettings, default_leaf, vary_colors, vary_leaves
+from usdfoliage.leaf.variation import VariationSettings, default_leaf, leaf_of_width, vary_colors, vary_leaves
 
 FEW = settings(max_examples=20, deadline=None)
 
@@ -34,6 +35,22 @@ def test_the_natural_leaf_is_a_flat_v_and_arches():
     assert 0.04 < across[1, 2] < 0.1  # the axis stands above the chord
     assert 0.02 < across[0, 2] - across[1, 2] < 0.08  # the silhouettes above the axis
     assert across[0, 2] == across[2, 2]
+
+
+@FEW
+@given(width=st.floats(0.02, 1.5))
+def test_a_leaf_of_a_width_has_it_and_keeps_the_slope_of_its_halves(width):
+    leaf, usual = leaf_of_width(width), default_leaf()
+    assert leaf_width(leaf[None])[0] == pytest.approx(width, rel=1e-6)
+    assert leaf[2:5, 2] / leaf[2:5, 1] == pytest.approx(usual[2:5, 2] / usual[2:5, 1])
+    np.testing.assert_array_equal(leaf[:2], usual[:2])
+    assert not find_folds(leaf[None])[0]
+
+
+@pytest.mark.parametrize("width", [0.0, -1.0, np.nan])
+def test_a_width_that_cannot_be_is_refused(width):
+    with pytest.raises(ValueError, match="width must be above 0"):
+        leaf_of_width(width)
 
 
 def test_the_natural_leaf_is_the_callers_own():

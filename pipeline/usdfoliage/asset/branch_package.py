@@ -10,11 +10,20 @@ from numpy.typing import NDArray
 from usdfoliage.asset.bark_material import BARK_COLOR, BarkMaterial
 from usdfoliage.asset.branches import SkeletonPrim, write_branches_layer, write_skeleton_layer
 from usdfoliage.asset.materials import write_materials_layer
-from usdfoliage.asset.package import begin_asset, copy_map, finish_asset
-from usdfoliage.asset.plant import SKELETON, Plant
+from usdfoliage.asset.package import (
+    LeafAssetSettings,
+    LeafLook,
+    begin_asset,
+    copy_map,
+    finish_asset,
+    write_leaf_layers,
+)
+from usdfoliage.asset.plant import SKELETON, Plant, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.branch.cage import BranchCage
+from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
+from usdfoliage.leaf.model import Leaves
 
 ALL_ORDERS = "all"  # variant of the set branches
 
@@ -37,6 +46,16 @@ class BranchSurfaces:
     by_order: Sequence[tuple[int, BranchCage]] = field(default_factory=tuple)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BranchLeaves:
+    """Leaves on the twigs, as usdfoliage.asset.package.write_leaf_asset takes them."""
+
+    leaves: Leaves
+    settings: LeafAssetSettings = field(default_factory=LeafAssetSettings)
+    edits: LeafEdits = NEUTRAL
+    look: LeafLook = field(default_factory=LeafLook)
+
+
 def write_branch_asset(
     folder: Path,
     name: str,
@@ -45,6 +64,7 @@ def write_branch_asset(
     provenance: Provenance,
     asset_from_capture: NDArray[np.float64],
     settings: BranchAssetSettings = BranchAssetSettings(),
+    foliage: BranchLeaves | None = None,
 ) -> Path:
     """Write an asset of branches, inside publish_folder as usdfoliage.asset.package.write_crown_asset.
 
@@ -56,12 +76,15 @@ def write_branch_asset(
         provenance: The run that made it.
         asset_from_capture: (4, 4) for column vectors.
         settings: Bark, and the asset's version.
+        foliage: Leaves on them, None for none.
 
     Returns:
         The interface layer, folder/<name>.usda.
 
     Raises:
-        ValueError: name is no identifier, or the settings are not those of any bark.
+        ValueError: name is no identifier, the settings are not those of any bark, or the leaves have numbers that are
+            no leaves.
+        CaptureError: The jitter map of the leaves cannot be used.
         AssetError: A picture cannot be copied, or a file cannot be written.
     """
     payload = begin_asset(folder, name)
@@ -74,14 +97,24 @@ def write_branch_asset(
         layer = f"branches_order{order}.usdc"
         write_branches_layer(payload / layer, name, cage, settings.color)
         variants[f"order{order}"] = [f"./{layer}"]
+    sets = [VariantSet(name="lod", variants={"leaves": []})]
+    boxes, guides, parts = [extent_m], [guide_m], [SKELETON]
+    if foliage is None:
+        write_materials_layer(payload / "materials.usda", name, bark=bark)
+    else:
+        layers = write_leaf_layers(folder, name, foliage.leaves, foliage.settings, foliage.edits, foliage.look, bark)
+        sets.append(layers.variants)
+        parts += layers.parts
+        if len(foliage.leaves):
+            boxes.append(layers.extent_m)
+            guides += [] if layers.guide_extent_m is None else [layers.guide_extent_m]
     plant = Plant(
         provenance=provenance,
         asset_from_capture=asset_from_capture,
-        extent_m=extent_m,
-        guide_extent_m=guide_m,
-        parts=(SKELETON,),
+        extent_m=box_around(boxes),
+        guide_extent_m=box_around(guides),
+        parts=parts,
         version=settings.version,
     )
-    write_materials_layer(payload / "materials.usda", name, bark=bark)
-    sets = [VariantSet(name="lod", variants={"leaves": []}), VariantSet(name="branches", variants=variants)]
+    sets.append(VariantSet(name="branches", variants=variants))
     return finish_asset(folder, name, plant, sets, ["./materials.usda", "./skeleton.usdc"])

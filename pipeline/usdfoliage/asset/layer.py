@@ -30,8 +30,13 @@ def export_layer(stage: Usd.Stage, path: Path) -> None:
     Raises:
         AssetError: The file cannot be written.
     """
+    save_layer(stage.GetRootLayer(), path)
+
+
+def save_layer(layer: Sdf.Layer, path: Path) -> None:
+    """Write a layer as export_layer."""
     try:
-        written = stage.GetRootLayer().Export(str(path))
+        written = layer.Export(str(path))
     except Tf.ErrorException as error:
         # One line of USD's own, without its C++ function and source file.
         reasons = [line.split(" : ", 1)[-1].strip("'") for line in str(error).splitlines() if " : " in line]

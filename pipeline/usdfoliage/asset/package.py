@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf
 
+from usdfoliage.asset.bark_material import BarkMaterial
 from usdfoliage.asset.crown import crown_prim, write_crown_layer, write_crown_maps
 from usdfoliage.asset.crown_material import CROWN_SHADER, CrownMaterial
 from usdfoliage.asset.interface import write_interface_layer, write_payload_layer
@@ -23,7 +24,7 @@ from usdfoliage.asset.leaves import (
     write_leaves_layer,
 )
 from usdfoliage.asset.materials import copy_shaders, write_materials_layer
-from usdfoliage.asset.plant import CROWN, LEAVES, Plant
+from usdfoliage.asset.plant import CROWN, LEAVES, Plant, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
@@ -171,8 +172,49 @@ def write_leaf_asset(
         CaptureError: The jitter map cannot be used.
         AssetError: A picture cannot be copied, or a file cannot be written.
     """
+    begin_asset(folder, name)
+    layers = write_leaf_layers(folder, name, leaves, settings, edits, look)
+    plant = Plant(
+        provenance=provenance,
+        asset_from_capture=np.eye(4) if asset_from_capture is None else asset_from_capture,
+        extent_m=layers.extent_m,
+        guide_extent_m=layers.guide_extent_m,
+        parts=layers.parts,
+        version=settings.version,
+    )
+    # With a crown besides: the lods leaves, both and crown, the representation inside the first two, and the purposes
+    # in a layer of both.
+    return finish_asset(folder, name, plant, [VariantSet(name="lod", variants={"leaves": []}), layers.variants])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeafLayers:
+    """What the other layers of an asset must know of its leaves."""
+
+    extent_m: NDArray[np.float64]  # (2, 3), in any representation
+    guide_extent_m: NDArray[np.float64] | None  # (2, 3), where the leaves are a guide as well
+    parts: Sequence[str]  # of the plant
+    variants: VariantSet  # inside the lod leaves
+
+
+def write_leaf_layers(
+    folder: Path,
+    name: str,
+    leaves: Leaves,
+    settings: LeafAssetSettings = LeafAssetSettings(),
+    edits: LeafEdits = NEUTRAL,
+    look: LeafLook = LeafLook(),
+    bark: BarkMaterial | None = None,
+) -> LeafLayers:
+    """Write what leaves are in an asset, whatever else it holds: their layers, pictures, shaders, and the materials.
+
+    Arguments and errors are those of write_leaf_asset; the payload's folder exists.
+
+    Args:
+        bark: Of branches, for the materials layer.
+    """
     check_leaves(leaves)
-    payload = begin_asset(folder, name)
+    payload = folder / "payload"
     jitter = Jitter(
         amplitude=edits.jitter_amplitude,
         frequency=edits.jitter_frequency,
@@ -182,14 +224,6 @@ def write_leaf_asset(
     jitter_map = copy_map(folder, f"{name}_leaf_jitter", look.jitter_map)
     bounds = _write_leaves(payload, name, leaves, edits, jitter, look.color, jitter_map, settings)
     has_guide = "bezier" in settings.representations and len(settings.representations) > 1
-    plant = Plant(
-        provenance=provenance,
-        asset_from_capture=np.eye(4) if asset_from_capture is None else asset_from_capture,
-        extent_m=np.stack([np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]]),
-        guide_extent_m=bounds[settings.representations.index("bezier")] if has_guide else None,
-        parts=(LEAVES,) if "bezier" in settings.representations else (),  # of the others none has FoliageLeafAPI there
-        version=settings.version,
-    )
     copy_shaders(folder / "shaders", LEAF_SHADERS)
     material = LeafMaterial(
         shaders=SHADERS,
@@ -197,19 +231,18 @@ def write_leaf_asset(
         texture_color=look.texture_color,
         jitter_map=jitter_map or None,
     )
-    write_materials_layer(payload / "materials.usda", name, leaf=material)
+    write_materials_layer(payload / "materials.usda", name, leaf=material, bark=bark)
     chosen = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in settings.representations}
     if has_guide:
         write_leaves_guide_layer(payload / LEAVES_GUIDE, name, [*chosen["bezier"], "./materials.usda"])
         for representation in chosen.keys() - {"bezier"}:
             chosen[representation].append(f"./{LEAVES_GUIDE}")
-    # With a crown besides: the lods leaves, both and crown, the representation inside the first two, and the purposes
-    # in a layer of both.
-    variants = [
-        VariantSet(name="lod", variants={"leaves": []}),
-        VariantSet(name="representation", variants=chosen, inside=["leaves"]),
-    ]
-    return finish_asset(folder, name, plant, variants)
+    return LeafLayers(
+        extent_m=box_around(bounds),
+        guide_extent_m=bounds[settings.representations.index("bezier")] if has_guide else None,
+        parts=(LEAVES,) if "bezier" in settings.representations else (),  # of the others none has FoliageLeafAPI there
+        variants=VariantSet(name="representation", variants=chosen, inside=["leaves"]),
+    )
 
 
 def _write_leaves(

@@ -76,6 +76,11 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
     return prim
 
 
+def box_around(boxes: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The box (2, 3) around boxes (2, 3), of which there is at least one."""
+    return np.stack([np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]])
+
+
 def _extents_hint(plant: Plant) -> list[Gf.Vec3f]:
     """A pair of corners for each of the purposes default, render, proxy and guide, to the last that has something."""
     boxes = [plant.extent_m]

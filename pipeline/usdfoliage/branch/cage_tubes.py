@@ -200,7 +200,7 @@ def pack_paths(paths: list[Path]) -> Tubes:
         radius_m=np.concatenate([path.radius_m for path in paths]),
         arc_m=walked_m - np.repeat(walked_m[first], counts),
         direction=direction,
-        reference=_carry_references(direction, first, counts),
+        reference=carry_references(direction, first, counts),
         first=first,
         counts=counts,
         parent=np.array([path.parent for path in paths], np.int64),
@@ -250,8 +250,14 @@ def arcs_along(points: Floats) -> Floats:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
-def _carry_references(direction: Floats, first: Ints, counts: Ints) -> Floats:
-    """Carry a unit normal along every tube at once, one segment a step."""
+def carry_references(direction: Floats, first: Ints, counts: Ints) -> Floats:
+    """(V, 3), a unit normal carried along every polyline at once, one segment a step.
+
+    Args:
+        direction: (V, 3), unit vectors of the segments that begin at the points.
+        first: (T,), first point of each polyline.
+        counts: (T,), points of each polyline.
+    """
     reference = np.empty_like(direction)
     least = np.argmin(np.abs(direction[first]), axis=1)  # the coordinate axis that is farthest from the direction
     start = np.eye(3)[least]

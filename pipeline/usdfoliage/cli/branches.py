@@ -1,11 +1,14 @@
 """Trace the branches of a tree or bush through its cloud, and make an asset of them.
 
 CLOUD is a file (PLY, LAS, LAZ or text with x y z a line) or the folder of a capture. The asset holds the skeleton with
-radii, where each branch springs from and of which order it is, and one closed surface over all branches.
+radii, where each branch springs from and of which order it is, and one closed surface over all branches; with --foliage
+leaves on its twigs too, to be edited as those of any asset of leaves.
 """
 
 import argparse
 from pathlib import Path
+
+from usdfoliage.cli.leaf_options import add_representation, add_resolution
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +32,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--most-points", metavar="N", type=int, default=400_000, help="that branches are traced through (%(default)s)"
     )
-    parser.add_argument("--species", default="", help="written into the asset")
+    parser.add_argument(
+        "--species",
+        default="",
+        metavar="NAME",
+        help="of the library: written into the asset, how thickness follows from length, and how leaves stand; "
+        "it adds no leaves by itself (none; leaves are then those of a generic one)",
+    )
+    parser.add_argument(
+        "--species-file", metavar="FILE", type=Path, help="TOML of species that change the library's or add to them"
+    )
+    parser.add_argument(
+        "--foliage",
+        choices=("none", "template", "fitted"),
+        help="leaves on the twigs: none, of the species' proportions, or those that usdfoliage leaves fitted to a "
+        "capture (fitted with --leaves, else none)",
+    )
+    parser.add_argument(
+        "--leaves",
+        metavar="ASSET",
+        type=Path,
+        help="asset of fitted leaves: their shape, colour and length are drawn",
+    )
+    parser.add_argument(
+        "--leaf-length", metavar="METRES", type=float, help="of a leaf (the species', or that of the fitted ones)"
+    )
+    parser.add_argument(
+        "--most-leaves", metavar="N", type=int, default=60_000, help="more are thinned evenly (%(default)s)"
+    )
+    add_representation(parser, "of leaves: all four up to 2000 of them, beyond that bezier")
+    add_resolution(parser)
     parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
     parser.add_argument("--no-preview", action="store_true", help="leave the pictures of the asset out of the report")
     parser.add_argument("--force", action="store_true", help="replace OUT though it is not an asset of ours")

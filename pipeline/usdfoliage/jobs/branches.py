@@ -6,7 +6,7 @@ import logging
 import re
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +18,19 @@ from usdfoliage.asset.branches import SkeletonPrim
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import publish_folder
+from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage import BranchCage, BranchCageSettings, build_branch_cage
 from usdfoliage.branch.ground import find_ground
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.branch.roots import RootSettings, find_roots
+from usdfoliage.branch.species import load_species
 from usdfoliage.capture.cloud_input import CloudInput, CloudInputSettings, read_cloud_input
 from usdfoliage.capture.cloud_thinning import PointThinner
 from usdfoliage.capture.cloud_up import axis_vector, find_cloud_up, turn_to_y_up
 from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.jobs.branch_foliage import FoliageRequest, describe_foliage, grow_leaves, read_fitted_leaves
 from usdfoliage.jobs.branches_report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.steps import StepProgress, follow_step
@@ -52,6 +56,7 @@ class BranchesRequest:
     metres_per_unit: float | None = None
     most_points: int = 400_000  # that branches are traced through
     species: str = ""
+    foliage: FoliageRequest = field(default_factory=FoliageRequest)
     seed: int = 0
     preview: bool = True
     force: bool = False
@@ -62,8 +67,12 @@ class BranchesRequest:
         roots, given = read_roots(options.roots)
         if options.most_points < LEAST_POINTS:
             raise FoliageError(f"--most-points must be at least {LEAST_POINTS}, not {options.most_points}")
+        if options.species_file is not None and not options.species:
+            raise FoliageError("--species-file holds species; say with --species which one is meant")
+        species = load_species(options.species, options.species_file) if options.species else None
+        allometry = AllometrySettings(exponent=species.exponent) if species else AllometrySettings()
         try:
-            settings = BranchSettings(internode_m=options.internode)
+            settings = BranchSettings(internode_m=options.internode, radii=RadiusSettings(allometry=allometry))
         except ValueError as error:
             raise FoliageError(f"--internode: {error}") from error
         return cls(
@@ -76,7 +85,8 @@ class BranchesRequest:
             up=read_up(options.up),
             metres_per_unit=read_unit(options.unit),
             most_points=options.most_points,
-            species=options.species,
+            species=species.name if species else "",
+            foliage=FoliageRequest.from_options(options, species),
             seed=options.seed,
             preview=not options.no_preview,
             force=options.force,
@@ -208,6 +218,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
     seconds: dict[str, float] = {}
     with publish_folder(request.output, force=request.force) as folder:
         start = time.perf_counter()
+        fitted = read_fitted_leaves(request.foliage, request.output)
         plant = read_plant_cloud(request, progress)
         seconds["read"] = time.perf_counter() - start
         with follow_step("branches", seconds, progress) as tell:
@@ -223,6 +234,10 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         with follow_step("surface", seconds, progress):
             surfaces, dropped = build_surfaces(traced.skeleton)
             notes.extend(dropped)
+        with follow_step("leaves", seconds, progress):
+            lost = [branch.curve for branch in surfaces.whole.dropped]
+            grown = grow_leaves(traced.skeleton, request.foliage, fitted, request.seed, lost)
+            notes.extend(grown.notes if grown else ())
         with follow_step("asset", seconds, progress):
             provenance = Provenance(
                 species=request.species,
@@ -240,6 +255,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 provenance,
                 plant.asset_from_cloud,
                 BranchAssetSettings(),
+                grown.foliage if grown else None,
             )
         report = BranchesReport(
             name=request.name,
@@ -250,7 +266,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             preview=request.preview,
         )
         (folder / "report").mkdir(exist_ok=True)
-        rows = branch_rows(traced, surfaces.whole, plant.points_m)
+        rows = branch_rows(traced, surfaces.whole, plant.points_m) + list(grown.rows if grown else ())
         write_branches_report(folder / "report", interface, report, traced, plant.points_m, rows, seconds, progress)
     return MadeBranches(
         asset=request.output / interface.name,
@@ -291,18 +307,22 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
         "up": request.up or "auto",
         "internode": "auto" if request.settings.internode_m is None else f"{request.settings.internode_m:g}",
         "most-points": str(request.most_points),
+        "species": request.species or "none",
+        **describe_foliage(request.foliage),
         "seed": str(request.seed),
     }
 
 
 def plan_branches_asset(request: BranchesRequest) -> str:
     """What make_branches_asset would do, in lines, after reading the cloud; writes nothing."""
+    fitted = read_fitted_leaves(request.foliage, request.output)
     plant = read_plant_cloud(replace(request, preview=False))
     height_m = float(np.ptp(plant.points_m[:, 1]))
     lines = [
         f"cloud: {plant.source.path}, {plant.source.total:,} points; {len(plant.points_m):,} of the plant, "
         f"{height_m:.2f} m high",
         f"roots: {len(plant.roots_m)}",
+        *([f"leaves: drawn from the {len(fitted.leaves):,} of {request.foliage.source}"] if fitted else []),
         *(f"note: {note}" for note in plant.notes),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{request.name}.usda'}",

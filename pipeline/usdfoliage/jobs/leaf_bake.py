@@ -25,6 +25,7 @@ from usdfoliage.asset.leaf_primvars import animated_edits, read_leaf_primvars
 from usdfoliage.asset.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.locate import find_leaves, require_leaves, select_representation
 from usdfoliage.asset.look import open_asset
+from usdfoliage.asset.other_parts import OtherParts, find_other_parts, write_leaves_beside
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.publish import is_asset_folder, publish_folder
@@ -76,6 +77,7 @@ class BakeInput:
     leaves: Leaves  # as ASSET stores them
     edits: LeafEdits
     look: LeafLook
+    others: OtherParts | None  # what the plant has besides
     settings: LeafAssetSettings
     name: str
     notes: tuple[str, ...]
@@ -100,20 +102,17 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
         given = read_bake_input(request, progress)
         if progress:
             progress("write", 0.5)
-        interface = write_leaf_asset(
-            folder,
-            given.name,
-            bake_leaves(given.leaves, given.edits),
-            replace(
-                given.plant.provenance,
-                generator=f"usdfoliage {__version__}",
-                settings={**given.plant.provenance.settings, **describe_settings(request, given)},
-            ),
-            given.settings,
-            edits=remaining_edits(given.edits),
-            look=given.look,
-            asset_from_capture=given.plant.asset_from_capture,
+        leaves = bake_leaves(given.leaves, given.edits)
+        provenance = replace(
+            given.plant.provenance,
+            generator=f"usdfoliage {__version__}",
+            settings={**given.plant.provenance.settings, **describe_settings(request, given)},
         )
+        rest = (given.settings, remaining_edits(given.edits), given.look, given.plant.asset_from_capture)
+        if given.others is None:
+            interface = write_leaf_asset(folder, given.name, leaves, provenance, *rest)
+        else:
+            interface = write_leaves_beside(folder, given.name, leaves, given.others, provenance, *rest)
     return BakedAsset(asset=request.output / interface.name, lines=tuple(_lines(request, given)), notes=given.notes)
 
 
@@ -150,6 +149,7 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         select_representation(stage, "bezier")
     prim = require_leaves(stage, request.asset)[0]
     read = read_leaves(prim)
+    others = find_other_parts(plant, interface)
     leaf_look = read_leaf_look(prim, read.jitter_map)
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:
@@ -182,6 +182,7 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         leaves=leaves,
         edits=edits,
         look=leaf_look,
+        others=others,
         settings=replace(settings, version=facts.version or settings.version),
         name=asset_name(request.name or usual),
         notes=tuple(notes),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from usdfoliage.geometry.directions import unit_vectors, vectors_across
 from usdfoliage.leaf.jitter import spread_phases
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.variation import LIMIT, VariationSettings, vary_leaves
@@ -64,7 +65,7 @@ class _Shoots:
         """Points and unit tangents (K, 3) at t (K,) in [0, 1] of shoots (K,)."""
         start, end, along = self.start[shoot], self.end[shoot], t[:, None]
         reach = start * (along - along * along / 2) + end * (along * along / 2)
-        return self.base_m[shoot] + self.length_m[shoot, None] * reach, _unit(start + (end - start) * along)
+        return self.base_m[shoot] + self.length_m[shoot, None] * reach, unit_vectors(start + (end - start) * along)
 
 
 def scatter_spray(count: int, rng: np.random.Generator, settings: SpraySettings = SpraySettings()) -> Leaves:
@@ -105,8 +106,8 @@ def _grow_twigs(count: int, rng: np.random.Generator, settings: SpraySettings) -
     ratio = wanted ** (1 / max(orders, 1))
     shoots = _Shoots(
         base_m=np.zeros((1, 3)),
-        start=_unit(UP + rng.normal(0, 0.05, (1, 3))),
-        end=_unit(np.array([0.25, 1.0, 0.25]) + rng.normal(0, 0.1, (1, 3))),
+        start=unit_vectors(UP + rng.normal(0, 0.05, (1, 3))),
+        end=unit_vectors(np.array([0.25, 1.0, 0.25]) + rng.normal(0, 0.1, (1, 3))),
         # In units of a twig, and as many more twigs need as much more room: lengths grow with the third root.
         length_m=np.array([LEADER * ratio ** (orders / 3) if orders else 1.0]),
     )
@@ -138,14 +139,14 @@ def _branch_shoots(
     t = np.where(leads, 1.0, bare + (1 - bare) * (rank + rng.uniform(0.5, 0.9, count)) / total)
     base_m, tangent = parents.at(parent, t)
     level = 1 - tangent[:, 1] ** 2  # 0 for an upright parent; around others shoots lie flatter
-    across = _across(tangent, UP)
+    across = vectors_across(tangent, UP)
     turn = rank * GOLDEN_ANGLE_RAD + rng.uniform(0, 2 * np.pi, len(parents))[parent] + rng.normal(0, 0.2, count)
     flat = (1 - 0.4 * level) * np.sin(turn)
     side = np.cos(turn)[:, None] * across + flat[:, None] * np.cross(across, tangent)
     angle = np.where(leads, 0.2, 1.0 + rng.normal(0, 0.12, count))[:, None]
-    start = _unit(np.cos(angle) * tangent + np.sin(angle) * side + 0.2 * UP)
+    start = unit_vectors(np.cos(angle) * tangent + np.sin(angle) * side + 0.2 * UP)
     sag = 0.35 * (1 - start[:, 1:2] ** 2) - 0.05
-    end = _unit(start - sag * UP + rng.normal(0, 0.15, (count, 3)))
+    end = unit_vectors(start - sag * UP + rng.normal(0, 0.15, (count, 3)))
     length = length_m * (1.2 - 0.4 * t) * np.exp(0.12 * np.clip(rng.standard_normal(count), -LIMIT, LIMIT))
     return _Shoots(base_m=base_m, start=start, end=end, length_m=length)
 
@@ -162,28 +163,16 @@ def _place_leaves(
     count = len(shoot)
     t = (rank + 1.0) / total
     base_m, tangent = shoots.at(shoot, t)
-    light = _unit(np.asarray(settings.light, np.float64))
-    across = _across(tangent, light)
+    light = unit_vectors(np.asarray(settings.light, np.float64))
+    across = vectors_across(tangent, light)
     turn = rank * settings.divergence_rad + rng.normal(0, 0.2, count)
     side = np.cos(turn)[:, None] * across + 0.6 * np.sin(turn)[:, None] * np.cross(across, tangent)
     angle = np.where(rank == total - 1, 0.15, 1.1 - 0.4 * t)[:, None] + rng.normal(0, 0.12, (count, 1))
     droop = np.clip(rng.normal(0.25, 0.15, (count, 1)), 0, 0.5)
-    y = _unit(np.cos(angle) * tangent + np.sin(angle) * side - droop * UP)
+    y = unit_vectors(np.cos(angle) * tangent + np.sin(angle) * side - droop * UP)
     towards = light + 0.4 * tangent + rng.normal(0, 0.22, (count, 3))
-    x = _across(y, towards)
+    x = vectors_across(y, towards)
     orientation = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1)).as_quat(canonical=True)
     size = 0.84 + 0.25 * np.sin(np.pi * t)  # a twig's largest leaves are in its middle; 1 on average
     spread = np.exp(settings.length_variation * np.clip(rng.standard_normal(count), -LIMIT, LIMIT))
     return base_m, orientation, settings.length_m * size * spread
-
-
-def _across(along: Array, towards: Array) -> Array:
-    """Unit vectors (K, 3) at right angles to unit vectors along and, where they are not parallel to it, towards."""
-    across = np.cross(along, towards)
-    lost = np.linalg.norm(across, axis=-1) < 1e-6
-    across[lost] = np.cross(along[lost], np.eye(3)[np.argmin(np.abs(along[lost]), axis=-1)])
-    return _unit(across)
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

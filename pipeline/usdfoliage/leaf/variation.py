@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.leaf.fold import find_folds
+from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.surface import leaf_nets
 
 LIMIT = 2.5  # standard deviations; what is drawn beyond is taken in to it, so that no leaf is a monster
@@ -51,6 +52,21 @@ def default_leaf() -> NDArray[np.float64]:
     )
 
 
+def leaf_of_width(width: float) -> NDArray[np.float64]:
+    """The leaf (7, 3) of default_leaf, so wide, in leaf lengths; its halves keep their slope.
+
+    Raises:
+        ValueError: The width is not above 0.
+    """
+    if not (np.isfinite(width) and width > 0):
+        raise ValueError(f"a leaf's width must be above 0, not {width}")
+    leaf = default_leaf()
+    factor = width / float(leaf_width(leaf[None])[0])
+    leaf[2:5, 1:] *= factor
+    leaf[5:] *= factor
+    return leaf
+
+
 def vary_leaves(
     count: int,
     rng: np.random.Generator,
@@ -85,9 +101,12 @@ def vary_leaves(
 
 
 def vary_colors(
-    color: tuple[float, float, float], count: int, rng: np.random.Generator, amount: float = 1.0
+    color: tuple[float, float, float] | NDArray[np.float64], count: int, rng: np.random.Generator, amount: float = 1.0
 ) -> NDArray[np.float64]:
-    """Colours (count, 3) of leaves around one, linear Rec.709: light and dark, young ones yellower, none below 0."""
+    """Colours (count, 3) of leaves around one, or around (count, 3) of their own, linear Rec.709.
+
+    They are light and dark, and the young ones yellower; none is below 0.
+    """
     light, age = np.clip(rng.standard_normal((2, count)), -LIMIT, LIMIT) * amount
     # In octaves: a young leaf is lighter, and more so in red than in green.
     octaves = 0.2 * light[:, None] + age[:, None] * np.array([0.22, 0.12, 0.02])

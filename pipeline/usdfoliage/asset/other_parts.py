@@ -1,0 +1,201 @@
+"""What a plant holds besides its leaves, carried over into an asset of the same plant with other leaves.
+
+Layers are copied as they are, whatever wrote them: a surface that somebody worked on stays as it is.
+"""
+
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Tf, Usd, UsdGeom
+
+from usdfoliage.asset.interface import PAYLOAD
+from usdfoliage.asset.layer import save_layer
+from usdfoliage.asset.locate import open_layer
+from usdfoliage.asset.materials import LEAF_MATERIAL, MATERIALS
+from usdfoliage.asset.package import (
+    LEAVES_GUIDE,
+    REPRESENTATIONS,
+    LeafAssetSettings,
+    LeafLook,
+    begin_asset,
+    finish_asset,
+    write_leaf_layers,
+)
+from usdfoliage.asset.plant import BRANCHES, SKELETON, Plant, box_around
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.variants import VariantSet
+from usdfoliage.errors import AssetError
+from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
+from usdfoliage.leaf.model import Leaves
+
+_MATERIAL_LAYER = "materials.usda"
+_OF_LEAVES = {*REPRESENTATIONS.values(), LEAVES_GUIDE, _MATERIAL_LAYER}  # written anew
+_TIMES = ("startTimeCode", "endTimeCode", "timeCodesPerSecond", "framesPerSecond")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OtherParts:
+    """An asset's parts but for its leaves."""
+
+    interface: Path
+    name: str  # of its root prim
+    shared: Sequence[str]  # layers in every variant, from the payload's folder
+    sets: Sequence[VariantSet]  # but the one of the leaves; the selected variant first
+    parts: Sequence[str]
+    extents_m: Sequence[NDArray[np.float64]]  # (2, 3) each
+    guide_extents_m: Sequence[NDArray[np.float64]]
+
+
+def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
+    """What a plant has besides leaves, in its asset's layers; None where it has no branches.
+
+    Raises:
+        AssetError: The plant has branches, but interface has no payload layer as ours have.
+    """
+    stage, name = plant.GetStage(), plant.GetName()
+    branches, skeleton = (stage.GetPrimAtPath(plant.GetPath().AppendPath(part)) for part in (BRANCHES, SKELETON))
+    if not branches and not skeleton:
+        return None
+    layer = interface.parent / PAYLOAD
+    held = open_layer(layer).GetPrimAtPath(f"/{name}") if layer.is_file() else None
+    if held is None:
+        raise AssetError(
+            f"<{plant.GetPath()}> has branches besides its leaves, and {interface} is not their asset; name its folder"
+        )
+    root = open_layer(interface).GetPrimAtPath(f"/{name}")
+    selected = dict(root.variantSelections) if root else {}
+    return OtherParts(
+        interface=interface,
+        name=name,
+        shared=_layers(held),
+        sets=[_read_set(held, each, selected.get(each, "")) for each in held.variantSetNameList.prependedItems],
+        parts=(SKELETON,) if skeleton else (),
+        extents_m=_extents(branches),
+        guide_extents_m=_extents(skeleton),
+    )
+
+
+def write_leaves_beside(
+    folder: Path,
+    name: str,
+    leaves: Leaves,
+    others: OtherParts,
+    provenance: Provenance,
+    settings: LeafAssetSettings = LeafAssetSettings(),
+    edits: LeafEdits = NEUTRAL,
+    look: LeafLook = LeafLook(),
+    asset_from_capture: NDArray[np.float64] | None = None,
+) -> Path:
+    """Write an asset of these leaves and another's other parts, as usdfoliage.asset.package.write_leaf_asset.
+
+    Raises:
+        AssetError: Besides what that raises it for, a layer or a picture of the other parts cannot be read.
+    """
+    payload = begin_asset(folder, name)
+    layers = write_leaf_layers(folder, name, leaves, settings, edits, look)
+    _copy_layers(others, payload, name)
+    guides = [*others.guide_extents_m, *([] if layers.guide_extent_m is None else [layers.guide_extent_m])]
+    plant = Plant(
+        provenance=provenance,
+        asset_from_capture=np.eye(4) if asset_from_capture is None else asset_from_capture,
+        extent_m=box_around([*others.extents_m, layers.extent_m] if len(leaves) else others.extents_m),
+        guide_extent_m=box_around(guides) if guides else None,
+        parts=[*layers.parts, *others.parts],
+        version=settings.version,
+    )
+    lod, rest = others.sets[:1], others.sets[1:]
+    shared = [f"./{_MATERIAL_LAYER}", *others.shared]
+    interface = finish_asset(folder, name, plant, [*lod, layers.variants, *rest], shared)
+    for path in (interface, folder / PAYLOAD):
+        _keep_times(open_layer(others.interface), path)
+    return interface
+
+
+def _copy_layers(others: OtherParts, payload: Path, name: str) -> None:
+    """Copy the layers of other parts, and the pictures that they name, for the root prim /name."""
+    source = others.interface.parent / "payload"
+    layers = {*others.shared, *(layer for held in others.sets for each in held.variants.values() for layer in each)}
+    for layer in sorted(layers):
+        copied = _open_renamed(source / layer, others.name, name)
+        _copy_pictures(copied, Sdf.Path.absoluteRootPath, source, payload)
+        save_layer(copied, payload / layer)
+    old = _open_renamed(source / _MATERIAL_LAYER, others.name, name)
+    new = _open_copy(payload / _MATERIAL_LAYER)
+    scope = old.GetPrimAtPath(f"/{name}/{MATERIALS}")
+    for material in scope.nameChildren if scope else ():
+        if material.path != Sdf.Path(f"/{name}/{LEAF_MATERIAL}"):
+            Sdf.CopySpec(old, material.path, new, material.path)
+            _copy_pictures(old, material.path, source, payload)
+    save_layer(new, payload / _MATERIAL_LAYER)
+
+
+def _read_set(held: Sdf.PrimSpec, name: str, selected: str) -> VariantSet:
+    variants = held.variantSets[name].variants
+    names = sorted(variants.keys(), key=lambda each: (each != selected, each))
+    return VariantSet(name=name, variants={each: _layers(variants[each].primSpec) for each in names})
+
+
+def _layers(prim: Sdf.PrimSpec) -> list[str]:
+    """The layers that a prim refers to, but those of leaves."""
+    named = [reference.assetPath for reference in prim.referenceList.prependedItems]
+    return [layer for layer in named if layer and layer.removeprefix("./") not in _OF_LEAVES]
+
+
+def _extents(prim: Usd.Prim) -> list[NDArray[np.float64]]:
+    held = UsdGeom.Boundable(prim).GetExtentAttr().Get() if prim else None
+    return [] if held is None or len(held) != 2 else [np.array(held, np.float64)]
+
+
+def _open_copy(path: Path) -> Sdf.Layer:
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(path))
+    except Tf.ErrorException as error:
+        raise AssetError(f"{path} cannot be read as USD; write the asset again") from error
+    if layer is None:
+        raise AssetError(f"{path} is missing or no USD; write the asset again")
+    return layer
+
+
+def _open_renamed(path: Path, old: str, new: str) -> Sdf.Layer:
+    """A copy of a layer, in memory, whose root prim has another name; what points into it follows."""
+    layer = _open_copy(path)
+    if old != new and layer.GetPrimAtPath(f"/{old}"):
+        Sdf.CopySpec(layer, f"/{old}", layer, f"/{new}")
+        del layer.rootPrims[old]
+        layer.defaultPrim = new
+    return layer
+
+
+def _copy_pictures(layer: Sdf.Layer, root: Sdf.Path, source: Path, target: Path) -> None:
+    """Copy the files of the asset that attributes below root name; source and target are the payloads' folders."""
+    named: set[str] = set()
+
+    def look(path: Sdf.Path) -> None:
+        held = layer.GetObjectAtPath(path) if path.IsPropertyPath() else None
+        if isinstance(held, Sdf.AttributeSpec) and isinstance(held.default, Sdf.AssetPath):
+            named.add(held.default.path)
+
+    layer.Traverse(root, look)
+    for name in sorted(named):
+        inside = os.path.normpath(source / name).startswith(f"{os.path.normpath(source.parent)}{os.sep}")
+        if inside and (source / name).is_file() and not (target / name).exists():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            try:
+                shutil.copyfile(source / name, target / name)
+            except OSError as error:
+                raise AssetError(f"{source / name} cannot be copied into the asset: {error.strerror}") from error
+
+
+def _keep_times(old: Sdf.Layer, path: Path) -> None:
+    """Give a layer the range of time that another has."""
+    known = [field for field in _TIMES if old.pseudoRoot.HasInfo(field)]
+    if known:
+        layer = _open_copy(path)
+        for field in known:
+            layer.pseudoRoot.SetInfo(field, old.pseudoRoot.GetInfo(field))
+        save_layer(layer, path)

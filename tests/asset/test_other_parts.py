@@ -1,0 +1,98 @@
+"""Branches that travel into an asset with other leaves."""
+
+import cv2
+import numpy as np
+import pytest
+from branch_shapes import fork
+from leaf_assets import random_leaves, two_leaves
+from pxr import Sdf, Usd, UsdGeom, UsdShade
+from usdfoliage.asset.branch_package import BranchAssetSettings, BranchLeaves, BranchSurfaces, write_branch_asset
+from usdfoliage.asset.branches import SkeletonPrim
+from usdfoliage.asset.other_parts import find_other_parts, write_leaves_beside
+from usdfoliage.asset.package import LeafAssetSettings
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.validation import validate_asset
+from usdfoliage.branch.cage import build_branch_cage
+from usdfoliage.errors import AssetError
+
+RUN = Provenance(capture="fork.ply", generator="test", seed=0, input_sha256="")
+
+
+@pytest.fixture
+def plant(tmp_path):
+    """The interface layer of a fork with a picture of bark, two orders, and a range of time."""
+    cv2.imwrite(str(tmp_path / "rough bark.png"), np.full((4, 4, 3), 90, np.uint8))
+    skeleton = fork()
+    folder = tmp_path / "fork"
+    folder.mkdir()
+    interface = write_branch_asset(
+        folder,
+        "fork",
+        SkeletonPrim(skeleton=skeleton),
+        BranchSurfaces(whole=build_branch_cage(skeleton), by_order=((1, build_branch_cage(skeleton.up_to_order(1))),)),
+        RUN,
+        np.eye(4),
+        BranchAssetSettings(texture=tmp_path / "rough bark.png"),
+        foliage=BranchLeaves(leaves=two_leaves()),
+    )
+    layer = Sdf.Layer.FindOrOpen(str(interface))
+    layer.startTimeCode, layer.endTimeCode = 1, 48
+    layer.GetPrimAtPath("/fork").variantSelections["branches"] = "order1"
+    layer.Save()
+    return interface
+
+
+def rewrite(plant, folder, name, leaves):
+    folder.mkdir()
+    stage = Usd.Stage.Open(str(plant))
+    others = find_other_parts(stage.GetDefaultPrim(), plant)
+    return write_leaves_beside(folder, name, leaves, others, RUN, LeafAssetSettings(representations=("bezier", "mesh")))
+
+
+def test_branches_are_the_same_under_another_name(plant, tmp_path):
+    leaves = random_leaves(7)
+    made = Usd.Stage.Open(str(rewrite(plant, tmp_path / "new", "ash", leaves)))
+    old = Usd.Stage.Open(str(plant))
+    root = made.GetDefaultPrim()
+    assert root.GetName() == "ash"
+    assert root.GetRelationship("foliage:skeleton").GetTargets() == [Sdf.Path("/ash/geo/guide/Skeleton")]
+    for part in ("geo/render/Branches", "geo/guide/Skeleton"):
+        before, after = old.GetPrimAtPath(f"/fork/{part}"), made.GetPrimAtPath(f"/ash/{part}")
+        assert before.GetTypeName() == after.GetTypeName()
+        for attribute in before.GetAuthoredAttributes():
+            assert after.GetAttribute(attribute.GetName()).Get() == attribute.Get()
+    bound, _ = UsdShade.MaterialBindingAPI(made.GetPrimAtPath("/ash/geo/render/Branches")).ComputeBoundMaterial()
+    assert bound.GetPath() == Sdf.Path("/ash/mtl/Bark")
+    source, _, _ = bound.ComputeSurfaceSource()
+    assert source.GetPath() == Sdf.Path("/ash/mtl/Bark/PreviewSurface")
+    file = UsdShade.Shader(made.GetPrimAtPath("/ash/mtl/Bark/Texture")).GetInput("file").Get()
+    assert file.resolvedPath.startswith(str(tmp_path / "new" / "maps"))
+    positions = UsdGeom.PointInstancer(made.GetPrimAtPath("/ash/geo/render/Leaves")).GetPositionsAttr().Get()
+    assert np.array(positions) == pytest.approx(leaves.base_m)
+
+
+def test_variants_selections_and_times_are_kept(plant, tmp_path):
+    interface = rewrite(plant, tmp_path / "new", "fork", two_leaves())
+    layer = Sdf.Layer.FindOrOpen(str(interface))
+    assert (layer.startTimeCode, layer.endTimeCode) == (1, 48)
+    stage = Usd.Stage.Open(layer)
+    sets = stage.GetDefaultPrim().GetVariantSets()
+    assert sorted(sets.GetNames()) == ["branches", "lod", "representation"]
+    assert sets.GetVariantSelection("branches") == "order1"
+    assert sets.GetVariantSelection("representation") == "bezier"
+    assert sorted(sets.GetVariantSet("branches").GetVariantNames()) == ["all", "order1"]
+    assert sorted(sets.GetVariantSet("representation").GetVariantNames()) == ["bezier", "mesh"]
+
+
+def test_the_new_asset_is_sound_without_the_old_one(plant, tmp_path):
+    interface = rewrite(plant, tmp_path / "new", "ash", random_leaves(5))
+    plant.parent.rename(tmp_path / "gone")
+    report = validate_asset(interface)
+    assert [str(finding) for finding in report.findings if finding.severity == "error"] == []
+
+
+def test_branches_of_a_scene_are_not_guessed_at(plant, tmp_path):
+    scene = Usd.Stage.CreateNew(str(tmp_path / "scene.usda"))
+    scene.DefinePrim("/hedge").GetReferences().AddReference(str(plant))
+    with pytest.raises(AssetError, match="has branches besides its leaves"):
+        find_other_parts(scene.GetPrimAtPath("/hedge"), tmp_path / "scene.usda")
