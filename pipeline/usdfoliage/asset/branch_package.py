@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.asset.bark_material import BARK_COLOR, BarkMaterial
+from usdfoliage.asset.branch_growth import BranchGrowth, write_growth_layer
+from usdfoliage.asset.branch_rig import BranchRig, write_rig_layer
 from usdfoliage.asset.branches import SkeletonPrim, write_branches_layer, write_skeleton_layer
 from usdfoliage.asset.materials import write_materials_layer
 from usdfoliage.asset.package import begin_asset, copy_map, finish_asset
@@ -45,6 +47,8 @@ def write_branch_asset(
     provenance: Provenance,
     asset_from_capture: NDArray[np.float64],
     settings: BranchAssetSettings = BranchAssetSettings(),
+    rig: BranchRig | None = None,
+    growth: BranchGrowth | None = None,
 ) -> Path:
     """Write an asset of branches, inside publish_folder as usdfoliage.asset.package.write_crown_asset.
 
@@ -56,6 +60,8 @@ def write_branch_asset(
         provenance: The run that made it.
         asset_from_capture: (4, 4) for column vectors.
         settings: Bark, and the asset's version.
+        rig: Joints, for a variant set rig.
+        growth: Frames of the growth, for a variant set growth.
 
     Returns:
         The interface layer, folder/<name>.usda.
@@ -74,6 +80,8 @@ def write_branch_asset(
         layer = f"branches_order{order}.usdc"
         write_branches_layer(payload / layer, name, cage, settings.color)
         variants[f"order{order}"] = [f"./{layer}"]
+    if rig is not None:  # what sways goes farther
+        extent_m = np.stack([np.minimum(extent_m, rig.extent_m)[0], np.maximum(extent_m, rig.extent_m)[1]])
     plant = Plant(
         provenance=provenance,
         asset_from_capture=asset_from_capture,
@@ -83,5 +91,16 @@ def write_branch_asset(
         version=settings.version,
     )
     write_materials_layer(payload / "materials.usda", name, bark=bark)
-    sets = [VariantSet(name="lod", variants={"leaves": []}), VariantSet(name="branches", variants=variants)]
-    return finish_asset(folder, name, plant, sets, ["./materials.usda", "./skeleton.usdc"])
+    sets = [VariantSet(name="lod", variants={"leaves": []})]
+    frames = 0
+    # Before the set branches, whose layers these go over.
+    if rig is not None:
+        write_rig_layer(payload / "rig.usdc", name, rig, plant.extent_m)
+        sets.append(VariantSet(name="rig", variants={"none": [], "skel": ["./rig.usdc"]}))
+        frames = rig.frames
+    if growth is not None:
+        write_growth_layer(payload / "growth.usdc", name, growth)
+        sets.append(VariantSet(name="growth", variants={"still": [], "growing": ["./growth.usdc"]}))
+        frames = max(frames, growth.frames)
+    sets.append(VariantSet(name="branches", variants=variants))
+    return finish_asset(folder, name, plant, sets, ["./materials.usda", "./skeleton.usdc"], frames)

@@ -6,7 +6,7 @@ import logging
 import re
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from usdfoliage.capture.cloud_input import CloudInput, CloudInputSettings, read_
 from usdfoliage.capture.cloud_thinning import PointThinner
 from usdfoliage.capture.cloud_up import axis_vector, find_cloud_up, turn_to_y_up
 from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.jobs.branch_motion import BranchMotion, grow_branches, rig_branches
 from usdfoliage.jobs.branches_report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.steps import StepProgress, follow_step
@@ -52,6 +53,7 @@ class BranchesRequest:
     metres_per_unit: float | None = None
     most_points: int = 400_000  # that branches are traced through
     species: str = ""
+    motion: BranchMotion = field(default_factory=BranchMotion)
     seed: int = 0
     preview: bool = True
     force: bool = False
@@ -77,6 +79,7 @@ class BranchesRequest:
             metres_per_unit=read_unit(options.unit),
             most_points=options.most_points,
             species=options.species,
+            motion=BranchMotion.from_options(options),
             seed=options.seed,
             preview=not options.no_preview,
             force=options.force,
@@ -223,6 +226,11 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         with follow_step("surface", seconds, progress):
             surfaces, dropped = build_surfaces(traced.skeleton)
             notes.extend(dropped)
+        with follow_step("motion", seconds, progress):
+            rig = rig_branches(traced.skeleton, surfaces, request.motion, request.seed)
+            growth = grow_branches(traced, surfaces, request.motion)
+        if rig is not None:
+            notes.append(f"the rig has {len(rig.rig)} joints; select rig=skel to move it")
         with follow_step("asset", seconds, progress):
             provenance = Provenance(
                 species=request.species,
@@ -240,6 +248,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 provenance,
                 plant.asset_from_cloud,
                 BranchAssetSettings(),
+                rig,
+                growth,
             )
         report = BranchesReport(
             name=request.name,
@@ -292,6 +302,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
         "internode": "auto" if request.settings.internode_m is None else f"{request.settings.internode_m:g}",
         "most-points": str(request.most_points),
         "seed": str(request.seed),
+        **request.motion.describe(),
     }
 
 

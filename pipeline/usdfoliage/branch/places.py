@@ -1,0 +1,120 @@
+"""Places on the axes of branches: where points of a surface belong, and where a branch comes out of its parent."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.branch.cage import BranchCage
+from usdfoliage.branch.model import Skeleton
+
+_BLOCK = 500_000  # pairs of a point and a segment that are looked at together
+_STEP = 0.2  # of the parent's radius, between places where a branch may be out
+_STEPS = 40  # a branch along its parent for longer than so many is taken to be out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Places:
+    """P places on axes."""
+
+    curve: NDArray[np.int32]  # (P,)
+    vertex: NDArray[np.int64]  # (P,), index into the skeleton's points, of the segment's first
+    share: NDArray[np.float64]  # (P,), of the segment, 0 to 1
+    arc_m: NDArray[np.float64]  # (P,), along the branch from its first point
+
+    def __len__(self) -> int:
+        return len(self.curve)
+
+    def between(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What points of the skeleton (V, ...) have, at the places (P, ...)."""
+        share = self.share.reshape(-1, *([1] * (values.ndim - 1)))
+        return np.asarray((1 - share) * values[self.vertex] + share * values[self.vertex + 1])
+
+
+def arcs_of(skeleton: Skeleton) -> NDArray[np.float64]:
+    """(V,) length along its branch from the first point to each."""
+    steps_m = np.linalg.norm(np.diff(skeleton.points_m, axis=0, prepend=skeleton.points_m[:1]), axis=1)
+    steps_m[skeleton.first] = 0
+    walked_m = np.cumsum(steps_m)
+    return np.asarray(walked_m - walked_m[skeleton.first[skeleton.curve]])
+
+
+def find_places(skeleton: Skeleton, points_m: NDArray[np.float64], curve: NDArray[np.integer]) -> Places:
+    """The place of its branch that is nearest to each point.
+
+    Args:
+        skeleton: Whose axes.
+        points_m: (P, 3).
+        curve: (P,), the branch of each.
+    """
+    vertex, share = np.zeros(len(points_m), np.int64), np.zeros(len(points_m))
+    by_curve = np.argsort(curve, kind="stable")
+    numbers, begin = np.unique(curve[by_curve], return_index=True)
+    for number, mine in zip(numbers.tolist(), np.split(by_curve, begin[1:]), strict=True):
+        axis_m = skeleton.points_m[skeleton.branch(number)]
+        step_m = np.diff(axis_m, axis=0)
+        square = np.maximum(np.einsum("sc,sc->s", step_m, step_m), 1e-300)
+        rows = max(1, _BLOCK // len(step_m))
+        for start in range(0, len(mine), rows):
+            block = mine[start : start + rows]
+            from_start = points_m[block, None] - axis_m[:-1]
+            along = np.clip(np.einsum("psc,sc->ps", from_start, step_m) / square, 0, 1)
+            away = from_start - along[..., None] * step_m
+            nearest = np.einsum("psc,psc->ps", away, away).argmin(axis=1)
+            vertex[block] = skeleton.first[number] + nearest
+            share[block] = along[np.arange(len(block)), nearest]
+    arc_m = arcs_of(skeleton)
+    return Places(
+        curve=np.asarray(curve, np.int32),
+        vertex=vertex,
+        share=share,
+        arc_m=(1 - share) * arc_m[vertex] + share * arc_m[vertex + 1],
+    )
+
+
+def places_at(skeleton: Skeleton, curve: NDArray[np.integer], arc_m: NDArray[np.float64]) -> Places:
+    """Places (P,) at lengths along branches (P,); beyond an end, the end."""
+    arcs = arcs_of(skeleton)
+    arc_m = np.clip(arc_m, 0, skeleton.lengths_m[curve])
+    stride = 2 * max(float(arcs.max(initial=0)), 1e-300)  # lays all branches on one line
+    key = skeleton.curve * stride + arcs
+    vertex = np.searchsorted(key, np.asarray(curve, np.int64) * stride + arc_m, side="right") - 1
+    first = skeleton.first[curve].astype(np.int64)
+    vertex = np.clip(vertex, first, first + skeleton.counts[curve] - 2)
+    step_m = arcs[vertex + 1] - arcs[vertex]
+    share = np.divide(arc_m - arcs[vertex], step_m, out=np.zeros_like(arc_m), where=step_m > 0)
+    return Places(curve=np.asarray(curve, np.int32), vertex=vertex, share=np.clip(share, 0, 1), arc_m=arc_m)
+
+
+def cage_places(cage: BranchCage, skeleton: Skeleton) -> Places:
+    """The place that each point of a cage (P,) belongs to; where branches meet, one of the parent."""
+    curve = np.full(len(cage.points_m), len(skeleton), np.int32)
+    np.minimum.at(curve, cage.faces, cage.curve[:, None])  # a parent comes before its branches
+    return find_places(skeleton, cage.points_m, curve)
+
+
+def leaving_arcs(skeleton: Skeleton) -> NDArray[np.float64]:
+    """(B,) length along each branch at which its axis comes out of its parent; 0 for a root.
+
+    One that does not come out, or runs inside for long, is taken to be out at once where that ends.
+    """
+    out_m = np.zeros(len(skeleton))
+    child = np.flatnonzero(skeleton.parent_curve >= 0)
+    if not len(child):
+        return out_m
+    parent_m = skeleton.radius_m[skeleton.parent_vertex[child]]
+    arc_m = np.minimum(_STEP * parent_m[:, None] * np.arange(_STEPS + 1), skeleton.lengths_m[child][:, None])
+    on_child = places_at(skeleton, np.repeat(child, _STEPS + 1), arc_m.reshape(-1))
+    points_m = on_child.between(skeleton.points_m)
+    on_parent = find_places(skeleton, points_m, np.repeat(skeleton.parent_curve[child], _STEPS + 1))
+    away_m = np.linalg.norm(points_m - on_parent.between(skeleton.points_m), axis=1)
+    beyond_m = (away_m - on_parent.between(skeleton.radius_m)).reshape(len(child), -1)
+    outside = beyond_m > 0
+    outside[:, -1] = True
+    at = np.maximum(outside.argmax(axis=1), 1)
+    row = np.arange(len(child))
+    before_m, after_m = beyond_m[row, at - 1], beyond_m[row, at]
+    crosses = (before_m < 0) & (after_m > 0)
+    share = np.where(crosses, before_m / np.where(crosses, before_m - after_m, 1), 1)
+    out_m[child] = arc_m[row, at - 1] + share * (arc_m[row, at] - arc_m[row, at - 1])
+    return out_m
