@@ -2,8 +2,8 @@
 
 J. Guo et al., Realistic procedural plant modeling from multiple view images, 2020, figure 12: the longest way from the
 root follows the logistic growth of equation 6, lengths in internodes; what lies farther than that is not there yet.
-Radii follow from what each node carries (equation 5), times what was measured. Iterations are stretched over the frames,
-and the last one is the plant as it was reconstructed.
+Radii follow from what each node carries (equation 5), times what was measured. The iterations are stretched over the
+frames, and the last one is the plant as it was reconstructed.
 """
 
 from dataclasses import dataclass, field
@@ -19,6 +19,7 @@ from usdfoliage.branch.places import Places, arcs_of, cage_places, find_places, 
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 
 _GROWN = 0.99  # of the greatest length, that the logistic growth, which has no end, has when it is stopped
+_SAME = 1e-9  # of the longest way: lengths that differ by rounding
 _UNBORN = 1e-4  # of its radius, that what is not there yet has: USD's widths are above 0
 
 
@@ -128,7 +129,7 @@ def logistic_lengths(
 class _Tips:
     """Where B branches end at one time."""
 
-    arc_m: NDArray[np.float64]  # (B,), along each, of those that have begun
+    arc_m: NDArray[np.float64]  # (B,), along each, of those that have begun; a little more, for rounding
     holder: NDArray[np.int32]  # (B,), itself where it has begun, else the first below it that has
 
 
@@ -138,6 +139,7 @@ def _find_tips(stages: GrowthStages, stage: int, least_m: NDArray[np.float64]) -
     parent = skeleton.parent_curve
     base_m = stages.way_m[skeleton.first]
     arc_m = np.clip(np.maximum(stages.front_m[stage] - base_m, least_m), 0, skeleton.lengths_m)
+    arc_m += _SAME * float(stages.way_m.max())
     springs_m = np.where(parent >= 0, arcs_of(skeleton)[skeleton.parent_vertex], 0.0)
     begun = (parent < 0) | (springs_m <= arc_m[parent])
     holder = np.arange(len(skeleton), dtype=np.int32)
@@ -153,7 +155,7 @@ def grow_skeleton(stages: GrowthStages, stage: int) -> tuple[NDArray[np.float64]
     radius_m = skeleton.radius_m * stages.thickness(stage) * stages.birth(stage, stages.way_m)
     tips = _find_tips(stages, stage, np.zeros(len(skeleton)))
     holder = tips.holder[skeleton.curve]
-    there = (holder == skeleton.curve) & (stages.way_m <= stages.front_m[stage])
+    there = (holder == skeleton.curve) & (arcs_of(skeleton) <= tips.arc_m[skeleton.curve])
     tip_m = places_at(skeleton, np.arange(len(skeleton)), tips.arc_m).between(skeleton.points_m)
     return np.where(there[:, None], skeleton.points_m, tip_m[holder]), radius_m
 

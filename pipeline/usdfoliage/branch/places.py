@@ -28,7 +28,8 @@ class Places:
     def between(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """What points of the skeleton (V, ...) have, at the places (P, ...)."""
         share = self.share.reshape(-1, *([1] * (values.ndim - 1)))
-        return np.asarray((1 - share) * values[self.vertex] + share * values[self.vertex + 1])
+        start = values[self.vertex]
+        return np.asarray(start + share * (values[self.vertex + 1] - start))
 
 
 def arcs_of(skeleton: Skeleton) -> NDArray[np.float64]:
@@ -50,7 +51,9 @@ def find_places(skeleton: Skeleton, points_m: NDArray[np.float64], curve: NDArra
     vertex, share = np.zeros(len(points_m), np.int64), np.zeros(len(points_m))
     by_curve = np.argsort(curve, kind="stable")
     numbers, begin = np.unique(curve[by_curve], return_index=True)
-    for number, mine in zip(numbers.tolist(), np.split(by_curve, begin[1:]), strict=True):
+    ends = np.append(begin, len(curve))[1:]
+    for number, begins, end in zip(numbers.tolist(), begin.tolist(), ends.tolist(), strict=True):
+        mine = by_curve[begins:end]
         axis_m = skeleton.points_m[skeleton.branch(number)]
         step_m = np.diff(axis_m, axis=0)
         square = np.maximum(np.einsum("sc,sc->s", step_m, step_m), 1e-300)
@@ -114,7 +117,7 @@ def leaving_arcs(skeleton: Skeleton) -> NDArray[np.float64]:
     at = np.maximum(outside.argmax(axis=1), 1)
     row = np.arange(len(child))
     before_m, after_m = beyond_m[row, at - 1], beyond_m[row, at]
-    crosses = (before_m < 0) & (after_m > 0)
+    crosses = (before_m <= 0) & (after_m > 0)
     share = np.where(crosses, before_m / np.where(crosses, before_m - after_m, 1), 1)
     out_m[child] = arc_m[row, at - 1] + share * (arc_m[row, at] - arc_m[row, at - 1])
     return out_m
