@@ -170,18 +170,25 @@ class GrownSurface:
 
 
 def carry_surface(cage: BranchCage, skeleton: Skeleton) -> GrownSurface:
-    """Tie the points of a cage to the axes of its skeleton."""
+    """Tie the points of a cage to the axes of its skeleton, those round a hole to the middle of the hole.
+
+    A hole is as long as the parent is thick at last; were its points tied to places along the parent, it would stay so
+    long while the parent is thin.
+    """
     places = cage_places(cage, skeleton)
-    # A branch comes out in the middle of what its faces share with its parent's.
     point, curve = cage.faces.reshape(-1), np.repeat(cage.curve, cage.faces.shape[1])
     rim = np.unique(np.column_stack([curve, point])[places.curve[point] < curve], axis=0)
-    count = np.bincount(rim[:, 0], minlength=len(skeleton))
-    middle_m = np.zeros((len(skeleton), 3))
-    np.add.at(middle_m, rim[:, 0], cage.points_m[rim[:, 1]])
-    child = np.flatnonzero(count)
+    child, group, count = np.unique(rim[:, 0], return_inverse=True, return_counts=True)
+    middle_m = np.zeros((len(child), 3))
+    np.add.at(middle_m, group, cage.points_m[rim[:, 1]])
+    middle_m /= count[:, None]
+    parent = np.full(len(child), len(skeleton), np.int32)
+    np.minimum.at(parent, group, places.curve[rim[:, 1]])
+    on_parent = find_places(skeleton, middle_m, parent)
+    tied = places.put(rim[:, 1], on_parent.take(group))
     emerges_m = np.zeros(len(skeleton))
-    emerges_m[child] = find_places(skeleton, middle_m[child] / count[child, None], child).arc_m
-    return GrownSurface(points_m=cage.points_m, places=places, emerges_m=emerges_m)
+    emerges_m[child] = find_places(skeleton, middle_m, child).arc_m
+    return GrownSurface(points_m=cage.points_m, places=tied, emerges_m=emerges_m)
 
 
 def grow_surface(stages: GrowthStages, stage: int, surface: GrownSurface) -> NDArray[np.float64]:

@@ -25,6 +25,23 @@ class Places:
     def __len__(self) -> int:
         return len(self.curve)
 
+    def take(self, which: NDArray[np.integer]) -> "Places":
+        """Some of the places, in this order."""
+        return Places(
+            curve=self.curve[which], vertex=self.vertex[which], share=self.share[which], arc_m=self.arc_m[which]
+        )
+
+    def put(self, at: NDArray[np.integer], others: "Places") -> "Places":
+        """The places, and others where they are given."""
+        which = np.arange(len(self))
+        which[at] = len(self) + np.arange(len(others))
+        return Places(
+            curve=np.concatenate([self.curve, others.curve])[which],
+            vertex=np.concatenate([self.vertex, others.vertex])[which],
+            share=np.concatenate([self.share, others.share])[which],
+            arc_m=np.concatenate([self.arc_m, others.arc_m])[which],
+        )
+
     def between(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """What points of the skeleton (V, ...) have, at the places (P, ...)."""
         share = self.share.reshape(-1, *([1] * (values.ndim - 1)))
