@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from usdfoliage.branch.allometry import AllometrySettings, carried_lengths, least_carried
 from usdfoliage.branch.cage import BranchCage
+from usdfoliage.branch.cage_sectors import SIDES
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.places import Places, arcs_of, cage_places, find_places, places_at
+from usdfoliage.branch.places import Places, arcs_of, cage_places, find_places, places_at, ring_places
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 
 _GROWN = 0.99  # of the greatest length, that the logistic growth, which has no end, has when it is stopped
@@ -170,25 +171,17 @@ class GrownSurface:
 
 
 def carry_surface(cage: BranchCage, skeleton: Skeleton) -> GrownSurface:
-    """Tie the points of a cage to the axes of its skeleton, those round a hole to the middle of the hole.
-
-    A hole is as long as the parent is thick at last; were its points tied to places along the parent, it would stay so
-    long while the parent is thin.
-    """
-    places = cage_places(cage, skeleton)
-    point, curve = cage.faces.reshape(-1), np.repeat(cage.curve, cage.faces.shape[1])
-    rim = np.unique(np.column_stack([curve, point])[places.curve[point] < curve], axis=0)
-    child, group, count = np.unique(rim[:, 0], return_inverse=True, return_counts=True)
-    middle_m = np.zeros((len(child), 3))
-    np.add.at(middle_m, group, cage.points_m[rim[:, 1]])
-    middle_m /= count[:, None]
-    parent = np.full(len(child), len(skeleton), np.int32)
-    np.minimum.at(parent, group, places.curve[rim[:, 1]])
-    on_parent = find_places(skeleton, middle_m, parent)
-    tied = places.put(rim[:, 1], on_parent.take(group))
+    """Tie the points of a cage to the axes of its skeleton."""
+    rings, middle_m = ring_places(cage, skeleton)
+    # A branch comes out in the middle of what its faces share with its parent's.
+    ring, curve = cage.faces.reshape(-1) // SIDES, np.repeat(cage.curve, cage.faces.shape[1])
+    shared = np.unique(np.column_stack([curve, ring])[rings.curve[ring] < curve], axis=0)
+    child, group, count = np.unique(shared[:, 0], return_inverse=True, return_counts=True)
+    out_m = np.zeros((len(child), 3))
+    np.add.at(out_m, group, middle_m[shared[:, 1]])
     emerges_m = np.zeros(len(skeleton))
-    emerges_m[child] = find_places(skeleton, middle_m, child).arc_m
-    return GrownSurface(points_m=cage.points_m, places=tied, emerges_m=emerges_m)
+    emerges_m[child] = find_places(skeleton, out_m / count[:, None], child).arc_m
+    return GrownSurface(points_m=cage.points_m, places=cage_places(cage, skeleton), emerges_m=emerges_m)
 
 
 def grow_surface(stages: GrowthStages, stage: int, surface: GrownSurface) -> NDArray[np.float64]:

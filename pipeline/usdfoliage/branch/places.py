@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.cage import BranchCage
+from usdfoliage.branch.cage_sectors import SIDES
 from usdfoliage.branch.model import Skeleton
 
 _BLOCK = 500_000  # pairs of a point and a segment that are looked at together
@@ -24,23 +25,6 @@ class Places:
 
     def __len__(self) -> int:
         return len(self.curve)
-
-    def take(self, which: NDArray[np.integer]) -> "Places":
-        """Some of the places, in this order."""
-        return Places(
-            curve=self.curve[which], vertex=self.vertex[which], share=self.share[which], arc_m=self.arc_m[which]
-        )
-
-    def put(self, at: NDArray[np.integer], others: "Places") -> "Places":
-        """The places, and others where they are given."""
-        which = np.arange(len(self))
-        which[at] = len(self) + np.arange(len(others))
-        return Places(
-            curve=np.concatenate([self.curve, others.curve])[which],
-            vertex=np.concatenate([self.vertex, others.vertex])[which],
-            share=np.concatenate([self.share, others.share])[which],
-            arc_m=np.concatenate([self.arc_m, others.arc_m])[which],
-        )
 
     def between(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """What points of the skeleton (V, ...) have, at the places (P, ...)."""
@@ -106,11 +90,30 @@ def places_at(skeleton: Skeleton, curve: NDArray[np.integer], arc_m: NDArray[np.
     return Places(curve=np.asarray(curve, np.int32), vertex=vertex, share=np.clip(share, 0, 1), arc_m=arc_m)
 
 
+def ring_places(cage: BranchCage, skeleton: Skeleton) -> tuple[Places, NDArray[np.float64]]:
+    """Where each ring and each hole of a cage is: the place next to its middle, on the parent for a hole; the middles.
+
+    Six points are one place: round a bend each has another nearest one.
+
+    Returns:
+        Places (R,), and (R, 3); of point p they are those of p // 6.
+    """
+    rings = len(cage.points_m) // SIDES
+    curve = np.full(rings, len(skeleton), np.int32)
+    np.minimum.at(curve, cage.faces // SIDES, cage.curve[:, None])  # a parent comes before its branches
+    middle_m = cage.points_m.reshape(rings, SIDES, 3).mean(axis=1)
+    return find_places(skeleton, middle_m, curve), middle_m
+
+
 def cage_places(cage: BranchCage, skeleton: Skeleton) -> Places:
-    """The place that each point of a cage (P,) belongs to; where branches meet, one of the parent."""
-    curve = np.full(len(cage.points_m), len(skeleton), np.int32)
-    np.minimum.at(curve, cage.faces, cage.curve[:, None])  # a parent comes before its branches
-    return find_places(skeleton, cage.points_m, curve)
+    """The place that each point of a cage (P,) belongs to, that of its ring or hole."""
+    rings, _ = ring_places(cage, skeleton)
+    return Places(
+        curve=np.repeat(rings.curve, SIDES),
+        vertex=np.repeat(rings.vertex, SIDES),
+        share=np.repeat(rings.share, SIDES),
+        arc_m=np.repeat(rings.arc_m, SIDES),
+    )
 
 
 def leaving_arcs(skeleton: Skeleton) -> NDArray[np.float64]:
