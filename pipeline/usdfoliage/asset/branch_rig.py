@@ -20,7 +20,7 @@ from usdfoliage.asset.variants import each_variant
 from usdfoliage.branch.rig import Rig, Skin
 
 SKEL_ROOT = "geo/render"
-RIG = f"{SKEL_ROOT}/Rig"  # a Scope, since the purpose guide belongs on one
+RIG = f"{SKEL_ROOT}/Rig"  # a Scope, no guide: Blender leaves guides out, and the surface without its joints
 JOINTS = f"{RIG}/Joints"
 ANIMATION = f"{RIG}/Animation"
 
@@ -48,7 +48,7 @@ def write_rig_layer(path: Path, name: str, rigged: BranchRig, extent_m: NDArray[
     author_scopes(stage, root.AppendPath(SKEL_ROOT).GetParentPath())
     skel_root = UsdSkel.Root.Define(stage, root.AppendPath(SKEL_ROOT))
     skel_root.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(extent_m.astype(np.float32)))
-    UsdGeom.Scope.Define(stage, root.AppendPath(RIG)).CreatePurposeAttr(UsdGeom.Tokens.guide)
+    UsdGeom.Scope.Define(stage, root.AppendPath(RIG))
     joints = author_joints(stage, root.AppendPath(JOINTS), rigged.rig)
     author_animation(stage, root.AppendPath(ANIMATION), rigged.rig, rigged.sway_rad)
     source = UsdSkel.BindingAPI.Apply(joints.GetPrim()).CreateAnimationSourceRel()
