@@ -6,7 +6,7 @@ from branch_shapes import fork, plant_of, random_tree
 from hypothesis import given
 from hypothesis import strategies as st
 from usdfoliage.branch.cage import build_branch_cage
-from usdfoliage.branch.places import arcs_of, cage_places, find_places, leaving_arcs, places_at
+from usdfoliage.branch.places import arcs_of, axis_exits, cage_exits, cage_places, find_places, places_at
 
 
 def test_the_nearest_place_of_a_branch_is_found():
@@ -40,15 +40,17 @@ def test_lengths_begin_again_with_every_branch():
 
 @pytest.mark.parametrize("angle_deg", [90, 60, 30])
 def test_a_branch_comes_out_where_its_axis_cuts_the_cylinder(angle_deg):
-    out_m = leaving_arcs(fork(angle_deg))
-    assert out_m[:2] == pytest.approx([0, 0.05 / np.sin(np.radians(angle_deg))], rel=1e-6)
+    exits = axis_exits(fork(angle_deg))
+    assert exits.curve.tolist() == [-1, 0, 1]
+    assert exits.arc_m[:2] == pytest.approx([0, 0.05 / np.sin(np.radians(angle_deg))], rel=1e-6)
+    assert exits.parent_arc_m[1] == pytest.approx(1 + 0.05 / np.tan(np.radians(angle_deg)), rel=1e-6)
 
 
 def test_a_branch_that_stays_inside_comes_out_at_its_end():
     trunk = [[0, 0, 0], [0, 2, 0]]
     inside = [[0, 0, 0], [0.01, 0.3, 0]]
     plant = plant_of((trunk, 0.1, None, 0), (inside, 0.02, 0, 0))
-    assert leaving_arcs(plant)[1] == pytest.approx(plant.lengths_m[1])
+    assert axis_exits(plant).arc_m[1] == pytest.approx(plant.lengths_m[1])
 
 
 def test_points_of_a_cage_lie_round_their_places():
@@ -58,3 +60,23 @@ def test_points_of_a_cage_lie_round_their_places():
     away_m = np.linalg.norm(cage.points_m - places.between(plant.points_m), axis=1)
     assert (away_m < 1.6 * places.between(plant.radius_m)).all()
     assert set(places.curve) == {0, 1, 2}
+
+
+def test_in_a_cage_a_branch_comes_out_of_the_middle_of_its_hole():
+    plant = fork()
+    exits = cage_exits(build_branch_cage(plant), plant)
+    assert exits.curve.tolist() == [-1, 0, 1]
+    assert exits.arc_m[1] == pytest.approx(0.05, rel=0.2)
+    assert exits.parent_arc_m[1] == pytest.approx(1, abs=0.01)
+
+
+def test_what_a_branch_without_a_surface_carries_comes_out_of_the_next_one_below():
+    trunk, stub = [[0, 0, 0], [0, 1, 0], [0, 2, 0]], [[0, 1, 0], [0.05, 1, 0]]
+    twig = [[0.05, 1, 0], [0.6, 1.2, 0]]
+    plant = plant_of((trunk, 0.1, None, 0), (stub, 0.03, 0, 1), (twig, 0.02, 1, 1))
+    cage = build_branch_cage(plant)
+    assert set(cage.curve) == {0, 2}
+    exits = cage_exits(cage, plant)
+    assert exits.curve.tolist() == [-1, 0, 0]
+    assert exits.parent_arc_m[2] == pytest.approx(1, abs=0.05)
+    assert exits.arc_m[2] == pytest.approx(0.05, abs=0.02)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from usdfoliage.branch.cage import build_branch_cage
-from usdfoliage.branch.places import cage_places
+from usdfoliage.branch.places import axis_exits, cage_places
 from usdfoliage.branch.posing import pose_joints, skin_points
 from usdfoliage.branch.rig import RigSettings, build_rig, skin_places
 
@@ -74,7 +74,8 @@ def test_beyond_the_last_order_a_branch_follows_the_place_that_it_springs_from()
 @settings(max_examples=30)
 def test_weights_are_whole_and_have_no_steps(seed, order):
     plant = random_tree(seed)
-    rig = build_rig(plant, RigSettings(order=order))
+    exits = axis_exits(plant)
+    rig = build_rig(plant, RigSettings(order=order), exits)
     share = np.linspace(0, 1, 400)
     for number in range(len(plant)):
         skin = skin_places(rig, np.full(400, number), share * plant.lengths_m[number])
@@ -85,21 +86,23 @@ def test_weights_are_whole_and_have_no_steps(seed, order):
         for joint in np.unique(skin.joints):
             change = np.abs(np.diff(weight_of(rig, skin, joint)))
             assert (change <= 1.5 * step_m / rig.blend_m[number] + 3 / 512).all()
-        if plant.parent_curve[number] >= 0:  # it begins with the weights of the place that it springs from
-            parent = plant.parent_curve[number]
-            first = plant.first[parent]
-            way_m = plant.points_m[first : plant.parent_vertex[number] + 1]
-            arc_m = np.linalg.norm(np.diff(way_m, axis=0), axis=1).sum()
-            spring = skin_places(rig, np.array([parent]), np.array([arc_m]))
+        if exits.curve[number] >= 0:  # it begins with the weights of the place that it comes out of
+            spring = skin_places(rig, exits.curve[[number]], exits.parent_arc_m[[number]])
             for joint in range(len(rig)):
                 assert weight_of(rig, spring, joint) == pytest.approx(weight_of(rig, skin, joint)[:1])
 
 
-def test_what_is_not_drawn_and_carries_nothing_has_no_joint():
+def test_what_is_not_drawn_has_no_joint_and_what_it_carries_springs_from_its_parent():
     plant = fork()
     assert list(build_rig(plant, drawn=np.array([True, True, False])).curve) == [0, 1]
-    assert list(build_rig(plant, drawn=np.array([True, False, True])).curve) == [0, 1, 2]
-    assert list(build_rig(plant, drawn=np.zeros(3, bool)).curve) == [0]
+    assert list(build_rig(plant, drawn=np.zeros(3, bool)).curve) == [0]  # a root has one always
+    rig = build_rig(plant, drawn=np.array([True, False, True]))
+    assert list(rig.curve) == [0, 2]
+    assert list(rig.parent) == [-1, 0]
+    assert rig.rest[1, :3, 3] == pytest.approx([1, 1, 0])
+    skin = skin_places(rig, np.array([1, 2, 2]), np.array([0.9, 0.0, 0.7]))
+    assert weight_of(rig, skin, 0) == pytest.approx([1, 1, 0])
+    assert weight_of(rig, skin, 1) == pytest.approx([0, 0, 1])
 
 
 @pytest.mark.parametrize("bad", [{"order": -1}, {"blend_radii": -1.0}, {"blend_share": 2.0}, {"most_share": 0.0}])

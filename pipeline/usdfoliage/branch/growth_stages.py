@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from usdfoliage.branch.allometry import AllometrySettings, carried_lengths, least_carried
 from usdfoliage.branch.cage import BranchCage
-from usdfoliage.branch.cage_sectors import SIDES
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.places import Places, arcs_of, cage_places, find_places, places_at, ring_places
+from usdfoliage.branch.places import Places, arcs_of, cage_exits, cage_places, places_at
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 
 _GROWN = 0.99  # of the greatest length, that the logistic growth, which has no end, has when it is stopped
@@ -172,16 +171,11 @@ class GrownSurface:
 
 def carry_surface(cage: BranchCage, skeleton: Skeleton) -> GrownSurface:
     """Tie the points of a cage to the axes of its skeleton."""
-    rings, middle_m = ring_places(cage, skeleton)
-    # A branch comes out in the middle of what its faces share with its parent's.
-    ring, curve = cage.faces.reshape(-1) // SIDES, np.repeat(cage.curve, cage.faces.shape[1])
-    shared = np.unique(np.column_stack([curve, ring])[rings.curve[ring] < curve], axis=0)
-    child, group, count = np.unique(shared[:, 0], return_inverse=True, return_counts=True)
-    out_m = np.zeros((len(child), 3))
-    np.add.at(out_m, group, middle_m[shared[:, 1]])
-    emerges_m = np.zeros(len(skeleton))
-    emerges_m[child] = find_places(skeleton, out_m / count[:, None], child).arc_m
-    return GrownSurface(points_m=cage.points_m, places=cage_places(cage, skeleton), emerges_m=emerges_m)
+    return GrownSurface(
+        points_m=cage.points_m,
+        places=cage_places(cage, skeleton),
+        emerges_m=cage_exits(cage, skeleton).arc_m,
+    )
 
 
 def grow_surface(stages: GrowthStages, stage: int, surface: GrownSurface) -> NDArray[np.float64]:

@@ -116,18 +116,28 @@ def cage_places(cage: BranchCage, skeleton: Skeleton) -> Places:
     )
 
 
-def leaving_arcs(skeleton: Skeleton) -> NDArray[np.float64]:
-    """(B,) length along each branch at which its axis comes out of its parent; 0 for a root.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exits:
+    """Where B branches come out of the surface of the one that they spring from."""
+
+    curve: NDArray[np.int32]  # (B,), that one, a branch below each; -1 for a root
+    parent_arc_m: NDArray[np.float64]  # (B,), along that one
+    arc_m: NDArray[np.float64]  # (B,), along each itself; 0 for a root
+
+
+def axis_exits(skeleton: Skeleton) -> Exits:
+    """Where axes come out of the round surfaces of their parents.
 
     One that does not come out, or runs inside for long, is taken to be out at once where that ends.
     """
-    out_m = np.zeros(len(skeleton))
+    arc_m, parent_arc_m = np.zeros(len(skeleton)), np.zeros(len(skeleton))
+    exits = Exits(curve=skeleton.parent_curve, parent_arc_m=parent_arc_m, arc_m=arc_m)
     child = np.flatnonzero(skeleton.parent_curve >= 0)
     if not len(child):
-        return out_m
+        return exits
     parent_m = skeleton.radius_m[skeleton.parent_vertex[child]]
-    arc_m = np.minimum(_STEP * parent_m[:, None] * np.arange(_STEPS + 1), skeleton.lengths_m[child][:, None])
-    on_child = places_at(skeleton, np.repeat(child, _STEPS + 1), arc_m.reshape(-1))
+    walked_m = np.minimum(_STEP * parent_m[:, None] * np.arange(_STEPS + 1), skeleton.lengths_m[child][:, None])
+    on_child = places_at(skeleton, np.repeat(child, _STEPS + 1), walked_m.reshape(-1))
     points_m = on_child.between(skeleton.points_m)
     on_parent = find_places(skeleton, points_m, np.repeat(skeleton.parent_curve[child], _STEPS + 1))
     away_m = np.linalg.norm(points_m - on_parent.between(skeleton.points_m), axis=1)
@@ -139,5 +149,31 @@ def leaving_arcs(skeleton: Skeleton) -> NDArray[np.float64]:
     before_m, after_m = beyond_m[row, at - 1], beyond_m[row, at]
     crosses = (before_m <= 0) & (after_m > 0)
     share = np.where(crosses, before_m / np.where(crosses, before_m - after_m, 1), 1)
-    out_m[child] = arc_m[row, at - 1] + share * (arc_m[row, at] - arc_m[row, at - 1])
-    return out_m
+    for found_m, samples_m in ((arc_m, walked_m), (parent_arc_m, on_parent.arc_m.reshape(len(child), -1))):
+        found_m[child] = samples_m[row, at - 1] + share * (samples_m[row, at] - samples_m[row, at - 1])
+    return exits
+
+
+def cage_exits(cage: BranchCage, skeleton: Skeleton) -> Exits:
+    """Where branches come out in a cage: in the middle of their holes; where axes do, for what is not in the cage."""
+    exits = axis_exits(skeleton)
+    rings, middle_m = ring_places(cage, skeleton)
+    ring, curve = cage.faces.reshape(-1) // SIDES, np.repeat(cage.curve, cage.faces.shape[1])
+    shared = np.unique(np.column_stack([curve, ring])[rings.curve[ring] < curve], axis=0)
+    child, first = np.unique(shared[:, 0], return_index=True)
+    hole = shared[first, 1]
+    arc_m = exits.arc_m.copy()
+    arc_m[child] = find_places(skeleton, middle_m[hole], child).arc_m
+    # A branch that goes on from a tip may have the hole of its neighbour, which springs from the same parent.
+    below = np.array([_is_below(skeleton, *pair) for pair in zip(rings.curve[hole], child, strict=True)], bool)
+    exit_curve, parent_arc_m = exits.curve.copy(), exits.parent_arc_m.copy()
+    exit_curve[child[below]] = rings.curve[hole[below]]
+    parent_arc_m[child[below]] = rings.arc_m[hole[below]]
+    return Exits(curve=exit_curve, parent_arc_m=parent_arc_m, arc_m=arc_m)
+
+
+def _is_below(skeleton: Skeleton, lower: int, upper: int) -> bool:
+    """Whether a branch carries another one."""
+    while upper > lower:  # parents come first
+        upper = skeleton.parent_curve[upper]
+    return upper == lower

@@ -23,6 +23,8 @@ def skin_points(rig: Rig, skin: Skin, points_m: NDArray[np.float64], posed: NDAr
     moved = posed @ np.linalg.inv(rig.bind)
     where_m = np.zeros_like(points_m)
     for joints, weights in zip(skin.joints.T, skin.weights.T, strict=True):
-        turned_m = np.einsum("prc,pc->pr", moved[joints, :3, :3], points_m) + moved[joints, :3, 3]
-        where_m += weights[:, None] * turned_m
+        follows = np.flatnonzero(weights)  # most follow one joint alone
+        to = moved[joints[follows]]
+        turned_m = np.einsum("prc,pc->pr", to[:, :3, :3], points_m[follows]) + to[:, :3, 3]
+        where_m[follows] += weights[follows, None] * turned_m
     return where_m

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.branch.cage_tubes import rotate_least
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.places import arcs_of, leaving_arcs
+from usdfoliage.branch.places import Exits, axis_exits
 
 _GRAIN = 512  # weights are multiples of one part of so many: exact in binary, and few enough to be packed well
 
@@ -46,7 +46,7 @@ class Rig:
     axes: NDArray[np.float64]  # (J, 3, 3), columns are the joint's x, y, z; y along the branch
     has_joint: NDArray[np.bool_]  # (B,)
     chain: NDArray[np.int32]  # (B, K), joints from the root's to that which the branch follows last, then 0
-    sprung: NDArray[np.float64]  # (B, K), how much the place that the branch springs from follows each of them
+    sprung: NDArray[np.float64]  # (B, K), how much the place that the branch comes out of follows each of them
     own: NDArray[np.int64]  # (B,), column of its own joint
     leaves_m: NDArray[np.float64]  # (B,), along the branch, up to where it follows its parent alone; -inf for a root
     blend_m: NDArray[np.float64]  # (B,), from there until it follows its own joint alone
@@ -80,51 +80,59 @@ class Skin:
     weights: NDArray[np.float64]  # (P, K), 0 to 1, the largest first, 1 together
 
 
-def build_rig(skeleton: Skeleton, settings: RigSettings = RigSettings(), drawn: NDArray[np.bool_] | None = None) -> Rig:
+def build_rig(
+    skeleton: Skeleton,
+    settings: RigSettings = RigSettings(),
+    exits: Exits | None = None,
+    drawn: NDArray[np.bool_] | None = None,
+) -> Rig:
     """Give branches up to an order a joint each.
 
     Args:
         skeleton: Of all branches.
         settings: Up to which order, and how softly.
-        drawn: (B,), those that anything is drawn of; one that is not drawn and carries nothing drawn gets no joint.
+        exits: Where branches come out of those that carry them; where their axes do by default.
+        drawn: (B,), those that anything is drawn of: others have no joint, but for roots.
     """
     count = len(skeleton)
+    exits = axis_exits(skeleton) if exits is None else exits
+    root = skeleton.parent_curve < 0
     wanted = skeleton.order <= settings.order
     if drawn is not None:
-        used = drawn.copy()
-        for number in range(count - 1, -1, -1):  # children come after their parents
-            if used[number] and skeleton.parent_curve[number] >= 0:
-                used[skeleton.parent_curve[number]] = True
-        wanted = wanted & (used | (skeleton.parent_curve < 0))
-    leaves_m = np.where(skeleton.parent_curve >= 0, leaving_arcs(skeleton), -np.inf)
-    length_m, parent = skeleton.lengths_m, skeleton.parent_curve
-    parent_m = np.where(parent >= 0, skeleton.radius_m[skeleton.parent_vertex], 0.0)
-    blend_m = np.maximum(settings.blend_radii * parent_m, settings.blend_share * length_m)
-    room_m = settings.most_share * (length_m - np.maximum(leaves_m, 0))
-    blend_m = np.maximum(np.minimum(blend_m, room_m), 1e-9)
-
+        wanted &= drawn | root
     turned = np.flatnonzero(wanted)
-    joint = np.full(count + 1, -1, np.int32)  # and of none
+    joint = np.full(count, -1, np.int32)
     joint[turned] = np.arange(len(turned), dtype=np.int32)
+    # The last joint that a branch follows is its own, or that of what it springs from.
+    below, last = np.full(count, -1, np.int32), joint.copy()
+    for number in np.flatnonzero(~root).tolist():  # parents first
+        below[number] = last[exits.curve[number]]
+        last[number] = joint[number] if wanted[number] else below[number]
+
+    length_m = skeleton.lengths_m
+    parent_m = np.where(root, 0.0, skeleton.radius_m[skeleton.parent_vertex])
+    blend_m = np.maximum(settings.blend_radii * parent_m, settings.blend_share * length_m)
+    # What is hardly out of its parent turns little: better than a step.
+    least_m = np.minimum(blend_m, np.maximum(parent_m, 1e-9))
+    blend_m = np.maximum(np.minimum(blend_m, settings.most_share * (length_m - exits.arc_m)), least_m)
     columns = int(skeleton.order[wanted].max(initial=0)) + 1
     rig = Rig(
         curve=turned.astype(np.int32),
-        parent=joint[parent[turned]],
+        parent=below[turned],
         origin_m=skeleton.points_m[skeleton.first[turned]],
         axes=_axes(skeleton, turned),
         has_joint=wanted,
         chain=np.zeros((count, columns), np.int32),
         sprung=np.zeros((count, columns)),
         own=np.minimum(skeleton.order, columns - 1).astype(np.int64),
-        leaves_m=leaves_m,
+        leaves_m=np.where(root, -np.inf, exits.arc_m),
         blend_m=blend_m,
     )
-    from_arc_m = _spring_arcs(skeleton)
     for order in range(int(skeleton.order.max(initial=-1)) + 1):
         mine = np.flatnonzero(skeleton.order == order)
-        child = mine[parent[mine] >= 0]
-        rig.chain[child] = rig.chain[parent[child]]
-        rig.sprung[child] = _follow(rig, parent[child], from_arc_m[child])
+        child = mine[~root[mine]]
+        rig.chain[child] = rig.chain[exits.curve[child]]
+        rig.sprung[child] = _follow(rig, exits.curve[child], exits.parent_arc_m[child])
         mine = mine[wanted[mine]]
         rig.chain[mine, rig.own[mine]] = joint[mine]
     return rig
@@ -151,11 +159,6 @@ def _follow(rig: Rig, curve: NDArray[np.integer], arc_m: NDArray[np.float64]) ->
     weights = (1 - share[:, None]) * rig.sprung[curve]
     weights[np.arange(len(curve)), rig.own[curve]] += share
     return np.asarray(weights)
-
-
-def _spring_arcs(skeleton: Skeleton) -> NDArray[np.float64]:
-    """(B,) length along its parent at which each branch springs, 0 for a root."""
-    return np.where(skeleton.parent_curve >= 0, arcs_of(skeleton)[skeleton.parent_vertex], 0.0)
 
 
 def _axes(skeleton: Skeleton, curves: NDArray[np.integer]) -> NDArray[np.float64]:

@@ -21,7 +21,7 @@ from usdfoliage.branch.growth_stages import (
     plan_stages,
 )
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.places import cage_places
+from usdfoliage.branch.places import cage_exits, cage_places
 from usdfoliage.branch.posing import pose_joints, skin_points
 from usdfoliage.branch.reconstruct import TracedBranches
 from usdfoliage.branch.rig import RigSettings, build_rig, skin_places
@@ -72,7 +72,7 @@ def rig_branches(skeleton: Skeleton, surfaces: BranchSurfaces, motion: BranchMot
     if motion.rig is None:
         return None
     drawn = np.isin(np.arange(len(skeleton)), surfaces.whole.curve)
-    rig = build_rig(skeleton, motion.rig, drawn)
+    rig = build_rig(skeleton, motion.rig, cage_exits(surfaces.whole, skeleton), drawn)
     skins = {}
     for variant, cage in _each_surface(skeleton, surfaces):
         places = cage_places(cage, skeleton)
