@@ -80,3 +80,10 @@ def test_a_rig_and_growth_may_be_chosen_together(tmp_path):
     assert stage.GetEndTimeCode() == FRAMES  # of the longer one
     assert stage.GetPrimAtPath("/fork/geo/render").GetTypeName() == "SkelRoot"
     assert UsdGeom.Mesh(stage.GetPrimAtPath(MESH)).GetPointsAttr().GetNumTimeSamples() == FRAMES
+
+
+def test_the_same_plant_makes_the_same_bytes(tmp_path):
+    motion = BranchMotion(rig=RigSettings(), sway=SwaySettings(frames=3), growth_frames=3)
+    one, two = (write_moving(tmp_path / name, "fork", fork(), motion).parent / "payload" for name in ("one", "two"))
+    for layer in ("rig.usdc", "growth.usdc"):
+        assert (one / layer).read_bytes() == (two / layer).read_bytes()
