@@ -368,6 +368,8 @@ def record_views(request: dict) -> dict:
 
     stage = open_stage(request["usd_file"], request.get("muted", []), request.get("variants", {}))
     time = Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.Default()
+    if "frame" in request:
+        time = Usd.TimeCode(request["frame"])
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
     cameras = view_cameras(stage, time, request)
     lit = has_lights(stage)

@@ -148,3 +148,39 @@ def test_the_record_says_how_it_was_made(tmp_path, rng):
     assert json.loads(json.dumps(record["settings"]["internode"])) == "0.02"
     skeleton = stage.GetPrimAtPath("/out/geo/guide/Skeleton")
     assert skeleton.GetAttribute("foliage:growth:internodeLength").Get() == pytest.approx(0.02)
+
+
+def test_what_moves_is_written_when_it_is_asked_for(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::2])
+    asked = ["--internode", "0.05", "--rig", "--rig-order", "1", "--sway", "4", "--growth", "3"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", *asked]) == 0
+    assert "joints" in capsys.readouterr().out
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    plant = stage.GetDefaultPrim()
+    assert {name: plant.GetVariantSet(name).GetVariantSelection() for name in ("rig", "growth")} == {
+        "rig": "none",
+        "growth": "still",
+    }
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 4)
+    settings = stage.GetRootLayer().customLayerData["usdfoliage"]["settings"]
+    assert (settings["rig-order"], settings["sway"], settings["growth"]) == ("1", "4", "3")
+    plant.GetVariantSet("rig").SetVariantSelection("skel")
+    joints = stage.GetPrimAtPath("/out/geo/render/Rig/Joints").GetAttribute("joints").Get()
+    assert joints[0] == "branch_0"
+    assert max(joint.count("/") for joint in joints) == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "about"),
+    [
+        (["--rig-order", "1"], "--rig"),
+        (["--rig", "--rig-order", "-1"], "--rig-order"),
+        (["--sway", "1"], "--sway"),
+        (["--growth", "0"], "--growth"),
+    ],
+)
+def test_motion_that_cannot_be_is_refused(tmp_path, rng, capsys, asked, about):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[:100])
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *asked]) == 2
+    assert about in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

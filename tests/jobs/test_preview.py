@@ -64,6 +64,7 @@ def one_view(tmp_path: Path) -> list[PreviewView]:
         {"width_px": 8000, "height_px": 8000},
         {"complexity": "extreme"},
         {"samples": 0},
+        {"frame": float("nan")},
         {"background": (0.5, 0.5, 1.5)},
         {"purposes": ()},
         {"purposes": ("default", "Render")},

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.asset.bark_material import BARK_COLOR, BarkMaterial
+from usdfoliage.asset.branch_growth import BranchGrowth, write_growth_layer
+from usdfoliage.asset.branch_rig import BranchRig, write_rig_layer
 from usdfoliage.asset.branches import SkeletonPrim, write_branches_layer, write_skeleton_layer
 from usdfoliage.asset.materials import write_materials_layer
 from usdfoliage.asset.package import (
@@ -65,6 +67,8 @@ def write_branch_asset(
     asset_from_capture: NDArray[np.float64],
     settings: BranchAssetSettings = BranchAssetSettings(),
     foliage: BranchLeaves | None = None,
+    rig: BranchRig | None = None,
+    growth: BranchGrowth | None = None,
 ) -> Path:
     """Write an asset of branches, inside publish_folder as usdfoliage.asset.package.write_crown_asset.
 
@@ -77,6 +81,8 @@ def write_branch_asset(
         asset_from_capture: (4, 4) for column vectors.
         settings: Bark, and the asset's version.
         foliage: Leaves on them, None for none.
+        rig: Joints, for a variant set rig.
+        growth: Frames of the growth, for a variant set growth.
 
     Returns:
         The interface layer, folder/<name>.usda.
@@ -99,6 +105,8 @@ def write_branch_asset(
         variants[f"order{order}"] = [f"./{layer}"]
     sets = [VariantSet(name="lod", variants={"leaves": []})]
     boxes, guides, parts = [extent_m], [guide_m], [SKELETON]
+    if rig is not None:  # what sways goes farther
+        boxes.append(rig.extent_m)
     if foliage is None:
         write_materials_layer(payload / "materials.usda", name, bark=bark)
     else:
@@ -116,5 +124,15 @@ def write_branch_asset(
         parts=parts,
         version=settings.version,
     )
+    frames = 0
+    # Before the set branches, whose layers these go over.
+    if rig is not None:
+        write_rig_layer(payload / "rig.usdc", name, rig, plant.extent_m)
+        sets.append(VariantSet(name="rig", variants={"none": [], "skel": ["./rig.usdc"]}))
+        frames = rig.frames
+    if growth is not None:
+        write_growth_layer(payload / "growth.usdc", name, growth)
+        sets.append(VariantSet(name="growth", variants={"still": [], "growing": ["./growth.usdc"]}))
+        frames = max(frames, growth.frames)
     sets.append(VariantSet(name="branches", variants=variants))
-    return finish_asset(folder, name, plant, sets, ["./materials.usda", "./skeleton.usdc"])
+    return finish_asset(folder, name, plant, sets, ["./materials.usda", "./skeleton.usdc"], frames)

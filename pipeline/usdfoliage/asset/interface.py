@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pxr import Sdf, Usd
 
-from usdfoliage.asset.layer import export_layer, new_layer
+from usdfoliage.asset.layer import author_frames, export_layer, new_layer
 from usdfoliage.asset.plant import Plant, author_plant
 from usdfoliage.asset.provenance import author_provenance
 from usdfoliage.asset.variants import VariantSet, author_variant_references, author_variant_sets
@@ -13,9 +13,14 @@ from usdfoliage.asset.variants import VariantSet, author_variant_references, aut
 PAYLOAD = "./payload/payload.usda"  # from the interface layer
 
 
-def write_interface_layer(path: Path, name: str, plant: Plant, variants: Sequence[VariantSet]) -> None:
-    """Write what an application reads before it loads the asset: the root prim and nothing below it."""
+def write_interface_layer(path: Path, name: str, plant: Plant, variants: Sequence[VariantSet], frames: int = 0) -> None:
+    """Write what an application reads before it loads the asset: the root prim and nothing below it.
+
+    frames is how many there are in variants that move.
+    """
     stage = new_layer(path, name)
+    if frames:
+        author_frames(stage, frames)
     root = Sdf.Path(f"/{name}")
     author_plant(stage, root, plant)
     author_variant_sets(stage, root, variants)

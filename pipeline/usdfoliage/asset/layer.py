@@ -7,6 +7,9 @@ from pxr import Sdf, Tf, Usd, UsdGeom
 
 from usdfoliage.errors import AssetError
 
+FIRST_FRAME = 1
+FRAMES_PER_SECOND = 24.0
+
 
 def new_layer(path: Path, name: str) -> Usd.Stage:
     """An empty stage for the layer at path: metres, Y up, the default prim /name, an Xform.
@@ -49,3 +52,11 @@ def author_scopes(stage: Usd.Stage, path: Sdf.Path) -> None:
     """Define path and what is between it and the default prim as Scopes."""
     for prefix in path.GetPrefixes()[1:]:
         UsdGeom.Scope.Define(stage, prefix)
+
+
+def author_frames(stage: Usd.Stage, count: int) -> None:
+    """Say that the stage has so many frames, from FIRST_FRAME on."""
+    stage.SetStartTimeCode(FIRST_FRAME)
+    stage.SetEndTimeCode(FIRST_FRAME + count - 1)
+    stage.SetTimeCodesPerSecond(FRAMES_PER_SECOND)
+    stage.SetFramesPerSecond(FRAMES_PER_SECOND)

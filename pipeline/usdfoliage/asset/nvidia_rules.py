@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, UsdSkel
 
 from usdfoliage.asset.findings import Finding, one_line
 from usdfoliage.asset.schema import LEAF_API
@@ -63,9 +63,13 @@ def _with_our_rules(finding: Finding, stage: Usd.Stage) -> Finding:
     """The same finding, a warning where NVIDIA's rule does not hold for leaves and one of ours takes its place.
 
     A prototype that is displaced has an extent wider than its points, which the rule demands to be equal; an array of
-    no elements it takes for one with wrong indices.
+    no elements it takes for one with wrong indices. A SkelRoot's extent holds what is drawn in every frame, while the
+    rule demands what USD guesses from the joints at rest.
     """
     prim = stage.GetPrimAtPath(Sdf.Path(finding.path).GetPrimPath() if finding.path.startswith("/") else "/")
+    if finding.severity == "error" and finding.validator == "nvidia:ExtentsChecker" and prim.IsA(UsdSkel.Root):
+        ours = "it holds the surfaces in every frame, which is less than USD guesses from the joints"
+        return replace(finding, severity="warning", message=f"{finding.message} ({ours})")
     leaves = next((p for p in _ancestors(prim) if LEAF_API in p.GetPrimTypeInfo().GetAppliedAPISchemas()), None)
     if finding.severity != "error" or leaves is None or not leaves.IsA(UsdGeom.PointInstancer):
         return finding

@@ -304,9 +304,13 @@ def finish_asset(
     plant: Plant,
     variants: Sequence[VariantSet],
     shared: Sequence[str] = ("./materials.usda",),
+    frames: int = 0,
 ) -> Path:
-    """The two layers that hold the others together; shared are those of the payload's folder in every variant."""
+    """The two layers that hold the others together; shared are those of the payload's folder in every variant.
+
+    frames is how many there are in variants that move.
+    """
     write_payload_layer(folder / "payload" / "payload.usda", name, shared, variants)
     interface = folder / f"{name}.usda"
-    write_interface_layer(interface, name, plant, variants)
+    write_interface_layer(interface, name, plant, variants, frames)
     return interface

@@ -1,6 +1,6 @@
 """The variant sets of an asset: declared on the interface, filled in the payload."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pxr import Sdf, Usd
@@ -36,6 +36,19 @@ def author_variant_references(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[V
     for number, held in enumerate(sets):
         if not held.inside:
             _fill(prim, prim, held, [inner for inner in sets[number + 1 : number + 2] if inner.inside])
+
+
+def each_variant(stage: Usd.Stage, path: Sdf.Path, name: str, variants: Sequence[str]) -> Iterator[str]:
+    """Go through the variants of a set of the prim at path; what is authored meanwhile lies within each. None is left
+    selected: a layer that has a set of the same name again follows the selection of who refers to it.
+    """
+    variant_set = stage.GetPrimAtPath(path).GetVariantSets().AddVariantSet(name)
+    for variant in variants:
+        variant_set.AddVariant(variant)
+        variant_set.SetVariantSelection(variant)
+        with variant_set.GetVariantEditContext():
+            yield variant
+    variant_set.ClearVariantSelection()
 
 
 def _fill(

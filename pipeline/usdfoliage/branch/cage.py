@@ -72,7 +72,7 @@ class BranchCage:
     st is in metres: s round a branch, on its mean radius, with a seam; t along it from its first point.
     """
 
-    points_m: NDArray[np.float64]  # (P, 3)
+    points_m: NDArray[np.float64]  # (P, 3), six and six those of a ring, after them those of a hole
     faces: NDArray[np.int32]  # (F, 4), counter-clockwise from outside
     st_m: NDArray[np.float64]  # (N, 2)
     face_st: NDArray[np.int32]  # (F, 4), index of st_m at each corner

@@ -62,6 +62,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_representation(parser, "of leaves: all four up to 2000 of them, beyond that bezier")
     add_resolution(parser)
+    parser.add_argument(
+        "--rig", action="store_true", help="joints that turn the branches (UsdSkel), in a variant: rig=skel"
+    )
+    parser.add_argument(
+        "--rig-order",
+        metavar="N",
+        type=int,
+        help="of the last branches with a joint; others follow the one that they spring from (2)",
+    )
+    parser.add_argument("--sway", metavar="FRAMES", type=int, help="a gentle sway of the rig in a loop; implies --rig")
+    parser.add_argument(
+        "--growth",
+        metavar="FRAMES",
+        type=int,
+        help="the growth of the plant in so many frames, in a variant: growth=growing",
+    )
     parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
     parser.add_argument("--no-preview", action="store_true", help="leave the pictures of the asset out of the report")
     parser.add_argument("--force", action="store_true", help="replace OUT though it is not an asset of ours")

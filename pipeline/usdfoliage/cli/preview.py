@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="show this variant, such as representation=mesh, wherever there is the set; may be repeated",
     )
+    parser.add_argument("--frame", type=float, metavar="TIME", help="of what moves, as a time code (the first)")
     parser.add_argument(
         "--mute", metavar="LAYER", type=Path, action="append", default=[], help="leave this layer out; may be repeated"
     )
@@ -85,6 +86,7 @@ def run(options: argparse.Namespace) -> int:
             background=_parse_background(options.background),
             variants=tuple(_parse_variant(words) for words in options.variant),
             muted=tuple(options.mute),
+            frame=options.frame,
         )
         if options.turntable is not None and options.turntable < 2:
             raise ValueError(f"a turntable needs at least 2 frames, not {options.turntable}")

@@ -31,6 +31,7 @@ from usdfoliage.capture.cloud_thinning import PointThinner
 from usdfoliage.capture.cloud_up import axis_vector, find_cloud_up, turn_to_y_up
 from usdfoliage.errors import FitError, FoliageError
 from usdfoliage.jobs.branch_foliage import FoliageRequest, describe_foliage, grow_leaves, read_fitted_leaves
+from usdfoliage.jobs.branch_motion import BranchMotion, grow_branches, rig_branches
 from usdfoliage.jobs.branches_report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.steps import StepProgress, follow_step
@@ -57,6 +58,7 @@ class BranchesRequest:
     most_points: int = 400_000  # that branches are traced through
     species: str = ""
     foliage: FoliageRequest = field(default_factory=FoliageRequest)
+    motion: BranchMotion = field(default_factory=BranchMotion)
     seed: int = 0
     preview: bool = True
     force: bool = False
@@ -87,6 +89,7 @@ class BranchesRequest:
             most_points=options.most_points,
             species=species.name if species else "",
             foliage=FoliageRequest.from_options(options, species),
+            motion=BranchMotion.from_options(options),
             seed=options.seed,
             preview=not options.no_preview,
             force=options.force,
@@ -238,6 +241,11 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             lost = [branch.curve for branch in surfaces.whole.dropped]
             grown = grow_leaves(traced.skeleton, request.foliage, fitted, request.seed, lost)
             notes.extend(grown.notes if grown else ())
+        with follow_step("motion", seconds, progress):
+            rig = rig_branches(traced.skeleton, surfaces, request.motion, request.seed)
+            growth = grow_branches(traced, surfaces, request.motion)
+        if rig is not None:
+            notes.append(f"the rig has {len(rig.rig)} joints; select rig=skel to move it")
         with follow_step("asset", seconds, progress):
             provenance = Provenance(
                 species=request.species,
@@ -256,6 +264,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 plant.asset_from_cloud,
                 BranchAssetSettings(),
                 grown.foliage if grown else None,
+                rig,
+                growth,
             )
         report = BranchesReport(
             name=request.name,
@@ -310,6 +320,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
         "species": request.species or "none",
         **describe_foliage(request.foliage),
         "seed": str(request.seed),
+        **request.motion.describe(),
     }
 
 

@@ -63,12 +63,15 @@ class PreviewSettings:
     purposes: tuple[str, ...] = ("default", "render")
     variants: tuple[tuple[str, str], ...] = ()  # (variant set, variant), selected on every prim that has the set
     muted: tuple[Path, ...] = ()  # layers that are left out
+    frame: float | None = None  # time code; None: the stage's first
     stall_timeout_s: float = 300.0  # without a frame for so long, Storm is taken to hang
 
     def __post_init__(self) -> None:
         check_size(self.width_px, self.height_px)
         if self.complexity not in COMPLEXITIES:
             raise ValueError(f"complexity must be one of {', '.join(COMPLEXITIES)}, not {self.complexity!r}")
+        if self.frame is not None and not math.isfinite(self.frame):
+            raise ValueError(f"frame must be a time code, not {self.frame}")
         if self.samples < 1:
             raise ValueError(f"samples must be 1 or more, not {self.samples}")
         if self.background is not None and not all(0 <= c <= 1 for c in self.background):
@@ -330,6 +333,7 @@ def _build_request(
         requested.append(entry)
     return {
         "usd_file": str(usd_file.resolve()),
+        **({} if settings.frame is None else {"frame": settings.frame}),
         "complexity": COMPLEXITIES[settings.complexity],
         "samples": settings.samples,
         "purposes": list(settings.purposes),

@@ -1,0 +1,117 @@
+"""What moves in an asset of branches, where it is asked for: a rig, its sway, and growth."""
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.asset.branch_growth import BranchGrowth
+from usdfoliage.asset.branch_package import ALL_ORDERS, BranchSurfaces
+from usdfoliage.asset.branch_rig import BranchRig
+from usdfoliage.branch.allometry import AllometrySettings
+from usdfoliage.branch.cage import BranchCage
+from usdfoliage.branch.growth_stages import (
+    GrowthStages,
+    GrowthStageSettings,
+    carry_surface,
+    grow_skeleton,
+    grow_surface,
+    plan_stages,
+)
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.places import cage_exits, cage_places
+from usdfoliage.branch.posing import pose_joints, skin_points
+from usdfoliage.branch.reconstruct import TracedBranches
+from usdfoliage.branch.rig import RigSettings, build_rig, skin_places
+from usdfoliage.branch.sway import SwaySettings, sway_joints
+from usdfoliage.errors import FoliageError
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchMotion:
+    """What was asked for."""
+
+    rig: RigSettings | None = None
+    sway: SwaySettings | None = None  # of the rig
+    growth_frames: int = 0
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "BranchMotion":
+        """What a command line asks for; FoliageError for values that cannot be."""
+        rig = sway = None
+        has_rig = options.rig or options.sway is not None
+        if options.rig_order is not None and not has_rig:
+            raise FoliageError("--rig-order is of a rig; add --rig or --sway")
+        if options.rig_order is not None and options.rig_order < 0:
+            raise FoliageError(f"--rig-order must be 0 or more, not {options.rig_order}")
+        for name, frames in (("--sway", options.sway), ("--growth", options.growth)):
+            if frames is not None and frames < 2:
+                raise FoliageError(f"{name} must be 2 frames or more, not {frames}")
+        if has_rig:
+            rig = RigSettings() if options.rig_order is None else RigSettings(order=options.rig_order)
+        if options.sway is not None:
+            sway = SwaySettings(frames=options.sway)
+        return cls(rig=rig, sway=sway, growth_frames=options.growth or 0)
+
+    def describe(self) -> dict[str, str]:
+        """Settings by the names of their options; nothing of what was not asked for."""
+        told = {}
+        if self.rig is not None:
+            told["rig-order"] = str(self.rig.order)
+        if self.sway is not None:
+            told["sway"] = str(self.sway.frames)
+        if self.growth_frames:
+            told["growth"] = str(self.growth_frames)
+        return told
+
+
+def rig_branches(skeleton: Skeleton, surfaces: BranchSurfaces, motion: BranchMotion, seed: int) -> BranchRig | None:
+    """The rig of all surfaces, None where it was not asked for."""
+    if motion.rig is None:
+        return None
+    drawn = np.isin(np.arange(len(skeleton)), surfaces.whole.curve)
+    rig = build_rig(skeleton, motion.rig, cage_exits(surfaces.whole, skeleton), drawn)
+    skins = {}
+    for variant, cage in _each_surface(skeleton, surfaces):
+        places = cage_places(cage, skeleton)
+        skins[variant] = skin_places(rig, places.curve, places.arc_m)
+    low_m, high_m = surfaces.whole.points_m.min(axis=0), surfaces.whole.points_m.max(axis=0)
+    sway_rad = None
+    if motion.sway is not None:
+        sway_rad = sway_joints(rig, skeleton, np.random.default_rng(seed), motion.sway)
+        for turn_rad in sway_rad:
+            points_m = skin_points(rig, skins[ALL_ORDERS], surfaces.whole.points_m, pose_joints(rig, turn_rad))
+            low_m, high_m = np.minimum(low_m, points_m.min(axis=0)), np.maximum(high_m, points_m.max(axis=0))
+    return BranchRig(rig=rig, skins=skins, extent_m=np.stack([low_m, high_m]), sway_rad=sway_rad)
+
+
+def grow_branches(traced: TracedBranches, surfaces: BranchSurfaces, motion: BranchMotion) -> BranchGrowth | None:
+    """The frames of the growth, made as they are gone through; None where it was not asked for."""
+    if not motion.growth_frames:
+        return None
+    skeleton = traced.skeleton
+    exponent = traced.radii.exponent
+    settings = GrowthStageSettings()
+    if 0 < exponent <= 2:
+        settings = replace(settings, allometry=AllometrySettings(exponent=exponent))
+    stages = plan_stages(skeleton, traced.internode_m, motion.growth_frames, settings)
+    return BranchGrowth(
+        frames=len(stages),
+        skeleton=(grow_skeleton(stages, stage) for stage in range(len(stages))),
+        surfaces={variant: _grow_surface(stages, cage) for variant, cage in _each_surface(skeleton, surfaces)},
+    )
+
+
+def _grow_surface(stages: GrowthStages, cage: BranchCage) -> Iterator[NDArray[np.float64]]:
+    surface = carry_surface(cage, stages.skeleton)
+    return (grow_surface(stages, stage, surface) for stage in range(len(stages)))
+
+
+def _each_surface(skeleton: Skeleton, surfaces: BranchSurfaces) -> Iterator[tuple[str, BranchCage]]:
+    """Every variant of the set branches and its cage, whose branches are numbered as in the whole skeleton."""
+    yield ALL_ORDERS, surfaces.whole
+    for order, cage in surfaces.by_order:
+        numbers = np.flatnonzero(skeleton.order <= order).astype(np.int32)
+        yield f"order{order}", replace(cage, curve=numbers[cage.curve])
