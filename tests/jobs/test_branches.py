@@ -7,7 +7,7 @@ import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.branches import read_roots, read_unit, read_up
+from usdfoliage.jobs.plant_cloud import read_roots, read_unit, read_up
 
 HEIGHT_M, RADIUS_M, ARM_M = 2.0, 0.04, 0.02
 
@@ -132,7 +132,7 @@ def test_roots_are_a_word_a_number_or_places():
 
 def test_units_and_axes_that_are_not_known_are_refused():
     assert read_unit("auto") is None
-    assert read_unit("cm") == pytest.approx(0.01)
+    assert read_unit("cm") == "cm"
     assert read_up("-z") == "-Z"
     with pytest.raises(FoliageError, match="--unit"):
         read_unit("yard")

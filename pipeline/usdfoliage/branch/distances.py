@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.geometry.perpendicular import two_across
+from usdfoliage.geometry.directions import two_across
 
 _AROUND = 8  # points around a branch, of its surface
 _NEAREST = 16  # places on axes that are looked at for each point: the nearest axis need not have the nearest surface

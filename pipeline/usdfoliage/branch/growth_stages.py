@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.branch.allometry import AllometrySettings, carried_lengths, least_carried
 from usdfoliage.branch.cage import BranchCage
+from usdfoliage.branch.logistic_growth import LogisticSettings, longest_way
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.places import Places, arcs_of, cage_exits, cage_places, places_at
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
@@ -118,7 +119,8 @@ def logistic_lengths(
     start = min(settings.initial_internodes, 0.5 * longest)
     surplus = longest / start - 1
     end = np.log(surplus * _GROWN / (1 - _GROWN)) / settings.growth_units
-    grown = longest / (1 + surplus * np.exp(-settings.growth_units * np.linspace(0, end, count)))
+    logistic = LogisticSettings(longest=longest, initial_share=start / longest, initial_units=settings.growth_units)
+    grown = longest_way(np.linspace(0, end, count), logistic)
     # The share that is missing at the end is spread over all times, so that growth stops where it is to.
     lengths = start + (grown - start) * (longest - start) / (grown[-1] - start)
     lengths[-1] = longest

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.growth_settings import GrowthSettings
 from usdfoliage.branch.node_tree import NodeTree
-from usdfoliage.geometry.perpendicular import two_across
+from usdfoliage.geometry.directions import two_across
 
 _BUDS = 8  # nearest ones, of which a point goes to the first that sees it
 _LEAST_STEP = 1e-9

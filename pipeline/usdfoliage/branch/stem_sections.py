@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.axes import Axes
-from usdfoliage.geometry.perpendicular import two_across
+from usdfoliage.geometry.directions import two_across
 
 _CHUNK = 2_000_000  # points of windows looked at at once
 _SECTORS = 12  # of a circle, for how much of it is seen

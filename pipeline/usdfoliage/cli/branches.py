@@ -63,6 +63,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_representation(parser, "of leaves: all four up to 2000 of them, beyond that bezier")
     add_resolution(parser)
     parser.add_argument(
+        "--method",
+        choices=("trace", "grow"),
+        default="trace",
+        help="branches follow the points, or grow through them from the roots, as a plant might have (%(default)s)",
+    )
+    parser.add_argument(
+        "--fill-hidden",
+        action="store_true",
+        help="grow branches inside the crown as well, where its foliage hid them from the cloud",
+    )
+    parser.add_argument(
+        "--variations",
+        metavar="N",
+        type=int,
+        default=0,
+        help="further plants, grown through the same cloud with slightly other parameters (%(default)s)",
+    )
+    parser.add_argument(
         "--rig", action="store_true", help="joints that turn the branches (UsdSkel), in a variant: rig=skel"
     )
     parser.add_argument(
@@ -102,5 +120,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"{row.name}: {row.value}")
     print("seconds: " + ", ".join(f"{name} {value:.1f}" for name, value in made.seconds.items()))
     print(f"asset: {made.asset}")
+    for alike in made.variations:
+        print(f"variation: {alike}")
     print(f"report: {made.report}")
     return 0

@@ -1,44 +1,46 @@
 """From a cloud on disk to an asset of branches."""
 
 import argparse
-import hashlib
 import logging
-import re
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usdfoliage import __version__
-from usdfoliage.asset.branch_package import BranchAssetSettings, BranchSurfaces, write_branch_asset
+from usdfoliage.asset.branch_growth import BranchGrowth
+from usdfoliage.asset.branch_package import BranchAssetSettings, BranchLeaves, BranchSurfaces, write_branch_asset
+from usdfoliage.asset.branch_rig import BranchRig
 from usdfoliage.asset.branches import SkeletonPrim
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage import BranchCage, BranchCageSettings, build_branch_cage
-from usdfoliage.branch.ground import find_ground
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
-from usdfoliage.branch.roots import RootSettings, find_roots
 from usdfoliage.branch.species import load_species
-from usdfoliage.capture.cloud_input import CloudInput, CloudInputSettings, read_cloud_input
-from usdfoliage.capture.cloud_thinning import PointThinner
-from usdfoliage.capture.cloud_up import axis_vector, find_cloud_up, turn_to_y_up
 from usdfoliage.errors import FitError, FoliageError
-from usdfoliage.jobs.branch_foliage import FoliageRequest, describe_foliage, grow_leaves, read_fitted_leaves
+from usdfoliage.jobs.branch_foliage import (
+    FittedLeaves,
+    FoliageRequest,
+    describe_foliage,
+    grow_leaves,
+    read_fitted_leaves,
+)
 from usdfoliage.jobs.branch_motion import BranchMotion, grow_branches, rig_branches
+from usdfoliage.jobs.branch_regrowth import RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches_report import BranchesReport, branch_rows, write_branches_report
+from usdfoliage.jobs.capture_work import digest_file
 from usdfoliage.jobs.crown_report import Row
+from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.steps import StepProgress, follow_step
 
 logger = logging.getLogger(__name__)
 
-LEAST_POINTS = 50  # of a plant without its ground
+VARIATIONS = "variations"  # folder of the assets of plants alike
 _COARSER_ORDERS = (1, 2)  # variants of the surface
 _CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
 
@@ -47,16 +49,12 @@ _CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are th
 class BranchesRequest:
     """What the user asked for, checked."""
 
-    cloud: Path
+    cloud: PlantCloudRequest
     output: Path
     name: str
     settings: BranchSettings
-    roots: RootSettings
-    given_roots: Sequence[tuple[float, float, float]] = ()  # in the cloud's own coordinates
-    up: str | None = None  # an axis of the cloud; None: told by the cloud
-    metres_per_unit: float | None = None
-    most_points: int = 400_000  # that branches are traced through
     species: str = ""
+    regrowth: RegrowthRequest = field(default_factory=RegrowthRequest)
     foliage: FoliageRequest = field(default_factory=FoliageRequest)
     motion: BranchMotion = field(default_factory=BranchMotion)
     seed: int = 0
@@ -66,9 +64,6 @@ class BranchesRequest:
     @classmethod
     def from_options(cls, options: argparse.Namespace) -> "BranchesRequest":
         """The request that a command line makes; FoliageError for values that cannot be."""
-        roots, given = read_roots(options.roots)
-        if options.most_points < LEAST_POINTS:
-            raise FoliageError(f"--most-points must be at least {LEAST_POINTS}, not {options.most_points}")
         if options.species_file is not None and not options.species:
             raise FoliageError("--species-file holds species; say with --species which one is meant")
         species = load_species(options.species, options.species_file) if options.species else None
@@ -78,16 +73,12 @@ class BranchesRequest:
         except ValueError as error:
             raise FoliageError(f"--internode: {error}") from error
         return cls(
-            cloud=options.cloud,
+            cloud=PlantCloudRequest.from_options(options),
             output=options.output,
             name=asset_name(options.name or options.output.resolve().name),
             settings=settings,
-            roots=roots,
-            given_roots=given,
-            up=read_up(options.up),
-            metres_per_unit=read_unit(options.unit),
-            most_points=options.most_points,
             species=species.name if species else "",
+            regrowth=RegrowthRequest.from_options(options),
             foliage=FoliageRequest.from_options(options, species),
             motion=BranchMotion.from_options(options),
             seed=options.seed,
@@ -96,120 +87,16 @@ class BranchesRequest:
         )
 
 
-def read_roots(text: str) -> tuple[RootSettings, tuple[tuple[float, float, float], ...]]:
-    """auto, a number of roots, or the places of some, in the cloud's coordinates: x,y,z or x,y,z;x,y,z.
-
-    Raises:
-        FoliageError: It is none of these.
-    """
-    if text == "auto":
-        return RootSettings(), ()
-    try:
-        if re.fullmatch(r"\s*\d+\s*", text):
-            return RootSettings(count=int(text)), ()
-        places = tuple(tuple(float(part) for part in place.split(",")) for place in text.split(";"))
-    except ValueError as error:
-        raise FoliageError(f"--roots must be auto, a number above 0, or x,y,z, not {text!r}") from error
-    if not all(len(place) == 3 and np.isfinite(place).all() for place in places):
-        raise FoliageError(f"--roots must be auto, a number above 0, or x,y,z, not {text!r}")
-    return RootSettings(count=len(places)), tuple((place[0], place[1], place[2]) for place in places)
-
-
-def read_up(text: str) -> str | None:
-    """An axis, or None for auto; FoliageError for anything else."""
-    if text == "auto":
-        return None
-    if not re.fullmatch(r"[+-]?[XYZxyz]", text):
-        raise FoliageError(f"--up must be auto or one of X, Y, Z, -X, -Y and -Z, not {text!r}")
-    return text.upper()
-
-
-_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048}
-
-
-def read_unit(text: str) -> float | None:
-    """Metres in a unit, or None for auto; FoliageError for one that is not known."""
-    if text == "auto":
-        return None
-    if text not in _UNITS:
-        raise FoliageError(f"--unit must be auto or one of {', '.join(_UNITS)}, not {text!r}")
-    return _UNITS[text]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlantCloud:
-    """A cloud as branches are traced through it."""
-
-    points_m: NDArray[np.float64]  # (N, 3), Y up, the first root at the origin, without ground
-    roots_m: NDArray[np.float64]  # (R, 3)
-    asset_from_cloud: NDArray[np.float64]  # (4, 4), from the file's coordinates
-    source: CloudInput
-    ground: int  # points that were left out as ground
-    notes: tuple[str, ...]
-
-
 @dataclass(frozen=True, kw_only=True)
 class MadeBranches:
     """What was written, and what the user should know of it."""
 
     asset: Path
     report: Path
+    variations: tuple[Path, ...]  # assets of plants alike
     notes: tuple[str, ...]
     measures: tuple[Row, ...]
     seconds: dict[str, float]
-
-
-def read_plant_cloud(request: BranchesRequest, progress: StepProgress | None = None) -> PlantCloud:
-    """Read a cloud, turn it upright, leave out its ground and find the roots.
-
-    Raises:
-        CaptureError: The cloud cannot be used.
-        FitError: Nothing is left without the ground.
-    """
-    source = read_cloud_input(
-        request.cloud,
-        CloudInputSettings(metres_per_unit=request.metres_per_unit),
-        (lambda done, total: progress("read", done / max(total, 1))) if progress else None,
-    )
-    notes = list(source.notes)
-    if request.up is not None:
-        axis = axis_vector(request.up)
-    else:
-        up = find_cloud_up(source.points_m, source.stated_up, source.usual_up)
-        axis = up.axis
-        notes.append(up.how if up.sure else f"{up.how}; say it with --up if that is wrong")
-    turn = turn_to_y_up(axis)
-    points_m = source.points_m @ turn.T
-    if len(points_m) > request.most_points:
-        thinner = PointThinner(request.most_points)
-        thinner.add(points_m, None)
-        thinned = thinner.finish()
-        points_m = thinned.points
-        notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * thinned.cell:.1f} mm")
-    ground = find_ground(points_m)
-    if ground.points.any():
-        notes.append(f"{int(ground.points.sum()):,} points are ground and left out")
-    points_m = points_m[~ground.points]
-    if len(points_m) < LEAST_POINTS:
-        raise FitError(f"{len(points_m)} points are left without the ground, {LEAST_POINTS} needed ({source.path})")
-    if request.given_roots:
-        given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
-        roots_m = given @ turn.T
-    else:
-        roots_m = find_roots(points_m, request.roots)
-        if request.roots.count is not None and len(roots_m) < request.roots.count:
-            notes.append(f"{len(roots_m)} of {request.roots.count} roots were found")
-    asset_from_cloud = np.eye(4)
-    asset_from_cloud[:3, :3] = turn * source.metres_per_unit
-    asset_from_cloud[:3, 3] = -turn @ source.origin_m - roots_m[0]
-    return PlantCloud(
-        points_m=points_m - roots_m[0],
-        roots_m=roots_m - roots_m[0],
-        asset_from_cloud=asset_from_cloud,
-        source=source,
-        ground=int(ground.points.sum()),
-        notes=tuple(notes),
-    )
 
 
 def make_branches_asset(request: BranchesRequest, progress: StepProgress | None = None) -> MadeBranches:
@@ -222,7 +109,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
     with publish_folder(request.output, force=request.force) as folder:
         start = time.perf_counter()
         fitted = read_fitted_leaves(request.foliage, request.output)
-        plant = read_plant_cloud(request, progress)
+        plant = read_plant_cloud(request.cloud, progress)
         seconds["read"] = time.perf_counter() - start
         with follow_step("branches", seconds, progress) as tell:
             traced = reconstruct_branches(
@@ -233,19 +120,14 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             )
         if not len(traced.skeleton):
             raise FitError(f"no branch was found in {len(plant.points_m):,} points ({plant.source.path})")
-        notes = list(plant.notes)
-        with follow_step("surface", seconds, progress):
-            surfaces, dropped = build_surfaces(traced.skeleton)
-            notes.extend(dropped)
-        with follow_step("leaves", seconds, progress):
-            lost = [branch.curve for branch in surfaces.whole.dropped]
-            grown = grow_leaves(traced.skeleton, request.foliage, fitted, request.seed, lost)
-            notes.extend(grown.notes if grown else ())
-        with follow_step("motion", seconds, progress):
-            rig = rig_branches(traced.skeleton, surfaces, request.motion, request.seed)
-            growth = grow_branches(traced, surfaces, request.motion)
-        if rig is not None:
-            notes.append(f"the rig has {len(rig.rig)} joints; select rig=skel to move it")
+        species = request.foliage.species
+        with follow_step("growth", seconds, progress) as tell:
+            shown, told = regrow_branches(
+                traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
+            )
+        notes = [*plant.notes, *told]
+        made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
+        notes.extend(made.notes)
         with follow_step("asset", seconds, progress):
             provenance = Provenance(
                 species=request.species,
@@ -253,20 +135,18 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 generator=f"usdfoliage {__version__}",
                 seed=request.seed,
                 settings=describe_settings(request),
-                input_sha256=hashlib.sha256(plant.source.path.read_bytes()).hexdigest(),
+                input_sha256=digest_file(plant.source.path),
             )
-            interface = write_branch_asset(
-                folder,
-                request.name,
-                SkeletonPrim(skeleton=traced.skeleton, growth=growth_of(traced)),
-                surfaces,
-                provenance,
-                plant.asset_from_cloud,
-                BranchAssetSettings(),
-                grown.foliage if grown else None,
-                rig,
-                growth,
-            )
+            interface = _write_plant(folder, request.name, made, provenance, plant)
+        variations: list[Path] = []
+        with follow_step("variations", seconds, progress) as tell:
+            for varied, seed in vary_branches(traced, plant, request.regrowth, species, request.seed):
+                name = f"{request.name}_{len(variations) + 1:02d}"
+                own = folder / VARIATIONS / name
+                own.mkdir(parents=True)
+                alike = _make_plant(request, varied, fitted, seed, {}, None)
+                variations.append(_write_plant(own, name, alike, replace(provenance, seed=seed), plant))
+                tell(len(variations), request.regrowth.variations)
         report = BranchesReport(
             name=request.name,
             capture=plant.source.path.name,
@@ -274,16 +154,77 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             notes=notes,
             settings=provenance.settings,
             preview=request.preview,
+            variations=variations,
         )
         (folder / "report").mkdir(exist_ok=True)
-        rows = branch_rows(traced, surfaces.whole, plant.points_m) + list(grown.rows if grown else ())
-        write_branches_report(folder / "report", interface, report, traced, plant.points_m, rows, seconds, progress)
+        rows = [*branch_rows(shown, made.surfaces.whole, plant.points_m), *made.rows]
+        write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, seconds, progress)
     return MadeBranches(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
+        variations=tuple(request.output / made.relative_to(folder) for made in variations),
         notes=tuple(notes),
         measures=tuple(rows),
         seconds=seconds,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _MadePlant:
+    """What an asset of branches is written from."""
+
+    skeleton: SkeletonPrim
+    surfaces: BranchSurfaces
+    leaves: BranchLeaves | None
+    rig: BranchRig | None
+    growth: BranchGrowth | None
+    notes: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def _make_plant(
+    request: BranchesRequest,
+    traced: TracedBranches,
+    fitted: FittedLeaves | None,
+    seed: int,
+    seconds: dict[str, float],
+    progress: StepProgress | None,
+) -> _MadePlant:
+    """The surface of branches, their leaves, and what moves."""
+    with follow_step("surface", seconds, progress):
+        surfaces, notes = build_surfaces(traced.skeleton)
+    with follow_step("leaves", seconds, progress):
+        lost = [branch.curve for branch in surfaces.whole.dropped]
+        grown = grow_leaves(traced.skeleton, request.foliage, fitted, seed, lost)
+        notes.extend(grown.notes if grown else ())
+    with follow_step("motion", seconds, progress):
+        rig = rig_branches(traced.skeleton, surfaces, request.motion, seed)
+        growth = grow_branches(traced, surfaces, request.motion)
+    if rig is not None:
+        notes.append(f"the rig has {len(rig.rig)} joints; select rig=skel to move it")
+    return _MadePlant(
+        skeleton=SkeletonPrim(skeleton=traced.skeleton, growth=growth_of(traced)),
+        surfaces=surfaces,
+        leaves=grown.foliage if grown else None,
+        rig=rig,
+        growth=growth,
+        notes=tuple(notes),
+        rows=grown.rows if grown else (),
+    )
+
+
+def _write_plant(folder: Path, name: str, made: _MadePlant, provenance: Provenance, plant: PlantCloud) -> Path:
+    return write_branch_asset(
+        folder,
+        name,
+        made.skeleton,
+        made.surfaces,
+        provenance,
+        plant.asset_from_cloud,
+        BranchAssetSettings(),
+        made.leaves,
+        made.rig,
+        made.growth,
     )
 
 
@@ -311,12 +252,10 @@ def growth_of(traced: TracedBranches) -> dict[str, float]:
 
 def describe_settings(request: BranchesRequest) -> dict[str, str]:
     """Every setting that decides the result, by the name of its option."""
-    roots = ";".join(",".join(f"{c:g}" for c in place) for place in request.given_roots)
     return {
-        "roots": roots or str(request.roots.count or "auto"),
-        "up": request.up or "auto",
+        **request.cloud.describe(),
         "internode": "auto" if request.settings.internode_m is None else f"{request.settings.internode_m:g}",
-        "most-points": str(request.most_points),
+        **request.regrowth.describe(),
         "species": request.species or "none",
         **describe_foliage(request.foliage),
         "seed": str(request.seed),
@@ -327,7 +266,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
 def plan_branches_asset(request: BranchesRequest) -> str:
     """What make_branches_asset would do, in lines, after reading the cloud; writes nothing."""
     fitted = read_fitted_leaves(request.foliage, request.output)
-    plant = read_plant_cloud(replace(request, preview=False))
+    plant = read_plant_cloud(request.cloud)
     height_m = float(np.ptp(plant.points_m[:, 1]))
     lines = [
         f"cloud: {plant.source.path}, {plant.source.total:,} points; {len(plant.points_m):,} of the plant, "

@@ -27,6 +27,7 @@ DRAWN_POINTS = 300_000
 VIEWS = (("Front", "front", "preview.png"), ("Right side", "right", "preview_right.png"))
 _FRONT = Direction(name="front", right=np.eye(3)[0], up=np.eye(3)[1], towards=np.eye(3)[2])
 _RIGHT = Direction(name="right", right=-np.eye(3)[2], up=np.eye(3)[1], towards=np.eye(3)[0])
+_PREVIEW = PreviewSettings(width_px=720, height_px=900, complexity="medium", samples=2)
 _FAR_QUANTILE = 0.99  # of the distances, that the scale of their picture ends with
 
 
@@ -40,6 +41,7 @@ class BranchesReport:
     notes: Sequence[str]  # what the reader should know first
     settings: Mapping[str, str]
     preview: bool
+    variations: Sequence[Path] = ()  # interfaces of plants alike
 
 
 def branch_rows(traced: TracedBranches, cage: BranchCage, points_m: NDArray[np.float64]) -> list[Row]:
@@ -128,10 +130,14 @@ def write_branches_report(
             render_views(
                 interface,
                 [PreviewView(output=folder / file, direction=direction) for _, direction, file in VIEWS],
-                PreviewSettings(width_px=720, height_px=900, complexity="medium", samples=2),
+                _PREVIEW,
                 (lambda done, total: progress("preview", done / total)) if progress else None,
             )
             views = [ReportView(name=title, file=file) for title, _, file in VIEWS]
+            for alike in report.variations:
+                file = f"preview_{alike.stem}.png"
+                render_views(alike, [PreviewView(output=folder / file, direction="front")], _PREVIEW, None)
+                views.append(ReportView(name=alike.stem, file=file))
         except PreviewError as error:
             logger.warning("no pictures: %s", error)
             notes.append(f"no pictures of the asset: {error}")
