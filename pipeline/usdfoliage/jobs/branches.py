@@ -226,12 +226,11 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         with follow_step("surface", seconds, progress):
             surfaces, dropped = build_surfaces(traced.skeleton)
             notes.extend(dropped)
-        with follow_step("motion", seconds, progress):
+        with follow_step("asset", seconds, progress):
             rig = rig_branches(traced.skeleton, surfaces, request.motion, request.seed)
             growth = grow_branches(traced, surfaces, request.motion)
-        if rig is not None:
-            notes.append(f"the rig has {len(rig.rig)} joints; select rig=skel to move it")
-        with follow_step("asset", seconds, progress):
+            if rig is not None:
+                notes.append(f"the rig has {len(rig.rig)} joints; select rig=skel to move it")
             provenance = Provenance(
                 species=request.species,
                 capture=plant.source.path.name,
