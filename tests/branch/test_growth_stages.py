@@ -34,11 +34,6 @@ def test_lengths_are_logistic_from_the_first_to_all():
     assert np.diff(logit) == pytest.approx(np.full(49, np.diff(logit)[0]))
 
 
-def test_the_rate_of_growth_only_tells_how_long_it_takes():
-    slow, fast = (logistic_lengths(80, 9, GrowthStageSettings(growth_units=units)) for units in (0.1, 0.6))
-    assert slow == pytest.approx(fast)
-
-
 def test_a_plant_of_few_internodes_grows_too():
     lengths = logistic_lengths(1.0, 5)
     assert lengths[0] == pytest.approx(0.5)
@@ -147,7 +142,7 @@ def test_a_branch_that_has_not_begun_is_closed_at_the_surface_of_its_parent():
     assert tip_m.mean(axis=0) == pytest.approx([expected_m, 1, 0], abs=2e-3)
 
 
-@pytest.mark.parametrize("bad", [{"initial_internodes": 0.0}, {"growth_units": -1.0}, {"taper_internodes": np.inf}])
+@pytest.mark.parametrize("bad", [{"initial_internodes": 0.0}, {"taper_internodes": np.inf}])
 def test_settings_that_cannot_be_are_refused(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):
         GrowthStageSettings(**bad)

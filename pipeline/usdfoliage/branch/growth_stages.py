@@ -29,12 +29,11 @@ class GrowthStageSettings:
     """How branches grow to what they are."""
 
     initial_internodes: float = 2.0  # H_0
-    growth_units: float = 0.3  # rho_0
     taper_internodes: float = 4.0  # over which a growing tip becomes as thick as what it carries asks for
     allometry: AllometrySettings = field(default_factory=AllometrySettings)
 
     def __post_init__(self) -> None:
-        for name in ("initial_internodes", "growth_units", "taper_internodes"):
+        for name in ("initial_internodes", "taper_internodes"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name} must be above 0, not {getattr(self, name):g}")
 
@@ -115,11 +114,14 @@ def plan_stages(
 def logistic_lengths(
     longest: float, count: int, settings: GrowthStageSettings = GrowthStageSettings()
 ) -> NDArray[np.float64]:
-    """(T,) longest ways H_t from the first time, with H_0, to the last, with all, in internodes (eq. 6)."""
+    """(T,) longest ways H_t from the first time, with H_0, to the last, with all, in internodes (eq. 6).
+
+    rho_0 says how many iterations that takes, and these are stretched over the T times whatever they are.
+    """
     start = min(settings.initial_internodes, 0.5 * longest)
     surplus = longest / start - 1
-    end = np.log(surplus * _GROWN / (1 - _GROWN)) / settings.growth_units
-    logistic = LogisticSettings(longest=longest, initial_share=start / longest, initial_units=settings.growth_units)
+    end = np.log(surplus * _GROWN / (1 - _GROWN))  # rho_0 t
+    logistic = LogisticSettings(longest=longest, initial_share=start / longest, initial_units=1.0)
     grown = longest_way(np.linspace(0, end, count), logistic)
     # The share that is missing at the end is spread over all times, so that growth stops where it is to.
     lengths = start + (grown - start) * (longest - start) / (grown[-1] - start)
