@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from branch_shapes import plant_of
 from usdfoliage.branch.foliage import place_leaves
-from usdfoliage.branch.species import GENERIC, LIBRARY, load_library, load_species
+from usdfoliage.branch.species import GENERIC, describe_species, load_library, load_species
 from usdfoliage.errors import FoliageError
 from usdfoliage.leaf.fold import find_folds
 from usdfoliage.leaf.measures import leaf_width
@@ -99,6 +99,10 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
         load_species("oak", tmp_path / "none.toml")
 
 
-def test_the_library_says_all_of_generic():
-    assert LIBRARY.is_file()
-    assert load_species(GENERIC).leaves_per_node == 1
+@pytest.mark.parametrize("name", ["maple", "generic", "willow"])
+def test_a_species_is_told_as_a_file_has_it(tmp_path, name):
+    species = load_species(name)
+    told = dict(each.split(" ", 1) for each in describe_species(species).split(", "))
+    told["color"] = f"[{told['color'].replace(' ', ', ')}]"
+    extra = write(tmp_path / "mine.toml", "[copy]\n" + "\n".join(f"{key} = {value}" for key, value in told.items()))
+    assert describe_species(load_species("copy", extra)) == describe_species(species)

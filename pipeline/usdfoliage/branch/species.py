@@ -100,6 +100,13 @@ def load_library(extra_file: Path | None = None) -> dict[str, Species]:
     return library
 
 
+def describe_species(species: Species) -> str:
+    """Every parameter, as a file has it."""
+    named = {key: getattr(species, _field_of(key)) for key in _RANGES}
+    told = [f"{key} {math.degrees(value) if key.endswith('_deg') else value:g}" for key, value in named.items()]
+    return ", ".join([*told, f"color {' '.join(f'{channel:g}' for channel in species.color)}"])
+
+
 def _key_of(name: str) -> str:
     return re.sub(r"[\s_-]+", "-", name.strip()).lower()
 

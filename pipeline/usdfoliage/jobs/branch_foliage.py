@@ -16,7 +16,7 @@ from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
 from usdfoliage.branch.foliage import FoliageSettings, LeafPlaces, place_leaves
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.species import GENERIC, Species, load_species
+from usdfoliage.branch.species import GENERIC, Species, describe_species, load_species
 from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.jobs.leaf_asset import LENGTHS_M, MOST_LEAVES, MOST_LEAVES_OF_ALL
@@ -172,14 +172,10 @@ def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | 
 def describe_foliage(request: FoliageRequest) -> dict[str, str]:
     """Every setting of leaves that decides the result, by the name of its option."""
     described = {"foliage": request.kind}
+    if request.kind != NONE or request.species.name != GENERIC:
+        described["species-parameters"] = describe_species(request.species)
     if request.kind == NONE:
         return described
-    species = request.species
-    described["foliage-species"] = (
-        f"{species.name}: {species.leaves_per_node} a node of {species.internode_m:g} m, divergence "
-        f"{np.degrees(species.divergence_rad):g}, petiole {np.degrees(species.petiole_rad):g}, "
-        f"length {species.leaf_length_m:g}, width {species.leaf_width:g}"
-    )
     described["leaves"] = request.source.name if request.source else "none"
     described["leaf-length"] = "auto" if request.length_m is None else f"{request.length_m:g}"
     described["most-leaves"] = str(request.settings.most_leaves)
