@@ -7,7 +7,7 @@ from branch_shapes import fork
 from usdfoliage.branch.growth import grow_branches, seed_plants
 from usdfoliage.branch.growth_settings import GrowthSettings
 from usdfoliage.branch.logistic_growth import LogisticSettings
-from usdfoliage.branch.regrowth import RegrowthSettings, fill_hidden, regrow, vary_growth
+from usdfoliage.branch.regrowth import RegrowthSettings, draw_to_axes, fill_hidden, regrow, vary_growth
 
 INTERNODE_M = 0.05
 PLAIN = GrowthSettings(internode_m=INTERNODE_M, tropism=0.0, logistic=LogisticSettings(longest=40))
@@ -140,6 +140,20 @@ def test_the_inside_of_a_closed_crown_is_grown_into():
     inside = grown.skeleton.curve > 0
     assert (away_m[inside] < 1.01).all()  # from the trunk, which comes in through the surface
     assert grown.reached.mean() > 0.8
+
+
+def test_a_trunk_is_grown_along_its_axis():
+    rng = np.random.default_rng(0)
+    turn, height = rng.uniform(0, 2 * np.pi, 5000), rng.uniform(0, 2, 5000)
+    bark_m = np.column_stack([0.1 * np.cos(turn), height, 0.1 * np.sin(turn)])
+    trunk = seed_plants(np.zeros((1, 3)), 2.0, 0.1)
+    drawn_m = draw_to_axes(bark_m, trunk, 0.025)
+    np.testing.assert_allclose(drawn_m[:, [0, 2]], 0, atol=1e-9)
+    np.testing.assert_allclose(drawn_m[:, 1], height, atol=1e-9)
+    np.testing.assert_array_equal(draw_to_axes(bark_m, trunk, 0.2), bark_m)
+    np.testing.assert_array_equal(draw_to_axes(2 * bark_m, trunk, 0.025), 2 * bark_m)
+    grown = regrow(bark_m, np.zeros((1, 3)), 0.1, PLAIN, stems=trunk).skeleton
+    assert len(grown) == 1
 
 
 def test_variations_are_near_and_differ():

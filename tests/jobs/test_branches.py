@@ -101,6 +101,70 @@ def test_millimetres_are_told(tmp_path, rng):
     assert np.array(curves.GetPointsAttr().Get())[:, 1].max() == pytest.approx(HEIGHT_M, abs=0.06)
 
 
+def skeleton_points(asset):
+    stage = Usd.Stage.Open(str(asset))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath(f"/{asset.stem}/geo/guide/Skeleton"))
+    return np.array(curves.GetPointsAttr().Get(), float)
+
+
+def test_branches_can_be_grown_and_plants_alike_with_them(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    options = [
+        "--method",
+        "grow",
+        "--variations",
+        "2",
+        "--seed",
+        "4",
+        "--no-preview",
+        "--up",
+        "Z",
+        "--internode",
+        "0.05",
+    ]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
+    said = capsys.readouterr().out
+    assert "grown from the roots" in said
+    assets = [tmp_path / "out" / "out.usda"]
+    assets += [tmp_path / "out" / "variations" / name / f"{name}.usda" for name in ("out_01", "out_02")]
+    tips_m = np.array([[0, HEIGHT_M, 0], [0.9 * np.sin(0.87), 1 + 0.9 * np.cos(0.87), 0]])
+    shapes = set()
+    for asset in assets:
+        points = skeleton_points(asset)
+        turned = np.column_stack([np.hypot(points[:, 0], points[:, 2]), points[:, 1], 0 * points[:, 0]])
+        for tip_m in tips_m:
+            assert np.linalg.norm(turned - tip_m, axis=1).min() < 0.1
+        shapes.add(points.tobytes())
+    assert len(shapes) == 3
+    assert main(["validate", str(assets[1])]) == 0
+    stages = [Usd.Stage.Open(str(asset)) for asset in assets]
+    named = {stage.GetDefaultPrim().GetAssetInfo()["name"] for stage in stages}
+    assert named == {"out", "out_01", "out_02"}
+
+
+def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path, rng, capsys):
+    trunk = rng.normal(size=(1500, 3))
+    trunk = trunk / np.linalg.norm(trunk[:, :2], axis=1, keepdims=True) * [0.05, 0.05, 0]
+    trunk[:, 2] = rng.uniform(0, 0.9, len(trunk))
+    crown = rng.normal(size=(2500, 3))
+    crown = crown / np.linalg.norm(crown, axis=1, keepdims=True) * 0.5 + [0, 0, 1.3]
+    for name, points, about in (
+        ("closed", np.concatenate([trunk, crown]), "branches are grown inside the crown"),
+        ("open", y_tree(rng), "hides nothing of the crown"),
+    ):
+        cloud = write_xyz(tmp_path / f"{name}.xyz", points)
+        options = ["--fill-hidden", "--no-preview", "--up", "Z", "--internode", "0.06"]
+        assert main(["branches", str(cloud), "-o", str(tmp_path / name), *options]) == 0
+        assert about in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("wrong", [["--variations", "-1"], ["--variations", "1000"]])
+def test_growth_that_cannot_be_is_named(tmp_path, rng, capsys, wrong):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[:300])
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *wrong]) == 2
+    assert wrong[0] in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("content", "about"),
     [

@@ -98,13 +98,13 @@ def write_branch_asset(
     bark = BarkMaterial(color=settings.color, texture=texture or None, texture_m=settings.texture_m)
     guide_m = write_skeleton_layer(payload / "skeleton.usdc", name, skeleton)
     variants = {ALL_ORDERS: ["./branches.usdc"]}
-    extent_m = write_branches_layer(payload / "branches.usdc", name, surfaces.whole, settings.color)
+    boxes = [write_branches_layer(payload / "branches.usdc", name, surfaces.whole, settings.color)]
     for order, cage in surfaces.by_order:
         layer = f"branches_order{order}.usdc"
-        write_branches_layer(payload / layer, name, cage, settings.color)
+        boxes.append(write_branches_layer(payload / layer, name, cage, settings.color))  # it may stand out a little
         variants[f"order{order}"] = [f"./{layer}"]
     sets = [VariantSet(name="lod", variants={"leaves": []})]
-    boxes, guides, parts = [extent_m], [guide_m], [SKELETON]
+    guides, parts = [guide_m], [SKELETON]
     if rig is not None:  # what sways goes farther
         boxes.append(rig.extent_m)
     if foliage is None:

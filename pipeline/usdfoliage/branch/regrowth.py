@@ -9,7 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.growth import GrownBranches, grow_branches, seed_plants
 from usdfoliage.branch.growth_settings import GrowthSettings
 from usdfoliage.branch.hidden_interior import HiddenSettings, find_hidden
@@ -19,6 +21,7 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.refinement import RefinementSettings, collapse_nodes, round_bends
 from usdfoliage.geometry.disks import choose_disks
 
+_BARK = 1.4  # radii of a stem, within which points are its own
 _LEAST_REACH = 5.0  # internodes, that a plant is taken to be high at least
 
 
@@ -31,6 +34,7 @@ class RegrowthSettings:
     importance: ImportanceSettings = field(default_factory=ImportanceSettings)
     hidden: HiddenSettings = field(default_factory=HiddenSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
+    thick: float = 0.5  # internodes, radius from which on a stem's bark is not what grows
     variation: float = 0.15  # of each parameter, by which plants that are varied differ at most
 
     def __post_init__(self) -> None:
@@ -48,6 +52,7 @@ def regrow(
     settings: RegrowthSettings = RegrowthSettings(),
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
+    stems: Skeleton | None = None,
 ) -> GrownBranches:
     """Grow a whole plant, or several that compete, from its roots through a cloud.
 
@@ -59,8 +64,11 @@ def regrow(
         settings: How the cloud is thinned.
         seed: Of phyllotaxy, and of which points stay.
         progress: Told how far it is, 0 to 1.
+        stems: Branches that were seen: of thick ones it is the axis that is grown along, and not the bark.
     """
     internode_m = growth.internode_m
+    if stems is not None:
+        points_m = draw_to_axes(points_m, stems, settings.thick * internode_m)
     dense_m = points_m[choose_disks(points_m, settings.weighing * internode_m, seed)]
     weights = 1 + weigh_points(dense_m, internode_m, settings.importance)
     markers = choose_disks(dense_m, settings.marker_spacing * internode_m, seed)
@@ -100,6 +108,27 @@ def fill_hidden(
         return GrownBranches(skeleton=skeleton, cycles=0, grown=0, shed=0, reached=np.zeros(len(hidden_m), bool))
     grown = grow_branches(skeleton, hidden_m, np.ones(len(hidden_m)), _reaching(growth, points_m), seed, progress)
     return replace(grown, skeleton=_refined(grown.skeleton, growth.internode_m, settings))
+
+
+def draw_to_axes(points_m: NDArray[np.float64], stems: Skeleton, least_m: float) -> NDArray[np.float64]:
+    """(N, 3) points, those on the bark of stems at least so thick moved to the axis.
+
+    Args:
+        points_m: (N, 3).
+        stems: Branches.
+        least_m: Radius from which on they count.
+    """
+    places_m, radii_m, direction = sample_axes(stems, 0.5 * least_m)
+    thick = radii_m >= least_m
+    if not thick.any():
+        return points_m
+    places_m, radii_m, direction = places_m[thick], radii_m[thick], direction[thick]
+    near = np.asarray(cKDTree(places_m).query(points_m, workers=-1)[1])
+    offset_m = points_m - places_m[near]
+    along_m = np.einsum("nc,nc->n", offset_m, direction[near])[:, None] * direction[near]
+    away_m = np.linalg.norm(offset_m - along_m, axis=1)
+    on_bark = (away_m <= _BARK * radii_m[near]) & (np.linalg.norm(along_m, axis=1) <= least_m)
+    return np.where(on_bark[:, None], places_m[near] + along_m, points_m)
 
 
 def vary_growth(growth: GrowthSettings, variation: float, seed: int) -> GrowthSettings:

@@ -113,7 +113,7 @@ def _regrow(
     progress: Callable[[float], None] | None,
 ) -> GrownBranches:
     radius_m = float(traced.skeleton.radius_m[0])
-    return regrow(plant.points_m, plant.roots_m, radius_m, growth, request.settings, seed, progress)
+    return regrow(plant.points_m, plant.roots_m, radius_m, growth, request.settings, seed, progress, traced.skeleton)
 
 
 def _tell(grown: GrownBranches, what: str) -> str:
