@@ -561,3 +561,67 @@ def show_planes(
             s with n' = R n / (1 + (R n) · s).
         most_cost: planes that cost more are not shown.
     """
+
+def find_fork_crossings(
+    points: NDArray[np.float64],
+    faces: NDArray[np.int64],
+    fork_faces: NDArray[np.int64],
+    fork_first: NDArray[np.int64],
+    threads: int,
+) -> NDArray[np.int64]:
+    """Places (N, 2) in fork_faces whose quads cross, each pair of faces once, the lower place first.
+
+    Args:
+        points: (P, 3).
+        faces: (F, 4).
+        fork_faces: (K,) faces near each fork, one fork after another.
+        fork_first: (J + 1,) where each fork's begin.
+        threads: At most so many, 0 for one per core.
+    """
+
+def pull_limit(
+    faces: NDArray[np.int64],
+    aims: NDArray[np.float64],
+    tangents: NDArray[np.float64],
+    swell: NDArray[np.float64],
+    center: NDArray[np.float64],
+    gain: NDArray[np.float64],
+    rounds: int,
+    farthest: float,
+    threads: int,
+) -> NDArray[np.float64]:
+    """Vertices (V, 3) of a closed mesh of quads (F, 4) whose Catmull-Clark limits are at their aims (V, 3), nearly."""
+
+def place_holes(
+    wants: NDArray[np.float64],
+    want_tube: NDArray[np.int64],
+    want_first: NDArray[np.int64],
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    length: NDArray[np.float64],
+    phase: NDArray[np.float64],
+    steep: NDArray[np.float64],
+    steep_first: NDArray[np.int64],
+    gone: NDArray[np.uint8],
+    tightest: float,
+    relaxed: float,
+    least_column: float,
+) -> tuple[
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+    NDArray[np.int64],
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+]:
+    """Find a place for every want (W, 9), by parent: arc, azimuth, half angles (own, tight, at the ends), half lengths (of
+    its block, along, across) and its parent's radius; want_tube (W,) is the tube of each.
+
+    Returns:
+        Of blocks tube (K,) and arcs (K, 3); of holes want (H,), block, sector, and (H, 4) arc, azimuth and half lengths
+        along and across; of turns tube (A,), arc and angles (A, 6); wants (D,) without a place.
+    """
