@@ -5,8 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_array
+from usdfoliage.branch.cage_exits import CAGE_FACTOR, MOST_STEPS, SKIN, THICKEST, _disc, _Nearest
 from usdfoliage.branch.cage_places import LEAST_COLUMN, RELAXED, TIGHTEST
 from usdfoliage.branch.cage_sectors import SIDES, TURN
+from usdfoliage.branch.cage_tubes import rotate_least
 
 BATCH = 400_000  # pairs at once, so that temporaries stay small
 FARTHEST = 0.5  # radii: no vertex is moved by more
@@ -341,9 +343,7 @@ def limit_stencils(faces: np.ndarray, count: int) -> csr_array:
     return matrix
 
 
-def pull_limit(
-    faces: np.ndarray, aims: np.ndarray, tangents: np.ndarray, swell: np.ndarray, center: np.ndarray, rounds: int, gain: np.ndarray
-) -> np.ndarray:
+def pull_limit(faces, aims, tangents, swell, center, rounds, gain):
     """Vertices whose limits are at their aims, nearly.
 
     Args:
@@ -369,3 +369,40 @@ def pull_limit(
         size = np.linalg.norm(moved, axis=1)
         points = aims + moved * np.minimum(1, farthest / np.maximum(size, 1e-300))[:, None]
     return points
+
+
+def walk(tubes, at, start_m, clearance, thickest):
+    """Arcs, whether they are outside, and parents' segments; at is a cage_exits._Nearest."""
+    arc = start_m.copy()
+    done = np.zeros(len(arc), bool)
+    moving = np.arange(len(arc))
+    for _ in range(MOST_STEPS):
+        some = _Nearest(tubes=tubes, tube=at.tube[moving], parent=at.parent[moving], at=at.at[moving])
+        disc = _disc(tubes, some, arc[moving], thickest or THICKEST)
+        at.at[moving] = some.at
+        missing = disc.near.radius_m - disc.distance_m
+        if thickest is not None:
+            reach = CAGE_FACTOR * (disc.near.radius_m + disc.sideways * disc.radius_m)
+            missing = reach + clearance[moving] * disc.radius_m - disc.distance_m
+        end = tubes.length_m[at.tube[moving]]
+        missing[missing <= SKIN * disc.near.radius_m] = 0
+        done[moving] = missing <= 0
+        on = (missing > 0) & (arc[moving] < end)
+        step = np.maximum(0.6 * missing if thickest is not None else missing, 0.04 * disc.near.radius_m)
+        arc[moving[on]] = np.minimum(arc[moving[on]] + step[on], end[on])
+        moving = moving[on]
+        if not len(moving):
+            break
+    return arc, done, at.at
+
+
+def carry_references(direction, first, counts, reference):
+    """Fill reference, one segment a step."""
+    longest_first = np.argsort(-counts, kind="stable")
+    ascending = -counts[longest_first]
+    for step in range(1, int(counts.max(initial=1))):
+        at = first[longest_first[: np.searchsorted(ascending, -step, side="left")]] + step
+        turned = rotate_least(direction[at - 1], direction[at], reference[at - 1])
+        turned -= np.sum(turned * direction[at], axis=1, keepdims=True) * direction[at]
+        reference[at] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    return reference

@@ -10,6 +10,8 @@
 #include "fork_crossings.h"
 #include "hole_places.h"
 #include "limit_pull.h"
+#include "tube_exits.h"
+#include "tube_frames.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -74,6 +76,30 @@ nb::tuple place(const Input<double, nb::shape<-1, 9>>& wants, const Integers& wa
                           to_numpy(std::move(found.turn_angles), {turns, 6}), to_numpy(std::move(found.homeless), {homeless}));
 }
 
+nb::tuple walk(const Vectors& points, const Numbers& radius, const Numbers& arc, const Vectors& direction,
+               const Integers& first, const Integers& counts, const Integers& tube, const Integers& parent,
+               const Numbers& clearance, const Integers& at, const Numbers& start, bool whole_disc, double cage_factor,
+               double thickest, double skin, int most_steps, int threads) {
+    const std::size_t n = tube.shape(0);
+    std::vector<std::int64_t> found_at(at.data(), at.data() + n);
+    std::vector<double> found_arc(start.data(), start.data() + n);
+    std::vector<std::uint8_t> done(n);
+    {
+        nb::gil_scoped_release unlocked;
+        const usdfoliage::TubeAxes axes{points.data(), radius.data(), arc.data(), direction.data(), first.data(), counts.data()};
+        const usdfoliage::ExitWalk how{cage_factor, thickest, skin, most_steps, whole_disc};
+        usdfoliage::walk_out(axes, tube.data(), parent.data(), clearance.data(), n, how, found_at.data(), found_arc.data(),
+                             done.data(), threads);
+    }
+    return nb::make_tuple(to_numpy(std::move(found_arc), {n}), to_numpy(std::move(done), {n}), to_numpy(std::move(found_at), {n}));
+}
+
+void carry(const Vectors& direction, const Integers& first, const Integers& counts,
+           const nb::ndarray<double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>& reference, int threads) {
+    nb::gil_scoped_release unlocked;
+    usdfoliage::carry_references(direction.data(), first.data(), counts.data(), first.shape(0), reference.data(), threads);
+}
+
 }  // namespace
 
 void bind_branch_cage(nb::module_& m) {
@@ -84,4 +110,9 @@ void bind_branch_cage(nb::module_& m) {
     m.def("place_holes", &place, "wants"_a, "want_tube"_a, "want_first"_a, "start"_a, "end"_a, "length"_a, "phase"_a,
           "steep"_a, "steep_first"_a, "gone"_a, "tightest"_a, "relaxed"_a, "least_column"_a,
           "Blocks, holes and column angles of branches along their parents, and the wants that found no place.");
+    m.def("walk_out", &walk, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "tube"_a, "parent"_a,
+          "clearance"_a, "at"_a, "start"_a, "whole_disc"_a, "cage_factor"_a, "thickest"_a, "skin"_a, "most_steps"_a,
+          "threads"_a, "Arcs (C,) at which tubes are outside their parents, whether they are, and the parents' segments there.");
+    m.def("carry_references", &carry, "direction"_a, "first"_a, "counts"_a, "reference"_a, "threads"_a,
+          "Fill reference (V, 3): unit normals carried along tubes, given at the first point of each.");
 }
