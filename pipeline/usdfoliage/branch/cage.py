@@ -21,6 +21,7 @@ from usdfoliage.branch.cage_sectors import SIDES
 from usdfoliage.branch.cage_settle import ATTEMPTS, leading, settle, take_families
 from usdfoliage.branch.cage_tubes import Floats, Ints, Path, Tubes, find_paths
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.rooted_tree import RootedTree
 
 logger = logging.getLogger(__name__)
 
@@ -90,12 +91,13 @@ def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchC
         return _empty(dropped)
     tries = np.zeros(len(skeleton), np.int64)
     mean_radius_m = _mean_radii(skeleton)
+    carried_m = RootedTree(skeleton.parent_curve).sum_above(skeleton.lengths_m)
     while True:
         built = _build(paths, tries, settings, mean_radius_m, dropped)
-        guilty = _find_guilty(built)
+        guilty = _find_guilty(built, carried_m)
         if not len(guilty):
             break
-        _try_families(paths, built, guilty, tries, settings, mean_radius_m)
+        _try_families(paths, built, guilty, tries, settings, mean_radius_m, carried_m)
     _name_dropped(built.tubes, built.exits, built.holes, tries, dropped)
     for branch in set(built.tubes.piece_branch.tolist()) - set(built.faces.curve.tolist()):
         dropped.setdefault(branch, COVERED)
@@ -124,6 +126,7 @@ def _try_families(
     tries: Ints,
     settings: BranchCageSettings,
     mean_radius_m: Floats,
+    carried_m: Floats,
 ) -> None:
     """Raise the tries of forks until none crosses: each with its parent and its siblings, without all the rest."""
     while True:
@@ -131,7 +134,7 @@ def _try_families(
         parents = np.unique(built.exits.parent[built.holes.exit[guilty]])
         paths = take_families(paths, built.tubes, built.exits, parents)
         built = _build(paths, tries, settings, mean_radius_m, {})
-        guilty = _find_guilty(built)
+        guilty = _find_guilty(built, carried_m)
         if not len(guilty):
             return
 
@@ -203,18 +206,18 @@ def _pull(rings: Rings, places: HolePlaces, faces: Faces, roots: NDArray[np.bool
     return pull_limit(faces.faces, aims, tangent, swell, center, ROUNDS, gain)
 
 
-def _find_guilty(built: _Built) -> Ints:
-    """The holes to try again: of two that cross each other the thinner, else the one that crosses its parent."""
+def _find_guilty(built: _Built, carried_m: Floats) -> Ints:
+    """The holes to try again: of two that cross the one whose branch carries less, else the one that crosses its parent."""
     pairs = find_fork_crossings(built.points_m, built.faces.faces, built.forks.faces, built.forks.counts)
     owner = built.forks.owner
     fork = np.repeat(np.arange(len(built.forks.counts)), built.forks.counts)
     one, two = owner[pairs[:, 0]], owner[pairs[:, 1]]
-    size = built.holes.half_across_m
+    size = carried_m[leading(built.tubes, built.exits)[built.holes.exit]]
     both = (one >= 0) & (two >= 0)
-    thinner = np.where(size[one] < size[two], one, two)
+    lesser = np.where(size[one] < size[two], one, two)
     single = np.maximum(one, two)
     single = np.where(single < 0, fork[pairs[:, 0]], single)
-    guilty = np.unique(np.where(both, thinner, single))
+    guilty = np.unique(np.where(both, lesser, single))
     logger.debug("of %d forks %d cross", len(built.holes.exit), len(guilty))
     return guilty
 
