@@ -21,4 +21,5 @@ NB_MODULE(_native, m) {
     bind_leaf_samples(m);
     bind_pinhole(m);
     bind_patch_match(m);
+    bind_branch_cage(m);
 }

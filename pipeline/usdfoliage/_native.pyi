@@ -561,3 +561,105 @@ def show_planes(
             s with n' = R n / (1 + (R n) · s).
         most_cost: planes that cost more are not shown.
     """
+
+def find_fork_crossings(
+    points: NDArray[np.float64],
+    faces: NDArray[np.int64],
+    fork_faces: NDArray[np.int64],
+    fork_first: NDArray[np.int64],
+    threads: int,
+) -> NDArray[np.int64]:
+    """Places (N, 2) in fork_faces whose quads cross, each pair of faces once, the lower place first.
+
+    Args:
+        points: (P, 3).
+        faces: (F, 4).
+        fork_faces: (K,) faces near each fork, one fork after another.
+        fork_first: (J + 1,) where each fork's begin.
+        threads: At most so many, 0 for one per core.
+    """
+
+def pull_limit(
+    faces: NDArray[np.int64],
+    aims: NDArray[np.float64],
+    tangents: NDArray[np.float64],
+    swell: NDArray[np.float64],
+    center: NDArray[np.float64],
+    gain: NDArray[np.float64],
+    rounds: int,
+    farthest: float,
+    threads: int,
+) -> NDArray[np.float64]:
+    """Vertices (V, 3) of a closed mesh of quads (F, 4) whose Catmull-Clark limits are at their aims (V, 3), nearly."""
+
+def place_holes(
+    wants: NDArray[np.float64],
+    want_tube: NDArray[np.int64],
+    want_first: NDArray[np.int64],
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    length: NDArray[np.float64],
+    phase: NDArray[np.float64],
+    steep: NDArray[np.float64],
+    steep_first: NDArray[np.int64],
+    gone: NDArray[np.uint8],
+    tightest: float,
+    relaxed: float,
+    least_column: float,
+) -> tuple[
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+    NDArray[np.int64],
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+]:
+    """Find a place for every want (W, 9), by parent.
+
+    A want is its arc, azimuth, half angles (own, tight, at the ends), half lengths (of its block, along, across) and
+    its parent's radius; want_tube (W,) is the tube of each.
+
+    Returns:
+        Of blocks tube (K,) and arcs (K, 3); of holes want (H,), block, sector, and (H, 4) arc, azimuth and half lengths
+        along and across; of turns tube (A,), arc and angles (A, 6); wants (D,) without a place.
+    """
+
+def walk_out(
+    points: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    arc: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    first: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    tube: NDArray[np.int64],
+    parent: NDArray[np.int64],
+    clearance: NDArray[np.float64],
+    at: NDArray[np.int64],
+    start: NDArray[np.float64],
+    whole_disc: bool,
+    cage_factor: float,
+    thickest: float,
+    skin: float,
+    most_steps: int,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.int64]]:
+    """Arcs (C,) at which tubes are outside their parents, whether they are, and the parents' segments there.
+
+    Args:
+        points: (V, 3) of all axes, with radius, arc and direction (V,); first and counts (T,) of each.
+        tube: (C,) that walk on from start (C,); parent (C,) and its segment at (C,) next to it.
+        clearance: (C,) of its radius, that a disc must be clear; whole_disc false asks for the axis alone.
+    """
+
+def carry_references(
+    direction: NDArray[np.float64],
+    first: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    reference: NDArray[np.float64],
+    threads: int,
+) -> None:
+    """Fill reference (V, 3): unit normals carried along tubes, given at the first point of each."""

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from branch_shapes import fork
+from cage_reference import crossing_quads
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.branch.cage import build_branch_cage, check_cage
 from usdfoliage.branch.cage_check import check_mesh
-from usdfoliage.branch.cage_crossing import crossing_quads
 
 CUBE = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], float)
 CUBE_FACES = np.array([(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)], np.int32)

@@ -5,7 +5,8 @@ import pytest
 from branch_shapes import fork, limit, off_axis, plant_of, random_tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from usdfoliage.branch.cage import TOO_SHORT, build_branch_cage, check_cage
+from usdfoliage.branch.cage import build_branch_cage, check_cage
+from usdfoliage.branch.cage_settle import TOO_SHORT
 
 TRUNK = np.array([[0, 0, 0], [0, 1, 0], [0, 2, 0]], float)
 

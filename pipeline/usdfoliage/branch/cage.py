@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.cage_check import CageCheck, check_mesh, find_fork_crossings
-from usdfoliage.branch.cage_exits import Exits, find_exits
+from usdfoliage.branch.cage_exits import Exits
 from usdfoliage.branch.cage_faces import Faces, HolePlaces, build_faces, place_hole_vertices
 from usdfoliage.branch.cage_forks import Forks, gather_forks
 from usdfoliage.branch.cage_limit import pull_limit
-from usdfoliage.branch.cage_places import HOLE, Holes, place_holes
-from usdfoliage.branch.cage_rings import SHOULDER, Rings, Starts, build_rings
+from usdfoliage.branch.cage_places import HOLE, Holes
+from usdfoliage.branch.cage_rings import Rings, Starts, build_rings
 from usdfoliage.branch.cage_sectors import SIDES
-from usdfoliage.branch.cage_shifts import ease_bends, move_starts
-from usdfoliage.branch.cage_tubes import Floats, Ints, Path, Tubes, find_paths, pack_paths
+from usdfoliage.branch.cage_settle import ATTEMPTS, leading, settle, take_families
+from usdfoliage.branch.cage_tubes import Floats, Ints, Path, Tubes, find_paths
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.rooted_tree import RootedTree
 
 logger = logging.getLogger(__name__)
 
-TOO_SHORT = "too short to leave its parent's surface"
 NO_ROOM = "its parent has no room left for it"
 CROSSES = "would cross its parent or a neighbour"
 COVERED = "shorter than the row of faces in which its parent ends"
@@ -33,11 +33,7 @@ ROUNDS = 5  # of moving the limit to where it is to be
 CAP_GAIN = 0.2  # a cap's edge is round, too
 SHOULDER_GAIN = 0.4  # nor is the ring before it to bulge
 HOLE_GAIN = 0.0
-NEAR_ENOUGH = 0.2  # of a radius: a hole this far from where its axis comes out needs no bend
-SMALLER = 0.88  # times, a hole in each new attempt
-FARTHER = 0.4  # radii, the first ring of its branch in each new attempt
-ATTEMPTS = 6  # at a fork that crosses, before its branch is dropped
-STEP = 2  # attempts that are made at once: each builds all again
+STEP = 1  # attempts that are made at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,17 +90,16 @@ def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchC
     if not paths:
         return _empty(dropped)
     tries = np.zeros(len(skeleton), np.int64)
+    mean_radius_m = _mean_radii(skeleton)
+    carried_m = RootedTree(skeleton.parent_curve).sum_above(skeleton.lengths_m)
     while True:
-        exits, tubes, holes = _settle(paths, tries, settings, dropped)
-        built = _build(tubes, exits, holes, settings, skeleton)
-        pairs = find_fork_crossings(built.points_m, built.faces.faces, built.forks.faces, built.forks.counts)
-        if not len(pairs):
+        built = _build(paths, tries, settings, mean_radius_m, dropped)
+        guilty = _find_guilty(built, carried_m)
+        if not len(guilty):
             break
-        guilty = _guilty(built, pairs)
-        logger.debug("%d pairs of faces cross, %d forks are tried again", len(pairs), len(guilty))
-        tries[_leading(tubes, exits)[holes.exit[guilty]]] += STEP
-    _name_dropped(tubes, exits, holes, tries, dropped)
-    for branch in set(tubes.piece_branch.tolist()) - set(built.faces.curve.tolist()):
+        _try_families(paths, built, guilty, tries, settings, mean_radius_m, carried_m)
+    _name_dropped(built.tubes, built.exits, built.holes, tries, dropped)
+    for branch in set(built.tubes.piece_branch.tolist()) - set(built.faces.curve.tolist()):
         dropped.setdefault(branch, COVERED)
     return _finish(built, skeleton, dropped)
 
@@ -116,69 +111,38 @@ def check_cage(cage: BranchCage) -> CageCheck:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Built:
+    tubes: Tubes
+    exits: Exits
     holes: Holes
     points_m: Floats
     faces: Faces
     forks: Forks
 
 
-def _settle(
-    paths: list[Path], tries: Ints, settings: BranchCageSettings, dropped: dict[int, str]
-) -> tuple[Exits, Tubes, Holes]:
-    """Find a place for every hole, and bend the branches to where their holes are. Paths change in place."""
-    for last in (False, False, True):
-        tubes, exits = _leave_parents(paths, tries, settings, dropped)
-        again = tries[_leading(tubes, exits)]
-        start_m: Floats = SHOULDER * tubes.radius_m[tubes.first]  # of roots, whose feet are rounded
-        start_m[exits.tube] = exits.free_arc_m
-        scale: Floats = SMALLER ** again.astype(np.float64)
-        holes = place_holes(tubes, exits, start_m, again < ATTEMPTS, scale)
-        slid_m = holes.arc_m - exits.hole_arc_m[holes.exit]
-        far = np.abs(slid_m) > NEAR_ENOUGH * np.minimum(exits.parent_radius_m, 2 * exits.radius_m)[holes.exit]
-        if last or not far.any():
-            break
-        along_m = np.zeros(len(tubes))
-        along_m[exits.tube[holes.exit[far]]] = slid_m[far]
-        move_starts(paths, along_m, start_m)
-    return exits, tubes, holes
-
-
-def _leave_parents(
-    paths: list[Path], tries: Ints, settings: BranchCageSettings, dropped: dict[int, str]
-) -> tuple[Tubes, Exits]:
-    """Find how the tubes leave their parents; those that do not are passed through by what they carry."""
+def _try_families(
+    paths: list[Path],
+    built: _Built,
+    guilty: Ints,
+    tries: Ints,
+    settings: BranchCageSettings,
+    mean_radius_m: Floats,
+    carried_m: Floats,
+) -> None:
+    """Raise the tries of forks until none crosses: each with its parent and its siblings, without all the rest."""
     while True:
-        ease_bends(paths)
-        tubes = pack_paths(paths)
-        children = np.flatnonzero(tubes.parent >= 0)
-        leading = tubes.piece_branch[np.searchsorted(tubes.piece_tube, children)]
-        clearance: Floats = settings.clearance + FARTHER * tries[leading].astype(np.float64)
-        exits = find_exits(tubes, children, clearance)
-        inside = set(children[~exits.reached].tolist())
-        if not inside:
-            return tubes, exits
-        for number in sorted(inside):
-            for branch, _ in paths[number].pieces:
-                dropped[branch] = TOO_SHORT
-        for path in paths:
-            while path.parent in inside:
-                path.leave_instead(paths[path.parent])
-        kept = [number for number in range(len(paths)) if number not in inside]
-        renumbered = {old: new for new, old in enumerate(kept)} | {-1: -1}
-        paths[:] = [paths[number] for number in kept]
-        for path in paths:
-            path.parent = renumbered[path.parent]
-
-
-def _leading(tubes: Tubes, exits: Exits) -> Ints:
-    """(C,) first branch of each tube that leaves a parent."""
-    return tubes.piece_branch[np.searchsorted(tubes.piece_tube, exits.tube)]
+        tries[leading(built.tubes, built.exits)[built.holes.exit[guilty]]] += STEP
+        parents = np.unique(built.exits.parent[built.holes.exit[guilty]])
+        paths = take_families(paths, built.tubes, built.exits, parents)
+        built = _build(paths, tries, settings, mean_radius_m, {})
+        guilty = _find_guilty(built, carried_m)
+        if not len(guilty):
+            return
 
 
 def _name_dropped(tubes: Tubes, exits: Exits, holes: Holes, tries: Ints, dropped: dict[int, str]) -> None:
     """Add the branches without a hole, and why."""
     lost: dict[int, str] = {}
-    for number in np.flatnonzero(tries[_leading(tubes, exits)] >= ATTEMPTS).tolist():
+    for number in np.flatnonzero(tries[leading(tubes, exits)] >= ATTEMPTS).tolist():
         lost[int(exits.tube[number])] = CROSSES
     for number in holes.homeless.tolist():
         lost.setdefault(int(exits.tube[number]), NO_ROOM)
@@ -190,8 +154,11 @@ def _name_dropped(tubes: Tubes, exits: Exits, holes: Holes, tries: Ints, dropped
             dropped[branch] = lost[tube]
 
 
-def _build(tubes: Tubes, exits: Exits, holes: Holes, settings: BranchCageSettings, skeleton: Skeleton) -> _Built:
-    """The mesh with these holes."""
+def _build(
+    paths: list[Path], tries: Ints, settings: BranchCageSettings, mean_radius_m: Floats, dropped: dict[int, str]
+) -> _Built:
+    """The mesh of these paths, which change in place."""
+    exits, tubes, holes = settle(paths, tries, settings.clearance, dropped)
     alive = tubes.parent < 0
     child = exits.tube[holes.exit]
     alive[child] = True
@@ -203,8 +170,10 @@ def _build(tubes: Tubes, exits: Exits, holes: Holes, settings: BranchCageSetting
     starts = Starts(alive=alive, arc_m=start_m, radius_m=radius_m, spacing_m=spacing_m)
     rings = build_rings(tubes, starts, holes, settings.axis_tolerance, settings.longest_row)
     places = place_hole_vertices(tubes, holes)
-    faces = build_faces(tubes, rings, holes, places, child, _mean_radii(skeleton))
+    faces = build_faces(tubes, rings, holes, places, child, mean_radius_m)
     return _Built(
+        tubes=tubes,
+        exits=exits,
         holes=holes,
         points_m=_pull(rings, places, faces, tubes.parent < 0),
         faces=faces,
@@ -237,17 +206,20 @@ def _pull(rings: Rings, places: HolePlaces, faces: Faces, roots: NDArray[np.bool
     return pull_limit(faces.faces, aims, tangent, swell, center, ROUNDS, gain)
 
 
-def _guilty(built: _Built, pairs: Ints) -> Ints:
-    """The holes to try again: of two that cross each other the thinner, else the one that crosses its parent."""
+def _find_guilty(built: _Built, carried_m: Floats) -> Ints:
+    """The holes to try again: of two that cross the one whose branch carries less, else the one that crosses its parent."""
+    pairs = find_fork_crossings(built.points_m, built.faces.faces, built.forks.faces, built.forks.counts)
     owner = built.forks.owner
     fork = np.repeat(np.arange(len(built.forks.counts)), built.forks.counts)
     one, two = owner[pairs[:, 0]], owner[pairs[:, 1]]
-    size = built.holes.half_across_m
+    size = carried_m[leading(built.tubes, built.exits)[built.holes.exit]]
     both = (one >= 0) & (two >= 0)
-    thinner = np.where(size[one] < size[two], one, two)
+    lesser = np.where(size[one] < size[two], one, two)
     single = np.maximum(one, two)
     single = np.where(single < 0, fork[pairs[:, 0]], single)
-    return np.unique(np.where(both, thinner, single))
+    guilty = np.unique(np.where(both, lesser, single))
+    logger.debug("of %d forks %d cross", len(built.holes.exit), len(guilty))
+    return guilty
 
 
 def _mean_radii(skeleton: Skeleton) -> Floats:

@@ -7,10 +7,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from usdfoliage.branch.cage_crossing import boxes, crossing_quads
+from usdfoliage import _native
 from usdfoliage.branch.cage_tubes import Floats, Ints
-
-PAIRS = 6_000_000  # pairs of boxes at once, so that temporaries stay small
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,42 +78,23 @@ def find_fork_crossings(
 ) -> Ints:
     """(N, 2) places in fork_faces whose faces cross, each pair of faces once; the lower place first.
 
+    Quads are two triangles along their first diagonal. Those that share a vertex do not count, nor do triangles that
+    only touch, or lie in one plane.
+
     Args:
         points: (P, 3).
         faces: (F, 4).
         fork_faces: (K,) faces near each fork, one fork after another.
         fork_counts: (J,) how many of them each fork has.
     """
-    first = np.cumsum(fork_counts) - fork_counts
-    low, high = (box[fork_faces] for box in boxes(points, np.asarray(faces, np.int64)))
-    found = [np.zeros((0, 2), np.int64)]
-    # Forks of like size at once, padded to the largest of them.
-    order = np.argsort(fork_counts, kind="stable")
-    at = 0
-    while at < len(order):
-        size = int(fork_counts[order[at]])
-        many = max(1, PAIRS // max(size * size, 1))
-        chosen = order[at : at + many]
-        chosen = chosen[fork_counts[chosen] <= 1.3 * size + 8]
-        at += len(chosen)
-        widest = int(fork_counts[chosen].max(initial=0))
-        slot = np.arange(widest)
-        valid = slot < fork_counts[chosen][:, None]
-        place = np.where(valid, first[chosen][:, None] + slot, 0)
-        near = np.broadcast_to(slot[:, None] < slot, (len(chosen), widest, widest)).copy()
-        for axis in range(3):
-            box_low = np.where(valid, low[place, axis], np.inf)
-            box_high = np.where(valid, high[place, axis], -np.inf)
-            below = box_low[:, :, None] <= box_high[:, None, :]
-            near &= below
-            near &= below.transpose(0, 2, 1)
-        fork, one, two = np.nonzero(near)
-        found.append(np.stack([place[fork, one], place[fork, two]], axis=1))
-    pairs = np.concatenate(found)
-    named = np.sort(fork_faces[pairs].astype(np.int64), axis=1)
-    _, kept = np.unique(named[:, 0] * len(faces) + named[:, 1], return_index=True)
-    pairs = pairs[kept]
-    return pairs[crossing_quads(points, np.asarray(faces, np.int64), np.asarray(fork_faces, np.int64)[pairs])]
+    first = np.concatenate([[0], np.cumsum(fork_counts, dtype=np.int64)])
+    return _native.find_fork_crossings(
+        np.ascontiguousarray(points, np.float64),
+        np.ascontiguousarray(faces, np.int64),
+        np.ascontiguousarray(fork_faces, np.int64),
+        first,
+        0,
+    )
 
 
 def _volumes(points: Floats, quads: Ints) -> Floats:

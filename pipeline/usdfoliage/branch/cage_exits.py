@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage import _native
 from usdfoliage.branch.cage_tubes import Floats, Ints, Tubes, rotate_least
 
 CAGE_FACTOR = 1.2  # how much farther from the axis a cage of six is than its limit, nearly
@@ -137,9 +138,6 @@ class _Nearest:
             radius_m=tubes.radius_m[at] + share * (tubes.radius_m[at + 1] - tubes.radius_m[at]),
         )
 
-    def take(self, chosen: NDArray[np.bool_]) -> "_Nearest":
-        return _Nearest(tubes=self.tubes, tube=self.tube[chosen], parent=self.parent[chosen], at=self.at[chosen])
-
     def _share(self, points: Floats, at: Ints) -> Floats:
         tubes = self.tubes
         along = np.sum((points - tubes.points_m[at]) * tubes.direction[at], axis=1)
@@ -189,28 +187,26 @@ def _walk(
     Returns:
         Arcs (C,), held at the tip, and whether they were reached.
     """
-    arc = start_m.copy()
-    done = np.zeros(len(arc), bool)
-    moving = np.arange(len(arc))
-    for _ in range(MOST_STEPS):
-        some = at.take(np.isin(np.arange(len(arc)), moving)) if len(moving) < len(arc) else at
-        disc = _disc(tubes, some, arc[moving], thickest or THICKEST)
-        at.at[moving] = some.at
-        missing = disc.near.radius_m - disc.distance_m
-        if thickest is not None:
-            reach = CAGE_FACTOR * (disc.near.radius_m + disc.sideways * disc.radius_m)
-            missing = reach + clearance[moving] * disc.radius_m - disc.distance_m
-        end = tubes.length_m[at.tube[moving]]
-        missing[missing <= SKIN * disc.near.radius_m] = 0  # a straight way out is met exactly, or just not
-        done[moving] = missing <= 0
-        on = (missing > 0) & (arc[moving] < end)
-        # No point nearer than what is missing can be outside: the distance grows at most as fast as the arc.
-        step = np.maximum(0.6 * missing if thickest is not None else missing, 0.04 * disc.near.radius_m)
-        arc[moving[on]] = np.minimum(arc[moving[on]] + step[on], end[on])
-        moving = moving[on]
-        if not len(moving):
-            break
-    return arc, done
+    arc, done, at.at = _native.walk_out(
+        tubes.points_m,
+        tubes.radius_m,
+        tubes.arc_m,
+        tubes.direction,
+        tubes.first,
+        tubes.counts,
+        at.tube,
+        at.parent,
+        clearance,
+        at.at,
+        start_m,
+        thickest is not None,
+        CAGE_FACTOR,
+        thickest or THICKEST,
+        SKIN,
+        MOST_STEPS,
+        0,
+    )
+    return arc, done.astype(bool)
 
 
 def _sideways_of(vectors: Floats, tangent: Floats, radius_m: Floats) -> Floats:

@@ -10,25 +10,11 @@ Source:
 """
 
 import numpy as np
-from scipy.sparse import csr_array
 
+from usdfoliage import _native
 from usdfoliage.branch.cage_tubes import Floats, Ints
 
 FARTHEST = 0.5  # radii: no vertex is moved by more
-
-
-def limit_stencils(faces: Ints, count: int) -> csr_array:
-    """(count, count) matrix from the vertices of a closed mesh of quads (F, 4) to their limits."""
-    valence = np.bincount(faces.reshape(-1), minlength=count).astype(float)
-    corners = [np.roll(faces, -k, axis=1).reshape(-1) for k in range(4)]
-    rows = np.concatenate([corners[0]] * 3 + [np.arange(count)]).astype(np.int32)
-    columns = np.concatenate([corners[1], corners[3], corners[2], np.arange(count)]).astype(np.int32)
-    size = faces.size
-    # An edge is seen from both its faces, so each gives half of its weight.
-    weights = np.concatenate([np.full(2 * size, 2.0), np.ones(size), valence**2])
-    matrix = csr_array((weights, (rows, columns)), shape=(count, count))
-    matrix.data /= np.repeat(np.maximum(valence * (valence + 5), 1), np.diff(matrix.indptr))
-    return matrix
 
 
 def pull_limit(
@@ -45,17 +31,6 @@ def pull_limit(
         rounds: How often.
         gain: (V,) share of what is missing that a vertex is moved by.
     """
-    stencils = limit_stencils(faces, len(aims))
-    radial = aims - center
-    farthest = FARTHEST * np.linalg.norm(radial, axis=1)
-    points = aims.copy()
-    for _ in range(rounds):
-        off = stencils @ points - center
-        along = np.einsum("vc,vc->v", off, tangents)[:, None]
-        grown = 1 + np.where(along > 0, swell[:, :1], swell[:, 1:]) * along
-        missing = radial * np.clip(grown, 0.5, 2.0) - (off - along * tangents)
-        moved = points + gain[:, None] * missing - aims
-        # Where rows are very uneven in a bend, what is off is not what to move by: then rather round the bend off.
-        size = np.linalg.norm(moved, axis=1)
-        points = aims + moved * np.minimum(1, farthest / np.maximum(size, 1e-300))[:, None]
-    return points
+    return _native.pull_limit(
+        faces, aims, tangents, np.ascontiguousarray(swell), np.ascontiguousarray(center), gain, rounds, FARTHEST, 0
+    )

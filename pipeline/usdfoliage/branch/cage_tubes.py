@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage import _native
 from usdfoliage.branch.model import Skeleton
 
 Floats = NDArray[np.float64]
@@ -263,11 +264,5 @@ def carry_references(direction: Floats, first: Ints, counts: Ints) -> Floats:
     start = np.eye(3)[least]
     start -= np.sum(start * direction[first], axis=1, keepdims=True) * direction[first]
     reference[first] = start / np.linalg.norm(start, axis=1, keepdims=True)
-    longest_first = np.argsort(-counts, kind="stable")
-    ascending = -counts[longest_first]
-    for step in range(1, int(counts.max(initial=1))):
-        at = first[longest_first[: np.searchsorted(ascending, -step, side="left")]] + step
-        turned = rotate_least(direction[at - 1], direction[at], reference[at - 1])
-        turned -= np.sum(turned * direction[at], axis=1, keepdims=True) * direction[at]
-        reference[at] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    _native.carry_references(direction, first, counts, reference, 0)
     return reference

@@ -1,0 +1,17 @@
+// Frames along the axes of tubes that do not turn about them.
+
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace usdfoliage {
+
+// Carry a unit normal along each tube, by the smallest rotations from segment to segment.
+//
+// @param direction  3 each, unit, of the segment that starts at each point.
+// @param reference  3 each; that of each tube's first point is given, the others are filled in.
+void carry_references(const double* direction, const std::int64_t* first, const std::int64_t* counts, std::size_t n_tubes,
+                      double* reference, int threads);
+
+}  // namespace usdfoliage
