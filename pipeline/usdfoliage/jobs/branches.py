@@ -63,7 +63,7 @@ class BranchesRequest:
         if options.most_points < LEAST_POINTS:
             raise FoliageError(f"--most-points must be at least {LEAST_POINTS}, not {options.most_points}")
         try:
-            settings = BranchSettings(internode_m=options.internode)
+            settings = BranchSettings(internode_m=options.internode, leaves=options.cloud_leaves)
         except ValueError as error:
             raise FoliageError(f"--internode: {error}") from error
         return cls(
@@ -219,7 +219,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             )
         if not len(traced.skeleton):
             raise FitError(f"no branch was found in {len(plant.points_m):,} points ({plant.source.path})")
-        notes = list(plant.notes)
+        notes = [*plant.notes, *describe_leaves(traced, request.settings)]
+        wood_m = plant.points_m[traced.wood]
         with follow_step("surface", seconds, progress):
             surfaces, dropped = build_surfaces(traced.skeleton)
             notes.extend(dropped)
@@ -250,8 +251,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             preview=request.preview,
         )
         (folder / "report").mkdir(exist_ok=True)
-        rows = branch_rows(traced, surfaces.whole, plant.points_m)
-        write_branches_report(folder / "report", interface, report, traced, plant.points_m, rows, seconds, progress)
+        rows = branch_rows(traced, surfaces.whole, wood_m)
+        write_branches_report(folder / "report", interface, report, traced, wood_m, rows, seconds, progress)
     return MadeBranches(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
@@ -278,6 +279,22 @@ def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[str]]:
     return BranchSurfaces(whole=whole, by_order=tuple(coarser)), notes
 
 
+def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[str]:
+    """What the user should know of the cloud's leaves."""
+    share = float(1 - traced.wood.mean())
+    if share > 0:
+        return [
+            f"the cloud has leaves: {100 * share:.0f} % of its points are leaves and left out; "
+            "say --cloud-leaves off if that is wrong"
+        ]
+    if settings.leaves == "auto" and not traced.knows_leaves:
+        return [
+            f"points are {1000 * traced.spacing_m:.0f} mm from their sixth neighbour, too far to tell leaves from wood: "
+            "all are taken for wood; say --cloud-leaves on if the plant has leaves"
+        ]
+    return []
+
+
 def growth_of(traced: TracedBranches) -> dict[str, float]:
     """What of the growth parameters was measured."""
     return {"internodeLength": traced.internode_m, "rootDiameter": float(2 * traced.skeleton.radius_m[0])}
@@ -290,6 +307,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
         "roots": roots or str(request.roots.count or "auto"),
         "up": request.up or "auto",
         "internode": "auto" if request.settings.internode_m is None else f"{request.settings.internode_m:g}",
+        "cloud-leaves": request.settings.leaves,
         "most-points": str(request.most_points),
         "seed": str(request.seed),
     }
