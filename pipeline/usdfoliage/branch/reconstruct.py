@@ -120,10 +120,10 @@ def reconstruct_branches(
     cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)
     knows_leaves = shows_leaves(spacing_m, settings.wood)
     wood = np.arange(len(points_m))
-    turns = settings.wood.caution if settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves) else ()
-    for turn, caution in enumerate(turns):
-        say("wood", 0.5 + 0.1 * turn)
-        found = find_wood(cut.points_m, cut.sections, _on_stems(cut), cut.spacing_m, caution)
+    look = settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves)
+    for turn in range(settings.wood.most_turns if look else 0):
+        say("wood", 0.5 + 0.2 * turn / settings.wood.most_turns)
+        found = find_wood(points_m, cut.sections, _on_stems(cut), cut.spacing_m, settings.wood.caution)
         logger.info("%.0f %% of the sections' length is wood", 100 * found.share)
         if settings.leaves == "auto" and turn == 0 and found.share >= settings.wood.leafless:
             break
@@ -131,8 +131,10 @@ def reconstruct_branches(
         if kept.sum() < 2:
             break
         wood = wood[kept]
-        # Without the leaves slices are other ones, and points on them are closer to what they are of.
+        # Without the leaves slices are other ones, and wood is easier to tell from the leaves that are still there.
         cut = _cut(points_m[wood], roots_m, internode_m, point_spacing(points_m[wood]) or spacing_m, settings)
+        if found.share >= settings.wood.settled:
+            break
     say("branches", 0.7)
     fine_m = cut.fine_m
     window_m = max(2 * fine_m, 1.5 * cut.spacing_m)

@@ -36,15 +36,16 @@ class WoodSettings:
 
     leaf_m: float = 0.1  # length of a usual leaf
     leaf_spacings: float = 3.0  # distances to the sixth neighbour in it, fewer of which do not show what it is
-    leafless: float = 0.8  # share of the sections' length that is wood, from which on a plant has no leaves
-    # Added to the logarithm of the odds for wood, a turn each: among leaves wood looks less like it than without them.
-    caution: tuple[float, ...] = (0.6, 0.3)
+    leafless: float = 0.75  # share of the sections' length that is wood, from which on a plant has no leaves
+    caution: float = 0.5  # added to the logarithm of the odds for wood: among leaves it looks less like it
+    settled: float = 0.87  # share that is wood of what was left, from which on no leaves are looked for any more
+    most_turns: int = 5  # of leaving leaves out
 
     def __post_init__(self) -> None:
-        if not (self.leaf_m > 0 and self.leaf_spacings > 0 and 0 <= self.leafless <= 1):
-            raise ValueError(f"leaf_m and leaf_spacings must be above 0 and leafless in [0, 1], not {self}")
-        if not (self.caution and np.isfinite(self.caution).all()):
-            raise ValueError(f"caution must be a number a turn, not {self.caution}")
+        if not (self.leaf_m > 0 and self.leaf_spacings > 0 and 0 <= self.leafless <= 1 and 0 <= self.settled <= 1):
+            raise ValueError(f"leaf_m, leaf_spacings must be above 0, leafless and settled in [0, 1], not {self}")
+        if not np.isfinite(self.caution) or self.most_turns < 1:
+            raise ValueError(f"caution must be a number and most_turns at least 1, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,8 +71,8 @@ def find_wood(
     """The part of a tree of sections, with all its roots, for which the odds of being wood are best.
 
     Args:
-        points_m: (N, 3).
-        sections: Of the points.
+        points_m: (N, 3), of the cloud with all its leaves, those that were left out of the sections among them.
+        sections: Of the points, or of some of them.
         stem: (S,), those on thick stems, which are wood whatever they look like.
         spacing_m: To the sixth neighbour.
         caution: Added to the logarithm of the odds for wood.
@@ -102,8 +103,8 @@ def wood_features(points_m: NDArray[np.float64], sections: SectionTree, spacing_
     All four are logarithms of ratios, so that they do not depend on the size of the plant.
 
     Args:
-        points_m: (N, 3).
-        sections: Of the points.
+        points_m: (N, 3), that fill the space around.
+        sections: Of the points, or of some of them.
         spacing_m: To the sixth neighbour.
     """
     tree = RootedTree(sections.parent)

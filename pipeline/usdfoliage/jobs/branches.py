@@ -289,8 +289,8 @@ def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[st
         ]
     if settings.leaves == "auto" and not traced.knows_leaves:
         return [
-            f"points are {1000 * traced.spacing_m:.0f} mm from their sixth neighbour, too far to tell leaves from wood: "
-            "all are taken for wood; say --cloud-leaves on if the plant has leaves"
+            f"points are {1000 * traced.spacing_m:.0f} mm from their sixth neighbour, too far to tell leaves from "
+            "wood: all are taken for wood; say --cloud-leaves on if the plant has leaves"
         ]
     return []
 
