@@ -88,6 +88,40 @@ def small_tree() -> Skeleton:
     return plant_of(trunk, *branches, *twigs)
 
 
+def twiggy_tree() -> Skeleton:
+    """A stem of 1.5 m with three branches of 60 cm, and on each of them five twigs of 30 cm, thin as twigs are."""
+    rng = np.random.default_rng(4)
+    stem_m = np.linspace(0, 1.5, 11)[:, None] * [0, 1, 0]
+    branches, twigs = [(stem_m, np.linspace(0.03, 0.012, 11), None, 0)], []
+    for number, vertex in enumerate((5, 7, 9), 1):
+        turn = number * np.radians(137.5)
+        points_m = stem_m[vertex] + np.linspace(0, 0.6, 7)[:, None] * [np.cos(turn) * 0.86, 0.5, np.sin(turn) * 0.86]
+        branches.append((points_m, np.linspace(0.012, 0.005, 7), 0, vertex))
+        for at in range(2, 7):
+            out = rng.normal(size=3) + 2.5 * (points_m[-1] - points_m[0])
+            twig_m = points_m[at] + 0.3 * np.linspace(0, 1, 4)[:, None] * out / np.linalg.norm(out)
+            twigs.append((twig_m, [0.003, 0.0025, 0.002, 0.0015], number, at))
+    return plant_of(*branches, *twigs)
+
+
+def leaves_on(skeleton: Skeleton, per_twig: int, length_m: float = 0.1, per_m2: float = 10_000, seed: int = 0):
+    """Points (N, 3) of flat oval leaves on stalks along the twigs, half as wide as they are long."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for number in np.flatnonzero(skeleton.order == skeleton.order.max()).tolist():
+        twig_m = skeleton.points_m[skeleton.branch(number)]
+        for share in rng.uniform(0.2, 1, per_twig):
+            base_m = twig_m[0] + share * (twig_m[-1] - twig_m[0])
+            frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            count = rng.poisson(per_m2 * 0.8 * length_m * length_m / 2)
+            along, across = rng.uniform(-0.5, 0.5, (2, 4 * count))
+            oval = along**2 + across**2 < 0.25
+            along, across = along[oval][:count], across[oval][:count]
+            plane = (0.75 + along)[:, None] * frame[0] + 0.5 * across[:, None] * frame[1]
+            parts.append(base_m + length_m * plane)
+    return np.concatenate(parts)
+
+
 def ground(side_m: float, count: int = 4000, slope=(0.0, 0.0), height_m: float = 0.0, noise_m: float = 0.003, seed=9):
     """Points of a square of ground around the origin, that rises along x and z."""
     rng = np.random.default_rng(seed)

@@ -2,22 +2,22 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from usdfoliage.branch.axes import Axes, find_axes
 from usdfoliage.branch.cloud_graph import CloudGraphSettings, link_points
-from usdfoliage.branch.fairing import fair_axes
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.radii import Radii, RadiusSettings, estimate_radii
+from usdfoliage.branch.radii import Radii, RadiusSettings
 from usdfoliage.branch.refinement import RefinementSettings, collapse_nodes, round_bends
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.branch.sections import SectionTree, cut_sections, find_ways
-from usdfoliage.branch.stem_sections import StemSectionSettings, fit_stem_sections
+from usdfoliage.branch.traced_axes import as_skeleton, trace_axes
+from usdfoliage.branch.wood import WoodSettings, find_wood, shows_leaves
 
 logger = logging.getLogger(__name__)
 
@@ -27,9 +27,9 @@ _HANGS_TOGETHER = 1.6  # distances to the sixth neighbour, that a slice of a thi
 _FOOT = 1.6  # distances to the sixth neighbour, height of the foot of a stem
 _FOOT_POINTS = 20  # that tell how wide it is
 _NEAR_BELIEVED = 3  # nodes from a believed circle, that are as thick as is thought
-_MOST_MOVED = 0.7  # of the radius, that a node is moved to the middle of its circle
 
 Tell = Callable[[str, float], None]
+CloudLeaves = Literal["auto", "on", "off"]  # whether a cloud has leaves: told by it, yes, no
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,12 +50,16 @@ class BranchSettings:
     stiffness: float = 4.0
     radii: RadiusSettings = field(default_factory=RadiusSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
+    leaves: CloudLeaves = "auto"
+    wood: WoodSettings = field(default_factory=WoodSettings)
 
     def __post_init__(self) -> None:
         if self.internode_m is not None and not (np.isfinite(self.internode_m) and self.internode_m > 0):
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
         if not (self.way_power >= 1 and self.coarse > 0 and self.fine > 0 and self.least_length >= 0):
             raise ValueError("way_power must be at least 1, coarse and fine above 0, least_length not below 0")
+        if self.leaves not in get_args(CloudLeaves):
+            raise ValueError(f"leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.leaves!r}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,18 +69,21 @@ class TracedBranches:
     skeleton: Skeleton
     radii: Radii
     internode_m: float
-    spacing_m: float
+    spacing_m: float  # of all points that were given
     thickness_m: float  # of a slice of a thin branch
     pieces: int  # that the cloud's graph was in
+    wood: NDArray[np.bool_]  # (N,), points that are of branches; the others are of leaves, and nothing was made of them
+    knows_leaves: bool  # whether points are close enough together to tell wood and leaves apart
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Traced:
+class _Cut:
+    points_m: NDArray[np.float64]
     sections: SectionTree
-    axes: Axes
-    center_m: NDArray[np.float64]
-    parent: NDArray[np.int32]
-    radii: Radii
+    stem_m: NDArray[np.float64]  # (N,), radius of the thick stem that a point is on
+    spacing_m: float
+    fine_m: float
+    pieces: int
 
 
 def reconstruct_branches(
@@ -88,7 +95,7 @@ def reconstruct_branches(
     """Trace the branches of a plant through its cloud, and measure them.
 
     Args:
-        points_m: (N, 3), of wood, Y up, without ground.
+        points_m: (N, 3), of wood, or of wood and leaves, Y up, without ground.
         roots_m: (R, 3), where its stems come out of the ground; the nearest points are taken.
         settings: How.
         progress: Told of what is done, and how far it is.
@@ -103,42 +110,90 @@ def reconstruct_branches(
     say = progress or (lambda name, share: None)
     say("graph", 0.0)
     spacing_m = point_spacing(points_m)
+    given = np.arange(len(points_m))
     if spacing_m == 0:  # points come several times
-        points_m = np.unique(points_m, axis=0)
+        points_m, given = np.unique(points_m, axis=0, return_inverse=True)
         if len(points_m) < 2:
             raise ValueError("all points are at one place")
         spacing_m = point_spacing(points_m)
     internode_m = settings.internode_m or settings.internode_of_height * float(np.ptp(points_m[:, 1]))
-    fine_m = _slice_thickness(internode_m, spacing_m, settings)
-    graph = link_points(points_m, settings.graph)
-    feet, of_root = _find_feet(points_m, roots_m, spacing_m)
-    say("stems", 0.3)
-    stem_m = _find_stems(points_m, graph.lengths_m, (feet, of_root), internode_m, spacing_m, settings)
-    # A slice of a branch whose surface is seen hangs together where it is thicker than its points are apart; one that
-    # is thinner than that is a line of points.
-    together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
-    thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
-    say("branches", 0.6)
-    thick = stem_m > _HANGS_TOGETHER * spacing_m
-    ways = find_ways(graph.lengths_m, feet, of_root, settings.way_power, thick)
-    sections = cut_sections(points_m, graph.lengths_m, ways, thickness_m)
-    window_m = max(2 * fine_m, 1.5 * spacing_m)
-    traced = _trace(points_m, sections, settings.least_length * fine_m, window_m, settings)
+    cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)
+    knows_leaves = shows_leaves(spacing_m, settings.wood)
+    wood = np.arange(len(points_m))
+    look = settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves)
+    for turn in range(settings.wood.most_turns if look else 0):
+        say("wood", 0.5 + 0.2 * turn / settings.wood.most_turns)
+        found = find_wood(points_m, cut.sections, _on_stems(cut), cut.spacing_m, settings.wood.caution)
+        logger.info("%.0f %% of the sections' length is wood", 100 * found.share)
+        if settings.leaves == "auto" and turn == 0 and found.share >= settings.wood.leafless:
+            break
+        kept = found.sections[cut.sections.section]
+        if kept.sum() < 2:
+            break
+        wood = wood[kept]
+        # Without the leaves slices are other ones, and wood is easier to tell from the leaves that are still there.
+        cut = _cut(points_m[wood], roots_m, internode_m, point_spacing(points_m[wood]) or spacing_m, settings)
+        if found.share >= settings.wood.settled:
+            break
+    say("branches", 0.7)
+    fine_m = cut.fine_m
+    window_m = max(2 * fine_m, 1.5 * cut.spacing_m)
+    traced = trace_axes(
+        cut.points_m, cut.sections, settings.least_length * fine_m, window_m, settings.stiffness, settings.radii
+    )
     # Again, without what ends inside the branch that it springs from.
-    least_m = np.full(len(sections), settings.least_length * fine_m)
+    least_m = np.full(len(cut.sections), settings.least_length * fine_m)
     least_m[traced.axes.nodes] += traced.radii.radius_m[traced.axes.nodes]
-    traced = _trace(points_m, sections, least_m, window_m, settings)
-    collapsed = collapse_nodes(_as_skeleton(traced), internode_m, settings.refinement)
+    traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, settings.stiffness, settings.radii)
+    collapsed = collapse_nodes(as_skeleton(traced), internode_m, settings.refinement)
     skeleton = round_bends(collapsed, settings.refinement)
     say("branches", 1.0)
+    is_wood = np.zeros(len(points_m), bool)
+    is_wood[wood] = True
     return TracedBranches(
         skeleton=skeleton,
         radii=traced.radii,
         internode_m=internode_m,
         spacing_m=spacing_m,
         thickness_m=fine_m,
+        pieces=cut.pieces,
+        wood=is_wood[given.reshape(-1)],
+        knows_leaves=knows_leaves,
+    )
+
+
+def _cut(
+    points_m: NDArray[np.float64],
+    roots_m: NDArray[np.float64],
+    internode_m: float,
+    spacing_m: float,
+    settings: BranchSettings,
+) -> _Cut:
+    """Sections of a cloud, as thick as the stem or the twig that they are of asks for."""
+    fine_m = _slice_thickness(internode_m, spacing_m, settings)
+    graph = link_points(points_m, settings.graph)
+    feet, of_root = _find_feet(points_m, roots_m, spacing_m)
+    stem_m = _find_stems(points_m, graph.lengths_m, (feet, of_root), internode_m, spacing_m, settings)
+    # A slice of a branch whose surface is seen hangs together where it is thicker than its points are apart; one that
+    # is thinner than that is a line of points.
+    together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
+    thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
+    thick = stem_m > _HANGS_TOGETHER * spacing_m
+    ways = find_ways(graph.lengths_m, feet, of_root, settings.way_power, thick)
+    return _Cut(
+        points_m=points_m,
+        sections=cut_sections(points_m, graph.lengths_m, ways, thickness_m),
+        stem_m=stem_m,
+        spacing_m=spacing_m,
+        fine_m=fine_m,
         pieces=graph.pieces,
     )
+
+
+def _on_stems(cut: _Cut) -> NDArray[np.bool_]:
+    """(S,) sections most of whose points are on a thick stem."""
+    held = np.bincount(cut.sections.section, cut.stem_m > 0, len(cut.sections))
+    return np.asarray(held > 0.5 * cut.sections.points)
 
 
 def point_spacing(points_m: NDArray[np.float64]) -> float:
@@ -188,7 +243,7 @@ def _find_stems(
     """(N,) radius of the thick stem that a point is on, 0 elsewhere: thin slices of a thick stem fall apart."""
     coarse_m = max(settings.coarse * internode_m, _HANGS_TOGETHER * spacing_m)
     sections = cut_sections(points_m, lengths_m, find_ways(lengths_m, *roots), coarse_m)
-    traced = _trace(points_m, sections, 1.5 * coarse_m, coarse_m, settings)
+    traced = trace_axes(points_m, sections, 1.5 * coarse_m, coarse_m, settings.stiffness, settings.radii)
     known = traced.radii.believed
     for _ in range(_NEAR_BELIEVED):
         above = np.flatnonzero(traced.parent >= 0)
@@ -203,63 +258,3 @@ def _find_stems(
         known[level] &= known[traced.parent[level]]
     stem_m = np.where(known, np.minimum(traced.radii.radius_m, 4 * coarse_m / settings.stem_share), 0)
     return np.asarray(stem_m[sections.section])
-
-
-def _trace(
-    points_m: NDArray[np.float64],
-    sections: SectionTree,
-    least_m: NDArray[np.floating] | float,
-    window_m: float,
-    settings: BranchSettings,
-) -> _Traced:
-    """Axes through sections, made fair, with radii; nodes that are on no axis keep their place and no parent."""
-    axes = find_axes(sections.center_m, sections.parent, least_m)
-    center_m = fair_axes(sections.center_m, axes, sections.points, settings.stiffness)
-    parent = axes.parent_node(len(sections))
-    circles = fit_stem_sections(points_m, sections.section, center_m, axes, StemSectionSettings(window_m=window_m))
-    on_axis = np.zeros(len(sections), bool)
-    on_axis[axes.nodes] = True
-    number = np.cumsum(on_axis) - 1
-    radii = estimate_radii(
-        center_m[on_axis],
-        np.where(parent[on_axis] >= 0, number[parent[on_axis]], -1).astype(np.int32),
-        circles.take(on_axis),
-        settings.radii,
-    )
-    radius_m, believed = np.full(len(sections), settings.radii.least_radius_m), np.zeros(len(sections), bool)
-    radius_m[on_axis], believed[on_axis] = radii.radius_m, radii.believed
-    away_m = np.linalg.norm(circles.offset_m, axis=1)
-    share = np.minimum(1, _MOST_MOVED * radius_m / np.maximum(away_m, 1e-12))
-    center_m = np.where(believed[:, None], center_m + share[:, None] * circles.offset_m, center_m)
-    return _Traced(
-        sections=sections,
-        axes=axes,
-        center_m=center_m,
-        parent=parent,
-        radii=replace(radii, radius_m=radius_m, believed=believed),
-    )
-
-
-def _as_skeleton(traced: _Traced) -> Skeleton:
-    """The axes as polylines, those of a single node left out; a branch begins as thick as it goes on."""
-    axes = traced.axes
-    long = np.diff(axes.first) >= 2
-    if not long[axes.parent[long & (axes.parent >= 0)]].all():
-        raise AssertionError("a branch springs from a single node")
-    number = np.cumsum(long) - 1
-    keep = long[axes.axis_of]
-    nodes, axis_of, own = axes.nodes[keep], axes.axis_of[keep], axes.own[keep]
-    radius_m = traced.radii.radius_m[nodes]
-    shared = np.flatnonzero(~own)
-    radius_m[shared] = radius_m[shared + 1]
-    place = np.full(len(traced.center_m), -1, np.int64)
-    place[nodes[own]] = np.flatnonzero(own)
-    parent = axes.parent[long]
-    return Skeleton(
-        points_m=traced.center_m[nodes],
-        radius_m=radius_m,
-        counts=np.bincount(number[axis_of], minlength=int(long.sum())).astype(np.int32),
-        parent_curve=np.where(parent < 0, -1, number[parent]).astype(np.int32),
-        parent_vertex=np.where(parent < 0, -1, place[axes.nodes[axes.first[:-1][long]]]).astype(np.int32),
-        order=axes.order[long].astype(np.int32),
-    )

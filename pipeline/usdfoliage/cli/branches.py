@@ -26,6 +26,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--internode", metavar="METRES", type=float, help="length of an internode (0.005 of the plant's height)"
     )
     parser.add_argument(
+        "--cloud-leaves",
+        default="auto",
+        choices=("auto", "on", "off"),
+        help="whether the cloud has leaves, which are then left out (what the cloud shows)",
+    )
+    parser.add_argument(
         "--up", default="auto", metavar="AXIS", help="of the cloud: X, Y, Z, -X, -Y, -Z (what the cloud shows)"
     )
     parser.add_argument("--unit", default="auto", help="of the cloud: m, cm, mm or ft (what the file says)")

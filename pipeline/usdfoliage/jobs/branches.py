@@ -69,7 +69,11 @@ class BranchesRequest:
         species = load_species(options.species, options.species_file) if options.species else None
         allometry = AllometrySettings(exponent=species.exponent) if species else AllometrySettings()
         try:
-            settings = BranchSettings(internode_m=options.internode, radii=RadiusSettings(allometry=allometry))
+            settings = BranchSettings(
+                internode_m=options.internode,
+                leaves=options.cloud_leaves,
+                radii=RadiusSettings(allometry=allometry),
+            )
         except ValueError as error:
             raise FoliageError(f"--internode: {error}") from error
         return cls(
@@ -125,7 +129,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             shown, told = regrow_branches(
                 traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
             )
-        notes = [*plant.notes, *told]
+        notes = [*plant.notes, *describe_leaves(traced, request.settings), *told]
         made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
         notes.extend(made.notes)
         with follow_step("asset", seconds, progress):
@@ -157,7 +161,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             variations=variations,
         )
         (folder / "report").mkdir(exist_ok=True)
-        rows = [*branch_rows(shown, made.surfaces.whole, plant.points_m), *made.rows]
+        wood_m = plant.points_m[shown.wood]
+        rows = [*branch_rows(shown, made.surfaces.whole, wood_m), *made.rows]
         write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, seconds, progress)
     return MadeBranches(
         asset=request.output / interface.name,
@@ -245,6 +250,22 @@ def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[str]]:
     return BranchSurfaces(whole=whole, by_order=tuple(coarser)), notes
 
 
+def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[str]:
+    """What the user should know of the cloud's leaves."""
+    share = float(1 - traced.wood.mean())
+    if share > 0:
+        return [
+            f"the cloud has leaves: {100 * share:.0f} % of its points are leaves and left out; "
+            "say --cloud-leaves off if that is wrong"
+        ]
+    if settings.leaves == "auto" and not traced.knows_leaves:
+        return [
+            f"points are {1000 * traced.spacing_m:.0f} mm from their sixth neighbour, too far to tell leaves from "
+            "wood: all are taken for wood; say --cloud-leaves on if the plant has leaves"
+        ]
+    return []
+
+
 def growth_of(traced: TracedBranches) -> dict[str, float]:
     """What of the growth parameters was measured."""
     return {"internodeLength": traced.internode_m, "rootDiameter": float(2 * traced.skeleton.radius_m[0])}
@@ -255,6 +276,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
     return {
         **request.cloud.describe(),
         "internode": "auto" if request.settings.internode_m is None else f"{request.settings.internode_m:g}",
+        "cloud-leaves": request.settings.leaves,
         **request.regrowth.describe(),
         "species": request.species or "none",
         **describe_foliage(request.foliage),

@@ -107,21 +107,27 @@ def write_branches_report(
         progress: Told of the pictures of the asset.
     """
     chosen = np.linspace(0, len(points_m) - 1, min(len(points_m), DRAWN_POINTS)).astype(np.int64)
-    shown_m = points_m[chosen]
+    shown_m, wood_m = points_m[chosen], points_m[chosen][traced.wood[chosen]]
     weight = weigh_points(shown_m, traced.internode_m)
-    away_m = distances_to_surface(shown_m, traced.skeleton, traced.thickness_m)
+    away_m = distances_to_surface(wood_m, traced.skeleton, traced.thickness_m)
     far_m = float(np.quantile(away_m, _FAR_QUANTILE)) or 1e-6
     heavy = float(np.quantile(weight, _FAR_QUANTILE)) or 1.0
     pictures = []
-    for what, colors, caption in (
+    for what, drawn_m, colors, caption in (
         (
             "weights",
+            shown_m,
             color_values(weight, 0, heavy, VIRIDIS),
             f"Importance of the points (equation 8), 0 to {heavy:.0f}",
         ),
-        ("distance", color_values(away_m, 0, far_m, TURBO), f"Scan to surface, 0 to {100 * far_m:.1f} cm"),
+        (
+            "distance",
+            wood_m,
+            color_values(away_m, 0, far_m, TURBO),
+            f"Scan of wood to surface, 0 to {100 * far_m:.1f} cm",
+        ),
     ):
-        for direction, file in _draw_cloud(folder, what, shown_m, colors, traced.spacing_m):
+        for direction, file in _draw_cloud(folder, what, drawn_m, colors, traced.spacing_m):
             pictures.append(ReportView(name=f"{caption}, from the {direction}", file=file))
     notes = list(report.notes)
     views = []
