@@ -108,6 +108,13 @@ def test_leaves_are_left_out_and_wood_stays():
     assert traced.wood[~is_wood].mean() < 0.4
 
 
+def test_of_the_stem_nothing_is_left_out():
+    points_m, is_wood = leafy_cloud()
+    stem = is_wood & (np.hypot(points_m[:, 0], points_m[:, 2]) < 0.035) & (points_m[:, 1] < 1)
+    assert stem.sum() > 500
+    assert trace("auto").wood[stem].mean() > 0.99
+
+
 def test_the_skeleton_of_a_tree_with_leaves_is_that_of_its_wood():
     true, found, blind = twiggy_tree(), trace("auto").skeleton, trace("off").skeleton
     places_m = sample_axes(true, 0.02)[0]

@@ -26,6 +26,7 @@ _SAMPLE = 20_000  # points of which it is taken
 _HANGS_TOGETHER = 1.6  # distances to the sixth neighbour, that a slice of a thick stem must be thick
 _FOOT = 1.6  # distances to the sixth neighbour, height of the foot of a stem
 _FOOT_POINTS = 20  # that tell how wide it is
+_WITHIN = 1.2  # radii of a thick branch from its axis, where all points are of it
 _NEAR_BELIEVED = 3  # nodes from a believed circle, that are as thick as is thought
 
 Tell = Callable[[str, float], None]
@@ -120,6 +121,7 @@ def reconstruct_branches(
     cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)
     knows_leaves = shows_leaves(spacing_m, settings.wood)
     wood = np.arange(len(points_m))
+    sure = np.zeros(len(points_m), bool)
     look = settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves)
     for turn in range(settings.wood.most_turns if look else 0):
         say("wood", 0.5 + 0.2 * turn / settings.wood.most_turns)
@@ -127,7 +129,9 @@ def reconstruct_branches(
         logger.info("%.0f %% of the sections' length is wood", 100 * found.share)
         if settings.leaves == "auto" and turn == 0 and found.share >= settings.wood.leafless:
             break
-        kept = found.sections[cut.sections.section]
+        if turn == 0:
+            sure = _in_thick_branches(cut, settings)
+        kept = found.sections[cut.sections.section] | sure[wood]
         if kept.sum() < 2:
             break
         wood = wood[kept]
@@ -194,6 +198,20 @@ def _on_stems(cut: _Cut) -> NDArray[np.bool_]:
     """(S,) sections most of whose points are on a thick stem."""
     held = np.bincount(cut.sections.section, cut.stem_m > 0, len(cut.sections))
     return np.asarray(held > 0.5 * cut.sections.points)
+
+
+def _in_thick_branches(cut: _Cut, settings: BranchSettings) -> NDArray[np.bool_]:
+    """(N,) points of slices that fell apart on the surface of a thick branch, and look like leaves of it."""
+    window_m = max(2 * cut.fine_m, 1.5 * cut.spacing_m)
+    least_m = settings.least_length * cut.fine_m
+    traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, settings.stiffness, settings.radii)
+    thick = np.zeros(len(cut.sections), bool)
+    thick[traced.axes.nodes] = True
+    thick &= traced.radii.radius_m > _HANGS_TOGETHER * cut.spacing_m
+    if not thick.any():
+        return np.zeros(len(cut.points_m), bool)
+    away_m, nearest = cKDTree(traced.center_m[thick]).query(cut.points_m, workers=-1)
+    return np.asarray(away_m < _WITHIN * traced.radii.radius_m[thick][nearest])
 
 
 def point_spacing(points_m: NDArray[np.float64]) -> float:

@@ -23,8 +23,8 @@ _AROUND = 1.5  # of a section, where they are counted
 _BLUR = 0.1  # that a way strays in any case
 _MOST_SECTIONS = 250  # of a way within a window
 # Logarithm of the odds for wood: constant; straightness in both windows, fewness of points, emptiness around. Logistic
-# regression on simulated scans and photographed surfaces of a tree with leaves of several sizes, at several spacings
-# and noises, on real clouds without leaves, and on such with leaves added.
+# regression, rounded, on a simulated tree with leaves of several sizes, scanned and sampled at several spacings and
+# noises, the same without leaves, and two real clouds without leaves and with simulated ones.
 _WEIGHTS = (-1.3, 1.8, 1.2, 2.5, 0.8)
 _MOST_SURE = 6.0  # logarithm of the odds
 _STEM_SURE = 3.0  # of what is on a thick stem
