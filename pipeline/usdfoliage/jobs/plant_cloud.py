@@ -128,16 +128,16 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         notes.append(up.how if up.sure else f"{up.how}; say it with --up if that is wrong")
     turn = turn_to_y_up(axis)
     points_m = source.points_m @ turn.T
-    if len(points_m) > request.most_points:
+    ground = find_ground(points_m)
+    if ground.points.any():
+        notes.append(f"{int(ground.points.sum()):,} points are ground and left out")
+    points_m = points_m[~ground.points]
+    if len(points_m) > request.most_points:  # of the plant: ground would take their share
         thinner = PointThinner(request.most_points)
         thinner.add(points_m, None)
         thinned = thinner.finish()
         points_m = thinned.points
         notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * thinned.cell:.1f} mm")
-    ground = find_ground(points_m)
-    if ground.points.any():
-        notes.append(f"{int(ground.points.sum()):,} points are ground and left out")
-    points_m = points_m[~ground.points]
     if len(points_m) < LEAST_POINTS:
         raise FitError(f"{len(points_m)} points are left without the ground, {LEAST_POINTS} needed ({source.path})")
     if request.given_roots:
