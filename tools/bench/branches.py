@@ -177,7 +177,7 @@ def bench_real() -> None:
         "AdTree",
     ]
     head += ["skeleton + surface s", "cage", "left out", "off the skeleton's tube, of its radius: median, 95 %, most"]
-    rows = []
+    print_table(head, [])
     better = known = 0
     for name, path in clouds:
         plant = read_plant(path)
@@ -189,25 +189,22 @@ def bench_real() -> None:
         if peer:
             known += 1
             better += away.scan_to_mesh[0] < peer[0] and away.mesh_to_scan[0] < peer[1]
-        rows.append(
-            [
-                name.removeprefix("cloud-"),
-                f"{len(plant.points_m):,}",
-                f"{np.ptp(plant.points_m[:, 1]):.2f}",
-                f"{len(found.skeleton):,}",
-                f"{found.skeleton.lengths_m.mean():.3f}",
-                f"{away.scan_to_mesh[0]:.4f} ({away.scan_to_mesh[1]:.4f})",
-                f"{peer[0]:.4f}" if peer else "-",
-                f"{away.mesh_to_scan[0]:.4f} ({away.mesh_to_scan[1]:.4f})",
-                f"{peer[1]:.4f}" if peer else "-",
-                f"{found.trace_s:.1f} + {found.surface_s:.1f}",
-                "sound" if check_cage(found.cage).clean else "NOT SOUND",
-                f"{len(found.cage.dropped)}",
-                f"{np.median(off):.1%}, {np.quantile(off, 0.95):.1%}, {off.max():.0%}" if len(off) else "-",
-            ]
-        )
-        print(f"<!-- {name} -->", flush=True)
-    print_table(head, rows)
+        row = [
+            name.removeprefix("cloud-"),
+            f"{len(plant.points_m):,}",
+            f"{np.ptp(plant.points_m[:, 1]):.2f}",
+            f"{len(found.skeleton):,}",
+            f"{found.skeleton.lengths_m.mean():.3f}",
+            f"{away.scan_to_mesh[0]:.4f} ({away.scan_to_mesh[1]:.4f})",
+            f"{peer[0]:.4f}" if peer else "-",
+            f"{away.mesh_to_scan[0]:.4f} ({away.mesh_to_scan[1]:.4f})",
+            f"{peer[1]:.4f}" if peer else "-",
+            f"{found.trace_s:.1f} + {found.surface_s:.1f}",
+            "sound" if check_cage(found.cage).clean else "NOT SOUND",
+            f"{len(found.cage.dropped)}",
+            f"{np.median(off):.1%}, {np.quantile(off, 0.95):.1%}, {off.max():.0%}" if len(off) else "-",
+        ]
+        print(f"| {' | '.join(row)} |", flush=True)
     print(f"\nBoth distances below AdTree's on {better} of {known} clouds.")
 
 
