@@ -168,7 +168,7 @@ def _place_along(
     """Places along one tube, thick branches first: their holes move least. In order along it."""
     blocks = [_Block(low_m=low, high_m=high) for low, high in steep]
     lost: list[int] = []
-    for want in sorted(wants, key=lambda want: (-want.half_across_m, want.exit)):
+    for want in wants:
         gap = 0.25 * want.parent_radius_m
         low, high = start_m + gap, end_m - gap
         if not _place(want, blocks, low, high, gap):

@@ -44,7 +44,7 @@ class Placer {
     }
 
   private:
-    // Places along one tube, thick branches first: their holes move least.
+    // Places along one tube, in the order of its wants.
     void place_along(std::size_t tube) {
         std::vector<std::size_t> own(static_cast<std::size_t>(tubes_.want_first[tube + 1] - tubes_.want_first[tube]));
         std::iota(own.begin(), own.end(), static_cast<std::size_t>(tubes_.want_first[tube]));
@@ -56,8 +56,6 @@ class Placer {
         if (!own.empty())
             for (std::int64_t k = tubes_.steep_first[tube]; k < tubes_.steep_first[tube + 1]; ++k)
                 blocks.push_back({tubes_.steep[2 * k], tubes_.steep[2 * k + 1], {}});
-        std::stable_sort(own.begin(), own.end(),
-                         [&](std::size_t a, std::size_t b) { return wants_[a].half_across > wants_[b].half_across; });
         for (const std::size_t want : own) {
             const double gap = 0.25 * wants_[want].parent_radius;
             if (!place_one(want, blocks, tubes_.start[tube] + gap, tubes_.end[tube] - gap, gap)) {

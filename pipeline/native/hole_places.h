@@ -51,11 +51,11 @@ struct HolePlacement {
     std::vector<std::int64_t> homeless;  // wants without a place
 };
 
-// Find a place for each want, thick ones first; those of tubes that have none go with them.
+// Find a place for each want, those of a tube in their order: the first move least. What has none takes its own along.
 //
-// @param wants       as given by want_first.
-// @param tightest    share of its length that a hole may be pressed to.
-// @param relaxed     parent radii behind a block, in which columns go back to even ones.
+// @param wants         by parents as want_first says, first those that are to move least.
+// @param tightest      share of its length that a hole may be pressed to.
+// @param relaxed       parent radii behind a block, in which columns go back to even ones.
 // @param least_column  radians between neighbouring columns.
 HolePlacement place_holes(const HoleTubes& tubes, std::vector<HoleWant> wants, double tightest, double relaxed,
                           double least_column);

@@ -62,8 +62,9 @@ def measure_surface(
 def radius_deviations(skeleton: Skeleton, cage: BranchCage, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """|distance from the axis / radius - 1| of limit points of the cage's rows, away from forks, ends and bends.
 
-    Left out are faces near forks, and places whose nearest axis is not their own branch's, nearer to one of its ends
-    than two radii, or where the axis turns: there no tube has one radius.
+    Left out are faces near forks, and places nearer to an end of their branch than two radii, or where the axis turns:
+    there no tube has one radius. Where the cage bends an axis to where its hole found a place, that is counted: it is
+    off the skeleton.
     """
     step = 4**LEVELS
     rows = np.ones(len(cage.faces), bool)

@@ -18,7 +18,6 @@ import argparse
 import csv
 import json
 import logging
-import resource
 import subprocess
 import sys
 import time
@@ -27,12 +26,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from branch_cost import measure_cost
 from branch_similarity import compare_trees
 from branch_surface import cone_volume, diameter_at, limit_surface, measure_surface, radius_deviations
 from branch_truth import ORDERS, read_true_skeleton, score_skeleton, spanning_skeleton
 from numpy.typing import NDArray
 from usdfoliage.branch.cage import BranchCage, build_branch_cage, check_cage
-from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.branch.roots import RootSettings
@@ -43,7 +42,6 @@ PARTS = ("synthetic", "real", "measured", "scaling")
 SYNTHETIC = ("tree_leaf_off", "tree_leaf_on")
 WOOD = 1  # label of a simulated scan
 COUNTS = (50_000, 100_000, 200_000, 400_000, 1_000_000, 2_000_000)
-NOISE_M = 0.002  # of the points of the scaling's tree
 
 # AdTree (commit c140430, GPL, measured elsewhere with the same measure): scan to mesh and mesh to scan, mean metres.
 ADTREE = {
@@ -178,8 +176,8 @@ def bench_real() -> None:
         "mesh to scan",
         "AdTree",
     ]
-    head += ["skeleton + surface s", "cage", "left out", "off the radius: median, 95 %, most"]
-    rows = []
+    head += ["skeleton + surface s", "cage", "left out", "off the skeleton's tube, of its radius: median, 95 %, most"]
+    print_table(head, [])
     better = known = 0
     for name, path in clouds:
         plant = read_plant(path)
@@ -191,25 +189,22 @@ def bench_real() -> None:
         if peer:
             known += 1
             better += away.scan_to_mesh[0] < peer[0] and away.mesh_to_scan[0] < peer[1]
-        rows.append(
-            [
-                name.removeprefix("cloud-"),
-                f"{len(plant.points_m):,}",
-                f"{np.ptp(plant.points_m[:, 1]):.2f}",
-                f"{len(found.skeleton):,}",
-                f"{found.skeleton.lengths_m.mean():.3f}",
-                f"{away.scan_to_mesh[0]:.4f} ({away.scan_to_mesh[1]:.4f})",
-                f"{peer[0]:.4f}" if peer else "-",
-                f"{away.mesh_to_scan[0]:.4f} ({away.mesh_to_scan[1]:.4f})",
-                f"{peer[1]:.4f}" if peer else "-",
-                f"{found.trace_s:.1f} + {found.surface_s:.1f}",
-                "sound" if check_cage(found.cage).clean else "NOT SOUND",
-                f"{len(found.cage.dropped)}",
-                f"{np.median(off):.1%}, {np.quantile(off, 0.95):.1%}, {off.max():.0%}" if len(off) else "-",
-            ]
-        )
-        print(f"<!-- {name} -->", flush=True)
-    print_table(head, rows)
+        row = [
+            name.removeprefix("cloud-"),
+            f"{len(plant.points_m):,}",
+            f"{np.ptp(plant.points_m[:, 1]):.2f}",
+            f"{len(found.skeleton):,}",
+            f"{found.skeleton.lengths_m.mean():.3f}",
+            f"{away.scan_to_mesh[0]:.4f} ({away.scan_to_mesh[1]:.4f})",
+            f"{peer[0]:.4f}" if peer else "-",
+            f"{away.mesh_to_scan[0]:.4f} ({away.mesh_to_scan[1]:.4f})",
+            f"{peer[1]:.4f}" if peer else "-",
+            f"{found.trace_s:.1f} + {found.surface_s:.1f}",
+            "sound" if check_cage(found.cage).clean else "NOT SOUND",
+            f"{len(found.cage.dropped)}",
+            f"{np.median(off):.1%}, {np.quantile(off, 0.95):.1%}, {off.max():.0%}" if len(off) else "-",
+        ]
+        print(f"| {' | '.join(row)} |", flush=True)
     print(f"\nBoth distances below AdTree's on {better} of {known} clouds.")
 
 
@@ -280,80 +275,6 @@ def bench_measured() -> None:
     print_table(["cloud", "by", "diameter at 1.3 m, m", "height m", "length of all branches m", "volume m³"], rows)
 
 
-def tree_points(count: int) -> NDArray[np.float64]:
-    """(count, 3) points on the surface of a tree, Y up: the simulated one, or a plain one where that is absent."""
-    rng = np.random.default_rng(0)
-    held = DATA / "synthetic" / SYNTHETIC[0] / "truth" / "skeleton.json"
-    skeleton = read_true_skeleton(held) if held.is_file() else _plain_tree(rng)
-    places_m, radius_m, direction = sample_axes(skeleton, 0.01)
-    chosen = rng.choice(len(places_m), count, p=radius_m / radius_m.sum())
-    side = np.cross(direction, rng.normal(size=3))
-    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-12)
-    other = np.cross(direction, side)
-    turn = rng.uniform(0, 2 * np.pi, count)[:, None]
-    around = np.cos(turn) * side[chosen] + np.sin(turn) * other[chosen]
-    along = rng.uniform(-0.005, 0.005, count)[:, None] * direction[chosen]
-    return places_m[chosen] + along + radius_m[chosen, None] * around + rng.normal(0, NOISE_M, (count, 3))
-
-
-def _plain_tree(rng: np.random.Generator) -> Skeleton:
-    """A trunk of 6 m with 60 branches of 10 twigs each."""
-    points, radii, parent, vertex, order = (
-        [np.linspace([0, 0, 0], [0, 6, 0], 61)],
-        [np.linspace(0.15, 0.02, 61)],
-        [-1],
-        [-1],
-        [0],
-    )
-    first = 61
-    for above, count, length, share in ((0, 60, 2.0, 0.4), (1, 600, 0.5, 0.4)):
-        carriers = [number for number, each in enumerate(order) if each == above]
-        firsts = np.cumsum([0, *(len(each) for each in points)])
-        for k in range(count):
-            carrier = carriers[k % len(carriers)]
-            at = int(rng.integers(len(points[carrier]) // 4, len(points[carrier])))
-            way = rng.normal([0, 0.5, 0])
-            start = points[carrier][at]
-            points.append(np.linspace(start, start + length * way / np.linalg.norm(way), 21))
-            radii.append(np.linspace(1, 0.3, 21) * share * radii[carrier][at])
-            parent.append(carrier)
-            vertex.append(int(firsts[carrier]) + at)
-            order.append(above + 1)
-            first += 21
-    return Skeleton(
-        points_m=np.concatenate(points),
-        radius_m=np.concatenate(radii),
-        counts=np.array([len(each) for each in points], np.int32),
-        parent_curve=np.array(parent, np.int32),
-        parent_vertex=np.array(vertex, np.int32),
-        order=np.array(order, np.int32),
-    )
-
-
-def measure_cost(count: int) -> dict[str, float]:
-    """Seconds and memory of this process at so many points."""
-    points_m = tree_points(count)
-    before = _cpu_seconds()
-    start = time.perf_counter()
-    skeleton = reconstruct_branches(points_m, np.zeros((1, 3))).skeleton
-    traced, middle = _cpu_seconds(), time.perf_counter()
-    cage = build_branch_cage(skeleton, _CAGE)
-    return {
-        "branches": len(skeleton),
-        "faces": len(cage.faces),
-        "skeleton s": middle - start,
-        "surface s": time.perf_counter() - middle,
-        "skeleton cpu s": traced - before,
-        "surface cpu s": _cpu_seconds() - traced,
-        "peak GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2,
-    }
-
-
-def _cpu_seconds() -> float:
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return used.ru_utime + used.ru_stime
-
-
 def bench_scaling(counts: Sequence[int]) -> None:
     """One tree in more and more points."""
     print("\n### Cost by points of one tree; wall seconds (processor seconds)\n")
@@ -376,7 +297,9 @@ def main() -> int:
     options = parser.parse_args()
     logging.disable(logging.WARNING)
     if options.cost:
-        print(json.dumps(measure_cost(options.cost)))
+        print(
+            json.dumps(measure_cost(options.cost, DATA / "synthetic" / SYNTHETIC[0] / "truth" / "skeleton.json", _CAGE))
+        )
         return 0
     if "synthetic" in options.only:
         bench_synthetic()

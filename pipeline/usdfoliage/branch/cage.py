@@ -207,7 +207,7 @@ def _pull(rings: Rings, places: HolePlaces, faces: Faces, roots: NDArray[np.bool
 
 
 def _find_guilty(built: _Built, carried_m: Floats) -> Ints:
-    """The holes to try again: of two that cross that of the branch which carries less, else what crosses its parent."""
+    """The holes to try again: of two that cross the one that carries less, else the one that crosses its parent."""
     pairs = find_fork_crossings(built.points_m, built.faces.faces, built.forks.faces, built.forks.counts)
     owner = built.forks.owner
     fork = np.repeat(np.arange(len(built.forks.counts)), built.forks.counts)

@@ -70,7 +70,8 @@ def place_holes(tubes: Tubes, exits: Exits, start_m: Floats, wanted: NDArray[np.
     # The hole's ends are half as wide as its middle, and even sectors keep the parent round.
     end_rad = np.minimum(np.clip(np.arcsin(sine / 2) + SECTOR_MARGIN, NARROWEST, WIDEST), half_rad)
     looking = np.flatnonzero(wanted)
-    looking = looking[np.argsort(exits.parent[looking], kind="stable")]
+    # Thick branches first: their holes move least, even where they were made smaller.
+    looking = looking[np.lexsort([looking, -exits.radius_m[looking], exits.parent[looking]])]
     wants = np.stack(
         [
             exits.hole_arc_m,

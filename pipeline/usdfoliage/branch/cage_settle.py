@@ -7,13 +7,14 @@ import numpy as np
 from usdfoliage.branch.cage_exits import Exits, find_exits
 from usdfoliage.branch.cage_places import Holes, place_holes
 from usdfoliage.branch.cage_rings import SHOULDER
-from usdfoliage.branch.cage_shifts import ease_bends, move_starts
+from usdfoliage.branch.cage_shifts import ease_bends, move_starts, straighten_starts
 from usdfoliage.branch.cage_tubes import Floats, Ints, Path, Tubes, arcs_along, pack_paths
 
 TOO_SHORT = "too short to leave its parent's surface"
 NEAR_ENOUGH = 0.2  # of a radius: a hole this far from where its axis comes out needs no bend
 SMALLER = 0.88  # times, a hole in each new attempt
 FARTHER = 0.4  # radii, the first ring of its branch in each new attempt
+STRAIGHT = 3  # attempts, after which a way out is made straight
 ATTEMPTS = 8  # at a fork that crosses, before its branch is dropped
 
 
@@ -26,6 +27,11 @@ def settle(paths: list[Path], tries: Ints, clearance: float, dropped: dict[int, 
         clearance: In radii, between a parent and the first ring of a branch.
         dropped: Takes the branches that end inside their parents.
     """
+    if (tries >= STRAIGHT).any():
+        tubes, exits = _leave_parents(paths, tries, clearance, dropped)
+        stubborn = np.flatnonzero(tries[leading(tubes, exits)] >= STRAIGHT)
+        free_m = exits.free_arc_m[stubborn].tolist()
+        straighten_starts(paths, dict(zip(exits.tube[stubborn].tolist(), free_m, strict=True)))
     for last in (False, False, True):
         tubes, exits = _leave_parents(paths, tries, clearance, dropped)
         again = tries[leading(tubes, exits)]

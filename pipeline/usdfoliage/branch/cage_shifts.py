@@ -99,10 +99,25 @@ def ease_bends(paths: list[Path]) -> None:
             break
         kept = kept[~drop]
     changed = np.flatnonzero(np.bincount(of[kept], minlength=len(paths)) < counts)
+    _keep_points(paths, {number: kept[of[kept] == number] - first[number] for number in changed.tolist()})
+
+
+def straighten_starts(paths: list[Path], upto_m: dict[int, float]) -> None:
+    """Leave out points of axes (by number), in place, between their first and the one at or after this arc."""
+    kept = {}
+    for number, straight_m in upto_m.items():
+        later = arcs_along(paths[number].points_m) >= straight_m
+        later[0] = later[-1] = True
+        if not later.all():
+            kept[number] = np.flatnonzero(later)
+    _keep_points(paths, kept)
+
+
+def _keep_points(paths: list[Path], kept: dict[int, NDArray[np.intp]]) -> None:
+    """Leave all other points of these paths out, in place; what they carry leaves from where it was."""
     eased: dict[int, tuple[Floats, Floats]] = {}
-    for number in changed.tolist():
+    for number, mine in kept.items():
         path = paths[number]
-        mine = kept[of[kept] == number] - first[number]
         old_arc = arcs_along(path.points_m)[mine]
         path.points_m, path.radius_m = path.points_m[mine], path.radius_m[mine]
         eased[number] = old_arc, arcs_along(path.points_m)
