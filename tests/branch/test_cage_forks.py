@@ -18,11 +18,12 @@ def leaving(angle_deg, azimuth_deg=0.0, start=(0, 1, 0), length_m=1.0):
     return np.array([start, start + length_m * np.array(way)])
 
 
-def assert_whole(plant, cage, dropped=0):
+def assert_whole(plant, cage, dropped=0, loose=0):
     """Closed, joined, not crossing, and every branch there or named."""
     check = check_cage(cage)
     assert check.clean, check
-    assert check.components == (plant.parent_curve < 0).sum()
+    assert check.components == (plant.parent_curve < 0).sum() + loose
+    assert len(cage.loose) == loose, cage.loose
     assert len(cage.dropped) == dropped, cage.dropped
     assert set(cage.curve.tolist()) == set(range(len(plant))) - {lost.curve for lost in cage.dropped}
     np.testing.assert_array_equal(cage.order, plant.order[cage.curve])
@@ -139,7 +140,7 @@ def test_any_tree_gives_one_closed_surface(seed, wild):
     cage = build_branch_cage(plant)
     assert np.isfinite(cage.points_m).all()
     assert np.isfinite(cage.st_m).all()
-    assert_whole(plant, cage, dropped=len(cage.dropped))
+    assert_whole(plant, cage, dropped=len(cage.dropped), loose=len(cage.loose))
     if not wild:
         assert len(cage.dropped) <= 1 + len(plant) // 3
 

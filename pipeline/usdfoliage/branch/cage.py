@@ -15,6 +15,7 @@ from usdfoliage.branch.cage_exits import Exits
 from usdfoliage.branch.cage_faces import Faces, HolePlaces, build_faces, place_hole_vertices
 from usdfoliage.branch.cage_forks import Forks, gather_forks
 from usdfoliage.branch.cage_limit import pull_limit
+from usdfoliage.branch.cage_pieces import LoosePieces, cut_loose
 from usdfoliage.branch.cage_places import HOLE, Holes
 from usdfoliage.branch.cage_rings import Rings, Starts, build_rings
 from usdfoliage.branch.cage_sectors import SIDES
@@ -33,6 +34,7 @@ ROUNDS = 5  # of moving the limit to where it is to be
 CAP_GAIN = 0.2  # a cap's edge is round, too
 SHOULDER_GAIN = 0.4  # nor is the ring before it to bulge
 HOLE_GAIN = 0.0
+PIECE_ROUNDS = 3  # of pieces that are cut loose from pieces
 STEP = 1  # attempts that are made at once
 
 
@@ -78,14 +80,57 @@ class BranchCage:
     fork_counts: NDArray[np.int32]  # (J,)
     fork_curve: NDArray[np.int32]  # (J,), branch that leaves there
     dropped: tuple[DroppedBranch, ...]  # by branch
+    loose: tuple[int, ...] = ()  # branches that begin a closed piece of their own, beside what they spring from
 
 
 def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchCageSettings()) -> BranchCage:
     """Build the cage of all branches.
 
-    A branch that ends inside its parent is left out, and what it carries leaves the parent instead. What crosses at a
-    fork is tried again with a smaller hole and a longer way out; at last it is left out, and named in dropped.
+    A branch that ends inside its parent is left out, named in dropped, and what it carries leaves the parent instead.
+    What crosses at a fork is tried again with a smaller hole and a longer way out; at last it becomes a closed piece of
+    its own that begins beside its parent, named in loose, with all that it carries.
     """
+    cage = _build_joined(skeleton, settings)
+    for _ in range(PIECE_ROUNDS):
+        lost = np.zeros(len(skeleton), bool)
+        lost[[each.curve for each in cage.dropped if each.why in (CROSSES, NO_ROOM, PARENT_DROPPED)]] = True
+        joined = np.ones(len(skeleton), bool)
+        joined[[each.curve for each in cage.dropped]] = False
+        pieces = cut_loose(skeleton, lost, joined)
+        if pieces is None:
+            break
+        before = len(cage.dropped)
+        cage = _with_pieces(cage, _build_joined(pieces.skeleton, settings), pieces, skeleton)
+        if len(cage.dropped) == before:
+            break
+    return cage
+
+
+def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skeleton: Skeleton) -> BranchCage:
+    """A cage and that of pieces beside it, as one mesh."""
+    points, faces, corners = len(cage.points_m), len(cage.faces), len(cage.st_m)
+    saved = set(pieces.curve.tolist()) - {int(pieces.curve[each.curve]) for each in other.dropped}
+    roots = set(pieces.curve[pieces.skeleton.parent_curve < 0].tolist())
+    why = {each.curve: each.why for each in cage.dropped if each.curve not in saved}
+    why.update({int(pieces.curve[each.curve]): each.why for each in other.dropped})
+    curve = pieces.curve[other.curve]
+    return BranchCage(
+        points_m=np.concatenate([cage.points_m, other.points_m]),
+        faces=np.concatenate([cage.faces, other.faces + points]).astype(np.int32),
+        st_m=np.concatenate([cage.st_m, other.st_m]),
+        face_st=np.concatenate([cage.face_st, other.face_st + corners]).astype(np.int32),
+        curve=np.concatenate([cage.curve, curve]),
+        order=np.concatenate([cage.order, skeleton.order[curve]]).astype(np.int32),
+        fork_faces=np.concatenate([cage.fork_faces, other.fork_faces + faces]).astype(np.int32),
+        fork_counts=np.concatenate([cage.fork_counts, other.fork_counts]),
+        fork_curve=np.concatenate([cage.fork_curve, pieces.curve[other.fork_curve]]),
+        dropped=tuple(DroppedBranch(curve=each, why=why[each]) for each in sorted(why)),
+        loose=tuple(sorted({*cage.loose, *(saved & roots)})),
+    )
+
+
+def _build_joined(skeleton: Skeleton, settings: BranchCageSettings) -> BranchCage:
+    """The cage of the branches that can be joined."""
     paths, dropped = find_paths(skeleton)
     if not paths:
         return _empty(dropped)

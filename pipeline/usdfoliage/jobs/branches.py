@@ -247,6 +247,11 @@ def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[str]]:
     if reasons:
         told = ", ".join(f"{count} {reason}" for reason, count in sorted(reasons.items(), key=lambda each: -each[1]))
         notes.append(f"{sum(reasons.values())} of {len(skeleton)} branches are in the skeleton alone: {told}")
+    if whole.loose:
+        notes.append(
+            f"{len(whole.loose)} branches would cross their parent where they join it: "
+            "each begins a closed piece of its own beside it"
+        )
     return BranchSurfaces(whole=whole, by_order=tuple(coarser)), notes
 
 

@@ -1,0 +1,140 @@
+"""Branches that cannot be joined to their parent without crossing it, as plants of their own that begin beside it.
+
+A limb that is left out would take all that it carries with it. It begins where it is clear of what it springs from: the
+gap is narrower than the limb is thick. The method is our own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.distances import sample_axes
+from usdfoliage.branch.model import Skeleton
+
+_STEP = 0.25  # of the radius of what is walked along
+_GAP = 0.1  # of a branch's radius, between it and what it springs from
+_LEAST = 3.0  # radii, that a piece must be long
+_NEAREST = 8  # places on the axes below that are looked at
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoosePieces:
+    """Branches as plants of their own."""
+
+    skeleton: Skeleton
+    curve: NDArray[np.int32]  # (B,), the branch that each one is in the skeleton that they are from
+
+
+def cut_loose(skeleton: Skeleton, lost: NDArray[np.bool_], joined: NDArray[np.bool_]) -> LoosePieces | None:
+    """What can be saved of branches that are lost; None where nothing can.
+
+    Args:
+        skeleton: All branches.
+        lost: (B,), that could not be joined to what they spring from, with all that they carry.
+        joined: (B,), that are in the surface.
+    """
+    parts: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    curve: list[int] = []
+    parent_curve: list[int] = []
+    parent_vertex: list[int] = []
+    number = np.full(len(skeleton), -1)  # of a branch among the pieces
+    begin = np.zeros(len(skeleton), np.int64)  # first of its own vertices that is left, and where that is put
+    place = np.zeros(len(skeleton), np.int64)
+    total = 0
+    for branch in np.flatnonzero(lost).tolist():  # parents first
+        part = skeleton.branch(branch)
+        points_m, radius_m = skeleton.points_m[part], skeleton.radius_m[part]
+        above, leaves = int(skeleton.parent_curve[branch]), int(skeleton.parent_vertex[branch])
+        held = above >= 0 and number[above] >= 0
+        if held and leaves - skeleton.first[above] >= begin[above]:
+            parent_curve.append(int(number[above]))
+            parent_vertex.append(int(place[above] + leaves - skeleton.first[above] - begin[above]))
+            kept = 0
+        else:
+            start = _first_clear(skeleton, branch, joined | (number >= 0))
+            if start is None:
+                continue
+            kept, share = start
+            first_m = (1 - share) * points_m[kept] + share * points_m[kept + 1]
+            first_radius_m = (1 - share) * radius_m[kept] + share * radius_m[kept + 1]
+            points_m = np.concatenate([first_m[None], points_m[kept + 1 :]])
+            radius_m = np.concatenate([[first_radius_m], radius_m[kept + 1 :]])
+            parent_curve.append(-1)
+            parent_vertex.append(-1)
+        number[branch] = len(curve)
+        # Of a piece that begins between two vertices the first one is new, and nothing springs from it.
+        begin[branch] = kept + 1 if parent_curve[-1] < 0 else 0
+        place[branch] = total + (1 if parent_curve[-1] < 0 else 0)
+        curve.append(branch)
+        parts.append((points_m, radius_m))
+        total += len(points_m)
+    if not curve:
+        return None
+    order = np.zeros(len(curve), np.int32)
+    for index, parent in enumerate(parent_curve):
+        order[index] = 0 if parent < 0 else order[parent] + 1
+    return LoosePieces(
+        skeleton=Skeleton(
+            points_m=np.concatenate([points_m for points_m, _ in parts]),
+            radius_m=np.concatenate([radius_m for _, radius_m in parts]),
+            counts=np.array([len(points_m) for points_m, _ in parts], np.int32),
+            parent_curve=np.array(parent_curve, np.int32),
+            parent_vertex=np.array(parent_vertex, np.int32),
+            order=order,
+        ),
+        curve=np.array(curve, np.int32),
+    )
+
+
+def _first_clear(skeleton: Skeleton, branch: int, standing: NDArray[np.bool_]) -> tuple[int, float] | None:
+    """The edge of a branch, and the share along it, from where on it is clear of all that stands below it."""
+    below = np.zeros(len(skeleton), bool)
+    parent = int(skeleton.parent_curve[branch])
+    while parent >= 0:
+        below[parent] = standing[parent]
+        parent = int(skeleton.parent_curve[parent])
+    points_m, radius_m = skeleton.points_m[skeleton.branch(branch)], skeleton.radius_m[skeleton.branch(branch)]
+    steps_m = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
+    way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    if not below.any():
+        return 0, 0.0
+    walked_m = np.arange(0, way_m[-1], _STEP * float(radius_m.mean()))
+    edge = np.clip(np.searchsorted(way_m, walked_m, side="right") - 1, 0, len(steps_m) - 1)
+    share = (walked_m - way_m[edge]) / np.maximum(steps_m[edge], 1e-300)
+    at_m = points_m[edge] + share[:, None] * (points_m[edge + 1] - points_m[edge])
+    own_m = radius_m[edge] + share * (radius_m[edge + 1] - radius_m[edge])
+    along = (points_m[edge + 1] - points_m[edge]) / np.maximum(steps_m[edge], 1e-300)[:, None]
+    only = _only(skeleton, below)
+    axis_m, axis_radius_m, direction = sample_axes(only, _STEP * float(radius_m.mean()))
+    near = min(_NEAREST, len(axis_m))
+    found = np.asarray(cKDTree(axis_m).query(at_m, k=list(range(1, near + 1)))[1])
+    clear = np.ones(len(walked_m), bool)
+    for nearest in found.T:
+        away = at_m - axis_m[nearest]
+        away -= np.einsum("nc,nc->n", away, direction[nearest])[:, None] * direction[nearest]
+        away_m = np.linalg.norm(away, axis=1)
+        # The ring at the start stands across the branch: of one that leans it comes nearer than the axis.
+        leaning = np.abs(np.einsum("nc,nc->n", away, along)) / np.maximum(away_m, 1e-300)
+        reach_m = own_m * (np.sqrt(np.maximum(0, 1 - leaning**2)) + _GAP)
+        clear &= away_m - axis_radius_m[nearest] >= reach_m
+    blocked = np.flatnonzero(~clear)
+    first = 0 if not len(blocked) else int(blocked[-1]) + 1
+    if first >= len(walked_m) or way_m[-1] - walked_m[first] < _LEAST * own_m[first]:
+        return None
+    return int(edge[first]), float(min(share[first], 0.99))
+
+
+def _only(skeleton: Skeleton, kept: NDArray[np.bool_]) -> Skeleton:
+    """Some branches, each as a plant of its own."""
+    of = kept[skeleton.curve]
+    count = int(kept.sum())
+    return Skeleton(
+        points_m=skeleton.points_m[of],
+        radius_m=skeleton.radius_m[of],
+        counts=skeleton.counts[kept],
+        parent_curve=np.full(count, -1, np.int32),
+        parent_vertex=np.full(count, -1, np.int32),
+        order=np.zeros(count, np.int32),
+    )
