@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -16,6 +16,7 @@ from usdfoliage.branch.radii import Radii, RadiusSettings
 from usdfoliage.branch.refinement import RefinementSettings, collapse_nodes, round_bends
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.branch.sections import SectionTree, cut_sections, find_ways
+from usdfoliage.branch.strays import find_strays
 from usdfoliage.branch.traced_axes import as_skeleton, trace_axes
 from usdfoliage.branch.wood import WoodSettings, find_wood, shows_leaves
 
@@ -48,6 +49,7 @@ class BranchSettings:
     sparse_spacings: float = 0.14  # distances to the sixth neighbour, thickness of a slice there
     stem_share: float = 0.3  # of the radius of a thick stem, thickness of its slices
     least_length: float = 1.0  # slices, that a branch must reach beyond its parent's surface
+    most_gap: float = 1.0  # of the way beyond it, that a gap between a branch and the rest may be long
     stiffness: float = 4.0
     radii: RadiusSettings = field(default_factory=RadiusSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
@@ -59,6 +61,8 @@ class BranchSettings:
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
         if not (self.way_power >= 1 and self.coarse > 0 and self.fine > 0 and self.least_length >= 0):
             raise ValueError("way_power must be at least 1, coarse and fine above 0, least_length not below 0")
+        if not self.most_gap > 0:
+            raise ValueError(f"most_gap must be above 0, not {self.most_gap:g}")
         if self.leaves not in get_args(CloudLeaves):
             raise ValueError(f"leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.leaves!r}")
 
@@ -140,6 +144,7 @@ def reconstruct_branches(
         if found.share >= settings.wood.settled:
             break
     say("branches", 0.7)
+    cut = _without_strays(cut, settings.most_gap)
     fine_m = cut.fine_m
     window_m = max(2 * fine_m, 1.5 * cut.spacing_m)
     traced = trace_axes(
@@ -192,6 +197,16 @@ def _cut(
         fine_m=fine_m,
         pieces=graph.pieces,
     )
+
+
+def _without_strays(cut: _Cut, most_gap: float) -> _Cut:
+    """Without what lies apart from the plant."""
+    thick_m = np.zeros(len(cut.sections))  # slices of a thick stem are thick
+    np.maximum.at(thick_m, cut.sections.section, cut.stem_m)
+    usual_m = np.maximum(thick_m, max(_HANGS_TOGETHER * cut.spacing_m, cut.fine_m))
+    stays = ~find_strays(cut.sections, usual_m, most_gap)
+    points = stays[cut.sections.section]
+    return replace(cut, points_m=cut.points_m[points], sections=cut.sections.take(stays), stem_m=cut.stem_m[points])
 
 
 def _on_stems(cut: _Cut) -> NDArray[np.bool_]:

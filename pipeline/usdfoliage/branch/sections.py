@@ -32,6 +32,17 @@ class SectionTree:
     def __len__(self) -> int:
         return len(self.parent)
 
+    def take(self, kept: NDArray[np.bool_]) -> "SectionTree":
+        """Those that are kept (S,), with parents that are kept too, and their points alone, in their order."""
+        number = np.cumsum(kept, dtype=np.int32) - 1
+        parent = self.parent[kept]
+        return SectionTree(
+            center_m=self.center_m[kept],
+            points=self.points[kept],
+            parent=np.where(parent < 0, -1, number[parent]).astype(np.int32),
+            section=number[self.section[kept[self.section]]],
+        )
+
 
 def find_ways(
     lengths_m: csr_array,
