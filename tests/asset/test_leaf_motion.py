@@ -1,19 +1,27 @@
 """Leaves that follow their branches: time samples, and joints, over every representation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from branch_motions import leaves_on, surfaces_of, write_moving
 from branch_shapes import fork
 from pxr import Sdf, Usd, UsdGeom, UsdSkel, Vt
 from scipy.spatial.transform import Rotation
-from usdfoliage.asset.package import REPRESENTATIONS
+from usdfoliage.asset.leaves import read_leaves
+from usdfoliage.asset.other_parts import find_other_parts, lost_leaf_motion, write_leaves_beside
+from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings
+from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation import validate_asset
 from usdfoliage.branch.leaf_motion import UNBORN
 from usdfoliage.branch.posing import pose_joints, skin_points
 from usdfoliage.branch.rig import RigSettings, skin_places
 from usdfoliage.branch.sway import SwaySettings
 from usdfoliage.jobs.branch_motion import BranchMotion, rig_branches
+from usdfoliage.leaf.edits import LeafEdits, apply_edits
+from usdfoliage.leaf.mesh import LeafMeshSettings
 
+RUN = Provenance(capture="plant.ply", generator="test", seed=0, input_sha256="")
 FRAMES = 5
 MOTION = BranchMotion(rig=RigSettings(), sway=SwaySettings(frames=4, swing_rad=0.3), growth_frames=FRAMES)
 LEAVES = "/fork/geo/render/Leaves"
@@ -204,3 +212,57 @@ def test_the_same_leaves_make_the_same_bytes(tmp_path, asset):
     again = write_moving(tmp_path / "fork", "fork", fork(), MOTION, leaves_on(fork(), *REPRESENTATIONS))
     for layer in ("rig_leaves.usdc", "growth_leaves.usdc", "leaves.usdc"):
         assert (again.parent / "payload" / layer).read_bytes() == (asset.parent / "payload" / layer).read_bytes()
+
+
+def bake(asset, folder, name, leaves, **settings):
+    folder.mkdir()
+    stage = Usd.Stage.Open(str(asset))
+    others = find_other_parts(stage.GetDefaultPrim(), asset)
+    made = write_leaves_beside(folder, name, leaves, others, RUN, LeafAssetSettings(**settings))
+    return made, lost_leaf_motion(others, folder)
+
+
+def test_motion_stays_with_leaves_whose_shape_alone_changes(tmp_path, asset, grown):
+    leaves = grown.foliage.leaves
+    wider = replace(leaves, parameters=apply_edits(leaves.parameters, LeafEdits(width=1.5)))
+    made, lost = bake(asset, tmp_path / "new", "ash", wider)
+    assert not lost
+    for chosen in ({"rig": "skel"}, {"growth": "growing"}, {}):
+        new, old = choose(made, **chosen), choose(asset, **chosen)
+        prim = new.GetPrimAtPath("/ash/geo/render/Leaves")
+        for name in PLACE:
+            for time in (1, 3, Usd.TimeCode.Default()):
+                assert np.array_equal(array(prim, name, time), array(instancer(old), name, time))
+    mesh = choose(made, rig="skel", representation="mesh")
+    binding = UsdSkel.BindingAPI(mesh.GetPrimAtPath("/ash/geo/render/Leaves"))
+    assert binding.GetSkeletonRel().GetTargets() == [Sdf.Path("/ash/geo/render/Rig/Joints")]
+    for chosen in ({"rig": "skel"}, {"growth": "growing"}):
+        new, old = choose(made, **chosen), choose(asset, **chosen)
+        prim = new.GetPrimAtPath("/ash/geo/render/Leaves")
+        for frame in (2, 4):
+            wide, narrow = array(prim, "extent", frame), array(instancer(old), "extent", frame)
+            assert np.ptp(wide, axis=0)[0] > np.ptp(narrow, axis=0)[0]
+            assert wide == pytest.approx(narrow, abs=0.1)  # about a leaf's length
+
+
+def test_other_leaves_stand_still(tmp_path, asset, grown):
+    made, lost = bake(asset, tmp_path / "fewer", "ash", grown.foliage.leaves.take(np.arange(5)))
+    assert lost
+    for chosen in ({"rig": "skel"}, {"growth": "growing"}):
+        stage = choose(made, **chosen)
+        assert not stage.GetCompositionErrors()
+        prim = UsdGeom.PointInstancer(stage.GetPrimAtPath("/ash/geo/render/Leaves"))
+        assert len(prim.GetPositionsAttr().Get(2)) == 5
+        assert prim.GetPositionsAttr().GetNumTimeSamples() == 0
+    finer = LeafMeshSettings(across=8, along=20)
+    assert bake(asset, tmp_path / "finer", "ash", grown.foliage.leaves, mesh=finer)[1]
+    made, lost = bake(asset, tmp_path / "bezier", "ash", grown.foliage.leaves, representations=("bezier",), mesh=finer)
+    assert not lost
+    assert choose(made).GetDefaultPrim().GetVariantSet("representation").GetVariantNames() == ["bezier"]
+
+
+def test_leaves_are_read_as_they_are_at_rest(asset, grown):
+    stage = choose(asset, growth="growing")
+    read = read_leaves(stage.GetPrimAtPath(LEAVES)).leaves
+    assert read.base_m == pytest.approx(grown.foliage.leaves.base_m)
+    assert read.length_m == pytest.approx(grown.foliage.leaves.length_m)

@@ -5,12 +5,12 @@ each shows leaves by other prims. Like the branches', they hold no values but th
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.branch_rig import JOINTS, author_skin
 from usdfoliage.asset.hero_leaf import patch_matrices, patch_nets
@@ -150,6 +150,38 @@ def author_moving_patches(stage: Usd.Stage, path: Sdf.Path, drawn: DrawnLeaves, 
             moved_m = np.einsum("nkr,nrc->nkc", corners, rows[:, :3, :3]) + rows[:, None, 3, :3]
             boxes.append(np.stack([moved_m.min(axis=(0, 1)), moved_m.max(axis=(0, 1))]))
     return box_around(boxes)
+
+
+def adapt_leaf_motion(layer: Sdf.Layer, name: str, drawn: DrawnLeaves) -> list[Box]:
+    """Make a layer of leaves that move, that were as these are but for their shape, one of these.
+
+    It keeps the representations that there are, and the extents of an instancer become those of these leaves.
+
+    Returns:
+        These extents (2, 3), a frame each.
+    """
+    boxes = []
+    variants = layer.GetPrimAtPath(f"/{name}").variantSets["representation"]
+    for gone in [variant for each, variant in variants.variants.items() if each not in drawn.representations]:
+        variants.RemoveVariant(gone)
+    prim = Sdf.Path(f"/{name}").AppendVariantSelection("representation", "bezier").AppendPath(LEAVES)
+    extent = prim.AppendProperty("extent")
+
+    def at(field: str, time: float, still: NDArray[np.float64]) -> NDArray[np.float64]:
+        held = layer.QueryTimeSample(prim.AppendProperty(field), time)
+        return still if held is None else np.array(held, np.float64)
+
+    for time in layer.ListTimeSamplesForPath(extent):
+        leaves = drawn.leaves
+        placed = replace(
+            leaves,
+            base_m=at("positions", time, leaves.base_m),
+            length_m=at("scales", time, leaves.length_m[:, None])[:, 0],
+            orientation=at("orientationsf", time, leaves.orientation),
+        )
+        boxes.append(leaf_bounds_m(_edited(drawn, placed), drawn.jitter))
+        layer.SetTimeSample(extent, time, Vt.Vec3fArray(outward_corners(boxes[-1])))
+    return boxes
 
 
 def read_points(layer: Path, path: Sdf.Path) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from usdfoliage.asset.leaf_primvars import (
     read_edits,
     read_jitter_map_path,
     read_leaf_primvars,
+    time_of,
 )
 from usdfoliage.asset.materials import LEAF_MATERIAL
 from usdfoliage.asset.plant import LEAVES, LEAVES_GUIDE
@@ -194,7 +195,7 @@ def read_leaves(prim: Usd.Prim) -> ReadLeaves:
             f"no leaves: {what} where a PointInstancer with {LEAF_API} is needed"
             f"{f' ({place(prim)})' if prim else ''}; choose the representation bezier"
         )
-    time = Usd.TimeCode.EarliestTime()
+    time = time_of(instancer.GetPositionsAttr())
     positions = instancer.GetPositionsAttr().Get(time)
     count = 0 if positions is None else len(positions)
     base_m = read_array(prim, "positions", (count, 3))
