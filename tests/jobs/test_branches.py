@@ -217,6 +217,10 @@ def test_the_record_says_how_it_was_made(tmp_path, rng):
 def test_what_moves_is_written_when_it_is_asked_for(tmp_path, rng, capsys):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::2])
     asked = ["--internode", "0.05", "--rig", "--rig-order", "1", "--sway", "4", "--growth", "3"]
+    stout = tmp_path / "stout.toml"
+    stout.write_text("[generic]\ntwig_radius_m = 0.1\n", encoding="utf-8")
+    asked += ["--foliage", "template", "--species", "generic", "--species-file", str(stout)]
+    asked += ["--representation", "bezier"]
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", *asked]) == 0
     assert "joints" in capsys.readouterr().out
     stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
@@ -232,6 +236,11 @@ def test_what_moves_is_written_when_it_is_asked_for(tmp_path, rng, capsys):
     joints = stage.GetPrimAtPath("/out/geo/render/Rig/Joints").GetAttribute("joints").Get()
     assert joints[0] == "branch_0"
     assert max(joint.count("/") for joint in joints) == 1
+    leaves = stage.GetPrimAtPath("/out/geo/render/Leaves")
+    assert len(leaves.GetAttribute("positions").Get())
+    assert leaves.GetAttribute("orientationsf").GetTimeSamples() == [1, 2, 3, 4]
+    plant.GetVariantSet("growth").SetVariantSelection("growing")
+    assert leaves.GetAttribute("scales").GetTimeSamples() == [1, 2, 3]
 
 
 @pytest.mark.parametrize(

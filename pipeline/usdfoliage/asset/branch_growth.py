@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, UsdGeom, Vt
 
 from usdfoliage.asset.layer import FIRST_FRAME, author_frames, export_layer, new_layer
+from usdfoliage.asset.leaf_motion import LeafMotion
 from usdfoliage.asset.plant import BRANCHES, SKELETON
 from usdfoliage.asset.variants import each_variant
 
@@ -24,6 +25,7 @@ class BranchGrowth:
     frames: int  # T
     skeleton: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]  # points (V, 3) and radii (V,)
     surfaces: Mapping[str, Iterable[NDArray[np.float64]]]  # points (P, 3), by variant of the set branches
+    leaves: LeafMotion | None = None  # in a layer of their own
 
 
 def write_growth_layer(path: Path, name: str, growth: BranchGrowth) -> None:

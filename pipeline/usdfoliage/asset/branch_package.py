@@ -11,6 +11,14 @@ from usdfoliage.asset.bark_material import BARK_COLOR, BarkMaterial
 from usdfoliage.asset.branch_growth import BranchGrowth, write_growth_layer
 from usdfoliage.asset.branch_rig import BranchRig, write_rig_layer
 from usdfoliage.asset.branches import SkeletonPrim, write_branches_layer, write_skeleton_layer
+from usdfoliage.asset.leaf_motion import (
+    GROWTH_LEAVES,
+    RIG_LEAVES,
+    DrawnLeaves,
+    RiggedLeaves,
+    write_leaf_growth_layer,
+    write_leaf_rig_layer,
+)
 from usdfoliage.asset.materials import write_materials_layer
 from usdfoliage.asset.package import (
     LeafAssetSettings,
@@ -18,6 +26,7 @@ from usdfoliage.asset.package import (
     begin_asset,
     copy_map,
     finish_asset,
+    leaf_jitter,
     write_leaf_layers,
 )
 from usdfoliage.asset.plant import SKELETON, Plant, box_around
@@ -69,6 +78,7 @@ def write_branch_asset(
     foliage: BranchLeaves | None = None,
     rig: BranchRig | None = None,
     growth: BranchGrowth | None = None,
+    rigged_leaves: RiggedLeaves | None = None,
 ) -> Path:
     """Write an asset of branches, inside publish_folder as usdfoliage.asset.package.write_crown_asset.
 
@@ -83,6 +93,7 @@ def write_branch_asset(
         foliage: Leaves on them, None for none.
         rig: Joints, for a variant set rig.
         growth: Frames of the growth, for a variant set growth.
+        rigged_leaves: How the leaves follow the joints, for the same set as the rig.
 
     Returns:
         The interface layer, folder/<name>.usda.
@@ -104,6 +115,7 @@ def write_branch_asset(
         boxes.append(write_branches_layer(payload / layer, name, cage, settings.color))  # it may stand out a little
         variants[f"order{order}"] = [f"./{layer}"]
     sets = [VariantSet(name="lod", variants={"leaves": []})]
+    rig_layers, growth_layers = ["./rig.usdc"], ["./growth.usdc"]
     guides, parts = [guide_m], [SKELETON]
     if rig is not None:  # what sways goes farther
         boxes.append(rig.extent_m)
@@ -116,6 +128,19 @@ def write_branch_asset(
         if len(foliage.leaves):
             boxes.append(layers.extent_m)
             guides += [] if layers.guide_extent_m is None else [layers.guide_extent_m]
+            drawn = DrawnLeaves(
+                payload=payload,
+                leaves=foliage.leaves,
+                representations=foliage.settings.representations,
+                edits=foliage.edits,
+                jitter=leaf_jitter(foliage.edits, foliage.look),
+            )
+            if rigged_leaves is not None:
+                boxes.append(write_leaf_rig_layer(payload / RIG_LEAVES, name, drawn, rigged_leaves))
+                rig_layers.append(f"./{RIG_LEAVES}")
+            if growth is not None and growth.leaves is not None:
+                boxes.append(write_leaf_growth_layer(payload / GROWTH_LEAVES, name, drawn, growth.leaves))
+                growth_layers.append(f"./{GROWTH_LEAVES}")
     plant = Plant(
         provenance=provenance,
         asset_from_capture=asset_from_capture,
@@ -125,14 +150,15 @@ def write_branch_asset(
         version=settings.version,
     )
     frames = 0
-    # Before the set branches, whose layers these go over.
+    # Before the sets lod and branches, whose layers these go over.
+    moving = []
     if rig is not None:
         write_rig_layer(payload / "rig.usdc", name, rig, plant.extent_m)
-        sets.append(VariantSet(name="rig", variants={"none": [], "skel": ["./rig.usdc"]}))
+        moving.append(VariantSet(name="rig", variants={"none": [], "skel": rig_layers}))
         frames = rig.frames
     if growth is not None:
         write_growth_layer(payload / "growth.usdc", name, growth)
-        sets.append(VariantSet(name="growth", variants={"still": [], "growing": ["./growth.usdc"]}))
+        moving.append(VariantSet(name="growth", variants={"still": [], "growing": growth_layers}))
         frames = max(frames, growth.frames)
     sets.append(VariantSet(name="branches", variants=variants))
-    return finish_asset(folder, name, plant, sets, ["./materials.usda", "./skeleton.usdc"], frames)
+    return finish_asset(folder, name, plant, [*moving, *sets], ["./materials.usda", "./skeleton.usdc"], frames)

@@ -63,11 +63,10 @@ def author_patches(
     jitter_map: str,
     material: Sdf.Path,
 ) -> None:
-    """Define one hero leaf a leaf below path: leaf_0, leaf_1, with as many digits as the last one needs."""
+    """Define one hero leaf a leaf below path, at patch_paths."""
     if not len(leaves):
         return
-    digits = len(str(len(leaves) - 1))
-    paths = [path.AppendChild(f"leaf_{number:0{digits}}") for number in range(len(leaves))]
+    paths = patch_paths(path, len(leaves))
     author_hero_leaf(stage, paths[0], leaves, 0, color=color, jitter=jitter, jitter_map=jitter_map)
     author_leaf_binding(stage, paths[0], material)
 
@@ -86,6 +85,12 @@ def author_patches(
             held["xformOp:transform"].default = places[number]
             for name, array in arrays.items():
                 held[name].default = usd_array(array[number : number + 1])
+
+
+def patch_paths(path: Sdf.Path, count: int) -> list[Sdf.Path]:
+    """Paths of so many patches below path: leaf_0, leaf_1, with as many digits as the last one needs."""
+    digits = len(str(count - 1))
+    return [path.AppendChild(f"leaf_{number:0{digits}}") for number in range(count)]
 
 
 def write_cage_layer(path: Path, name: str, cage: LeafCage, of: Leaves, color: Color) -> Extent:

@@ -158,9 +158,9 @@ def read_array(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.
         AssetError: It is missing, of another length, or has a number that is not finite.
     """
     attribute = prim.GetAttribute(name)
-    time = Usd.TimeCode.EarliestTime()
     held = None
     if attribute and attribute.HasAuthoredValue():
+        time = time_of(attribute)
         primvar = UsdGeom.Primvar(attribute)
         held = primvar.ComputeFlattened(time) if primvar and primvar.IsIndexed() else attribute.Get(time)
     if held is None:
@@ -179,6 +179,12 @@ def read_array(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.
             f"({place(prim)}); drop these leaves or fit them again"
         )
     return values.astype(np.float64)
+
+
+def time_of(attribute: Usd.Attribute) -> Usd.TimeCode:
+    """When an attribute is read: outside time, where a plant that moves is as it was made, else at its earliest."""
+    default = Usd.TimeCode.Default()
+    return default if attribute.Get(default) is not None else Usd.TimeCode.EarliestTime()
 
 
 def place(prim: Usd.Prim) -> str:

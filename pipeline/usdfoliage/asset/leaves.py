@@ -20,6 +20,7 @@ from usdfoliage.asset.leaf_primvars import (
     read_edits,
     read_jitter_map_path,
     read_leaf_primvars,
+    time_of,
 )
 from usdfoliage.asset.materials import LEAF_MATERIAL
 from usdfoliage.asset.plant import LEAVES, LEAVES_GUIDE
@@ -36,6 +37,7 @@ PROTOTYPE = "Prototypes/Leaf"  # below the instancer
 # Leaf lengths on every side of the leaves. Storm culls each leaf by the prototype's extent, and edits that add up or
 # are authored by hand move what is drawn without widening it: of two looks only the stronger one's extent stands.
 PROTOTYPE_MARGIN = 1.0
+PLACE = ("base_m", "length_m", "orientation")  # fields of Leaves that say where a leaf is
 _UNIT = 1e-6  # a quaternion this near to length 1 is written as it is
 
 
@@ -111,12 +113,7 @@ def author_leaves(stage: Usd.Stage, path: Sdf.Path, prim: LeavesPrim) -> UsdGeom
     leaves = prim.leaves
     check_leaves(leaves)
     instancer = UsdGeom.PointInstancer.Define(stage, path)
-    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(leaves.base_m, np.float32)))
-    scales = np.repeat(np.asarray(leaves.length_m, np.float32)[:, None], 3, axis=1)
-    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
-    turns = unit_quaternions(leaves.orientation).astype(np.float32)
-    instancer.CreateOrientationsfAttr(Vt.QuatfArray.FromNumpy(turns))  # takes precedence
-    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(turns.astype(np.float16)))
+    set_places(instancer, leaves)
     instancer.CreateProtoIndicesAttr(Vt.IntArray(len(leaves), 0))
     instancer.CreateExtentAttr(outward_corners(prim.extent_m))
 
@@ -132,6 +129,25 @@ def author_leaves(stage: Usd.Stage, path: Sdf.Path, prim: LeavesPrim) -> UsdGeom
     if prim.jitter_map:
         author_jitter_map(instancer.GetPrim(), prim.jitter_map)
     return instancer
+
+
+def set_places(
+    instancer: UsdGeom.PointInstancer,
+    leaves: Leaves,
+    fields: Sequence[str] = PLACE,
+    time: Usd.TimeCode | float = Usd.TimeCode.Default(),
+) -> None:
+    """Where leaves are, at a time; fields are those of PLACE that are said."""
+    if "base_m" in fields:
+        positions = np.ascontiguousarray(leaves.base_m, np.float32)
+        instancer.CreatePositionsAttr().Set(Vt.Vec3fArray.FromNumpy(positions), time)
+    if "length_m" in fields:
+        scales = np.repeat(np.asarray(leaves.length_m, np.float32)[:, None], 3, axis=1)
+        instancer.CreateScalesAttr().Set(Vt.Vec3fArray.FromNumpy(scales), time)
+    if "orientation" in fields:
+        turns = unit_quaternions(leaves.orientation).astype(np.float32)
+        instancer.CreateOrientationsfAttr().Set(Vt.QuatfArray.FromNumpy(turns), time)  # takes precedence
+        instancer.CreateOrientationsAttr().Set(Vt.QuathArray.FromNumpy(turns.astype(np.float16)), time)
 
 
 def write_leaves_layer(path: Path, name: str, prim: LeavesPrim) -> NDArray[np.float64]:
@@ -179,7 +195,7 @@ def read_leaves(prim: Usd.Prim) -> ReadLeaves:
             f"no leaves: {what} where a PointInstancer with {LEAF_API} is needed"
             f"{f' ({place(prim)})' if prim else ''}; choose the representation bezier"
         )
-    time = Usd.TimeCode.EarliestTime()
+    time = time_of(instancer.GetPositionsAttr())
     positions = instancer.GetPositionsAttr().Get(time)
     count = 0 if positions is None else len(positions)
     base_m = read_array(prim, "positions", (count, 3))

@@ -6,7 +6,7 @@ Layers are copied as they are, whatever wrote them: a surface that somebody work
 import os
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom
 
 from usdfoliage.asset.interface import PAYLOAD
 from usdfoliage.asset.layer import save_layer
+from usdfoliage.asset.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion, read_points
 from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.materials import LEAF_MATERIAL, MATERIALS
 from usdfoliage.asset.package import (
@@ -24,9 +25,10 @@ from usdfoliage.asset.package import (
     LeafLook,
     begin_asset,
     finish_asset,
+    leaf_jitter,
     write_leaf_layers,
 )
-from usdfoliage.asset.plant import BRANCHES, SKELETON, Plant, box_around
+from usdfoliage.asset.plant import BRANCHES, LEAVES, SKELETON, Plant, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.errors import AssetError
@@ -35,6 +37,7 @@ from usdfoliage.leaf.model import Leaves
 
 _MATERIAL_LAYER = "materials.usda"
 _OF_LEAVES = {*REPRESENTATIONS.values(), LEAVES_GUIDE, _MATERIAL_LAYER}  # written anew
+_MOTION = frozenset({GROWTH_LEAVES, RIG_LEAVES})  # of leaves: carried over where it fits
 _TIMES = ("startTimeCode", "endTimeCode", "timeCodesPerSecond", "framesPerSecond")
 
 
@@ -69,13 +72,14 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
         )
     root = open_layer(interface).GetPrimAtPath(f"/{name}")
     selected = dict(root.variantSelections) if root else {}
+    names = list(held.variantSetNameList.prependedItems)
     return OtherParts(
         interface=interface,
         name=name,
         shared=_layers(held),
-        sets=[_read_set(held, each, selected.get(each, "")) for each in held.variantSetNameList.prependedItems],
+        sets=[_read_set(held, each, selected.get(each, "")) for each in names],
         parts=(SKELETON,) if skeleton else (),
-        extents_m=_extents(branches),
+        extents_m=[*_extents(branches), *(_hint(plant) if {"rig", "growth"} & set(names) else [])],
         guide_extents_m=_extents(skeleton),
     )
 
@@ -98,31 +102,94 @@ def write_leaves_beside(
     """
     payload = begin_asset(folder, name)
     layers = write_leaf_layers(folder, name, leaves, settings, edits, look)
-    _copy_layers(others, payload, name)
+    if not _fits_motion(others, payload, name, settings.representations):
+        others = _without_motion(others)
+    drawn = DrawnLeaves(
+        payload=payload,
+        leaves=leaves,
+        representations=settings.representations,
+        edits=edits,
+        jitter=leaf_jitter(edits, look),
+    )
+    moving = _copy_layers(others, payload, name, drawn)
     guides = [*others.guide_extents_m, *([] if layers.guide_extent_m is None else [layers.guide_extent_m])]
     plant = Plant(
         provenance=provenance,
         asset_from_capture=np.eye(4) if asset_from_capture is None else asset_from_capture,
-        extent_m=box_around([*others.extents_m, layers.extent_m] if len(leaves) else others.extents_m),
+        extent_m=box_around([*others.extents_m, layers.extent_m, *moving] if len(leaves) else others.extents_m),
         guide_extent_m=box_around(guides) if guides else None,
         parts=[*layers.parts, *others.parts],
         version=settings.version,
     )
-    lod, rest = others.sets[:1], others.sets[1:]
+    # The representations lie in the lod before them; what moves has to stay before both.
+    before = next((number for number, held in enumerate(others.sets) if held.name == "lod"), 0) + 1
     shared = [f"./{_MATERIAL_LAYER}", *others.shared]
-    interface = finish_asset(folder, name, plant, [*lod, layers.variants, *rest], shared)
+    interface = finish_asset(
+        folder, name, plant, [*others.sets[:before], layers.variants, *others.sets[before:]], shared
+    )
     for path in (interface, folder / PAYLOAD):
         _keep_times(open_layer(others.interface), path)
     return interface
 
 
-def _copy_layers(others: OtherParts, payload: Path, name: str) -> None:
-    """Copy the layers of other parts, and the pictures that they name, for the root prim /name."""
+def lost_leaf_motion(others: OtherParts, folder: Path) -> bool:
+    """Whether leaves that followed their branches do not in the asset that write_leaves_beside wrote to folder."""
+    source = others.interface.parent / "payload"
+    return any((source / layer).is_file() and not (folder / "payload" / layer).exists() for layer in _MOTION)
+
+
+def _fits_motion(others: OtherParts, payload: Path, name: str, representations: Sequence[str]) -> bool:
+    """Whether leaves that were written stand where the old ones did, and are divided alike: as those moved, they do."""
+    source = others.interface.parent / "payload"
+    old, new = Sdf.Path(f"/{others.name}/{LEAVES}"), Sdf.Path(f"/{name}/{LEAVES}")
+    for representation in representations:
+        layer = REPRESENTATIONS[representation]
+        if not (source / layer).is_file():
+            return False
+        if representation in ("mesh", "subdiv") and len(read_points(source / layer, old)) != len(
+            read_points(payload / layer, new)
+        ):
+            return False
+    if "bezier" not in representations:
+        return False
+    before, after = (_open_copy(path / REPRESENTATIONS["bezier"]) for path in (source, payload))
+    for field in ("positions", "scales", "orientationsf"):
+        was, now = (
+            layer.GetAttributeAtPath(path.AppendProperty(field)) for layer, path in ((before, old), (after, new))
+        )
+        if was is None or now is None or not np.array_equal(np.array(was.default), np.array(now.default)):
+            return False
+    return True
+
+
+def _without_motion(others: OtherParts) -> OtherParts:
+    sets = [
+        replace(
+            held,
+            variants={
+                name: [layer for layer in layers if layer.removeprefix("./") not in _MOTION]
+                for name, layers in held.variants.items()
+            },
+        )
+        for held in others.sets
+    ]
+    return replace(others, sets=sets)
+
+
+def _copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeaves) -> list[NDArray[np.float64]]:
+    """Copy the layers of other parts, and the pictures that they name, for the root prim /name.
+
+    Returns:
+        Boxes (2, 3) around the leaves where they move.
+    """
+    boxes = []
     source = others.interface.parent / "payload"
     layers = {*others.shared, *(layer for held in others.sets for each in held.variants.values() for layer in each)}
     for layer in sorted(layers):
         copied = _open_renamed(source / layer, others.name, name)
         _copy_pictures(copied, Sdf.Path.absoluteRootPath, source, payload)
+        if layer.removeprefix("./") in _MOTION:
+            boxes += adapt_leaf_motion(copied, name, drawn)
         save_layer(copied, payload / layer)
     old = _open_renamed(source / _MATERIAL_LAYER, others.name, name)
     new = _open_copy(payload / _MATERIAL_LAYER)
@@ -132,6 +199,7 @@ def _copy_layers(others: OtherParts, payload: Path, name: str) -> None:
             Sdf.CopySpec(old, material.path, new, material.path)
             _copy_pictures(old, material.path, source, payload)
     save_layer(new, payload / _MATERIAL_LAYER)
+    return boxes
 
 
 def _read_set(held: Sdf.PrimSpec, name: str, selected: str) -> VariantSet:
@@ -149,6 +217,12 @@ def _layers(prim: Sdf.PrimSpec) -> list[str]:
 def _extents(prim: Usd.Prim) -> list[NDArray[np.float64]]:
     held = UsdGeom.Boundable(prim).GetExtentAttr().Get() if prim else None
     return [] if held is None or len(held) != 2 else [np.array(held, np.float64)]
+
+
+def _hint(plant: Usd.Prim) -> list[NDArray[np.float64]]:
+    """The box of what is no guide, as the plant has it: what moves goes farther than its extents at rest."""
+    held = UsdGeom.ModelAPI(plant).GetExtentsHint()
+    return [np.array(held[:2], np.float64)] if held else []
 
 
 def _open_copy(path: Path) -> Sdf.Layer:

@@ -215,11 +215,7 @@ def write_leaf_layers(
     """
     check_leaves(leaves)
     payload = folder / "payload"
-    jitter = Jitter(
-        amplitude=edits.jitter_amplitude,
-        frequency=edits.jitter_frequency,
-        map=read_jitter_map(look.jitter_map) if look.jitter_map is not None else None,
-    )
+    jitter = leaf_jitter(edits, look)
     texture = copy_map(folder, f"{name}_leaf", look.texture)
     jitter_map = copy_map(folder, f"{name}_leaf_jitter", look.jitter_map)
     bounds = _write_leaves(payload, name, leaves, edits, jitter, look.color, jitter_map, settings)
@@ -242,6 +238,15 @@ def write_leaf_layers(
         guide_extent_m=bounds[settings.representations.index("bezier")] if has_guide else None,
         parts=(LEAVES,) if "bezier" in settings.representations else (),  # of the others none has FoliageLeafAPI there
         variants=VariantSet(name="representation", variants=chosen, inside=["leaves"]),
+    )
+
+
+def leaf_jitter(edits: LeafEdits, look: LeafLook) -> Jitter:
+    """The jitter of edits, by the map of a look; CaptureError for a map that cannot be used."""
+    return Jitter(
+        amplitude=edits.jitter_amplitude,
+        frequency=edits.jitter_frequency,
+        map=read_jitter_map(look.jitter_map) if look.jitter_map is not None else None,
     )
 
 

@@ -61,6 +61,7 @@ class LeafPlaces:
     length_m: Array  # (N,)
     branch: NDArray[np.int32]  # (N,), of the skeleton
     node: NDArray[np.int32]  # (N,), counted from the tip of the branch, which is 0
+    arc_m: Array  # (N,), along the branch from its first point
     shoots: int  # that carry leaves
     grown: int  # leaves before they were thinned
 
@@ -96,13 +97,15 @@ def place_leaves(
     turn = np.arange(species.leaves_per_node) * 2 * np.pi / species.leaves_per_node
     branch, node = (np.repeat(each, species.leaves_per_node) for each in (branch, node))
     turn_rad = np.tile(turn, kept) + node * species.divergence_rad
-    base_m, orientation, length_m = _stand(axes, branch, node, turn_rad, species, rng, settings)
+    arc_m = np.maximum(axes.length_m[branch] - node * species.internode_m, 0)
+    base_m, orientation, length_m = _stand(axes, branch, node, arc_m, turn_rad, species, rng, settings)
     return LeafPlaces(
         base_m=base_m,
         orientation=orientation,
         length_m=length_m,
         branch=branch.astype(np.int32),
         node=node.astype(np.int32),
+        arc_m=arc_m,
         shoots=int(np.count_nonzero(nodes)),
         grown=total * species.leaves_per_node,
     )
@@ -183,16 +186,16 @@ def _stand(
     axes: _Axes,
     branch: NDArray[np.int64],
     node: NDArray[np.int64],
+    arc_m: Array,
     turn_rad: Array,
     species: Species,
     rng: np.random.Generator,
     settings: FoliageSettings,
 ) -> tuple[Array, Array, Array]:
-    """Base points (N, 3), orientations (N, 4) and lengths (N,) of leaves at nodes (N,) of branches (N,)."""
+    """Base points (N, 3), orientations (N, 4) and lengths (N,) of leaves at nodes (N,), at arcs (N,), of branches."""
     skeleton = axes.skeleton
     size, around, angle, hang = np.clip(rng.standard_normal((4, len(branch))), -LIMIT, LIMIT) * settings.variation
     scatter = rng.normal(0, settings.light_spread, (len(branch), 3)) * settings.variation
-    arc_m = np.maximum(axes.length_m[branch] - node * species.internode_m, 0)
     at = axes.segment(branch, arc_m)
     step_m = np.maximum(axes.arc_m[at + 1] - axes.arc_m[at], 1e-300)
     share = np.clip((arc_m - axes.arc_m[at]) / step_m, 0, 1)[:, None]

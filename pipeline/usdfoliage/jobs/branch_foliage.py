@@ -90,6 +90,7 @@ class GrownLeaves:
     """Leaves on their twigs, and what the user should know of them."""
 
     foliage: BranchLeaves
+    places: LeafPlaces  # of the same leaves
     notes: tuple[str, ...]
     rows: tuple[Row, ...]
 
@@ -138,7 +139,7 @@ def grow_leaves(
     written = read_settings(request.representations or usual, request.resolution)
     check_memory(count, written)
     foliage = replace(foliage, settings=written)
-    return GrownLeaves(foliage=foliage, notes=tuple(notes), rows=tuple(_rows(foliage.leaves, places)))
+    return GrownLeaves(foliage=foliage, places=places, notes=tuple(notes), rows=tuple(_rows(foliage.leaves, places)))
 
 
 def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | None:

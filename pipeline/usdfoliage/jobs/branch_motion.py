@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from usdfoliage.asset.branch_growth import BranchGrowth
 from usdfoliage.asset.branch_package import ALL_ORDERS, BranchSurfaces
 from usdfoliage.asset.branch_rig import BranchRig
+from usdfoliage.asset.leaf_motion import LeafMotion, RiggedLeaves
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage import BranchCage
 from usdfoliage.branch.growth_stages import (
+    GrownSurface,
     GrowthStages,
     GrowthStageSettings,
     carry_surface,
@@ -20,13 +22,16 @@ from usdfoliage.branch.growth_stages import (
     grow_surface,
     plan_stages,
 )
+from usdfoliage.branch.leaf_motion import carry_leaves, sway_leaves
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.places import cage_exits, cage_places
+from usdfoliage.branch.places import cage_exits, cage_places, places_at
 from usdfoliage.branch.posing import pose_joints, skin_points
 from usdfoliage.branch.reconstruct import TracedBranches
 from usdfoliage.branch.rig import RigSettings, build_rig, skin_places
 from usdfoliage.branch.sway import SwaySettings, sway_joints
 from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branch_foliage import GrownLeaves
+from usdfoliage.leaf.model import Leaves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +92,27 @@ def rig_branches(skeleton: Skeleton, surfaces: BranchSurfaces, motion: BranchMot
     return BranchRig(rig=rig, skins=skins, extent_m=np.stack([low_m, high_m]), sway_rad=sway_rad)
 
 
-def grow_branches(traced: TracedBranches, surfaces: BranchSurfaces, motion: BranchMotion) -> BranchGrowth | None:
+def rig_leaves(rigged: BranchRig | None, grown: GrownLeaves | None) -> RiggedLeaves | None:
+    """How leaves follow the rig of their branches, and where they are in its sway; None without a rig or leaves."""
+    if rigged is None or grown is None:
+        return None
+    leaves = grown.foliage.leaves
+    rig, sway_rad = rigged.rig, rigged.sway_rad
+    skin = skin_places(rig, grown.places.branch, grown.places.arc_m)
+    if sway_rad is None:
+        return RiggedLeaves(skin=skin)
+
+    def placed(frame: int) -> Leaves:
+        posed = pose_joints(rig, sway_rad[frame])
+        base_m, orientation = sway_leaves(rig, skin, leaves.base_m, leaves.orientation, posed)
+        return replace(leaves, base_m=base_m, orientation=orientation)
+
+    return RiggedLeaves(skin=skin, motion=LeafMotion(frames=len(sway_rad), placed=placed))
+
+
+def grow_branches(
+    traced: TracedBranches, surfaces: BranchSurfaces, motion: BranchMotion, grown: GrownLeaves | None = None
+) -> BranchGrowth | None:
     """The frames of the growth, made as they are gone through; None where it was not asked for."""
     if not motion.growth_frames:
         return None
@@ -101,7 +126,23 @@ def grow_branches(traced: TracedBranches, surfaces: BranchSurfaces, motion: Bran
         frames=len(stages),
         skeleton=(grow_skeleton(stages, stage) for stage in range(len(stages))),
         surfaces={variant: _grow_surface(stages, cage) for variant, cage in _each_surface(skeleton, surfaces)},
+        leaves=_grow_leaves(stages, surfaces.whole, grown) if grown is not None else None,
     )
+
+
+def _grow_leaves(stages: GrowthStages, cage: BranchCage, grown: GrownLeaves) -> LeafMotion:
+    leaves, skeleton = grown.foliage.leaves, stages.skeleton
+    carried = GrownSurface(
+        points_m=leaves.base_m,
+        places=places_at(skeleton, grown.places.branch, grown.places.arc_m),
+        emerges_m=cage_exits(cage, skeleton).arc_m,
+    )
+
+    def placed(frame: int) -> Leaves:
+        base_m, share = carry_leaves(stages, frame, carried)
+        return replace(leaves, base_m=base_m, length_m=share * leaves.length_m)
+
+    return LeafMotion(frames=len(stages), placed=placed)
 
 
 def _grow_surface(stages: GrowthStages, cage: BranchCage) -> Iterator[NDArray[np.float64]]:

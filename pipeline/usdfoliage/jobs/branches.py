@@ -13,6 +13,7 @@ from usdfoliage.asset.branch_growth import BranchGrowth
 from usdfoliage.asset.branch_package import BranchAssetSettings, BranchLeaves, BranchSurfaces, write_branch_asset
 from usdfoliage.asset.branch_rig import BranchRig
 from usdfoliage.asset.branches import SkeletonPrim
+from usdfoliage.asset.leaf_motion import RiggedLeaves
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import publish_folder
@@ -30,7 +31,7 @@ from usdfoliage.jobs.branch_foliage import (
     grow_leaves,
     read_fitted_leaves,
 )
-from usdfoliage.jobs.branch_motion import BranchMotion, grow_branches, rig_branches
+from usdfoliage.jobs.branch_motion import BranchMotion, grow_branches, rig_branches, rig_leaves
 from usdfoliage.jobs.branch_regrowth import RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches_report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.capture_work import digest_file
@@ -183,6 +184,7 @@ class _MadePlant:
     leaves: BranchLeaves | None
     rig: BranchRig | None
     growth: BranchGrowth | None
+    rigged_leaves: RiggedLeaves | None
     notes: tuple[str, ...]
     rows: tuple[Row, ...]
 
@@ -204,7 +206,7 @@ def _make_plant(
         notes.extend(grown.notes if grown else ())
     with follow_step("motion", seconds, progress):
         rig = rig_branches(traced.skeleton, surfaces, request.motion, seed)
-        growth = grow_branches(traced, surfaces, request.motion)
+        growth = grow_branches(traced, surfaces, request.motion, grown)
     if rig is not None:
         notes.append(f"the rig has {len(rig.rig)} joints; select rig=skel to move it")
     return _MadePlant(
@@ -213,6 +215,7 @@ def _make_plant(
         leaves=grown.foliage if grown else None,
         rig=rig,
         growth=growth,
+        rigged_leaves=rig_leaves(rig, grown),
         notes=tuple(notes),
         rows=grown.rows if grown else (),
     )
@@ -230,6 +233,7 @@ def _write_plant(folder: Path, name: str, made: _MadePlant, provenance: Provenan
         made.leaves,
         made.rig,
         made.growth,
+        made.rigged_leaves,
     )
 
 

@@ -25,7 +25,7 @@ from usdfoliage.asset.leaf_primvars import animated_edits, read_leaf_primvars
 from usdfoliage.asset.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.locate import find_leaves, require_leaves, select_representation
 from usdfoliage.asset.look import open_asset
-from usdfoliage.asset.other_parts import OtherParts, find_other_parts, write_leaves_beside
+from usdfoliage.asset.other_parts import OtherParts, find_other_parts, lost_leaf_motion, write_leaves_beside
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.publish import is_asset_folder, publish_folder
@@ -35,6 +35,11 @@ from usdfoliage.jobs.leaf_edit import changed_edits, show_value
 from usdfoliage.jobs.leaf_settings import check_memory, read_representations, read_settings
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.model import Leaves
+
+_STIFF = (
+    "the leaves no longer follow branches that grow or sway, since they stand elsewhere or are divided otherwise; "
+    "`usdfoliage branches` makes leaves that do"
+)
 
 StepProgress = Callable[[str, float], None]
 
@@ -113,7 +118,9 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
             interface = write_leaf_asset(folder, given.name, leaves, provenance, *rest)
         else:
             interface = write_leaves_beside(folder, given.name, leaves, given.others, provenance, *rest)
-    return BakedAsset(asset=request.output / interface.name, lines=tuple(_lines(request, given)), notes=given.notes)
+        stiff = given.others is not None and lost_leaf_motion(given.others, folder)
+    notes = (*given.notes, _STIFF) if stiff else given.notes
+    return BakedAsset(asset=request.output / interface.name, lines=tuple(_lines(request, given)), notes=notes)
 
 
 def plan_bake(request: BakeRequest) -> str:
