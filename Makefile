@@ -1,4 +1,4 @@
-# make demo   a photograph to an asset, its preview and its report; leaves and a look; leaves found in a capture
+# make demo   a photograph to an asset, its preview and its report; leaves and a look; leaves of a capture; a tree
 # make test   the whole suite, with lint and types
 SHELL := /bin/bash
 PYTHON_VENV := .venv/bin/python
@@ -18,6 +18,8 @@ demo: setup
 	@rm -rf $(DEMO)_capture
 	@$(PYTHON_VENV) tools/synthetic_foliage.py $(DEMO)_capture --leaves 40 --views 4 --size 480 360 --framed 40 --up Z
 	@$(PYTHON_VENV) -m usdfoliage leaves $(DEMO)_capture -o $(DEMO)_capture_leaves --report-views 2
+	@$(PYTHON_VENV) tools/synthetic_tree.py $(DEMO)_tree.xyz
+	@$(PYTHON_VENV) -m usdfoliage branches $(DEMO)_tree.xyz -o $(DEMO)_tree --species maple --foliage template
 
 lint: setup
 	@.venv/bin/ruff check .
