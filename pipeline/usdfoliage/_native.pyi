@@ -665,4 +665,4 @@ def carry_references(
     """Fill reference (V, 3): unit normals carried along tubes, given at the first point of each."""
 
 def bridge_pieces(points: NDArray[np.float64], piece_of: NDArray[np.int32], pieces: int) -> NDArray[np.int64]:
-    """Points (pieces - 1, 2) between which the shortest links are that join all pieces; points (N, 3), piece_of (N,)."""
+    """Ends (pieces - 1, 2) of the shortest links that join all pieces; points (N, 3), piece_of (N,)."""

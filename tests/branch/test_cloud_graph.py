@@ -73,7 +73,7 @@ def shortest_bridges_m(points_m: np.ndarray, group: np.ndarray) -> float:
     return minimum_spanning_tree(csr_array((length_m[order][first], between.T), shape=(groups, groups))).sum()
 
 
-@pytest.mark.parametrize(("clumps", "points"), [(3000, 10), (30, 1000)])
+@pytest.mark.parametrize(("clumps", "points"), [(1500, 10), (20, 500)])
 def test_of_many_clumps_each_is_bridged_once_and_by_the_shortest_way(clumps, points):
     rng = np.random.default_rng(5)
     middle_m = rng.uniform(0, 10, (clumps, 1, 3))
