@@ -22,4 +22,5 @@ NB_MODULE(_native, m) {
     bind_pinhole(m);
     bind_patch_match(m);
     bind_branch_cage(m);
+    bind_piece_bridges(m);
 }

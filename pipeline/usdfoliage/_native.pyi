@@ -663,3 +663,6 @@ def carry_references(
     threads: int,
 ) -> None:
     """Fill reference (V, 3): unit normals carried along tubes, given at the first point of each."""
+
+def bridge_pieces(points: NDArray[np.float64], piece_of: NDArray[np.int32], pieces: int) -> NDArray[np.int64]:
+    """Ends (pieces - 1, 2) of the shortest links that join all pieces; points (N, 3), piece_of (N,)."""

@@ -75,7 +75,10 @@ class Skeleton:
 
     def up_to_order(self, order: int) -> "Skeleton":
         """The branches of this order and below it, which keep their parents."""
-        kept = self.order <= order
+        return self.only(self.order <= order)
+
+    def only(self, kept: NDArray[np.bool_]) -> "Skeleton":
+        """The branches that are kept (B,); a parent of one must be as well."""
         number = np.cumsum(kept) - 1
         vertex = np.cumsum(kept[self.curve]) - 1
         parent, leaves_from = self.parent_curve[kept], self.parent_vertex[kept]

@@ -16,6 +16,7 @@ from usdfoliage.branch.radii import Radii, RadiusSettings
 from usdfoliage.branch.refinement import RefinementSettings, collapse_nodes, round_bends
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.branch.sections import SectionTree, cut_sections, find_ways
+from usdfoliage.branch.spurs import absorb_spurs, find_spurs
 from usdfoliage.branch.strays import find_strays
 from usdfoliage.branch.traced_axes import as_skeleton, trace_axes
 from usdfoliage.branch.wood import WoodSettings, find_wood, shows_leaves
@@ -150,11 +151,16 @@ def reconstruct_branches(
     traced = trace_axes(
         cut.points_m, cut.sections, settings.least_length * fine_m, window_m, settings.stiffness, settings.radii
     )
-    # Again, without what ends inside the branch that it springs from.
+    # Again, without what ends inside the stem that it springs from, or runs along its bark: its points are the stem's.
     least_m = np.full(len(cut.sections), settings.least_length * fine_m)
     least_m[traced.axes.nodes] += traced.radii.radius_m[traced.axes.nodes]
-    traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, settings.stiffness, settings.radii)
-    collapsed = collapse_nodes(as_skeleton(traced), internode_m, settings.refinement)
+    spurs = np.zeros(len(traced.axes), bool)
+    spurs[np.diff(traced.axes.first) >= 2] = _spurs(as_skeleton(traced), settings)
+    sections, kept = absorb_spurs(cut.points_m, cut.sections, traced.axes, spurs)
+    traced = trace_axes(cut.points_m, sections, least_m[kept], window_m, settings.stiffness, settings.radii)
+    branches = as_skeleton(traced)
+    branches = branches.only(~_spurs(branches, settings))
+    collapsed = collapse_nodes(branches, internode_m, settings.refinement)
     skeleton = round_bends(collapsed, settings.refinement)
     say("branches", 1.0)
     is_wood = np.zeros(len(points_m), bool)
@@ -169,6 +175,11 @@ def reconstruct_branches(
         wood=is_wood[given.reshape(-1)],
         knows_leaves=knows_leaves,
     )
+
+
+def _spurs(skeleton: Skeleton, settings: BranchSettings) -> NDArray[np.bool_]:
+    """(B,) branches that reach less beyond their parent's surface than slices of a stem as thick as that are thick."""
+    return find_spurs(skeleton, settings.least_length * settings.stem_share * skeleton.radius_m)
 
 
 def _cut(
