@@ -1,0 +1,50 @@
+"""What of a cloud lies far beside its plant: bits of the ground and of what is behind, that captures come with.
+
+A stray is linked with the plant in the end, as branches are that are seen with gaps, and then its way is a branch.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from usdfoliage.geometry.point_cells import cell_means, number_cells
+
+
+@dataclass(frozen=True, kw_only=True)
+class StraySettings:
+    """What is far from a plant."""
+
+    gap_of_height: float = 0.1  # without any points, around what is a piece of its own
+    most_points: float = 0.05  # of those of the largest piece, that a stray has
+
+    def __post_init__(self) -> None:
+        if not (self.gap_of_height > 0 and 0 <= self.most_points < 1):
+            raise ValueError(f"gap_of_height must be above 0, most_points in [0, 1), not {self}")
+
+
+def find_strays(points_m: NDArray[np.float64], settings: StraySettings = StraySettings()) -> NDArray[np.bool_]:
+    """(N,) points of small pieces apart from the plant, and beside it: a trunk below a crown is none, seen or not.
+
+    Args:
+        points_m: (N, 3), Y up, without ground.
+        settings: What is far, and what is small.
+    """
+    gap_m = settings.gap_of_height * float(np.ptp(points_m[:, 1])) if len(points_m) else 0.0
+    if not gap_m > 0:
+        return np.zeros(len(points_m), bool)
+    cell = number_cells(points_m, gap_m)
+    corner = np.floor((points_m - points_m.min(axis=0)) / gap_m)
+    place = np.rint(cell_means(corner, cell))
+    beside = cKDTree(place).query_pairs(1.5, p=np.inf, output_type="ndarray")
+    links = coo_array((np.ones(len(beside), bool), (beside[:, 0], beside[:, 1])), shape=(len(place),) * 2)
+    piece = connected_components(links, directed=False)[1][cell]
+    held = np.bincount(piece)
+    largest = int(held.argmax())
+    plant = points_m[piece == largest][:, [0, 2]]
+    middle_m = np.column_stack([np.bincount(piece, points_m[:, axis]) / held for axis in (0, 2)])
+    outside = ((middle_m < plant.min(axis=0)) | (middle_m > plant.max(axis=0))).any(axis=1)
+    return np.asarray((outside & (held < settings.most_points * held[largest]))[piece])
