@@ -46,7 +46,7 @@ class BranchSettings:
     coarse: float = 2.0  # internodes, thickness of a slice in which thick stems are found
     fine: float = 0.21  # internodes, thickness of a slice
     fine_spacings: float = 1.6  # distances to the sixth neighbour, thickness of a slice at most
-    fine_noises: float = 3.0  # mean distances of points from a stem's surface, thickness of a slice at least
+    fine_noises: float = 2.5  # mean distances of points from a stem's surface, thickness of a slice at least
     sparse: float = 0.6  # internodes, that points are apart from where on each of them may be a twig's only one
     sparse_spacings: float = 0.14  # distances to the sixth neighbour, thickness of a slice there
     stem_share: float = 0.3  # of the radius of a thick stem, thickness of its slices
@@ -144,6 +144,9 @@ def reconstruct_branches(
             told = cell_means(color_odds(colors, taken)[wood, None], cut.sections.section)[:, 0]
             found = choose_wood(cut.sections, odds + told, _on_stems(cut), cut.spacing_m)
             logger.info("with colours %.0f %%", 100 * found.share)
+            # What geometry alone doubts of a noisy cloud's wood is thin: long ways of few points, that colours spared.
+            if turn and found.sections[cut.sections.section].mean() >= settings.wood.settled:
+                break
         kept = found.sections[cut.sections.section] | sure[wood]
         if kept.sum() < 2:
             break

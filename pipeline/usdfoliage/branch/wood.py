@@ -86,9 +86,7 @@ def wood_odds(points_m: NDArray[np.float64], sections: SectionTree, spacing_m: f
     return np.asarray(_WEIGHTS[0] + wood_features(points_m, sections, spacing_m) @ _WEIGHTS[1:])
 
 
-def choose_wood(
-    sections: SectionTree, odds: NDArray[np.float64], stem: NDArray[np.bool_], spacing_m: float
-) -> Wood:
+def choose_wood(sections: SectionTree, odds: NDArray[np.float64], stem: NDArray[np.bool_], spacing_m: float) -> Wood:
     """The part of the tree with the best odds (S,) together, however they came about."""
     step_m = step_lengths(sections.center_m, sections.parent)
     sure = np.where(stem, _STEM_SURE, np.clip(odds, -_MOST_SURE, _MOST_SURE))

@@ -12,7 +12,7 @@ def number_cells(points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.int
     return np.asarray(np.unique(key, return_inverse=True)[1], np.int64).reshape(-1)
 
 
-def cell_means(values: NDArray[np.number], cell: NDArray[np.int64]) -> NDArray[np.float64]:
+def cell_means(values: NDArray[np.number], cell: NDArray[np.integer]) -> NDArray[np.float64]:
     """(C, K) mean of the values (N, K) in each cell; cell (N,) as number_cells gives it."""
     held = np.bincount(cell)
     return np.column_stack([np.bincount(cell, column) / held for column in values.T])
