@@ -11,15 +11,17 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.cloud_graph import CloudGraphSettings, link_points
+from usdfoliage.branch.gaps import find_beyond_gaps
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import Radii, RadiusSettings
 from usdfoliage.branch.refinement import RefinementSettings, collapse_nodes, round_bends
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.branch.sections import SectionTree, cut_sections, find_ways
 from usdfoliage.branch.spurs import absorb_spurs, find_spurs
-from usdfoliage.branch.strays import find_strays
 from usdfoliage.branch.traced_axes import as_skeleton, trace_axes
-from usdfoliage.branch.wood import WoodSettings, find_wood, shows_leaves
+from usdfoliage.branch.wood import WoodSettings, choose_wood, shows_leaves, wood_odds
+from usdfoliage.branch.wood_colors import color_odds
+from usdfoliage.geometry.point_cells import cell_means
 
 logger = logging.getLogger(__name__)
 
@@ -46,6 +48,7 @@ class BranchSettings:
     coarse: float = 2.0  # internodes, thickness of a slice in which thick stems are found
     fine: float = 0.21  # internodes, thickness of a slice
     fine_spacings: float = 1.6  # distances to the sixth neighbour, thickness of a slice at most
+    fine_noises: float = 2.5  # mean distances of points from a stem's surface, thickness of a slice at least
     sparse: float = 0.6  # internodes, that points are apart from where on each of them may be a twig's only one
     sparse_spacings: float = 0.14  # distances to the sixth neighbour, thickness of a slice there
     stem_share: float = 0.3  # of the radius of a thick stem, thickness of its slices
@@ -97,6 +100,7 @@ def reconstruct_branches(
     roots_m: NDArray[np.float64],
     settings: BranchSettings = BranchSettings(),
     progress: Tell | None = None,
+    colors: NDArray[np.number] | None = None,
 ) -> TracedBranches:
     """Trace the branches of a plant through its cloud, and measure them.
 
@@ -105,6 +109,7 @@ def reconstruct_branches(
         roots_m: (R, 3), where its stems come out of the ground; the nearest points are taken.
         settings: How.
         progress: Told of what is done, and how far it is.
+        colors: (N, 3), red, green and blue of the points, 0 to 255, where they have any: wood is told by them as well.
 
     Raises:
         ValueError: Fewer than two points, all of them at one place, or no root.
@@ -121,6 +126,7 @@ def reconstruct_branches(
         points_m, given = np.unique(points_m, axis=0, return_inverse=True)
         if len(points_m) < 2:
             raise ValueError("all points are at one place")
+        colors = None if colors is None else cell_means(colors, given.reshape(-1))
         spacing_m = point_spacing(points_m)
     internode_m = settings.internode_m or settings.internode_of_height * float(np.ptp(points_m[:, 1]))
     cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)
@@ -130,12 +136,22 @@ def reconstruct_branches(
     look = settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves)
     for turn in range(settings.wood.most_turns if look else 0):
         say("wood", 0.5 + 0.2 * turn / settings.wood.most_turns)
-        found = find_wood(points_m, cut.sections, _on_stems(cut), cut.spacing_m, settings.wood.caution)
+        odds = wood_odds(points_m, cut.sections, cut.spacing_m) + settings.wood.caution
+        found = choose_wood(cut.sections, odds, _on_stems(cut), cut.spacing_m)
         logger.info("%.0f %% of the sections' length is wood", 100 * found.share)
         if settings.leaves == "auto" and turn == 0 and found.share >= settings.wood.leafless:
             break
         if turn == 0:
             sure = _in_thick_branches(cut, settings)
+        if colors is not None:
+            taken = np.zeros(len(points_m), bool)
+            taken[wood] = found.sections[cut.sections.section] | sure[wood]
+            told = cell_means(color_odds(colors, taken)[wood, None], cut.sections.section)[:, 0]
+            found = choose_wood(cut.sections, odds + told, _on_stems(cut), cut.spacing_m)
+            logger.info("with colours %.0f %%", 100 * found.share)
+            # What geometry alone doubts of a noisy cloud's wood is thin: long ways of few points, that colours spared.
+            if turn and found.sections[cut.sections.section].mean() >= settings.wood.settled:
+                break
         kept = found.sections[cut.sections.section] | sure[wood]
         if kept.sum() < 2:
             break
@@ -145,7 +161,7 @@ def reconstruct_branches(
         if found.share >= settings.wood.settled:
             break
     say("branches", 0.7)
-    cut = _without_strays(cut, settings.most_gap)
+    cut = _without_gaps(cut, settings.most_gap)
     fine_m = cut.fine_m
     window_m = max(2 * fine_m, 1.5 * cut.spacing_m)
     traced = trace_axes(
@@ -190,10 +206,10 @@ def _cut(
     settings: BranchSettings,
 ) -> _Cut:
     """Sections of a cloud, as thick as the stem or the twig that they are of asks for."""
-    fine_m = _slice_thickness(internode_m, spacing_m, settings)
     graph = link_points(points_m, settings.graph)
     feet, of_root = _find_feet(points_m, roots_m, spacing_m)
-    stem_m = _find_stems(points_m, graph.lengths_m, (feet, of_root), internode_m, spacing_m, settings)
+    stem_m, noise_m = _find_stems(points_m, graph.lengths_m, (feet, of_root), internode_m, spacing_m, settings)
+    fine_m = _slice_thickness(internode_m, spacing_m, noise_m, settings)
     # A slice of a branch whose surface is seen hangs together where it is thicker than its points are apart; one that
     # is thinner than that is a line of points.
     together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
@@ -210,12 +226,12 @@ def _cut(
     )
 
 
-def _without_strays(cut: _Cut, most_gap: float) -> _Cut:
+def _without_gaps(cut: _Cut, most_gap: float) -> _Cut:
     """Without what lies apart from the plant."""
     thick_m = np.zeros(len(cut.sections))  # slices of a thick stem are thick
     np.maximum.at(thick_m, cut.sections.section, cut.stem_m)
     usual_m = np.maximum(thick_m, max(_HANGS_TOGETHER * cut.spacing_m, cut.fine_m))
-    stays = ~find_strays(cut.sections, usual_m, most_gap)
+    stays = ~find_beyond_gaps(cut.sections, usual_m, most_gap)
     points = stays[cut.sections.section]
     return replace(cut, points_m=cut.points_m[points], sections=cut.sections.take(stays), stem_m=cut.stem_m[points])
 
@@ -269,11 +285,15 @@ def _find_feet(
     return np.concatenate(feet), np.repeat(np.arange(len(feet)), [len(foot) for foot in feet])
 
 
-def _slice_thickness(internode_m: float, spacing_m: float, settings: BranchSettings) -> float:
-    """As fine as twigs ask for where points are close together; where they are not, points are twigs."""
+def _slice_thickness(internode_m: float, spacing_m: float, noise_m: float, settings: BranchSettings) -> float:
+    """As fine as twigs ask for where points are close together; where they are not, points are twigs.
+
+    A slice that is thinner than its points are off their surface falls apart, and each of its parts looks like a twig.
+    """
     if spacing_m > settings.sparse * internode_m:
         return settings.sparse_spacings * spacing_m
-    return min(settings.fine * internode_m, settings.fine_spacings * spacing_m)
+    fine_m = max(settings.fine * internode_m, settings.fine_noises * noise_m)
+    return min(fine_m, settings.fine_spacings * spacing_m)
 
 
 def _find_stems(
@@ -283,8 +303,11 @@ def _find_stems(
     internode_m: float,
     spacing_m: float,
     settings: BranchSettings,
-) -> NDArray[np.float64]:
-    """(N,) radius of the thick stem that a point is on, 0 elsewhere: thin slices of a thick stem fall apart."""
+) -> tuple[NDArray[np.float64], float]:
+    """(N,) radius of the thick stem that a point is on, 0 elsewhere, and how far points are off their surface.
+
+    Thin slices of a thick stem fall apart.
+    """
     coarse_m = max(settings.coarse * internode_m, _HANGS_TOGETHER * spacing_m)
     sections = cut_sections(points_m, lengths_m, find_ways(lengths_m, *roots), coarse_m)
     traced = trace_axes(points_m, sections, 1.5 * coarse_m, coarse_m, settings.stiffness, settings.radii)
@@ -301,4 +324,4 @@ def _find_stems(
     for level in tree.levels[1:]:
         known[level] &= known[traced.parent[level]]
     stem_m = np.where(known, np.minimum(traced.radii.radius_m, 4 * coarse_m / settings.stem_share), 0)
-    return np.asarray(stem_m[sections.section])
+    return np.asarray(stem_m[sections.section]), traced.radii.noise_m

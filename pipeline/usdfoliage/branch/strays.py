@@ -1,28 +1,50 @@
-"""Parts of a cloud that lie apart from the plant: too far to say that a branch leads there."""
+"""What of a cloud lies far beside its plant: bits of the ground and of what is behind, that captures come with.
+
+A stray is linked with the plant in the end, as branches are that are seen with gaps, and then its way is a branch.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
-from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
-from usdfoliage.branch.sections import SectionTree
-
-_GAP = 3.0  # usual steps, from which on there is a gap between a section and its parent
+from usdfoliage.geometry.point_cells import cell_means, number_cells
 
 
-def find_strays(sections: SectionTree, usual_m: NDArray[np.floating] | float, most_gap: float) -> NDArray[np.bool_]:
-    """(S,) sections that are reached across a gap longer than the way through all that lies beyond it.
+@dataclass(frozen=True, kw_only=True)
+class StraySettings:
+    """What is far from a plant."""
 
-    Every point is linked with the rest of the plant at last, however far it is; a branch across the air that leads to
-    a handful of points is none, while one that leads to half a crown was hidden.
+    gap_of_height: float = 0.1  # without any points, around what is a piece of its own
+    most_points: float = 0.05  # of those of the largest piece, that a stray has
+
+    def __post_init__(self) -> None:
+        if not (self.gap_of_height > 0 and 0 <= self.most_points < 1):
+            raise ValueError(f"gap_of_height must be above 0, most_points in [0, 1), not {self}")
+
+
+def find_strays(points_m: NDArray[np.float64], settings: StraySettings = StraySettings()) -> NDArray[np.bool_]:
+    """(N,) points of small pieces apart from the plant, and beside it: a trunk below a crown is none, seen or not.
 
     Args:
-        sections: Of the cloud.
-        usual_m: Step from a section to its parent where there is no gap, everywhere or at each (S,).
-        most_gap: Of the way beyond it, that a gap may be long.
+        points_m: (N, 3), Y up, without ground.
+        settings: What is far, and what is small.
     """
-    tree = RootedTree(sections.parent)
-    step_m = step_lengths(sections.center_m, sections.parent)
-    gap = step_m > _GAP * np.asarray(usual_m)
-    beyond_m = tree.sum_above(np.where(gap, 0.0, step_m))
-    far = gap & (step_m > most_gap * beyond_m)
-    return np.asarray(tree.sum_below(far.astype(np.float64)) > 0)
+    gap_m = settings.gap_of_height * float(np.ptp(points_m[:, 1])) if len(points_m) else 0.0
+    if not gap_m > 0:
+        return np.zeros(len(points_m), bool)
+    cell = number_cells(points_m, gap_m)
+    corner = np.floor((points_m - points_m.min(axis=0)) / gap_m)
+    place = np.rint(cell_means(corner, cell))
+    beside = cKDTree(place).query_pairs(1.5, p=np.inf, output_type="ndarray")
+    links = coo_array((np.ones(len(beside), bool), (beside[:, 0], beside[:, 1])), shape=(len(place),) * 2)
+    piece = connected_components(links, directed=False)[1][cell]
+    held = np.bincount(piece)
+    largest = int(held.argmax())
+    plant = points_m[piece == largest][:, [0, 2]]
+    middle_m = np.column_stack([np.bincount(piece, points_m[:, axis]) / held for axis in (0, 2)])
+    outside = ((middle_m < plant.min(axis=0)) | (middle_m > plant.max(axis=0))).any(axis=1)
+    return np.asarray((outside & (held < settings.most_points * held[largest]))[piece])

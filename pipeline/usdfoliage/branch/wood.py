@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 from usdfoliage.branch.sections import SectionTree
+from usdfoliage.geometry.point_cells import cell_means, number_cells
 
 # Lengths in distances to the sixth neighbour.
 _WINDOWS = (10.0, 20.0)  # of a way, to both sides, over which it is straight or not
@@ -77,11 +78,19 @@ def find_wood(
         spacing_m: To the sixth neighbour.
         caution: Added to the logarithm of the odds for wood.
     """
+    return choose_wood(sections, wood_odds(points_m, sections, spacing_m) + caution, stem, spacing_m)
+
+
+def wood_odds(points_m: NDArray[np.float64], sections: SectionTree, spacing_m: float) -> NDArray[np.float64]:
+    """(S,) logarithm of the odds that a section is of wood, by what it looks like; arguments as of find_wood."""
+    return np.asarray(_WEIGHTS[0] + wood_features(points_m, sections, spacing_m) @ _WEIGHTS[1:])
+
+
+def choose_wood(sections: SectionTree, odds: NDArray[np.float64], stem: NDArray[np.bool_], spacing_m: float) -> Wood:
+    """The part of the tree with the best odds (S,) together, however they came about."""
     step_m = step_lengths(sections.center_m, sections.parent)
-    odds = np.array(_WEIGHTS[0]) + wood_features(points_m, sections, spacing_m) @ _WEIGHTS[1:]
-    odds = np.clip(odds + caution, -_MOST_SURE, _MOST_SURE)
-    odds[stem] = _STEM_SURE
-    kept = best_rooted_part(RootedTree(sections.parent), odds * np.maximum(step_m, 0.05 * spacing_m))
+    sure = np.where(stem, _STEM_SURE, np.clip(odds, -_MOST_SURE, _MOST_SURE))
+    kept = best_rooted_part(RootedTree(sections.parent), sure * np.maximum(step_m, 0.05 * spacing_m))
     whole_m = float(step_m.sum())
     return Wood(sections=kept, share=float(step_m[kept].sum()) / whole_m if whole_m > 0 else 1.0)
 
@@ -116,7 +125,8 @@ def wood_features(points_m: NDArray[np.float64], sections: SectionTree, spacing_
     ]
     points = tree.sum_above(sections.points.astype(np.float64))
     few = np.log((carried_m - step_m + spacing_m) / ((points + 1) * spacing_m))
-    cells = cKDTree(_filled_cells(points_m, _CELL * spacing_m))
+    # One point a cell: how close points are together there no longer counts.
+    cells = cKDTree(cell_means(points_m, number_cells(points_m, _CELL * spacing_m)))
     near = cells.query_ball_point(sections.center_m, _AROUND * spacing_m, workers=-1, return_length=True)
     return np.column_stack([*straight, few, -np.log(np.asarray(near) + 0.5)])
 
@@ -152,12 +162,3 @@ def _straightness(
     spread = np.linalg.eigvalsh(square / held[:, None, None] - mean_m[:, :, None] * mean_m[:, None, :])
     long_m, wide_m = np.sqrt(np.maximum(spread[:, 2], 0)), np.sqrt(np.maximum(spread[:, 1], 0))
     return np.asarray(np.log((long_m + blur_m) / (wide_m + blur_m)))
-
-
-def _filled_cells(points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
-    """(C, 3) mean of the points in each cell that has any: how close points are together there no longer counts."""
-    cell = np.floor((points_m - points_m.min(axis=0)) / cell_m).astype(np.int64)
-    sides = cell.max(axis=0) + 1
-    key = (cell[:, 0] * sides[1] + cell[:, 1]) * sides[2] + cell[:, 2]
-    _, member, held = np.unique(key, return_inverse=True, return_counts=True)
-    return np.column_stack([np.bincount(member, line) / held for line in points_m.T])

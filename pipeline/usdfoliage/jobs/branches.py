@@ -122,6 +122,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 plant.roots_m,
                 request.settings,
                 lambda name, share: tell(round(1000 * share), 1000),
+                plant.colors,
             )
         if not len(traced.skeleton):
             raise FitError(f"no branch was found in {len(plant.points_m):,} points ({plant.source.path})")

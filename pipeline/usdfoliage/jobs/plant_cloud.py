@@ -10,15 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.ground import find_ground
+from usdfoliage.branch.reconstruct import BranchSettings
 from usdfoliage.branch.roots import RootSettings, find_roots
+from usdfoliage.branch.strays import find_strays
 from usdfoliage.capture.cloud_input import CloudInput, CloudInputSettings, read_cloud_input
 from usdfoliage.capture.cloud_thinning import PointThinner
 from usdfoliage.capture.cloud_units import UNITS
 from usdfoliage.capture.cloud_up import axis_vector, find_cloud_up, turn_to_y_up
 from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.geometry.point_cells import cell_means, number_cells
 from usdfoliage.steps import StepProgress
 
 LEAST_POINTS = 50  # of a plant without its ground
+_CLOSEST = 0.25  # internodes: points closer together take time and show nothing more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +35,7 @@ class PlantCloudRequest:
     up: str | None = None  # an axis of the cloud; None: told by the cloud
     unit: str | None = None  # of UNITS; None: told by the file
     most_points: int = 400_000  # that branches are traced through
+    internode_m: float | None = None  # None: from the height, as branches are traced
 
     @classmethod
     def from_options(cls, options: argparse.Namespace) -> "PlantCloudRequest":
@@ -45,6 +50,7 @@ class PlantCloudRequest:
             up=read_up(options.up),
             unit=read_unit(options.unit),
             most_points=options.most_points,
+            internode_m=options.internode,
         )
 
     def describe(self) -> dict[str, str]:
@@ -100,6 +106,7 @@ class PlantCloud:
     """A cloud as branches are traced through it."""
 
     points_m: NDArray[np.float64]  # (N, 3), Y up, the first root at the origin, without ground
+    colors: NDArray[np.float64] | None  # (N, 3), red, green and blue, 0 to 255; None where the file has none
     roots_m: NDArray[np.float64]  # (R, 3)
     asset_from_cloud: NDArray[np.float64]  # (4, 4), from the file's coordinates
     source: CloudInput
@@ -132,12 +139,15 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     if ground.points.any():
         notes.append(f"{int(ground.points.sum()):,} points are ground and left out")
     points_m = points_m[~ground.points]
-    if len(points_m) > request.most_points:  # of the plant: ground would take their share
-        thinner = PointThinner(request.most_points)
-        thinner.add(points_m, None)
-        thinned = thinner.finish()
-        points_m = thinned.points
-        notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * thinned.cell:.1f} mm")
+    colors = None if source.colors is None else source.colors[~ground.points].astype(np.float64)
+    strays = find_strays(points_m)
+    if strays.any():
+        notes.append(f"{int(strays.sum()):,} points are far beside the plant and left out")
+        points_m = points_m[~strays]
+        colors = None if colors is None else colors[~strays]
+    points_m, colors, cell_m = _thin_plant(points_m, colors, request)
+    if cell_m > 0:
+        notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * cell_m:.1f} mm")
     if len(points_m) < LEAST_POINTS:
         raise FitError(f"{len(points_m)} points are left without the ground, {LEAST_POINTS} needed ({source.path})")
     if request.given_roots:
@@ -152,9 +162,35 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     asset_from_cloud[:3, 3] = -turn @ source.origin_m - roots_m[0]
     return PlantCloud(
         points_m=points_m - roots_m[0],
+        colors=colors,
         roots_m=roots_m - roots_m[0],
         asset_from_cloud=asset_from_cloud,
         source=source,
         ground=int(ground.points.sum()),
         notes=tuple(notes),
     )
+
+
+def _thin_plant(
+    points_m: NDArray[np.float64], colors: NDArray[np.float64] | None, request: PlantCloudRequest
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, float]:
+    """As many points of the plant, without ground that would take their share, as show its twigs; side of their cells.
+
+    A side of 0: all of them, as they were.
+    """
+    values = points_m if colors is None else np.column_stack([points_m, colors])
+    cell_m = 0.0
+    if len(points_m):
+        internode_m = request.internode_m or BranchSettings().internode_of_height * float(np.ptp(points_m[:, 1]))
+        if _CLOSEST * internode_m > 0:
+            cell = number_cells(points_m, _CLOSEST * internode_m)
+            if int(cell.max()) + 1 < len(points_m):
+                cell_m = _CLOSEST * internode_m
+                values = cell_means(values, cell)
+    if len(values) > request.most_points:
+        thinner = PointThinner(request.most_points)
+        thinner.add(values[:, :3], None if colors is None else values[:, 3:].astype(np.float32))
+        thinned = thinner.finish()
+        cell_m = thinned.cell
+        values = thinned.points if thinned.colors is None else np.column_stack([thinned.points, thinned.colors])
+    return values[:, :3], None if colors is None else values[:, 3:], cell_m
