@@ -72,7 +72,10 @@ def _linked(
 def _bridges(
     points_m: NDArray[np.float64], tree: cKDTree, piece_of: NDArray[np.integer], pieces: int, threads: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """From each piece but the largest the shortest link to another one, as Boruvka joins trees: start, end, length."""
+    """From each piece but the largest a short link to another one, as Boruvka joins trees: start, end, length.
+
+    It is the shortest but for pieces that see another one among a few neighbours and a nearer one only among many.
+    """
     looking = np.flatnonzero(piece_of != np.argmax(np.bincount(piece_of)))
     found: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
     nearest_m = np.full(pieces, np.inf)
@@ -88,7 +91,8 @@ def _bridges(
         # A point that saw its own piece alone may have a nearer one only within what it has not looked at yet.
         blind = np.ones(len(looking), bool)
         blind[rows] = False
-        looking = looking[blind & (away_m[:, -1] < nearest_m[piece_of[looking]])]
+        bound_m = np.where(np.isinf(nearest_m) | (near < _LOOKS[1]), nearest_m, 0)  # the widest look is slow
+        looking = looking[blind & (away_m[:, -1] < bound_m[piece_of[looking]])]
         if not len(looking):
             break
     for piece in np.unique(piece_of[looking]):
