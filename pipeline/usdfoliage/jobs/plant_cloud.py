@@ -22,7 +22,8 @@ from usdfoliage.geometry.point_cells import cell_means, number_cells
 from usdfoliage.steps import StepProgress
 
 LEAST_POINTS = 50  # of a plant without its ground
-_CLOSEST = 0.25  # internodes: points closer together take time and show nothing more
+_CLOSEST = 0.3  # internodes: points closer together take time and show nothing more
+_WORTH = 0.67  # share of the points that is left, above which a cloud stays as it is
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,7 +185,7 @@ def _thin_plant(
         internode_m = request.internode_m or BranchSettings().internode_of_height * float(np.ptp(points_m[:, 1]))
         if _CLOSEST * internode_m > 0:
             cell = number_cells(points_m, _CLOSEST * internode_m)
-            if int(cell.max()) + 1 < len(points_m):
+            if int(cell.max()) + 1 < _WORTH * len(points_m):
                 cell_m = _CLOSEST * internode_m
                 values = cell_means(values, cell)
     if len(values) > request.most_points:
