@@ -33,6 +33,17 @@ def test_half_a_ball_blocks_half_of_the_directions():
     assert blocked_share(np.array([[0.0, 5, 0]]), bowl_m, 0.1)[0] < 0.05
 
 
+def test_a_share_that_matters_is_the_same_when_others_are_given_up():
+    bowl_m = sphere(20_000)
+    bowl_m = bowl_m[bowl_m[:, 1] < 0.5]
+    places_m = 0.9 * sphere(300, 1) * np.random.default_rng(2).random((300, 1))
+    whole, given_up = blocked_share(places_m, bowl_m, 0.06), blocked_share(places_m, bowl_m, 0.06, 0.8)
+    enough = whole >= 0.8
+    assert 30 < enough.sum() < 270
+    assert np.array_equal(given_up[enough], whole[enough])
+    assert (given_up[~enough] < 0.8).all()
+
+
 @pytest.mark.parametrize("flat", [np.zeros((3, 3)), np.eye(3)[[0, 1, 0, 1, 0]], np.zeros((0, 3))])
 def test_what_has_no_inside_hides_nothing(flat):
     assert find_hidden(flat, 0.1, 0.1).shape == (0, 3)

@@ -164,6 +164,16 @@ def test_two_stems_are_two_trees():
         assert skeleton.lengths_m[trunk] == pytest.approx(4, rel=0.05)
 
 
+def test_a_foot_of_few_points_does_not_take_those_of_another_tree():
+    stem_m = cone([0, 0, 0], [0, 2, 0], 0.05, 80)
+    roots_m = np.array([[0, 0, 0], [30, 0, 0]])
+    skeleton = reconstruct_branches(np.concatenate([stem_m, stem_m + roots_m[1]]), roots_m, SETTINGS).skeleton
+    edges_m = np.linalg.norm(np.diff(skeleton.points_m, axis=0), axis=1)[np.diff(skeleton.curve) == 0]
+    assert edges_m.max() < 2.1  # and not 30
+    first_m = skeleton.points_m[skeleton.first[skeleton.parent_curve < 0], 0]
+    assert np.sort(first_m) == pytest.approx([0, 30], abs=0.1)
+
+
 def test_a_gap_is_bridged():
     points_m = tree_cloud()
     points_m = points_m[(points_m[:, 1] < 1) | (points_m[:, 1] > 1.1)]

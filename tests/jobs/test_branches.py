@@ -160,7 +160,7 @@ def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path
         assert about in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("wrong", [["--variations", "-1"], ["--variations", "1000"]])
+@pytest.mark.parametrize("wrong", [["--variations", "-1"], ["--variations", "1000"], ["--seed", "-1"]])
 def test_growth_that_cannot_be_is_named(tmp_path, rng, capsys, wrong):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[:300])
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *wrong]) == 2
@@ -194,6 +194,14 @@ def test_roots_are_a_word_a_number_or_places():
     for bad in ("0", "one", "1,2", "1,2,nan", ""):
         with pytest.raises(FoliageError):
             read_roots(bad)
+
+
+def test_a_root_that_is_nowhere_near_is_refused(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    command = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--up", "Z", "--dry-run", "--roots"]
+    assert main([*command, "0,0,-1"]) == 0  # as far as the stem may be hidden
+    assert main([*command, "500000.25,0,0"]) == 2
+    assert "--roots 500000.25,0,0" in capsys.readouterr().err
 
 
 def test_units_and_axes_that_are_not_known_are_refused():

@@ -19,6 +19,7 @@ _SIDES = 128  # planes around a crown
 _TRIES = 3.0  # places tried for each disk that fits
 _MOST_TRIES = 400_000
 _MOST_CELLS = 160  # along the longest side
+_FAR_APART = 37  # directions from one that is looked in to the next: no divisor of how many there are
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +65,7 @@ def find_hidden(
     places_m = places_m[~np.isfinite(near_m)]
     places_m = places_m[choose_disks(places_m, apart_m, seed)]
     cell_m = max(settings.cell * internode_m, 2 * spacing_m, float(size_m.max()) / _MOST_CELLS)
-    return places_m[blocked_share(places_m, points_m, cell_m) >= settings.blocked]
+    return places_m[blocked_share(places_m, points_m, cell_m, settings.blocked) >= settings.blocked]
 
 
 def _within(places_m: NDArray[np.float64], points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -79,8 +80,17 @@ def _within(places_m: NDArray[np.float64], points_m: NDArray[np.float64]) -> NDA
     return inside
 
 
-def blocked_share(places_m: NDArray[np.float64], points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
-    """(M,) share of the directions in which points (N, 3), as cells of a grid, stand before a place (M, 3)."""
+def blocked_share(
+    places_m: NDArray[np.float64], points_m: NDArray[np.float64], cell_m: float, least: float = 0.0
+) -> NDArray[np.float64]:
+    """(M,) share of the directions in which points (N, 3), as cells of a grid, stand before a place (M, 3).
+
+    Args:
+        places_m: (M, 3).
+        points_m: (N, 3).
+        cell_m: Of the grid.
+        least: Where the share cannot come to this, it is only said to be less.
+    """
     both_m = np.concatenate([points_m, places_m])
     low_m = both_m.min(axis=0) - cell_m
     shape = np.floor((both_m.max(axis=0) - low_m) / cell_m).astype(np.int64) + 2
@@ -88,11 +98,12 @@ def blocked_share(places_m: NDArray[np.float64], points_m: NDArray[np.float64], 
     taken[tuple(np.floor((points_m - low_m) / cell_m).astype(np.int64).T)] = True
     ways = np.array([way for way in product((-2, -1, 0, 1, 2), repeat=3) if max(map(abs, way)) == 2], np.float64)
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    ways = ways[_FAR_APART * np.arange(len(ways)) % len(ways)]  # an open side shows soon
     blocked = np.zeros(len(places_m))
-    for way in ways:
+    for number, way in enumerate(ways):
         at = (places_m - low_m) / cell_m
         before = np.zeros(len(places_m), bool)
-        going = np.arange(len(places_m))
+        going = np.flatnonzero(blocked + len(ways) - number >= least * len(ways) - 1e-9)
         while len(going):
             at[going] += way
             cell = np.floor(at[going]).astype(np.int64)

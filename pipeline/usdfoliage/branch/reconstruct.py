@@ -30,6 +30,7 @@ _SAMPLE = 20_000  # points of which it is taken
 _HANGS_TOGETHER = 1.6  # distances to the sixth neighbour, that a slice of a thick stem must be thick
 _FOOT = 1.6  # distances to the sixth neighbour, height of the foot of a stem
 _FOOT_POINTS = 20  # that tell how wide it is
+_FOOT_GAP = 4.0  # distances to the sixth neighbour, beyond which points beside a foot are of something else
 _WITHIN = 1.2  # radii of a thick branch from its axis, where all points are of it
 _NEAR_BELIEVED = 3  # nodes from a believed circle, that are as thick as is thought
 
@@ -279,6 +280,8 @@ def _find_feet(
             slab = slab[[int(np.argmin(np.linalg.norm(points_m[slab] - root_m, axis=1)))]]
         away_m = np.linalg.norm(points_m[slab][:, [0, 2]] - root_m[[0, 2]], axis=1)
         near = np.sort(away_m)[:_FOOT_POINTS]
+        apart = np.flatnonzero(np.diff(near) > _FOOT_GAP * spacing_m)
+        near = near[: apart[0] + 1] if len(apart) else near  # where a foot has fewer points than that
         foot = slab[away_m <= 2 * float(np.median(near)) + 1e-9]
         taken[foot] = True
         feet.append(foot)

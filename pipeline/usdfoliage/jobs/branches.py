@@ -67,6 +67,8 @@ class BranchesRequest:
         """The request that a command line makes; FoliageError for values that cannot be."""
         if options.species_file is not None and not options.species:
             raise FoliageError("--species-file holds species; say with --species which one is meant")
+        if not 0 <= options.seed < 2**62:  # an asset records it as int64, and those of variations follow it
+            raise FoliageError(f"--seed must be 0 or more and below 2^62, not {options.seed}")
         species = load_species(options.species, options.species_file) if options.species else None
         allometry = AllometrySettings(exponent=species.exponent) if species else AllometrySettings()
         try:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from usdfoliage.branch.ground import find_ground
 from usdfoliage.branch.reconstruct import BranchSettings
@@ -56,7 +57,7 @@ class PlantCloudRequest:
 
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options."""
-        roots = ";".join(",".join(f"{c:g}" for c in place) for place in self.given_roots)
+        roots = ";".join(",".join(f"{c:.12g}" for c in place) for place in self.given_roots)
         return {
             "roots": roots or str(self.roots.count or "auto"),
             "up": self.up or "auto",
@@ -120,7 +121,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
 
     Raises:
         CaptureError: The cloud cannot be used.
-        FitError: Nothing is left without the ground.
+        FitError: Nothing is left without the ground, or a root is given that is nowhere near the plant.
     """
     source = read_cloud_input(
         request.path,
@@ -154,6 +155,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     if request.given_roots:
         given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
         roots_m = given @ turn.T
+        _check_roots(roots_m, points_m, request)
     else:
         roots_m = find_roots(points_m, request.roots)
         if request.roots.count is not None and len(roots_m) < request.roots.count:
@@ -195,3 +197,15 @@ def _thin_plant(
         cell_m = thinned.cell
         values = thinned.points if thinned.colors is None else np.column_stack([thinned.points, thinned.colors])
     return values[:, :3], None if colors is None else values[:, 3:], cell_m
+
+
+def _check_roots(roots_m: NDArray[np.float64], points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
+    """FitError for a root (R, 3) that is farther from points (N, 3) than these are high: of another unit or cloud."""
+    away_m = np.asarray(cKDTree(points_m).query(roots_m)[0])
+    for place, own_m in zip(request.given_roots, away_m.tolist(), strict=True):
+        if own_m > np.ptp(points_m[:, 1]):
+            told = ",".join(f"{c:.12g}" for c in place)
+            raise FitError(
+                f"--roots {told} is {own_m:.1f} m from the nearest point of {request.path}; "
+                "roots are in the cloud's own coordinates"
+            )
