@@ -164,7 +164,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
 
 def _check_roots(roots_m: NDArray[np.float64], points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
     """FitError for a root (R, 3) that is farther from points (N, 3) than these are high: of another unit or cloud."""
-    away_m = cKDTree(points_m).query(roots_m)[0]
+    away_m = np.asarray(cKDTree(points_m).query(roots_m)[0])
     for place, own_m in zip(request.given_roots, away_m.tolist(), strict=True):
         if own_m > np.ptp(points_m[:, 1]):
             told = ",".join(f"{c:.12g}" for c in place)
