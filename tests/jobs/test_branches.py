@@ -160,7 +160,9 @@ def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path
         assert about in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("wrong", [["--variations", "-1"], ["--variations", "1000"], ["--seed", "-1"]])
+@pytest.mark.parametrize(
+    "wrong", [["--variations", "-1"], ["--variations", "1000"], ["--seed", "-1"], ["--internode", "50"]]
+)
 def test_growth_that_cannot_be_is_named(tmp_path, rng, capsys, wrong):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[:300])
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *wrong]) == 2

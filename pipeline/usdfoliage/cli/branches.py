@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="auto",
         metavar="auto|K|X,Y,Z",
         help="where stems come out of the ground: found, the K densest places, or points in the cloud's coordinates, "
-        "with ; between them (%(default)s)",
+        "with ; between them; --roots=-1,0,2 where the first number is negative (%(default)s)",
     )
     parser.add_argument(
         "--internode", metavar="METRES", type=float, help="length of an internode (0.005 of the plant's height)"
@@ -32,7 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="whether the cloud has leaves, which are then left out (what the cloud shows)",
     )
     parser.add_argument(
-        "--up", default="auto", metavar="AXIS", help="of the cloud: X, Y, Z, -X, -Y, -Z (what the cloud shows)"
+        "--up",
+        default="auto",
+        metavar="AXIS",
+        help="of the cloud: X, Y, Z, or down as in --up=-Z (what the cloud shows)",
     )
     parser.add_argument("--unit", default="auto", help="of the cloud: m, cm, mm or ft (what the file says)")
     parser.add_argument(

@@ -117,6 +117,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         start = time.perf_counter()
         fitted = read_fitted_leaves(request.foliage, request.output)
         plant = read_plant_cloud(request.cloud, progress)
+        check_internode(request.settings, plant)
         seconds["read"] = time.perf_counter() - start
         with follow_step("branches", seconds, progress) as tell:
             traced = reconstruct_branches(
@@ -278,6 +279,15 @@ def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[st
     return []
 
 
+def check_internode(settings: BranchSettings, plant: PlantCloud) -> None:
+    """FitError where an internode is given that is longer than the plant is high: in another unit than metres."""
+    height_m = float(np.ptp(plant.points_m[:, 1]))
+    if settings.internode_m is not None and settings.internode_m > height_m:
+        raise FitError(
+            f"--internode {settings.internode_m:g} is longer than the plant, {height_m:.2f} m high; it is in metres"
+        )
+
+
 def growth_of(traced: TracedBranches) -> dict[str, float]:
     """What of the growth parameters was measured."""
     return {"internodeLength": traced.internode_m, "rootDiameter": float(2 * traced.skeleton.radius_m[0])}
@@ -301,6 +311,7 @@ def plan_branches_asset(request: BranchesRequest) -> str:
     """What make_branches_asset would do, in lines, after reading the cloud; writes nothing."""
     fitted = read_fitted_leaves(request.foliage, request.output)
     plant = read_plant_cloud(request.cloud)
+    check_internode(request.settings, plant)
     height_m = float(np.ptp(plant.points_m[:, 1]))
     lines = [
         f"cloud: {plant.source.path}, {plant.source.total:,} points; {len(plant.points_m):,} of the plant, "
