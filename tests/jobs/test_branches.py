@@ -144,6 +144,15 @@ def test_branches_can_be_grown_and_plants_alike_with_them(tmp_path, rng, capsys)
     assert named == {"out", "out_01", "out_02"}
 
 
+def test_of_two_trees_that_at_the_given_root_is_traced(tmp_path, rng, capsys):
+    one = y_tree(rng)[::3]
+    cloud = write_xyz(tmp_path / "two.xyz", np.concatenate([one, np.add(one, [5, 0, 0])]))
+    options = ["--no-preview", "--up", "Z", "--roots", "5,0,0"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
+    assert "of other trees" in capsys.readouterr().out
+    assert np.ptp(skeleton_points(tmp_path / "out" / "out.usda")[:, [0, 2]], axis=0).max() < 1.5
+
+
 def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path, rng, capsys):
     trunk = rng.normal(size=(1500, 3))
     trunk = trunk / np.linalg.norm(trunk[:, :2], axis=1, keepdims=True) * [0.05, 0.05, 0]

@@ -117,7 +117,6 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         start = time.perf_counter()
         fitted = read_fitted_leaves(request.foliage, request.output)
         plant = read_plant_cloud(request.cloud, progress)
-        check_internode(request.settings, plant)
         seconds["read"] = time.perf_counter() - start
         with follow_step("branches", seconds, progress) as tell:
             traced = reconstruct_branches(
@@ -135,6 +134,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
             )
         notes = [*plant.notes, *describe_leaves(traced, request.settings), *told]
+        if not traced.radii.believed.any():
+            notes.append("no stem or branch of the cloud is round: how thick branches are is a guess from their length")
         made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
         notes.extend(made.notes)
         with follow_step("asset", seconds, progress):
@@ -279,15 +280,6 @@ def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[st
     return []
 
 
-def check_internode(settings: BranchSettings, plant: PlantCloud) -> None:
-    """FitError where an internode is given that is longer than the plant is high: in another unit than metres."""
-    height_m = float(np.ptp(plant.points_m[:, 1]))
-    if settings.internode_m is not None and settings.internode_m > height_m:
-        raise FitError(
-            f"--internode {settings.internode_m:g} is longer than the plant, {height_m:.2f} m high; it is in metres"
-        )
-
-
 def growth_of(traced: TracedBranches) -> dict[str, float]:
     """What of the growth parameters was measured."""
     return {"internodeLength": traced.internode_m, "rootDiameter": float(2 * traced.skeleton.radius_m[0])}
@@ -311,7 +303,6 @@ def plan_branches_asset(request: BranchesRequest) -> str:
     """What make_branches_asset would do, in lines, after reading the cloud; writes nothing."""
     fitted = read_fitted_leaves(request.foliage, request.output)
     plant = read_plant_cloud(request.cloud)
-    check_internode(request.settings, plant)
     height_m = float(np.ptp(plant.points_m[:, 1]))
     lines = [
         f"cloud: {plant.source.path}, {plant.source.total:,} points; {len(plant.points_m):,} of the plant, "

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.ground import find_ground
-from usdfoliage.branch.reconstruct import BranchSettings
+from usdfoliage.branch.other_trees import find_other_trees
+from usdfoliage.branch.reconstruct import BranchSettings, point_spacing
 from usdfoliage.branch.roots import RootSettings, find_roots
 from usdfoliage.branch.strays import find_strays
 from usdfoliage.capture.cloud_input import CloudInput, CloudInputSettings, read_cloud_input
@@ -147,6 +148,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         notes.append(f"{int(strays.sum()):,} points are far beside the plant and left out")
         points_m = points_m[~strays]
         colors = None if colors is None else colors[~strays]
+    _check_internode(points_m, request)
     points_m, colors, cell_m = _thin_plant(points_m, colors, request)
     if cell_m > 0:
         notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * cell_m:.1f} mm")
@@ -156,6 +158,11 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
         roots_m = given @ turn.T
         _check_roots(roots_m, points_m, request)
+        other = find_other_trees(points_m, roots_m, find_roots(points_m, RootSettings()), point_spacing(points_m))
+        if other.any():
+            notes.append(f"{int(other.sum()):,} points are of other trees than that at the given root and left out")
+            points_m = points_m[~other]
+            colors = None if colors is None else colors[~other]
     else:
         roots_m = find_roots(points_m, request.roots)
         if request.roots.count is not None and len(roots_m) < request.roots.count:
@@ -172,6 +179,15 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         ground=int(ground.points.sum()),
         notes=tuple(notes),
     )
+
+
+def _check_internode(points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
+    """FitError where an internode is given that is longer than the plant is high: in another unit than metres."""
+    height_m = float(np.ptp(points_m[:, 1])) if len(points_m) else 0.0
+    if request.internode_m is not None and len(points_m) >= LEAST_POINTS and request.internode_m > height_m:
+        raise FitError(
+            f"--internode {request.internode_m:g} is longer than the plant, {height_m:.2f} m high; it is in metres"
+        )
 
 
 def _thin_plant(
