@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from usdfoliage.geometry.point_cells import cell_means, number_cells
+from usdfoliage.geometry.point_cells import cell_means, number_cells, touching_parts
 
 
 @pytest.fixture
@@ -25,3 +25,11 @@ def test_means_are_those_of_the_cells(rng):
     for number in range(cell.max() + 1):
         np.testing.assert_allclose(means[number], points_m[cell == number].mean(axis=0))
         assert (np.ptp(points_m[cell == number], axis=0) <= 1.5).all()
+
+
+def test_parts_are_what_a_gap_of_two_cells_divides():
+    rng = np.random.default_rng(0)
+    lumps = [rng.uniform([x, 0, 0], [x + 0.5, 0.5, 0.5], (40, 3)) for x in (0.0, 0.6, 3.0)]
+    part = touching_parts(np.concatenate(lumps), 0.4)
+    assert part.tolist() == [0] * 80 + [1] * 40 or part.tolist() == [1] * 80 + [0] * 40
+    assert len(set(touching_parts(np.concatenate(lumps), 3.0).tolist())) == 1

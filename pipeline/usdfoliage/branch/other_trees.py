@@ -2,11 +2,9 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from usdfoliage.geometry.point_cells import cell_means, number_cells
+from usdfoliage.geometry.point_cells import touching_parts
 
 _GAP_OF_HEIGHT = 0.02  # without any points, between trees that do not touch
 _GAP_SPACINGS = 3.0  # distances to the sixth neighbour, that it is at least
@@ -34,11 +32,7 @@ def find_other_trees(
     gap_m = max(_GAP_OF_HEIGHT * float(np.ptp(points_m[:, 1])), _GAP_SPACINGS * spacing_m)
     if not gap_m > 0:
         return nothing
-    cell = number_cells(points_m, gap_m)
-    corner = np.rint(cell_means(np.floor((points_m - points_m.min(axis=0)) / gap_m), cell))
-    beside = cKDTree(corner).query_pairs(1.5, p=np.inf, output_type="ndarray")
-    links = coo_array((np.ones(len(beside), bool), (beside[:, 0], beside[:, 1])), shape=(len(corner),) * 2)
-    part = connected_components(links, directed=False)[1][cell]
+    part = touching_parts(points_m, gap_m)
     tree = cKDTree(points_m)
     meant = np.unique(part[np.asarray(tree.query(roots_m)[1])])
     others = np.setdiff1d(part[np.asarray(tree.query(other_roots_m)[1])], meant)

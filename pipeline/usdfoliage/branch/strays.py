@@ -7,11 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
-from usdfoliage.geometry.point_cells import cell_means, number_cells
+from usdfoliage.geometry.point_cells import touching_parts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,12 +33,7 @@ def find_strays(points_m: NDArray[np.float64], settings: StraySettings = StraySe
     gap_m = settings.gap_of_height * float(np.ptp(points_m[:, 1])) if len(points_m) else 0.0
     if not gap_m > 0:
         return np.zeros(len(points_m), bool)
-    cell = number_cells(points_m, gap_m)
-    corner = np.floor((points_m - points_m.min(axis=0)) / gap_m)
-    place = np.rint(cell_means(corner, cell))
-    beside = cKDTree(place).query_pairs(1.5, p=np.inf, output_type="ndarray")
-    links = coo_array((np.ones(len(beside), bool), (beside[:, 0], beside[:, 1])), shape=(len(place),) * 2)
-    piece = connected_components(links, directed=False)[1][cell]
+    piece = touching_parts(points_m, gap_m)
     held = np.bincount(piece)
     largest = int(held.argmax())
     plant = points_m[piece == largest][:, [0, 2]]
