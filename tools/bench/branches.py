@@ -33,9 +33,10 @@ from branch_truth import ORDERS, read_true_skeleton, score_skeleton, spanning_sk
 from numpy.typing import NDArray
 from usdfoliage.branch.cage import BranchCage, build_branch_cage, check_cage
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
+from usdfoliage.branch.reconstruct import TracedBranches, reconstruct_branches
 from usdfoliage.branch.roots import RootSettings
-from usdfoliage.jobs.branches import _CAGE, BranchesRequest, PlantCloud, read_plant_cloud
+from usdfoliage.jobs.branches import CAGE
+from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 PARTS = ("synthetic", "real", "measured", "scaling")
@@ -86,18 +87,14 @@ class Run:
 
 
 def read_plant(cloud: Path, up: str | None = "Z") -> PlantCloud:
-    return read_plant_cloud(
-        BranchesRequest(
-            cloud=cloud, output=Path("unused"), name="tree", settings=BranchSettings(), roots=RootSettings(), up=up
-        )
-    )
+    return read_plant_cloud(PlantCloudRequest(path=cloud, roots=RootSettings(), up=up))
 
 
 def run(plant: PlantCloud) -> Run:
     start = time.perf_counter()
-    traced = reconstruct_branches(plant.points_m, plant.roots_m)
+    traced = reconstruct_branches(plant.points_m, plant.roots_m, colors=plant.colors)
     middle = time.perf_counter()
-    cage = build_branch_cage(traced.skeleton, _CAGE)
+    cage = build_branch_cage(traced.skeleton, CAGE)
     end = time.perf_counter()
     return Run(plant=plant, traced=traced, cage=cage, trace_s=middle - start, surface_s=end - middle)
 
@@ -255,7 +252,7 @@ def bench_measured() -> None:
         if not known:
             continue
         plant = read_plant(path)
-        skeleton = reconstruct_branches(plant.points_m, plant.roots_m).skeleton
+        skeleton = reconstruct_branches(plant.points_m, plant.roots_m, colors=plant.colors).skeleton
         ours = {
             "diameter": diameter_at(skeleton, 1.3),
             "height": float(np.ptp(skeleton.points_m[:, 1])),
@@ -298,7 +295,7 @@ def main() -> int:
     logging.disable(logging.WARNING)
     if options.cost:
         print(
-            json.dumps(measure_cost(options.cost, DATA / "synthetic" / SYNTHETIC[0] / "truth" / "skeleton.json", _CAGE))
+            json.dumps(measure_cost(options.cost, DATA / "synthetic" / SYNTHETIC[0] / "truth" / "skeleton.json", CAGE))
         )
         return 0
     if "synthetic" in options.only:

@@ -43,7 +43,7 @@ logger = logging.getLogger(__name__)
 
 VARIATIONS = "variations"  # folder of the assets of plants alike
 _COARSER_ORDERS = (1, 2)  # variants of the surface
-_CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
+CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,10 +244,10 @@ def _write_plant(folder: Path, name: str, made: _MadePlant, provenance: Provenan
 
 def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[str]]:
     """The surface of all branches and those of the lower orders, and what is not in it."""
-    whole = build_branch_cage(skeleton, _CAGE)
+    whole = build_branch_cage(skeleton, CAGE)
     highest = int(skeleton.order.max())
     coarser: list[tuple[int, BranchCage]] = [
-        (order, build_branch_cage(skeleton.up_to_order(order), _CAGE)) for order in _COARSER_ORDERS if order < highest
+        (order, build_branch_cage(skeleton.up_to_order(order), CAGE)) for order in _COARSER_ORDERS if order < highest
     ]
     notes = []
     reasons: dict[str, int] = {}
