@@ -34,6 +34,15 @@ def test_a_piece_begins_a_hair_outside_of_what_it_springs_from():
     assert pieces.skeleton.order.tolist() == [0, 1, 0]
 
 
+def test_a_limb_that_comes_back_to_the_trunk_is_not_cut_there():
+    bow_m = np.array([[0.0, 1, 0], [0.5, 1, 0], [0.5, 1.5, 0], [0.06, 1.5, 0], [0.06, 1.9, 0]])
+    plant = plant_of((UP_M, [0.05] * 3, None, 0), (bow_m, [0.02] * 5, 0, 1))
+    lost = np.array([False, True])
+    begins_m = cut_loose(plant, lost, ~lost).skeleton.points_m[0]
+    assert begins_m[1] == pytest.approx(1)
+    assert 0.05 < begins_m[0] < 0.08
+
+
 def test_what_stays_inside_is_not_saved():
     inside_m = np.array([[0.0, 1, 0], [0.03, 1, 0]])
     plant = plant_of((UP_M, [0.05] * 3, None, 0), (inside_m, [0.01] * 2, 0, 1))

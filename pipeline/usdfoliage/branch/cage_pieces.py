@@ -1,7 +1,7 @@
 """Branches that cannot be joined to their parent without crossing it, as plants of their own that begin beside it.
 
-A limb that is left out would take all that it carries with it. It begins where it is clear of what it springs from: the
-gap is narrower than the limb is thick. The method is our own.
+A limb that is left out would take all that it carries with it. It begins where it is clear of what it springs from.
+The method is our own.
 """
 
 from dataclasses import dataclass
@@ -119,10 +119,14 @@ def _first_clear(skeleton: Skeleton, branch: int, standing: NDArray[np.bool_]) -
         leaning = np.abs(np.einsum("nc,nc->n", away, along)) / np.maximum(away_m, 1e-300)
         reach_m = own_m * (np.sqrt(np.maximum(0, 1 - leaning**2)) + _GAP)
         clear &= away_m - axis_radius_m[nearest] >= reach_m
-    blocked = np.flatnonzero(~clear)
-    first = 0 if not len(blocked) else int(blocked[-1]) + 1
-    if first >= len(walked_m) or way_m[-1] - walked_m[first] < _LEAST * own_m[first]:
+    # Where it stays clear for a while: a limb that comes near what is below once more, farther out, is not cut there.
+    blocked = np.concatenate([np.flatnonzero(~clear), [len(walked_m)]])
+    free = np.concatenate([[0], blocked[:-1] + 1])
+    length_m = np.append(walked_m, way_m[-1])[blocked] - np.append(walked_m, way_m[-1])[free]
+    long = np.flatnonzero(length_m >= _LEAST * np.append(own_m, own_m[-1])[free])
+    if not len(long):
         return None
+    first = int(free[long[0]])
     return int(edge[first]), float(min(share[first], 0.99))
 
 
