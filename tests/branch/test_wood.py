@@ -12,7 +12,7 @@ from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.branch.sections import SectionTree
-from usdfoliage.branch.wood import WoodSettings, best_rooted_part, find_wood, shows_leaves, wood_features
+from usdfoliage.branch.wood import WoodSettings, best_rooted_part, choose_wood, shows_leaves, wood_features, wood_odds
 
 FOOT_M = np.zeros((1, 3))
 NOISE_M = 0.002
@@ -86,7 +86,7 @@ def test_a_larger_plant_has_the_features_of_a_small_one(scale):
 
 def test_a_single_section_is_wood():
     points_m = np.zeros((1, 3))
-    found = find_wood(points_m, chain(points_m), np.zeros(1, bool), 0.01)
+    found = choose_wood(chain(points_m), wood_odds(points_m, chain(points_m), 0.01), np.zeros(1, bool), 0.01)
     assert found.sections.all()
     assert found.share == 1
 
@@ -94,7 +94,8 @@ def test_a_single_section_is_wood():
 def test_more_caution_keeps_no_less():
     points_m = np.random.default_rng(2).normal(0, 0.01, (500, 3)).cumsum(axis=0)
     nothing = np.zeros(500, bool)
-    kept = [find_wood(points_m, chain(points_m), nothing, 0.013, caution).sections for caution in (-2, 0, 2)]
+    odds = wood_odds(points_m, chain(points_m), 0.013)
+    kept = [choose_wood(chain(points_m), odds + caution, nothing, 0.013).sections for caution in (-2, 0, 2)]
     assert (kept[0] <= kept[1]).all()
     assert (kept[1] <= kept[2]).all()
 

@@ -8,6 +8,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
+from usdfoliage.geometry.point_cells import cell_means
 
 _STEM = 0.25  # of its length, that a link on a stem costs: less than the many short ones of a branch beside it
 
@@ -61,7 +62,7 @@ def find_ways(
         roots: (R,), points at which ways end.
         of_root: (R,), root that each of them is of, numbered from 0.
         power: 1 or more.
-        straight: (N,), points between which links cost their length alone.
+        straight: (N,), points of thick stems: links between them cost their length alone, and a share of that.
     """
     usual_m = float(np.median(lengths_m.data))
     cost = np.power(lengths_m.data / usual_m, power)
@@ -118,7 +119,7 @@ def cut_sections(
     within = coo_array((np.ones(len(rows), bool), (rows, columns)), shape=(count, count))
     sections, section = connected_components(within, directed=False)
     held = np.bincount(section)
-    center_m = np.column_stack([np.bincount(section, line) / held for line in points_m.T])
+    center_m = cell_means(points_m, section)
     own, other = section, section[above]
     leaves = (ways.before >= 0) & (own != other)
     votes = coo_array((np.ones(int(leaves.sum())), (own[leaves], other[leaves])), shape=(sections, sections)).tocsr()

@@ -8,6 +8,7 @@ from usdfoliage.branch.axes import Axes
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.branch.sections import SectionTree
+from usdfoliage.geometry.point_cells import cell_means
 
 
 def find_spurs(skeleton: Skeleton, beyond_m: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -70,10 +71,9 @@ def absorb_spurs(
     number = np.cumsum(kept) - 1
     section = number[into[sections.section]]
     held = np.bincount(section, minlength=int(kept.sum()))
-    sums_m = [np.bincount(section, points_m[:, axis], minlength=len(held)) for axis in range(3)]
     parent = sections.parent[kept]
     absorbed = SectionTree(
-        center_m=np.stack(sums_m, axis=1) / held[:, None],
+        center_m=cell_means(points_m, section),
         points=held.astype(np.int32),
         parent=np.where(parent < 0, -1, number[parent]).astype(np.int32),
         section=section.astype(np.int32),

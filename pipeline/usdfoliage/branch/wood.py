@@ -62,32 +62,26 @@ def shows_leaves(spacing_m: float, settings: WoodSettings = WoodSettings()) -> b
     return settings.leaf_spacings * spacing_m <= settings.leaf_m
 
 
-def find_wood(
-    points_m: NDArray[np.float64],
-    sections: SectionTree,
-    stem: NDArray[np.bool_],
-    spacing_m: float,
-    caution: float = 0.0,
-) -> Wood:
-    """The part of a tree of sections, with all its roots, for which the odds of being wood are best.
+def wood_odds(points_m: NDArray[np.float64], sections: SectionTree, spacing_m: float) -> NDArray[np.float64]:
+    """(S,) logarithm of the odds that a section is of wood, by what it looks like.
 
     Args:
         points_m: (N, 3), of the cloud with all its leaves, those that were left out of the sections among them.
         sections: Of the points, or of some of them.
-        stem: (S,), those on thick stems, which are wood whatever they look like.
         spacing_m: To the sixth neighbour.
-        caution: Added to the logarithm of the odds for wood.
     """
-    return choose_wood(sections, wood_odds(points_m, sections, spacing_m) + caution, stem, spacing_m)
-
-
-def wood_odds(points_m: NDArray[np.float64], sections: SectionTree, spacing_m: float) -> NDArray[np.float64]:
-    """(S,) logarithm of the odds that a section is of wood, by what it looks like; arguments as of find_wood."""
     return np.asarray(_WEIGHTS[0] + wood_features(points_m, sections, spacing_m) @ _WEIGHTS[1:])
 
 
 def choose_wood(sections: SectionTree, odds: NDArray[np.float64], stem: NDArray[np.bool_], spacing_m: float) -> Wood:
-    """The part of the tree with the best odds (S,) together, however they came about."""
+    """The part of a tree of sections, with all its roots, for which the odds of being wood are best.
+
+    Args:
+        sections: Of a cloud.
+        odds: (S,), their logarithms, however they came about.
+        stem: (S,), those on thick stems, which are wood whatever they look like.
+        spacing_m: To the sixth neighbour.
+    """
     step_m = step_lengths(sections.center_m, sections.parent)
     sure = np.where(stem, _STEM_SURE, np.clip(odds, -_MOST_SURE, _MOST_SURE))
     kept = best_rooted_part(RootedTree(sections.parent), sure * np.maximum(step_m, 0.05 * spacing_m))
