@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from usdfoliage import _native
+from usdfoliage.branch.gap_links import link_across_gaps
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,11 +17,12 @@ class CloudGraphSettings:
     """Which points are linked."""
 
     neighbors: int = 10
+    across_gaps: int = 20_000  # points that are linked across gaps, of a larger cloud; fewer than 5 for none
     threads: int = 0  # 0: one per core
 
     def __post_init__(self) -> None:
-        if self.neighbors < 1:
-            raise ValueError(f"neighbors must be at least 1, not {self.neighbors}")
+        if self.neighbors < 1 or self.across_gaps < 0:
+            raise ValueError(f"neighbors must be at least 1, across_gaps not below 0, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,6 +30,7 @@ class CloudGraph:
     """Points linked with those near them."""
 
     lengths_m: csr_array  # (N, N), symmetric, nothing where there is no link
+    ways_m: csr_array  # (N, N), the same, and links across gaps: where ways may go, not what hangs together
     pieces: int  # that there were before gaps were bridged
 
 
@@ -46,7 +49,8 @@ def link_points(points_m: NDArray[np.float64], settings: CloudGraphSettings = Cl
         raise ValueError(f"a graph takes two points, not {count}")
     tree = cKDTree(points_m)
     near = min(settings.neighbors, count - 1)
-    away_m, others = (np.asarray(each) for each in tree.query(points_m, k=near + 1, workers=settings.threads or -1))
+    threads = settings.threads or -1
+    away_m, others = (np.asarray(each) for each in tree.query(points_m, k=near + 1, workers=threads))
     rows = np.repeat(np.arange(count), near + 1)
     graph = _linked(rows, others.ravel(), away_m.ravel(), count)
     pieces, piece_of = connected_components(graph, directed=False)
@@ -55,7 +59,9 @@ def link_points(points_m: NDArray[np.float64], settings: CloudGraphSettings = Cl
         start, end = _native.bridge_pieces(whole_m, piece_of.astype(np.int32), int(pieces)).T
         length_m = np.linalg.norm(points_m[start] - points_m[end], axis=1)
         graph = csr_array(graph.maximum(_linked(start, end, length_m, count)))
-    return CloudGraph(lengths_m=graph, pieces=int(pieces))
+    start, end = link_across_gaps(points_m, tree, settings.across_gaps, threads).T
+    across = _linked(start, end, np.linalg.norm(points_m[start] - points_m[end], axis=1), count)
+    return CloudGraph(lengths_m=graph, ways_m=csr_array(graph.maximum(across)), pieces=int(pieces))
 
 
 def _linked(

@@ -7,10 +7,9 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from usdfoliage.branch.cloud_graph import CloudGraphSettings, link_points
+from usdfoliage.branch.cloud_graph import CloudGraph, CloudGraphSettings, link_points
 from usdfoliage.branch.gaps import find_beyond_gaps
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import Radii, RadiusSettings
@@ -209,14 +208,14 @@ def _cut(
     """Sections of a cloud, as thick as the stem or the twig that they are of asks for."""
     graph = link_points(points_m, settings.graph)
     feet, of_root = _find_feet(points_m, roots_m, spacing_m)
-    stem_m, noise_m = _find_stems(points_m, graph.lengths_m, (feet, of_root), internode_m, spacing_m, settings)
+    stem_m, noise_m = _find_stems(points_m, graph, (feet, of_root), internode_m, spacing_m, settings)
     fine_m = _slice_thickness(internode_m, spacing_m, noise_m, settings)
     # A slice of a branch whose surface is seen hangs together where it is thicker than its points are apart; one that
     # is thinner than that is a line of points.
     together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
     thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
     thick = stem_m > _HANGS_TOGETHER * spacing_m
-    ways = find_ways(graph.lengths_m, feet, of_root, settings.way_power, thick)
+    ways = find_ways(graph.ways_m, feet, of_root, settings.way_power, thick)
     return _Cut(
         points_m=points_m,
         sections=cut_sections(points_m, graph.lengths_m, ways, thickness_m),
@@ -301,7 +300,7 @@ def _slice_thickness(internode_m: float, spacing_m: float, noise_m: float, setti
 
 def _find_stems(
     points_m: NDArray[np.float64],
-    lengths_m: csr_array,
+    graph: CloudGraph,
     roots: tuple[NDArray[np.int64], NDArray[np.int64]],
     internode_m: float,
     spacing_m: float,
@@ -312,7 +311,7 @@ def _find_stems(
     Thin slices of a thick stem fall apart.
     """
     coarse_m = max(settings.coarse * internode_m, _HANGS_TOGETHER * spacing_m)
-    sections = cut_sections(points_m, lengths_m, find_ways(lengths_m, *roots), coarse_m)
+    sections = cut_sections(points_m, graph.lengths_m, find_ways(graph.ways_m, *roots), coarse_m)
     traced = trace_axes(points_m, sections, 1.5 * coarse_m, coarse_m, settings.stiffness, settings.radii)
     known = traced.radii.believed
     for _ in range(_NEAR_BELIEVED):

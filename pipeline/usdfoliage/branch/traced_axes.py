@@ -11,7 +11,10 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import Radii, RadiusSettings, estimate_radii
 from usdfoliage.branch.sections import SectionTree
 from usdfoliage.branch.stem_sections import StemSectionSettings, fit_stem_sections
+from usdfoliage.geometry.point_cells import cell_means
 
+_OF_WINDOW = 0.13  # of the window, that a node is moved for its axis to be fair,
+_OF_SPREAD = 0.5  # and of the spread of its points: the middle of a few points on a thick stem may be far off
 _MOST_MOVED = 0.7  # of the radius, that a node is moved to the middle of its circle
 
 
@@ -45,7 +48,10 @@ def trace_axes(
         settings: Of the radii.
     """
     axes = find_axes(sections.center_m, sections.parent, least_m)
-    center_m = fair_axes(sections.center_m, axes, sections.points, stiffness)
+    away = np.square(points_m - sections.center_m[sections.section])
+    spread_m = np.sqrt(cell_means(away, sections.section).sum(axis=1))
+    most_moved_m = _OF_WINDOW * window_m + _OF_SPREAD * spread_m
+    center_m = fair_axes(sections.center_m, axes, sections.points, stiffness, most_moved_m)
     parent = axes.parent_node(len(sections))
     circles = fit_stem_sections(points_m, sections.section, center_m, axes, StemSectionSettings(window_m=window_m))
     on_axis = np.zeros(len(sections), bool)
