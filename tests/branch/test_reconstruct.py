@@ -1,6 +1,7 @@
 """From clouds of known branches back to these: all parts together."""
 
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -181,6 +182,25 @@ def test_a_gap_is_bridged():
     assert traced.pieces == 2
     assert np.mean(missed(small_tree(), traced.skeleton) < 0.03) > 0.95
     assert traced.skeleton.lengths_m[0] == pytest.approx(4, rel=0.05)
+
+
+def test_a_trunk_goes_on_across_a_gap_though_a_limb_leads_round_it():
+    stem_m = np.concatenate([cone([0, 0, 0], [0, 2, 0], 0.1, 2500), cone([0, 2.5, 0], [0, 5, 0], 0.1, 3100, 1)])
+    way_m = [[0, 1.9, 0], [1.5, 1.9, 0], [1.5, 2.6, 0], [0, 2.6, 0]]  # close together all the way
+    limb_m = np.concatenate([cone(one, other, 0.02, 400, 2) for one, other in pairwise(way_m)])
+    skeleton = reconstruct_branches(np.concatenate([stem_m, limb_m]), FOOT_M, SETTINGS).skeleton
+    trunk_m = skeleton.points_m[skeleton.branch(0)]
+    assert np.linalg.norm(trunk_m[:, [0, 2]], axis=1).max() < 0.1
+    assert trunk_m[-1, 1] == pytest.approx(5, abs=0.1)
+
+
+def test_a_stem_that_was_cut_aslant_ends_straight():
+    stem_m = cone([0, 0, 0], [0, 4, 0], 0.2, 12_000)
+    stem_m = stem_m[stem_m[:, 1] < 3.8 + stem_m[:, 0]]  # 3.6 to 4 high
+    skeleton = reconstruct_branches(stem_m, FOOT_M, SETTINGS).skeleton
+    assert np.linalg.norm(skeleton.points_m[skeleton.branch(0)][:, [0, 2]], axis=1).max() < 0.05
+    assert skeleton.points_m[:, 1].max() == pytest.approx(3.9, abs=0.15)
+    np.testing.assert_allclose(skeleton.radius_m[skeleton.branch(0)], 0.2, rtol=0.05)
 
 
 def test_of_60_points_something_is_traced():

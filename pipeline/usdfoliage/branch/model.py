@@ -91,3 +91,15 @@ class Skeleton:
             parent_vertex=np.where(leaves_from < 0, -1, vertex[leaves_from]).astype(np.int32),
             order=self.order[kept],
         )
+
+    def only_vertices(self, kept: NDArray[np.bool_]) -> "Skeleton":
+        """The same branches with the vertices that are kept (V,), at least two each, and all that others leave from."""
+        number = np.cumsum(kept) - 1
+        leaves_from = self.parent_vertex
+        return replace(
+            self,
+            points_m=self.points_m[kept],
+            radius_m=self.radius_m[kept],
+            counts=np.add.reduceat(kept.astype(np.int32), self.first),
+            parent_vertex=np.where(leaves_from < 0, -1, number[leaves_from]).astype(np.int32),
+        )

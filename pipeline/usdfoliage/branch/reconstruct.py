@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.cloud_graph import CloudGraph, CloudGraphSettings, link_points
+from usdfoliage.branch.cut_ends import straighten_cut_ends
 from usdfoliage.branch.gaps import find_beyond_gaps
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import Radii, RadiusSettings
@@ -176,6 +177,7 @@ def reconstruct_branches(
     traced = trace_axes(cut.points_m, sections, least_m[kept], window_m, settings.stiffness, settings.radii)
     branches = as_skeleton(traced)
     branches = branches.only(~_spurs(branches, settings))
+    branches = straighten_cut_ends(branches, _HANGS_TOGETHER * cut.spacing_m)
     collapsed = collapse_nodes(branches, internode_m, settings.refinement)
     skeleton = round_bends(collapsed, settings.refinement)
     say("branches", 1.0)

@@ -20,7 +20,7 @@ _ROUNDED = 3  # vertices that take the place of one
 class RefinementSettings:
     """When nodes collapse, and when bends are rounded."""
 
-    most_moved: float = 0.15  # of the radius, by which a branch may move where a node goes
+    most_moved: float = 0.05  # of the radius, by which a branch may move where a node goes
     least_moved: float = 0.04  # internodes, that it may move however thin it is
     radius_change: float = 0.05  # of the radius
     sharpest_deg: float = 20.0  # bend that stays as it is
@@ -68,19 +68,7 @@ def collapse_nodes(
             if worst[at] > 1:
                 kept[part.start + first + 1 + at] = True
                 spans += [(first, first + 1 + at), (first + 1 + at, last)]
-    return _with_vertices(skeleton, kept)
-
-
-def _with_vertices(skeleton: Skeleton, kept: NDArray[np.bool_]) -> Skeleton:
-    number = np.cumsum(kept) - 1
-    leaves_from = skeleton.parent_vertex
-    return replace(
-        skeleton,
-        points_m=skeleton.points_m[kept],
-        radius_m=skeleton.radius_m[kept],
-        counts=np.add.reduceat(kept.astype(np.int32), skeleton.first),
-        parent_vertex=np.where(leaves_from < 0, -1, number[leaves_from]).astype(np.int32),
-    )
+    return skeleton.only_vertices(kept)
 
 
 def round_bends(skeleton: Skeleton, settings: RefinementSettings = RefinementSettings()) -> Skeleton:
@@ -136,4 +124,4 @@ def round_bends(skeleton: Skeleton, settings: RefinementSettings = RefinementSet
     begins = new_first[at]
     gap_m = np.linalg.norm(points_m[begins] - points_m[begins - 1], axis=1)
     kept[begins] = gap_m > 1e-6 * reach_m[:, 0]
-    return _with_vertices(rounded, kept)
+    return rounded.only_vertices(kept)

@@ -1,0 +1,67 @@
+"""Ends of thick branches that were cut off, or are seen no farther.
+
+No branch tapers to a twig within its own thickness: where one as thick as that ends, its slices are bits of a rim, and
+an axis through them turns aside to where the last point is.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.branch.model import Skeleton
+
+_NEAR_END = 4.0  # radii, within which no branch becomes a twig
+_ASIDE = 0.5  # of the radius, that an end may lie beside where its branch points to
+_LEAST = 0.1  # of the radius, that an end goes on at least
+
+
+def straighten_cut_ends(skeleton: Skeleton, thick_m: float) -> Skeleton:
+    """Ends that turn aside within four radii of their branch go straight on, as far as they come and as thick.
+
+    What springs there moves with its vertex, if it ends as near; what carries a longer branch is no end.
+
+    Args:
+        skeleton: Whose.
+        thick_m: Radius from which on a branch is so thick that its slices have a rim.
+    """
+    if not len(skeleton):
+        return skeleton
+    way_m = _ways(skeleton)
+    beyond_m = way_m[skeleton.first + skeleton.counts - 1]  # of a branch, and of the longest that it carries
+    for number in range(len(skeleton) - 1, -1, -1):
+        parent, leaves_from = int(skeleton.parent_curve[number]), int(skeleton.parent_vertex[number])
+        if parent >= 0:
+            beyond_m[parent] = max(beyond_m[parent], way_m[leaves_from] + beyond_m[number])
+    points_m, radius_m = skeleton.points_m.copy(), skeleton.radius_m.copy()
+    for number in np.flatnonzero(np.maximum.reduceat(radius_m, skeleton.first) > thick_m).tolist():
+        part = skeleton.branch(number)
+        at_m, thickness_m = points_m[part], radius_m[part]
+        near = (beyond_m[number] - way_m[part] <= _NEAR_END * thickness_m) & (thickness_m > thick_m)
+        near[0] = False
+        if not near[:-1].any():
+            continue
+        last = int(np.argmax(near))
+        before = int(np.searchsorted(way_m[part], way_m[part][last] - thickness_m[last], side="right")) - 1
+        direction = at_m[last] - at_m[max(before, 0)]
+        direction /= max(float(np.linalg.norm(direction)), 1e-12)
+        tail_m = at_m[last + 1 :] - at_m[last]
+        along_m = tail_m @ direction
+        if np.linalg.norm(tail_m - along_m[:, None] * direction, axis=1).max() <= _ASIDE * thickness_m[last]:
+            continue
+        share = (way_m[part][last + 1 :] - way_m[part][last]) / (way_m[part][-1] - way_m[part][last])
+        forward_m = max(float(along_m.max()), _LEAST * thickness_m[last])
+        tail = slice(part.start + last + 1, part.stop)
+        points_m[tail] = at_m[last] + (forward_m * share)[:, None] * direction
+        radius_m[tail] = thickness_m[last]
+    child = skeleton.parent_curve >= 0
+    points_m[skeleton.first[child]] = points_m[skeleton.parent_vertex[child]]
+    return replace(skeleton, points_m=points_m, radius_m=radius_m)
+
+
+def _ways(skeleton: Skeleton) -> NDArray[np.float64]:
+    """(V,) way to each vertex along its branch."""
+    steps_m = np.concatenate([[0.0], np.linalg.norm(np.diff(skeleton.points_m, axis=0), axis=1)])
+    steps_m[skeleton.first] = 0
+    way_m = np.cumsum(steps_m)
+    return np.asarray(way_m - way_m[skeleton.first][skeleton.curve])
