@@ -21,7 +21,7 @@ def stem(tail_m: np.ndarray, radius_m: float = 0.25, tip_m: float = 0.1) -> Skel
 def with_twig(skeleton: Skeleton, vertex: int, reach_m: float) -> Skeleton:
     """And a twig sideways from a vertex of it."""
     leaves_m = skeleton.points_m[vertex]
-    twig_m = np.array([leaves_m, leaves_m + [0, 0, reach_m]])
+    twig_m = leaves_m + np.array([[0, 0, 0], [0, 0, reach_m]])
     return Skeleton(
         points_m=np.concatenate([skeleton.points_m, twig_m]),
         radius_m=np.r_[skeleton.radius_m, 0.02, 0.01],

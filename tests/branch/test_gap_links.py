@@ -59,7 +59,7 @@ def test_of_few_points_and_of_points_in_a_plane_none_are_linked(points_m):
 
 
 def test_links_of_many_points_are_those_across_gaps():
-    lumps_m = np.random.default_rng(3).uniform(size=(2, 2500, 3)) + [[[0, 0, 0]], [[1.8, 0, 0]]]
+    lumps_m = np.random.default_rng(3).uniform(size=(2, 2500, 3)) + np.array([[[0, 0, 0]], [[1.8, 0, 0]]])
     pairs = link_across_gaps(lumps_m.reshape(-1, 3), cKDTree(lumps_m.reshape(-1, 3)), 200)
     assert len(pairs) > 4
     assert (pairs // 2500 == [0, 1]).all()

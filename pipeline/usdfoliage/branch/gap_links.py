@@ -47,7 +47,7 @@ def link_across_gaps(
         half_m = 0.5 * np.linalg.norm(ends_m[:, 0] - ends_m[:, 1], axis=1)
         wide = 2 * half_m >= cell_m
         pairs, ends_m, half_m = pairs[wide], ends_m[wide], half_m[wide]
-        nearest_m, between = tree.query(ends_m.mean(axis=1), workers=threads)
+        nearest_m, between = (np.asarray(each) for each in tree.query(ends_m.mean(axis=1), workers=threads))
         empty = nearest_m >= _TOUCHES * half_m
         held = np.concatenate([held, pairs[empty]])
         pairs, ends_m, between = pairs[~empty], ends_m[~empty], between[~empty]

@@ -8,7 +8,6 @@ Hermite curve. Which nodes collapse is decided by how far the branch would move:
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usdfoliage.branch.model import Skeleton
 
