@@ -18,6 +18,7 @@ TIP = 0.65  # radius of the last ring of a tip, which is rounded off
 STEADIED = (1.0, 2.2)  # radii before the shoulder: rings that keep its rounding to itself
 SHOULDER = 0.3  # radii before it: the last ring of full thickness
 MARKED = np.radians(15.0)  # a bend that has rings beside it even where points are close
+LONG = 4.0  # radii: bends between longer segments are corners, those between shorter ones a curve
 STEADY = 60.0  # spacing in radii where nothing asks for a ring
 
 
@@ -173,7 +174,9 @@ def _corners(tubes: Tubes, tolerance: float) -> tuple[Ints, Floats]:
     beside = np.maximum(6 * tolerance * radius / np.maximum(bend, 1e-9), radius * (0.75 + np.tan(bend / 2.2)))
     corner = (bend * short / 8 > tolerance * radius) & ((short > 2 * beside) | (bend > MARKED))
     slope = np.abs((tubes.radius_m[at + 1] - radius) / after - (radius - tubes.radius_m[at - 1]) / before)
-    kink = slope * short / 8 > tolerance * radius
+    # One ring where without any a row would cut the corner: half-way along a bend's shorter segment it is off by this.
+    between = (bend > 0) & (np.maximum(before, after) > LONG * radius) & (bend * short / 2 > tolerance * radius)
+    kink = between | (slope * short / 2 > tolerance * radius)
     arcs = tubes.arc_m[at]
     seam = tubes.piece_from_m > 0
     sharp = bend[corner] > MARKED  # then a second one keeps the bend out of the long rows
@@ -262,4 +265,4 @@ def _bend_spacing(tubes: Tubes, tube: Ints, arc: Floats, radius: Floats, toleran
     curvature = (ahead - behind) / (2 * reach)
     spacing = np.sqrt(8 * tolerance * radius / np.maximum(curvature, 1e-12))
     # Long segments are straight: their corners have stations of their own.
-    return np.where(tubes.arc_m[at + 1] - tubes.arc_m[at] > 4 * radius, STEADY * radius, spacing)
+    return np.where(tubes.arc_m[at + 1] - tubes.arc_m[at] > LONG * radius, STEADY * radius, spacing)

@@ -20,6 +20,8 @@ _FEW_SECTIONS = 3  # circles that a trunk must have to be measured
 _TRUNK_OF_HEIGHT = 0.01  # radius of a trunk that cannot be measured
 _EXPONENT_PRIOR = 5.0  # circles that the exponent of the settings is worth
 _TURNS = 10
+_CHANGED = 1e-9  # of a logarithm
+_SMOOTHED = 6  # times, each over the nodes before and after
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +112,10 @@ def estimate_radii(
 
 
 def _falling(tree: RootedTree, step_m: NDArray[np.float64], log_radius: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(S,) logarithms that rise nowhere along an axis, least squares: a thin circle does not thin all above it."""
+    """(S,) logarithms that rise nowhere along an axis, least squares, and fall without steps.
+
+    A thin circle does not thin all above it, and where circles contradict each other there is no ring.
+    """
     main = tree.first_child(tree.sum_above(step_m))
     head = np.arange(len(tree.parent))
     for level in tree.levels[1:]:
@@ -120,7 +125,12 @@ def _falling(tree: RootedTree, step_m: NDArray[np.float64], log_radius: NDArray[
     fallen = log_radius.copy()
     for chain in np.split(order, np.flatnonzero(np.diff(head[order])) + 1):
         if (np.diff(log_radius[chain]) > 0).any():
-            fallen[chain] = isotonic_regression(log_radius[chain], increasing=False).x
+            level = isotonic_regression(log_radius[chain], increasing=False).x
+            changed = np.abs(level - log_radius[chain]) > _CHANGED
+            for _ in range(_SMOOTHED):  # steps are smoothed between levels, not at forks, where branches do thin
+                near = changed[1:-1] | changed[:-2] | changed[2:]
+                level[1:-1] = np.where(near, np.convolve(level, [0.25, 0.5, 0.25], "valid"), level[1:-1])
+            fallen[chain] = level
     return fallen
 
 

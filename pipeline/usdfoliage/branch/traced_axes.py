@@ -15,6 +15,9 @@ from usdfoliage.geometry.point_cells import cell_means
 
 _OF_WINDOW = 0.13  # of the window, that a node is moved for its axis to be fair,
 _OF_SPREAD = 0.5  # and of the spread of its points: the middle of a few points on a thick stem may be far off
+_THICK_STIFFNESS = 10.0  # of the axes of branches thicker than the window, once they have radii,
+_OF_RADIUS = 0.3  # of which their nodes move at most
+_HELD = 1e6  # weight of nodes that stay
 _MOST_MOVED = 0.7  # of the radius, that a node is moved to the middle of its circle
 
 
@@ -68,6 +71,15 @@ def trace_axes(
     away_m = np.linalg.norm(circles.offset_m, axis=1)
     share = np.minimum(1, _MOST_MOVED * radius_m / np.maximum(away_m, 1e-12))
     center_m = np.where(believed[:, None], center_m + share[:, None] * circles.offset_m, center_m)
+    # Circles of a few points are off their middle by chance, one to this side and the next to the other: a lumpy stem.
+    thick = radius_m > window_m
+    center_m = fair_axes(
+        center_m,
+        axes,
+        np.where(thick, 1.0, _HELD),
+        _THICK_STIFFNESS,
+        np.where(thick, _OF_RADIUS * radius_m, np.inf),
+    )
     return TracedAxes(
         sections=sections,
         axes=axes,
