@@ -7,7 +7,6 @@ an axis through them turns aside to where the last point is.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usdfoliage.branch.model import Skeleton
 
@@ -27,7 +26,7 @@ def straighten_cut_ends(skeleton: Skeleton, thick_m: float) -> Skeleton:
     """
     if not len(skeleton):
         return skeleton
-    way_m = _ways(skeleton)
+    way_m = skeleton.ways_m
     beyond_m = way_m[skeleton.first + skeleton.counts - 1]  # of a branch, and of the longest that it carries
     for number in range(len(skeleton) - 1, -1, -1):
         parent, leaves_from = int(skeleton.parent_curve[number]), int(skeleton.parent_vertex[number])
@@ -57,11 +56,3 @@ def straighten_cut_ends(skeleton: Skeleton, thick_m: float) -> Skeleton:
     child = skeleton.parent_curve >= 0
     points_m[skeleton.first[child]] = points_m[skeleton.parent_vertex[child]]
     return replace(skeleton, points_m=points_m, radius_m=radius_m)
-
-
-def _ways(skeleton: Skeleton) -> NDArray[np.float64]:
-    """(V,) way to each vertex along its branch."""
-    steps_m = np.concatenate([[0.0], np.linalg.norm(np.diff(skeleton.points_m, axis=0), axis=1)])
-    steps_m[skeleton.first] = 0
-    way_m = np.cumsum(steps_m)
-    return np.asarray(way_m - way_m[skeleton.first][skeleton.curve])

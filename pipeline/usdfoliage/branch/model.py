@@ -54,7 +54,7 @@ class Skeleton:
     @cached_property
     def first(self) -> NDArray[np.int32]:
         """(B,) index of each branch's first point."""
-        return np.asarray(np.concatenate([[0], np.cumsum(self.counts)[:-1]]), np.int32)
+        return np.asarray(np.cumsum(self.counts) - self.counts, np.int32)
 
     @cached_property
     def curve(self) -> NDArray[np.int32]:
@@ -62,11 +62,17 @@ class Skeleton:
         return np.repeat(np.arange(len(self), dtype=np.int32), self.counts)
 
     @cached_property
+    def ways_m(self) -> NDArray[np.float64]:
+        """(V,) way to each point along its branch's axis."""
+        steps = np.linalg.norm(np.diff(self.points_m, axis=0, prepend=self.points_m[:1]), axis=1)
+        steps[self.first] = 0  # from one branch to the next
+        walked = np.cumsum(steps)
+        return np.asarray(walked - walked[self.first][self.curve])
+
+    @cached_property
     def lengths_m(self) -> NDArray[np.float64]:
         """(B,) length of each branch along its axis."""
-        steps = np.linalg.norm(np.diff(self.points_m, axis=0), axis=1)
-        steps[self.first[1:] - 1] = 0  # from one branch to the next
-        return np.add.reduceat(np.concatenate([steps, [0.0]]), self.first)
+        return self.ways_m[self.first + self.counts - 1]
 
     def branch(self, number: int) -> slice:
         """The points of a branch."""

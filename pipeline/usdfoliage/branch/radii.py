@@ -125,12 +125,12 @@ def _falling(tree: RootedTree, step_m: NDArray[np.float64], log_radius: NDArray[
     fallen = log_radius.copy()
     for chain in np.split(order, np.flatnonzero(np.diff(head[order])) + 1):
         if (np.diff(log_radius[chain]) > 0).any():
-            level = isotonic_regression(log_radius[chain], increasing=False).x
-            changed = np.abs(level - log_radius[chain]) > _CHANGED
+            fair = isotonic_regression(log_radius[chain], increasing=False).x
+            changed = np.abs(fair - log_radius[chain]) > _CHANGED
             for _ in range(_SMOOTHED):  # steps are smoothed between levels, not at forks, where branches do thin
                 near = changed[1:-1] | changed[:-2] | changed[2:]
-                level[1:-1] = np.where(near, np.convolve(level, [0.25, 0.5, 0.25], "valid"), level[1:-1])
-            fallen[chain] = level
+                fair[1:-1] = np.where(near, np.convolve(fair, [0.25, 0.5, 0.25], "valid"), fair[1:-1])
+            fallen[chain] = fair
     return fallen
 
 

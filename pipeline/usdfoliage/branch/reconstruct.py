@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage.branch.attachments import settle_attachments
 from usdfoliage.branch.cloud_graph import CloudGraph, CloudGraphSettings, link_points
 from usdfoliage.branch.cut_ends import straighten_cut_ends
 from usdfoliage.branch.gaps import find_beyond_gaps
@@ -32,6 +33,8 @@ _FOOT = 1.6  # distances to the sixth neighbour, height of the foot of a stem
 _FOOT_POINTS = 20  # that tell how wide it is
 _FOOT_GAP = 4.0  # distances to the sixth neighbour, beyond which points beside a foot are of something else
 _WITHIN = 1.2  # radii of a thick branch from its axis, where all points are of it
+_FLARE = 0.7  # of its radius, that a stem may be thicker at its foot on one side,
+_FLARES = 4.0  # radii of it, up to which that fades
 _NEAR_BELIEVED = 3  # nodes from a believed circle, that are as thick as is thought
 
 Tell = Callable[[str, float], None]
@@ -178,6 +181,7 @@ def reconstruct_branches(
     branches = as_skeleton(traced)
     branches = branches.only(~_spurs(branches, settings))
     branches = straighten_cut_ends(branches, _HANGS_TOGETHER * cut.spacing_m)
+    branches = settle_attachments(branches)
     collapsed = collapse_nodes(branches, internode_m, settings.refinement)
     skeleton = round_bends(collapsed, settings.refinement)
     say("branches", 1.0)
@@ -196,8 +200,15 @@ def reconstruct_branches(
 
 
 def _spurs(skeleton: Skeleton, settings: BranchSettings) -> NDArray[np.bool_]:
-    """(B,) branches that reach less beyond their parent's surface than slices of a stem as thick as that are thick."""
-    return find_spurs(skeleton, settings.least_length * settings.stem_share * skeleton.radius_m)
+    """(B,) branches that reach less beyond their parent's surface than slices of a stem as thick as that are thick.
+
+    At its foot a stem flares, more on one side than on the other.
+    """
+    share = np.full(len(skeleton.points_m), settings.least_length * settings.stem_share)
+    of_root = skeleton.order[skeleton.curve] == 0
+    foot_m = skeleton.radius_m[skeleton.first][skeleton.curve]
+    share[of_root] += _FLARE * np.clip(1 - skeleton.ways_m / (_FLARES * foot_m), 0, 1)[of_root]
+    return find_spurs(skeleton, share * skeleton.radius_m)
 
 
 def _cut(

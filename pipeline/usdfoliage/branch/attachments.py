@@ -1,0 +1,71 @@
+"""Where a branch springs from its parent: from where it points back to, not from the slice in which the two part.
+
+Slices of a stem and of a limb beside it are one until they are apart, and the middle of the last one is the fork: the
+limb would leave the stem level, inside it, and turn up outside, like a knee.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.branch.model import Skeleton
+
+_BELOW = 2.0  # radii of the parent, that a branch may spring lower than where it comes out: no flatter fork is sought
+_ABOVE = 0.5  # and higher
+_CHORD = 1.5  # radii of the parent, over which it is seen where a branch points
+
+
+def settle_attachments(skeleton: Skeleton) -> Skeleton:
+    """Branches that go straight from their parent's axis to where they come out of it, as they point there.
+
+    Of what a branch was inside its parent nothing is left; what sprang there springs from where it comes out.
+
+    Args:
+        skeleton: With vertices closer together than its branches are thick.
+    """
+    points_m, radius_m, way_m = skeleton.points_m.copy(), skeleton.radius_m.copy(), skeleton.ways_m
+    leaves_from = skeleton.parent_vertex.copy()
+    kept = np.ones(len(points_m), bool)
+    comes_out = np.arange(len(points_m))  # the vertex that takes the place of each
+    for number in np.flatnonzero(skeleton.parent_curve >= 0).tolist():
+        part, stem = skeleton.branch(number), skeleton.branch(int(skeleton.parent_curve[number]))
+        leaves_from[number] = comes_out[leaves_from[number]]
+        axis = np.flatnonzero(kept[stem]) + stem.start
+        own_m = points_m[part]
+        away_m, nearest = _from_axis(own_m[1:], points_m[axis])
+        outside = away_m > radius_m[axis][nearest]
+        if outside.any() and len(axis) > 1:
+            out = int(np.argmax(outside)) + 1
+            thick_m = float(radius_m[axis[nearest[out - 1]]])
+            own_way_m = way_m[part]
+            far = min(int(np.searchsorted(own_way_m, own_way_m[out] + _CHORD * thick_m)), len(own_m) - 1)
+            direction = own_m[far] - own_m[out] if far > out else own_m[out] - own_m[out - 1]
+            level_m = way_m[axis[nearest[out - 1]]]
+            low = np.searchsorted(way_m[axis], level_m - _BELOW * thick_m)
+            high = np.searchsorted(way_m[axis], level_m + _ABOVE * thick_m, side="right")
+            there = axis[min(max(int(low), 1), int(high) - 1) : int(high)]  # not where the parent itself springs
+            at = int(there[_pointing_best(points_m[there], own_m[out], direction)])
+            leaves_from[number] = at
+            comes_out[part.start : part.start + out] = part.start + out
+            kept[part.start + 1 : part.start + out] = False
+            radius_m[part.start] = min(radius_m[part.start + out], radius_m[at])
+        points_m[part.start] = points_m[leaves_from[number]]
+    return replace(
+        skeleton, points_m=points_m, radius_m=radius_m, parent_vertex=leaves_from.astype(np.int32)
+    ).only_vertices(kept)
+
+
+def _from_axis(
+    points_m: NDArray[np.float64], axis_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Distances of points (N, 3) from the nearest vertex of an axis (M, 3), and which that is."""
+    away_m = np.linalg.norm(points_m[:, None] - axis_m, axis=2)
+    nearest = away_m.argmin(axis=1)
+    return away_m[np.arange(len(points_m)), nearest], nearest
+
+
+def _pointing_best(from_m: NDArray[np.float64], to_m: NDArray[np.float64], direction: NDArray[np.float64]) -> int:
+    """Of places (K, 3) the one from which the way to a point is most in a direction."""
+    way_m = to_m - from_m
+    return int(np.argmax(way_m @ direction / np.maximum(np.linalg.norm(way_m, axis=1), 1e-12)))
