@@ -63,3 +63,8 @@ def test_links_of_many_points_are_those_across_gaps():
     pairs = link_across_gaps(lumps_m.reshape(-1, 3), cKDTree(lumps_m.reshape(-1, 3)), 200)
     assert len(pairs) > 4
     assert (pairs // 2500 == [0, 1]).all()
+
+
+@pytest.mark.parametrize("most_points", [0, 4])
+def test_links_can_be_left_out(most_points):
+    assert not linked(np.random.default_rng(4).normal(size=(50, 3)), most_points)

@@ -28,12 +28,12 @@ def link_across_gaps(
     Args:
         points_m: (N, 3).
         tree: Of these points.
-        most_points: That are linked, at least 5.
+        most_points: That are linked, none if fewer than 5.
         threads: That ask the tree, -1 for all.
     """
-    some, cell_m = _thinned(points_m, most_points)
-    if len(some) < 5:
+    if min(most_points, len(points_m)) < 5:
         return np.zeros((0, 2), np.int64)
+    some, cell_m = _thinned(points_m, most_points)
     try:
         corners = Delaunay(points_m[some]).simplices.astype(np.int64)
     except QhullError:
