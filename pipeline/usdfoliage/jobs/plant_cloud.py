@@ -158,13 +158,13 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
         roots_m = given @ turn.T
         _check_roots(roots_m, points_m, request)
-        other = find_other_trees(points_m, roots_m, find_roots(points_m, RootSettings()), point_spacing(points_m))
+        other = find_other_trees(points_m, roots_m, find_roots(points_m, ground=ground.plane), point_spacing(points_m))
         if other.any():
             notes.append(f"{int(other.sum()):,} points are of other trees than that at the given root and left out")
             points_m = points_m[~other]
             colors = None if colors is None else colors[~other]
     else:
-        roots_m = find_roots(points_m, request.roots)
+        roots_m = find_roots(points_m, request.roots, ground.plane)
         if request.roots.count is not None and len(roots_m) < request.roots.count:
             notes.append(f"{len(roots_m)} of {request.roots.count} roots were found")
     asset_from_cloud = np.eye(4)
