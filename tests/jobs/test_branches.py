@@ -84,6 +84,13 @@ def test_a_dry_run_writes_nothing(tmp_path, rng, capsys):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_dry_run_refuses_what_a_run_refuses(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    for words in (["--dry-run"], []):
+        assert main(["branches", str(cloud), "-o", str(tmp_path), *words]) == 2
+        assert "a folder with other things than one asset" in capsys.readouterr().err
+
+
 def test_an_upside_down_tree_is_turned_when_it_is_said(tmp_path, rng):
     points = y_tree(rng) * [1, -1, -1]
     cloud = write_xyz(tmp_path / "tree.xyz", points)

@@ -16,7 +16,7 @@ from usdfoliage.asset.branches import SkeletonPrim
 from usdfoliage.asset.leaf_motion import RiggedLeaves
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.publish import publish_folder
+from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage import BranchCage, BranchCageSettings, build_branch_cage
 from usdfoliage.branch.model import Skeleton
@@ -301,6 +301,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
 
 def plan_branches_asset(request: BranchesRequest) -> str:
     """What make_branches_asset would do, in lines, after reading the cloud; writes nothing."""
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
     fitted = read_fitted_leaves(request.foliage, request.output)
     plant = read_plant_cloud(request.cloud)
     height_m = float(np.ptp(plant.points_m[:, 1]))
@@ -311,6 +312,6 @@ def plan_branches_asset(request: BranchesRequest) -> str:
         *([f"leaves: drawn from the {len(fitted.leaves):,} of {request.foliage.source}"] if fitted else []),
         *(f"note: {note}" for note in plant.notes),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
-        f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{request.name}.usda'}",
+        would,
     ]
     return "\n".join(lines)
