@@ -108,6 +108,25 @@ def test_millimetres_are_told(tmp_path, rng):
     assert np.array(curves.GetPointsAttr().Get())[:, 1].max() == pytest.approx(HEIGHT_M, abs=0.06)
 
 
+@pytest.mark.parametrize("dry", [True, False])
+def test_a_height_that_no_plant_has_is_a_warning_that_names_the_unit(tmp_path, rng, capsys, caplog, dry):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::4])
+    words = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z", "--no-preview"]
+    assert main([*words, *(["--dry-run"] if dry else [])]) == 0
+    told = capsys.readouterr().out if dry else caplog.text
+    assert "the plant is 2 mm high" in told
+    assert "--unit m (2 m high)" in told
+    if not dry:
+        assert "the plant is 2 mm high" in (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+
+
+def test_a_unit_that_makes_all_of_a_cloud_ground_is_named(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng, ground=True))
+    words = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z"]
+    assert main(words) == 2
+    assert "--unit m (2" in capsys.readouterr().err
+
+
 def skeleton_points(asset):
     stage = Usd.Stage.Open(str(asset))
     curves = UsdGeom.BasisCurves(stage.GetPrimAtPath(f"/{asset.stem}/geo/guide/Skeleton"))

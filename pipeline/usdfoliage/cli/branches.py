@@ -6,9 +6,12 @@ leaves on its twigs too, to be edited as those of any asset of leaves.
 """
 
 import argparse
+import logging
 from pathlib import Path
 
 from usdfoliage.cli.leaf_options import add_representation, add_resolution
+
+logger = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -123,6 +126,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     with StepBar() as bar:
         made = make_branches_asset(request, bar.show)
+    for doubt in made.warnings:
+        logger.warning("%s", doubt)
     for note in made.notes:
         print(f"note: {note}")
     for row in made.measures:

@@ -102,6 +102,7 @@ class MadeBranches:
     report: Path
     variations: tuple[Path, ...]  # assets of plants alike
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]  # what puts the asset in doubt
     measures: tuple[Row, ...]
     seconds: dict[str, float]
 
@@ -133,6 +134,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             shown, told = regrow_branches(
                 traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
             )
+        warnings = [*plant.warnings]
         notes = [*plant.notes, *describe_leaves(traced, request.settings), *told]
         if not traced.radii.believed.any():
             notes.append("no stem or branch of the cloud is round: how thick branches are is a guess from their length")
@@ -161,7 +163,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             name=request.name,
             capture=plant.source.path.name,
             generator=provenance.generator,
-            notes=notes,
+            notes=[*warnings, *notes],
             settings=provenance.settings,
             preview=request.preview,
             variations=variations,
@@ -175,6 +177,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         report=request.output / "report" / "index.html",
         variations=tuple(request.output / made.relative_to(folder) for made in variations),
         notes=tuple(notes),
+        warnings=tuple(warnings),
         measures=tuple(rows),
         seconds=seconds,
     )
@@ -310,6 +313,7 @@ def plan_branches_asset(request: BranchesRequest) -> str:
         f"{height_m:.2f} m high",
         f"roots: {len(plant.roots_m)}",
         *([f"leaves: drawn from the {len(fitted.leaves):,} of {request.foliage.source}"] if fitted else []),
+        *(f"warning: {doubt}" for doubt in plant.warnings),
         *(f"note: {note}" for note in plant.notes),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         would,

@@ -21,6 +21,7 @@ from usdfoliage.capture.cloud_units import UNITS
 from usdfoliage.capture.cloud_up import axis_vector, find_cloud_up, turn_to_y_up
 from usdfoliage.errors import FitError, FoliageError
 from usdfoliage.geometry.point_cells import cell_means, number_cells
+from usdfoliage.jobs.branch_doubts import doubt_height
 from usdfoliage.steps import StepProgress
 
 LEAST_POINTS = 50  # of a plant without its ground
@@ -115,6 +116,7 @@ class PlantCloud:
     source: CloudInput
     ground: int  # points that were left out as ground
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()  # what puts the whole cloud in doubt
 
 
 def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None = None) -> PlantCloud:
@@ -153,7 +155,9 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     if cell_m > 0:
         notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * cell_m:.1f} mm")
     if len(points_m) < LEAST_POINTS:
-        raise FitError(f"{len(points_m)} points are left without the ground, {LEAST_POINTS} needed ({source.path})")
+        doubts = doubt_height(float(np.ptp(source.points_m @ axis)), source.metres_per_unit)
+        few = f"{len(points_m)} points are left without the ground, {LEAST_POINTS} needed ({source.path})"
+        raise FitError("; ".join([few, *doubts]))
     if request.given_roots:
         given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
         roots_m = given @ turn.T
@@ -178,6 +182,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         source=source,
         ground=int(ground.points.sum()),
         notes=tuple(notes),
+        warnings=tuple(doubt_height(float(np.ptp(points_m[:, 1])), source.metres_per_unit)),
     )
 
 
