@@ -179,14 +179,29 @@ def test_of_two_trees_that_at_the_given_root_is_traced(tmp_path, rng, capsys):
     assert np.ptp(skeleton_points(tmp_path / "out" / "out.usda")[:, [0, 2]], axis=0).max() < 1.5
 
 
-def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path, rng, capsys):
+def closed_crown(rng):
+    """(N, 3) points, Z up, on a trunk of 0.9 m and on a ball of a crown around 1.3 m, half a metre to each side."""
     trunk = rng.normal(size=(1500, 3))
     trunk = trunk / np.linalg.norm(trunk[:, :2], axis=1, keepdims=True) * [0.05, 0.05, 0]
     trunk[:, 2] = rng.uniform(0, 0.9, len(trunk))
     crown = rng.normal(size=(2500, 3))
-    crown = crown / np.linalg.norm(crown, axis=1, keepdims=True) * 0.5 + [0, 0, 1.3]
+    return np.concatenate([trunk, crown / np.linalg.norm(crown, axis=1, keepdims=True) * 0.5 + [0, 0, 1.3]])
+
+
+def test_plants_alike_fill_what_the_crown_hides_as_well(tmp_path, rng):
+    cloud = write_xyz(tmp_path / "tree.xyz", closed_crown(rng))
+    inside = []
+    for name, filled in (("shell", []), ("full", ["--fill-hidden"])):
+        options = ["--variations", "1", "--no-preview", "--up", "Z", "--internode", "0.06", *filled]
+        assert main(["branches", str(cloud), "-o", str(tmp_path / name), *options]) == 0
+        points = skeleton_points(tmp_path / name / "variations" / f"{name}_01" / f"{name}_01.usda")
+        inside.append(int((np.linalg.norm(points - [0, 1.3, 0], axis=1) < 0.3).sum()))
+    assert inside[1] > inside[0] + 20
+
+
+def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path, rng, capsys):
     for name, points, about in (
-        ("closed", np.concatenate([trunk, crown]), "branches are grown inside the crown"),
+        ("closed", closed_crown(rng), "branches are grown inside the crown"),
         ("open", y_tree(rng), "hides nothing of the crown"),
     ):
         cloud = write_xyz(tmp_path / f"{name}.xyz", points)

@@ -80,8 +80,7 @@ def regrow_branches(
         traced = replace(traced, skeleton=grown.skeleton)
         notes.append(_tell(grown, f"branches are grown from the roots through the cloud in {grown.cycles} cycles"))
     if request.hidden:
-        skeleton = traced.skeleton
-        filled = fill_hidden(skeleton, plant.points_m, traced.spacing_m, growth, request.settings, seed, progress)
+        filled = _fill(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=filled.skeleton)
         if filled.grown:
             notes.append(
@@ -95,13 +94,18 @@ def regrow_branches(
 def vary_branches(
     traced: TracedBranches, plant: PlantCloud, request: RegrowthRequest, species: Species, seed: int
 ) -> Iterator[tuple[TracedBranches, int]]:
-    """Plants like the one that was traced, grown through its cloud with slightly other parameters; each one's seed."""
+    """Plants like the one that was traced, grown through its cloud with slightly other parameters; each one's seed.
+
+    What its cloud hides they fill as it does, where that is asked for.
+    """
     growth = growth_settings(traced, species)
     for number in range(1, request.variations + 1):
         own = seed + number
         varied = vary_growth(growth, request.settings.variation, own)
-        grown = _regrow(traced, plant, varied, request, own, None)
-        yield replace(traced, skeleton=grown.skeleton), own
+        alike = replace(traced, skeleton=_regrow(traced, plant, varied, request, own, None).skeleton)
+        if request.hidden:
+            alike = replace(alike, skeleton=_fill(alike, plant, varied, request, own, None).skeleton)
+        yield alike, own
 
 
 def _regrow(
@@ -118,3 +122,15 @@ def _regrow(
 
 def _tell(grown: GrownBranches, what: str) -> str:
     return f"{what}; growth came to {100 * grown.reached.mean():.0f} % of the points, {grown.shed:,} branches were shed"
+
+
+def _fill(
+    traced: TracedBranches,
+    plant: PlantCloud,
+    growth: GrowthSettings,
+    request: RegrowthRequest,
+    seed: int,
+    progress: Callable[[float], None] | None,
+) -> GrownBranches:
+    skeleton = traced.skeleton
+    return fill_hidden(skeleton, plant.points_m, traced.spacing_m, growth, request.settings, seed, progress)
