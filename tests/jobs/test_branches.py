@@ -151,6 +151,9 @@ def test_branches_can_be_grown_and_plants_alike_with_them(tmp_path, rng, capsys)
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
     said = capsys.readouterr().out
     assert "grown from the roots" in said
+    assert "exponent of the allometry, as traced: " in said  # circles are those of the branches that were traced
+    report = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert "circles believed along the branches that were traced" in report
     assets = [tmp_path / "out" / "out.usda"]
     assets += [tmp_path / "out" / "variations" / name / f"{name}.usda" for name in ("out_01", "out_02")]
     tips_m = np.array([[0, HEIGHT_M, 0], [0.9 * np.sin(0.87), 1 + 0.9 * np.cos(0.87), 0]])

@@ -32,7 +32,7 @@ from usdfoliage.jobs.branch_foliage import (
     read_fitted_leaves,
 )
 from usdfoliage.jobs.branch_motion import BranchMotion, grow_branches, rig_branches, rig_leaves
-from usdfoliage.jobs.branch_regrowth import RegrowthRequest, regrow_branches, vary_branches
+from usdfoliage.jobs.branch_regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches_report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.capture_work import digest_file
 from usdfoliage.jobs.crown_report import Row
@@ -170,7 +170,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         )
         (folder / "report").mkdir(exist_ok=True)
         wood_m = plant.points_m[shown.wood]
-        rows = [*branch_rows(shown, made.surfaces.whole, wood_m), *made.rows]
+        rows = branch_rows(shown, made.surfaces.whole, wood_m, grown=request.regrowth.method == GROW)
+        rows.extend(made.rows)
         write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, seconds, progress)
     return MadeBranches(
         asset=request.output / interface.name,
