@@ -202,6 +202,22 @@ def test_plants_alike_fill_what_the_crown_hides_as_well(tmp_path, rng):
     assert inside[1] > inside[0] + 20
 
 
+def test_growth_that_comes_to_few_points_is_a_warning(tmp_path, rng, caplog):
+    beside = rng.uniform([2.7, -0.3, 1], [3.3, 0.3, 2], (5000, 3))
+    cloud = write_xyz(tmp_path / "tree.xyz", np.concatenate([y_tree(rng)[::4], beside]))
+    options = ["--method", "grow", "--no-preview", "--up", "Z", "--internode", "0.05", "--roots", "0,0,0"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options, "--cloud-leaves", "off"]) == 0
+    assert "% of the points alone" in caplog.text
+    report = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert "% of the points alone" in report
+
+
+def test_branches_that_are_not_joined_are_a_warning(tmp_path, rng, caplog):
+    cloud = write_xyz(tmp_path / "lump.xyz", rng.uniform(-0.5, 0.5, (1500, 3)))
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--up", "Z"]) == 0
+    assert "of the branches are not joined to the surface" in caplog.text
+
+
 def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path, rng, capsys):
     for name, points, about in (
         ("closed", closed_crown(rng), "branches are grown inside the crown"),

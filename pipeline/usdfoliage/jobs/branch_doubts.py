@@ -39,8 +39,8 @@ def doubt_surface(branches: int, dropped: int, loose: int) -> list[str]:
     if dropped + loose <= _UNJOINED * branches:
         return []
     return [
-        f"{100 * (dropped + loose) / branches:.0f} % of the branches are not joined to the surface: the cloud shows few "
-        "of them clearly; say --cloud-leaves on if leaves were taken for wood, or try --method grow"
+        f"{100 * (dropped + loose) / branches:.0f} % of the branches are not joined to the surface: the cloud shows "
+        "few of them clearly; say --cloud-leaves on if leaves were taken for wood, or try --method grow"
     ]
 
 

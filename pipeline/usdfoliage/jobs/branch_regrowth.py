@@ -12,6 +12,7 @@ from usdfoliage.branch.reconstruct import TracedBranches
 from usdfoliage.branch.regrowth import RegrowthSettings, fill_hidden, regrow, vary_growth
 from usdfoliage.branch.species import Species
 from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branch_doubts import doubt_growth
 from usdfoliage.jobs.plant_cloud import PlantCloud
 
 TRACE, GROW = METHODS = ("trace", "grow")
@@ -62,8 +63,8 @@ def regrow_branches(
     species: Species,
     seed: int,
     progress: Callable[[float], None] | None = None,
-) -> tuple[TracedBranches, list[str]]:
-    """The branches with what is asked for grown, and notes of it; as they were traced where nothing is.
+) -> tuple[TracedBranches, list[str], list[str]]:
+    """The branches with what is asked for grown, notes of it, and doubts in it; as they were traced where nothing is.
 
     Args:
         traced: As the cloud shows them.
@@ -73,12 +74,13 @@ def regrow_branches(
         seed: Of growth.
         progress: Told how far it is, 0 to 1.
     """
-    notes = []
+    notes, doubts = [], []
     growth = growth_settings(traced, species)
     if request.method == GROW:
         grown = _regrow(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=grown.skeleton)
         notes.append(_tell(grown, f"branches are grown from the roots through the cloud in {grown.cycles} cycles"))
+        doubts.extend(doubt_growth(float(grown.reached.mean()), growth.internode_m))
     if request.hidden:
         filled = _fill(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=filled.skeleton)
@@ -88,7 +90,7 @@ def regrow_branches(
             )
         else:
             notes.append("the cloud hides nothing of the crown: no branches are grown inside it")
-    return traced, notes
+    return traced, notes, doubts
 
 
 def vary_branches(
@@ -120,10 +122,6 @@ def _regrow(
     return regrow(plant.points_m, plant.roots_m, radius_m, growth, request.settings, seed, progress, traced.skeleton)
 
 
-def _tell(grown: GrownBranches, what: str) -> str:
-    return f"{what}; growth came to {100 * grown.reached.mean():.0f} % of the points, {grown.shed:,} branches were shed"
-
-
 def _fill(
     traced: TracedBranches,
     plant: PlantCloud,
@@ -134,3 +132,7 @@ def _fill(
 ) -> GrownBranches:
     skeleton = traced.skeleton
     return fill_hidden(skeleton, plant.points_m, traced.spacing_m, growth, request.settings, seed, progress)
+
+
+def _tell(grown: GrownBranches, what: str) -> str:
+    return f"{what}; growth came to {100 * grown.reached.mean():.0f} % of the points, {grown.shed:,} branches were shed"

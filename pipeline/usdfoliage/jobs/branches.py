@@ -24,6 +24,7 @@ from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.branch.species import load_species
 from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.jobs.branch_doubts import doubt_surface
 from usdfoliage.jobs.branch_foliage import (
     FittedLeaves,
     FoliageRequest,
@@ -131,15 +132,17 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             raise FitError(f"no branch was found in {len(plant.points_m):,} points ({plant.source.path})")
         species = request.foliage.species
         with follow_step("growth", seconds, progress) as tell:
-            shown, told = regrow_branches(
+            shown, told, doubts = regrow_branches(
                 traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
             )
-        warnings = [*plant.warnings]
+        warnings = [*plant.warnings, *doubts]
         notes = [*plant.notes, *describe_leaves(traced, request.settings), *told]
         if not traced.radii.believed.any():
-            notes.append("no stem or branch of the cloud is round: how thick branches are is a guess from their length")
+            warnings.append("no stem or branch of the cloud is round: how thick they are is a guess from their length")
         made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
         notes.extend(made.notes)
+        surface = made.surfaces.whole
+        warnings.extend(doubt_surface(len(shown.skeleton), len(surface.dropped), len(surface.loose)))
         with follow_step("asset", seconds, progress):
             provenance = Provenance(
                 species=request.species,
@@ -170,7 +173,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         )
         (folder / "report").mkdir(exist_ok=True)
         wood_m = plant.points_m[shown.wood]
-        rows = branch_rows(shown, made.surfaces.whole, wood_m, grown=request.regrowth.method == GROW)
+        rows = branch_rows(shown, surface, wood_m, grown=request.regrowth.method == GROW)
         rows.extend(made.rows)
         write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, seconds, progress)
     return MadeBranches(
