@@ -295,6 +295,18 @@ def test_the_record_says_how_it_was_made(tmp_path, rng):
     assert skeleton.GetAttribute("foliage:growth:internodeLength").Get() == pytest.approx(0.02)
 
 
+def test_the_bark_has_the_color_that_is_asked_for(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::4])
+    command = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--up", "Z", "--bark-color"]
+    assert main([*command, "0.5", "0.25", "0.125"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    branches = stage.GetPrimAtPath("/out/geo/render/Branches")
+    assert [tuple(color) for color in branches.GetAttribute("primvars:displayColor").Get()] == [(0.5, 0.25, 0.125)]
+    assert stage.GetRootLayer().customLayerData["usdfoliage"]["settings"]["bark-color"] == "0.5 0.25 0.125"
+    assert main([*command, "0.5", "2", "0"]) == 2
+    assert "--bark-color must be three numbers from 0 to 1" in capsys.readouterr().err
+
+
 def test_what_moves_is_written_when_it_is_asked_for(tmp_path, rng, capsys):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::2])
     asked = ["--internode", "0.05", "--rig", "--rig-order", "1", "--sway", "4", "--growth", "3"]

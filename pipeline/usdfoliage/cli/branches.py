@@ -72,6 +72,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--most-leaves", metavar="N", type=int, default=60_000, help="more are thinned evenly (%(default)s)"
     )
+    parser.add_argument(
+        "--bark-color", metavar=("R", "G", "B"), type=float, nargs=3, help="of the branches, linear, 0 to 1 (a brown)"
+    )
     add_representation(parser, "of leaves: all four up to 2000 of them, beyond that bezier")
     add_resolution(parser)
     parser.add_argument(

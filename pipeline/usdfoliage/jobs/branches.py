@@ -37,6 +37,7 @@ from usdfoliage.jobs.branch_regrowth import GROW, RegrowthRequest, regrow_branch
 from usdfoliage.jobs.branches_report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.capture_work import digest_file
 from usdfoliage.jobs.crown_report import Row
+from usdfoliage.jobs.leaf_asset import read_color
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.steps import StepProgress, follow_step
 
@@ -59,6 +60,7 @@ class BranchesRequest:
     regrowth: RegrowthRequest = field(default_factory=RegrowthRequest)
     foliage: FoliageRequest = field(default_factory=FoliageRequest)
     motion: BranchMotion = field(default_factory=BranchMotion)
+    asset: BranchAssetSettings = field(default_factory=BranchAssetSettings)
     seed: int = 0
     preview: bool = True
     force: bool = False
@@ -80,6 +82,9 @@ class BranchesRequest:
             )
         except ValueError as error:
             raise FoliageError(f"--internode: {error}") from error
+        bark = BranchAssetSettings()
+        if options.bark_color is not None:
+            bark = replace(bark, color=read_color(options.bark_color, "--bark-color"))
         return cls(
             cloud=PlantCloudRequest.from_options(options),
             output=options.output,
@@ -89,6 +94,7 @@ class BranchesRequest:
             regrowth=RegrowthRequest.from_options(options),
             foliage=FoliageRequest.from_options(options, species),
             motion=BranchMotion.from_options(options),
+            asset=bark,
             seed=options.seed,
             preview=not options.no_preview,
             force=options.force,
@@ -152,7 +158,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 settings=describe_settings(request),
                 input_sha256=digest_file(plant.source.path),
             )
-            interface = _write_plant(folder, request.name, made, provenance, plant)
+            interface = _write_plant(folder, request.name, made, provenance, plant, request.asset)
         variations: list[Path] = []
         with follow_step("variations", seconds, progress) as tell:
             for varied, seed in vary_branches(traced, plant, request.regrowth, species, request.seed):
@@ -160,7 +166,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
                 alike = _make_plant(request, varied, fitted, seed, {}, None)
-                variations.append(_write_plant(own, name, alike, replace(provenance, seed=seed), plant))
+                variations.append(_write_plant(own, name, alike, replace(provenance, seed=seed), plant, request.asset))
                 tell(len(variations), request.regrowth.variations)
         report = BranchesReport(
             name=request.name,
@@ -233,7 +239,14 @@ def _make_plant(
     )
 
 
-def _write_plant(folder: Path, name: str, made: _MadePlant, provenance: Provenance, plant: PlantCloud) -> Path:
+def _write_plant(
+    folder: Path,
+    name: str,
+    made: _MadePlant,
+    provenance: Provenance,
+    plant: PlantCloud,
+    settings: BranchAssetSettings,
+) -> Path:
     return write_branch_asset(
         folder,
         name,
@@ -241,7 +254,7 @@ def _write_plant(folder: Path, name: str, made: _MadePlant, provenance: Provenan
         made.surfaces,
         provenance,
         plant.asset_from_cloud,
-        BranchAssetSettings(),
+        settings,
         made.leaves,
         made.rig,
         made.growth,
@@ -301,6 +314,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
         **request.regrowth.describe(),
         "species": request.species or "none",
         **describe_foliage(request.foliage),
+        "bark-color": " ".join(f"{channel:g}" for channel in request.asset.color),
         "seed": str(request.seed),
         **request.motion.describe(),
     }

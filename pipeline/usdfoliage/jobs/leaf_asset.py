@@ -158,11 +158,11 @@ def check_count(count: int) -> None:
         )
 
 
-def read_color(numbers: Sequence[float]) -> tuple[float, float, float]:
-    """A colour of three numbers; FoliageError for one that no leaf has."""
+def read_color(numbers: Sequence[float], option: str = "--color") -> tuple[float, float, float]:
+    """A colour of three numbers, as an option gave them; FoliageError for one that no plant has."""
     red, green, blue = numbers
     if not all(0 <= channel <= 1 for channel in numbers):  # false for NaN too
-        raise FoliageError(f"--color must be three numbers from 0 to 1, linear, not {red:g} {green:g} {blue:g}")
+        raise FoliageError(f"{option} must be three numbers from 0 to 1, linear, not {red:g} {green:g} {blue:g}")
     return red, green, blue
 
 
