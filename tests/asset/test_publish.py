@@ -331,6 +331,12 @@ def test_a_plan_says_whether_something_is_replaced(out, tmp_path):
     assert not (tmp_path / "a").exists()
 
 
+def test_where_a_file_system_is_mounted_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "is_mount", lambda path: path == tmp_path)
+    for check in (really_publish, lambda path, force: plan_folder(path, "oak.usda", force)):
+        assert "name a folder in it" in refused_by(check, tmp_path, True)
+
+
 def test_a_plan_refuses_a_folder_that_cannot_be_written_into(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write everywhere
     with pytest.raises(AssetError, match="cannot be written: Permission denied; nothing was written"):

@@ -80,6 +80,7 @@ def test_a_dry_run_writes_nothing(tmp_path, rng, capsys):
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--dry-run"]) == 0
     told = capsys.readouterr().out
     assert "roots: 1" in told
+    assert "say it with --up if that is wrong" in told
     assert "are ground and left out" in told
     assert not (tmp_path / "out").exists()
 
@@ -230,7 +231,8 @@ def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path
 
 
 @pytest.mark.parametrize(
-    "wrong", [["--variations", "-1"], ["--variations", "1000"], ["--seed", "-1"], ["--internode", "50"]]
+    "wrong",
+    [["--variations", "-1"], ["--variations", "1000"], ["--seed", "-1"], ["--internode", "50"], ["--internode", "1.9"]],
 )
 def test_growth_that_cannot_be_is_named(tmp_path, rng, capsys, wrong):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[:300])
@@ -243,6 +245,7 @@ def test_growth_that_cannot_be_is_named(tmp_path, rng, capsys, wrong):
     [
         ("", "empty"),
         ("1 2 3\n" * 200, "points"),
+        ("\n".join(f"{n % 40} {n // 40} 0" for n in range(1600)), "give a cloud of a plant"),
         ("nan nan nan\n" * 200, "points"),
         ("hello world\n", "tree.xyz"),
     ],

@@ -199,6 +199,8 @@ def _check_replaceable(out: Path, target: Path, force: bool) -> None:
         return
     if not target.is_dir():
         raise AssetError(f"{out} is a file; name a folder for the asset")
+    if target.is_mount():
+        raise AssetError(f"{out} is where a file system is mounted, and cannot be replaced; name a folder in it")
     if not any(target.iterdir()):
         return
     if is_asset_folder(target):
