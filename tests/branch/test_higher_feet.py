@@ -7,7 +7,7 @@ from branch_clouds import cloud_of, cone, ground, line, small_tree
 from hypothesis import given
 from hypothesis import settings as examples
 from usdfoliage.branch.ground import find_ground
-from usdfoliage.branch.higher_feet import HigherFootSettings, find_higher_feet
+from usdfoliage.branch.higher_feet import HigherFootSettings, find_higher_feet, stands_on_stem
 from usdfoliage.branch.roots import RootSettings, find_roots
 
 TREE = cloud_of(small_tree(), 6000, noise_m=0.002)
@@ -102,3 +102,13 @@ def test_a_cloud_of_nearly_nothing_has_no_higher_feet(points_m):
 def test_settings_that_find_nothing_are_refused(change):
     with pytest.raises(ValueError, match="must be shares of the height"):
         HigherFootSettings(**change)
+
+
+def test_a_tree_stands_on_a_stem_and_a_hedge_does_not():
+    assert stands_on_stem(TREE, ORIGIN_M[0])
+    assert stands_on_stem(up_the_slope([3.0, 1.5, 0]), np.array([3.0, 1.5, 0]))
+    assert not stands_on_stem(TREE, np.array([0.5, 0, 0]))
+    hedge = np.random.default_rng(1).uniform([-1, 0, -0.3], [1, 1.5, 0.3], (20_000, 3))
+    for root_m in find_roots(hedge):
+        assert not stands_on_stem(hedge, root_m)
+    assert not stands_on_stem(np.ones((60, 3)), np.ones(3))

@@ -1,7 +1,7 @@
 """What is doubted in an asset of branches, and what is not."""
 
 import pytest
-from usdfoliage.jobs.branch_doubts import doubt_growth, doubt_height, doubt_surface
+from usdfoliage.jobs.branch_doubts import doubt_growth, doubt_height, doubt_stems, doubt_surface
 
 
 @pytest.mark.parametrize(("height_m", "metres_per_unit"), [(0.05, 1.0), (0.3, 0.001), (130.0, 1.0), (4.0, 0.01)])
@@ -34,6 +34,15 @@ def test_branches_of_which_many_are_not_joined_are_doubted():
 
 def test_growth_through_a_part_of_the_cloud_is_doubted():
     assert doubt_growth(0.7, 0.01) == []
-    (doubt,) = doubt_growth(0.27, 0.0076)
+    (doubt,) = doubt_growth(0.27, 0.0075)
     assert "27 % of the points" in doubt
-    assert "--internode 0.023" in doubt
+    assert "--internode 0.03" in doubt
+
+
+def test_a_cloud_without_stems_is_doubted():
+    assert doubt_stems(0.01, True, 0.01) == doubt_stems(0.2, False, 0.01) == []
+    (doubt,) = doubt_stems(0.01, False, 0.01)
+    assert "no stem is seen at a root" in doubt
+    assert "--internode 0.04" in doubt
+    (doubt,) = doubt_stems(0.0, True, 0.01)
+    assert "no stem or branch of the cloud is round" in doubt

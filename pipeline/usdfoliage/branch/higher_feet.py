@@ -35,6 +35,8 @@ class HigherFootSettings:
     most_apart: float = 0.5  # of the radius, distance between its points
     thickening: float = 1.1  # upwards, from the first circle to the last
     upright: float = 0.8  # height of the foot of its length
+    off: float = 0.04  # that points of a stem are from its root, to the side
+    above: tuple[float, float] = (0.02, 0.04)  # its root, where a stem is looked for in both: below it are weeds
 
     def __post_init__(self) -> None:
         if not (0 < self.foot < 1 and 0 < self.highest <= 1 and 0 < self.radius[0] < self.radius[1]):
@@ -78,6 +80,27 @@ def find_higher_feet(
             feet |= around
             lower_m = np.concatenate([lower_m, [[middle_m[0], base_m[1], middle_m[2]]]])
     return feet
+
+
+def stands_on_stem(
+    points_m: NDArray[np.float64], root_m: NDArray[np.float64], settings: HigherFootSettings = HigherFootSettings()
+) -> bool:
+    """Whether the points above a root (3,) are all around something upright, as they are not in a hedge.
+
+    Args:
+        points_m: (N, 3), Y up.
+        root_m: (3,).
+        settings: What is a stem.
+    """
+    height_m = float(np.ptp(points_m[:, 1]))
+    away_m = np.hypot(*(points_m - root_m)[:, [0, 2]].T)
+    for above in settings.above:
+        over_m = points_m[:, 1] - root_m[1] - above * height_m
+        slab = (over_m >= 0) & (over_m < settings.foot * height_m)
+        near = [slab & (away_m < share * settings.off * height_m) for share in (0.5, 1.0)]
+        if not any(own.any() and _is_stem(points_m[own], height_m, settings) for own in near):
+            return False
+    return True
 
 
 def _beginnings(

@@ -4,8 +4,9 @@ from usdfoliage.capture.cloud_units import UNITS
 
 _PLANT_M = (0.05, 130.0)  # height of a plant: below it seedlings, above it none
 _UNJOINED = 0.3  # share of the branches
+_ROUND = 0.05  # share of the circles, from which on they are believed without a stem
 _REACHED = 0.7  # share of the points
-_LONGER = 3  # times the internode, with which growth reaches points farther apart
+_LONGER = 4  # times the internode, with which growth reaches points farther apart
 
 
 def doubt_height(height_m: float, metres_per_unit: float) -> list[str]:
@@ -26,6 +27,24 @@ def doubt_height(height_m: float, metres_per_unit: float) -> list[str]:
         f"its unit is probably another one; say {' or '.join(likely)}" if likely else "look at the cloud's unit"
     )
     return [f"the plant is {told} high, {'lower' if height_m < least_m else 'higher'} than plants are: {what_to_do}"]
+
+
+def doubt_stems(believed: float, stems: bool, internode_m: float) -> list[str]:
+    """A doubt in how thick branches are, and in branches at all of a cloud that shows no stems.
+
+    Args:
+        believed: Share of the circles that are.
+        stems: Whether a root has a stem.
+        internode_m: Of the branches.
+    """
+    if believed == 0:
+        return ["no stem or branch of the cloud is round: how thick they are is a guess from their length"]
+    if stems or believed >= _ROUND:
+        return []
+    return [
+        "no stem is seen at a root, as in a hedge: how thick branches are is a guess, and many may be rows of leaves; "
+        f"say --roots where stems are, or try --method grow with --internode {_LONGER * internode_m:.2g} or so"
+    ]
 
 
 def doubt_surface(branches: int, dropped: int, loose: int) -> list[str]:

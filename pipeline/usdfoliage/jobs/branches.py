@@ -19,12 +19,13 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage import BranchCage, BranchCageSettings, build_branch_cage
+from usdfoliage.branch.higher_feet import stands_on_stem
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.branch.species import load_species
 from usdfoliage.errors import FitError, FoliageError
-from usdfoliage.jobs.branch_doubts import doubt_surface
+from usdfoliage.jobs.branch_doubts import doubt_stems, doubt_surface
 from usdfoliage.jobs.branch_foliage import (
     FittedLeaves,
     FoliageRequest,
@@ -143,8 +144,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             )
         warnings = [*plant.warnings, *doubts]
         notes = [*plant.notes, *describe_leaves(traced, request.settings), *told]
-        if not traced.radii.believed.any():
-            warnings.append("no stem or branch of the cloud is round: how thick they are is a guess from their length")
+        stems = any(stands_on_stem(plant.points_m, root_m) for root_m in plant.roots_m)
+        warnings.extend(doubt_stems(float(traced.radii.believed.mean()), stems, traced.internode_m))
         made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
         notes.extend(made.notes)
         surface = made.surfaces.whole
