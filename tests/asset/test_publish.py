@@ -12,7 +12,7 @@ import pytest
 from pxr import Sdf
 from usdfoliage.asset import publish
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
-from usdfoliage.asset.publish import is_asset_folder, publish_folder
+from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
 from usdfoliage.errors import AssetError
 
 
@@ -283,3 +283,61 @@ def test_kill_at_any_moment_leaves_one_whole_asset(out, moment, expected):
     assert which(out) == (expected or "old")
     assert is_asset_folder(out)
     assert left_over(out) == []
+
+
+def refused_by(check, out, force):
+    with pytest.raises(AssetError) as said:
+        check(out, force)
+    return str(said.value)
+
+
+def really_publish(out, force):
+    with publish_folder(out, force=force) as folder:
+        write_asset(folder, "new")
+
+
+@pytest.mark.parametrize("force", [False, True])
+@pytest.mark.parametrize("place", ["file", "below a file", "dangling", "root", "strange", "foreign", "here"])
+def test_a_plan_refuses_what_a_run_refuses(out, place, force, tmp_path, monkeypatch):
+    strange = tmp_path / "strange"
+    strange.mkdir()
+    (strange / "notes.txt").write_text("mine")
+    (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
+    named = {
+        "file": strange / "notes.txt",
+        "below a file": strange / "notes.txt" / "oak",
+        "dangling": tmp_path / "dangling",
+        "root": Path("/"),
+        "strange": strange,
+        "foreign": out,
+        "here": strange,
+    }[place]
+    if place == "here":
+        monkeypatch.chdir(strange)
+    if place == "foreign":
+        (out / "mine.txt").write_text("mine")
+    held = sorted(tmp_path.rglob("*"))
+    if force and place in ("strange", "foreign"):
+        assert plan_folder(named, "oak.usda", force) == f"would replace: {named / 'oak.usda'}"
+    else:
+        planned = refused_by(lambda path, force: plan_folder(path, "oak.usda", force), named, force)
+        assert planned == refused_by(really_publish, named, force)
+    assert sorted(tmp_path.rglob("*")) == held
+
+
+def test_a_plan_says_whether_something_is_replaced(out, tmp_path):
+    assert plan_folder(out, "oak.usda") == f"would replace: {out / 'oak.usda'}"
+    assert plan_folder(tmp_path / "a" / "b", "b.usda") == f"would write: {tmp_path / 'a' / 'b' / 'b.usda'}"
+    assert not (tmp_path / "a").exists()
+
+
+def test_where_a_file_system_is_mounted_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "is_mount", lambda path: path == tmp_path)
+    for check in (really_publish, lambda path, force: plan_folder(path, "oak.usda", force)):
+        assert "name a folder in it" in refused_by(check, tmp_path, True)
+
+
+def test_a_plan_refuses_a_folder_that_cannot_be_written_into(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write everywhere
+    with pytest.raises(AssetError, match="cannot be written: Permission denied; nothing was written"):
+        plan_folder(tmp_path / "a" / "oak", "oak.usda")

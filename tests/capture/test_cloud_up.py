@@ -26,6 +26,12 @@ def trunk(length_m, radius_m=0.15, lean=0.0, count=3000):
     return np.column_stack([radius_m * np.cos(angle) + lean * z, radius_m * np.sin(angle), z])
 
 
+def arm(low_m, out, count=400):
+    share = np.linspace(0, 1, count)[:, None]
+    spread = np.random.default_rng(8).normal(0, 0.01, (count, 3))
+    return [0, 0, low_m] + share * [0.85 * out[0], 0.85 * out[1], 0.5] + spread
+
+
 def ball(radius_m, center, count=20_000):
     rng = np.random.default_rng(3)
     way = rng.normal(size=(count, 3))
@@ -69,6 +75,10 @@ UNTOLD = {
         [trunk(1, 0.2), cone(2, 1, 10), np.add(trunk(1.2, 0.01, count=60), (0, 0, 10))]
     ),
     "stem": trunk(4, 0.3),
+    "slim tree with few branches": np.concatenate(
+        [trunk(4, 0.05)]
+        + [arm(at, out) for at, out in ((1.5, (1, 0)), (2.0, (-0.7, 0.7)), (2.5, (0.1, -1)), (3.0, (0.6, 0.8)))]
+    ),
     "one point": np.ones((1, 3)),
     "one place": np.ones((9, 3)),
     "sheet": disk(2) * [1, 1, 0],

@@ -230,6 +230,12 @@ def test_a_dry_run_writes_nothing(source, tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_dry_run_refuses_what_a_run_refuses(source, tmp_path, capsys):
+    (tmp_path / "notes.txt").write_text("mine")
+    words = ("bake", source / "look.usda", "-o", tmp_path)
+    assert refused(capsys, *words, "--dry-run") == refused(capsys, *words)
+
+
 def test_paths_with_dots(source, tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")

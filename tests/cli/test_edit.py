@@ -173,6 +173,13 @@ def test_a_dry_run_writes_nothing(spray, tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_dry_run_refuses_what_a_run_refuses(spray, tmp_path, capsys):
+    (tmp_path / "mine.usda").write_text("#usda 1.0\n")
+    for output in (tmp_path / "mine.usda", tmp_path, spray / "look.usda"):
+        words = ("edit", spray, "--width", 2, "-o", output)
+        assert refused(capsys, *words, "--dry-run") == refused(capsys, *words)
+
+
 def test_paths_with_dots(spray, tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")

@@ -98,6 +98,12 @@ def test_a_dry_run_writes_nothing(tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_dry_run_refuses_what_a_run_refuses(tmp_path, capsys):
+    (tmp_path / "notes.txt").write_text("mine")
+    words = ("scatter", "-n", 9, "-o", tmp_path)
+    assert refused(capsys, *words, "--dry-run") == refused(capsys, *words)
+
+
 def test_the_help_states_the_defaults_of_the_settings():
     parser = argparse.ArgumentParser()
     scatter.add_arguments(parser)

@@ -80,8 +80,16 @@ def test_a_dry_run_writes_nothing(tmp_path, rng, capsys):
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--dry-run"]) == 0
     told = capsys.readouterr().out
     assert "roots: 1" in told
+    assert "say it with --up if that is wrong" in told
     assert "are ground and left out" in told
     assert not (tmp_path / "out").exists()
+
+
+def test_a_dry_run_refuses_what_a_run_refuses(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    for words in (["--dry-run"], []):
+        assert main(["branches", str(cloud), "-o", str(tmp_path), *words]) == 2
+        assert "a folder with other things than one asset" in capsys.readouterr().err
 
 
 def test_an_upside_down_tree_is_turned_when_it_is_said(tmp_path, rng):
@@ -99,6 +107,25 @@ def test_millimetres_are_told(tmp_path, rng):
     stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
     curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/out/geo/guide/Skeleton"))
     assert np.array(curves.GetPointsAttr().Get())[:, 1].max() == pytest.approx(HEIGHT_M, abs=0.06)
+
+
+@pytest.mark.parametrize("dry", [True, False])
+def test_a_height_that_no_plant_has_is_a_warning_that_names_the_unit(tmp_path, rng, capsys, caplog, dry):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::4])
+    words = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z", "--no-preview"]
+    assert main([*words, *(["--dry-run"] if dry else [])]) == 0
+    told = capsys.readouterr().out if dry else caplog.text
+    assert "the plant is 2 mm high" in told
+    assert "--unit m (2 m high)" in told
+    if not dry:
+        assert "the plant is 2 mm high" in (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+
+
+def test_a_unit_that_makes_all_of_a_cloud_ground_is_named(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng, ground=True))
+    words = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z"]
+    assert main(words) == 2
+    assert "--unit m (2" in capsys.readouterr().err
 
 
 def skeleton_points(asset):
@@ -125,6 +152,9 @@ def test_branches_can_be_grown_and_plants_alike_with_them(tmp_path, rng, capsys)
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
     said = capsys.readouterr().out
     assert "grown from the roots" in said
+    assert "exponent of the allometry, as traced: " in said  # circles are those of the branches that were traced
+    report = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert "circles believed along the branches that were traced" in report
     assets = [tmp_path / "out" / "out.usda"]
     assets += [tmp_path / "out" / "variations" / name / f"{name}.usda" for name in ("out_01", "out_02")]
     tips_m = np.array([[0, HEIGHT_M, 0], [0.9 * np.sin(0.87), 1 + 0.9 * np.cos(0.87), 0]])
@@ -153,14 +183,45 @@ def test_of_two_trees_that_at_the_given_root_is_traced(tmp_path, rng, capsys):
     assert np.ptp(skeleton_points(tmp_path / "out" / "out.usda")[:, [0, 2]], axis=0).max() < 1.5
 
 
-def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path, rng, capsys):
+def closed_crown(rng):
+    """(N, 3) points, Z up, on a trunk of 0.9 m and on a ball of a crown around 1.3 m, half a metre to each side."""
     trunk = rng.normal(size=(1500, 3))
     trunk = trunk / np.linalg.norm(trunk[:, :2], axis=1, keepdims=True) * [0.05, 0.05, 0]
     trunk[:, 2] = rng.uniform(0, 0.9, len(trunk))
     crown = rng.normal(size=(2500, 3))
-    crown = crown / np.linalg.norm(crown, axis=1, keepdims=True) * 0.5 + [0, 0, 1.3]
+    return np.concatenate([trunk, crown / np.linalg.norm(crown, axis=1, keepdims=True) * 0.5 + [0, 0, 1.3]])
+
+
+def test_plants_alike_fill_what_the_crown_hides_as_well(tmp_path, rng):
+    cloud = write_xyz(tmp_path / "tree.xyz", closed_crown(rng))
+    inside = []
+    for name, filled in (("shell", []), ("full", ["--fill-hidden"])):
+        options = ["--variations", "1", "--no-preview", "--up", "Z", "--internode", "0.06", *filled]
+        assert main(["branches", str(cloud), "-o", str(tmp_path / name), *options]) == 0
+        points = skeleton_points(tmp_path / name / "variations" / f"{name}_01" / f"{name}_01.usda")
+        inside.append(int((np.linalg.norm(points - [0, 1.3, 0], axis=1) < 0.3).sum()))
+    assert inside[1] > inside[0] + 20
+
+
+def test_growth_that_comes_to_few_points_is_a_warning(tmp_path, rng, caplog):
+    beside = rng.uniform([2.7, -0.3, 1], [3.3, 0.3, 2], (5000, 3))
+    cloud = write_xyz(tmp_path / "tree.xyz", np.concatenate([y_tree(rng)[::4], beside]))
+    options = ["--method", "grow", "--no-preview", "--up", "Z", "--internode", "0.05", "--roots", "0,0,0"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options, "--cloud-leaves", "off"]) == 0
+    assert "% of the points alone" in caplog.text
+    report = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert "% of the points alone" in report
+
+
+def test_branches_that_are_not_joined_are_a_warning(tmp_path, rng, caplog):
+    cloud = write_xyz(tmp_path / "lump.xyz", rng.uniform(-0.5, 0.5, (1500, 3)))
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--up", "Z"]) == 0
+    assert "of the branches are not joined to the surface" in caplog.text
+
+
+def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path, rng, capsys):
     for name, points, about in (
-        ("closed", np.concatenate([trunk, crown]), "branches are grown inside the crown"),
+        ("closed", closed_crown(rng), "branches are grown inside the crown"),
         ("open", y_tree(rng), "hides nothing of the crown"),
     ):
         cloud = write_xyz(tmp_path / f"{name}.xyz", points)
@@ -170,7 +231,8 @@ def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path
 
 
 @pytest.mark.parametrize(
-    "wrong", [["--variations", "-1"], ["--variations", "1000"], ["--seed", "-1"], ["--internode", "50"]]
+    "wrong",
+    [["--variations", "-1"], ["--variations", "1000"], ["--seed", "-1"], ["--internode", "50"], ["--internode", "1.9"]],
 )
 def test_growth_that_cannot_be_is_named(tmp_path, rng, capsys, wrong):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[:300])
@@ -183,6 +245,7 @@ def test_growth_that_cannot_be_is_named(tmp_path, rng, capsys, wrong):
     [
         ("", "empty"),
         ("1 2 3\n" * 200, "points"),
+        ("\n".join(f"{n % 40} {n // 40} 0" for n in range(1600)), "give a cloud of a plant"),
         ("nan nan nan\n" * 200, "points"),
         ("hello world\n", "tree.xyz"),
     ],
@@ -233,6 +296,18 @@ def test_the_record_says_how_it_was_made(tmp_path, rng):
     assert json.loads(json.dumps(record["settings"]["internode"])) == "0.02"
     skeleton = stage.GetPrimAtPath("/out/geo/guide/Skeleton")
     assert skeleton.GetAttribute("foliage:growth:internodeLength").Get() == pytest.approx(0.02)
+
+
+def test_the_bark_has_the_color_that_is_asked_for(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::4])
+    command = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--up", "Z", "--bark-color"]
+    assert main([*command, "0.5", "0.25", "0.125"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    branches = stage.GetPrimAtPath("/out/geo/render/Branches")
+    assert [tuple(color) for color in branches.GetAttribute("primvars:displayColor").Get()] == [(0.5, 0.25, 0.125)]
+    assert stage.GetRootLayer().customLayerData["usdfoliage"]["settings"]["bark-color"] == "0.5 0.25 0.125"
+    assert main([*command, "0.5", "2", "0"]) == 2
+    assert "--bark-color must be three numbers from 0 to 1" in capsys.readouterr().err
 
 
 def test_what_moves_is_written_when_it_is_asked_for(tmp_path, rng, capsys):

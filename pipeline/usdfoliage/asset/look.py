@@ -159,8 +159,7 @@ def write_look_layer(
     interface = look.asset if look else Path(named.realPath)
     stage = _open_bezier(interface)
     plant = _the_plant(stage, interface)
-    target = Path(os.path.realpath(path))
-    _check_output(path, target, interface, force)
+    target = check_look_output(path, interface, force=force)
     if look is not None:
         prim_path = prim_path or look.prim_path or None
         if jitter_map is None:
@@ -265,7 +264,13 @@ def _relative(target: Path, look: Path) -> str:
     return way if way.startswith("..") else f"./{way}"
 
 
-def _check_output(path: Path, target: Path, interface: Path, force: bool) -> None:
+def check_look_output(path: Path, interface: Path, *, force: bool = False) -> Path:
+    """The file behind symbolic links that a look of the asset with this interface layer is written to.
+
+    Raises:
+        AssetError: path is no .usda, lies in the asset's folder, is a folder or, without force, somebody else's file.
+    """
+    target = Path(os.path.realpath(path))
     if path.suffix != ".usda":
         raise AssetError(f"{path} cannot be a look: its name must end with .usda")
     folder = Path(os.path.realpath(interface)).parent
@@ -282,3 +287,4 @@ def _check_output(path: Path, target: Path, interface: Path, force: bool) -> Non
             raise AssetError(
                 f"{path} is there already and no look of usdfoliage; name another, or use --force to lose it"
             )
+    return target

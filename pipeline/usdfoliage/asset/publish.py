@@ -57,11 +57,9 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
     """
     try:
         target = _resolve(out)
-        if not target.name:
-            raise AssetError(f"{out} is the root of the file system; name a folder for the asset")
         made = _make_parents(target.parent)
     except OSError as error:
-        raise AssetError(f"{out} cannot be written: {error.strerror}; nothing was written") from error
+        raise AssetError(_refuse(out, error)) from error
     try:
         lock, new = _begin(target)
         try:
@@ -86,6 +84,33 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
         with suppress(OSError):  # one of them is in use by now
             for folder in reversed(made):
                 folder.rmdir()
+
+
+def plan_folder(out: Path, interface: str, force: bool = False) -> str:
+    """What publish_folder would do, in a line for a dry run; writes nothing.
+
+    Args:
+        out: The folder to make or to replace.
+        interface: The file that will stand at its top.
+        force: Replace a folder that is not ours too.
+
+    Raises:
+        AssetError: publish_folder would refuse out.
+    """
+    try:
+        target = _resolve(out)
+        stands = target.exists()
+        parent = target.parent
+        while not parent.exists():
+            parent = parent.parent
+        if not parent.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        if not os.access(parent, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        _check_replaceable(out, target, force)
+    except OSError as error:
+        raise AssetError(_refuse(out, error)) from error
+    return f"would {'replace' if stands else 'write'}: {out / interface}"
 
 
 def is_asset_folder(folder: Path) -> bool:
@@ -148,11 +173,14 @@ def _resolve(out: Path) -> Path:
     except FileNotFoundError:
         return Path(os.path.realpath(out))
     try:
-        return Path(os.path.realpath(out, strict=True))
+        target = Path(os.path.realpath(out, strict=True))
     except FileNotFoundError as error:
         raise AssetError(f"{out} is a symbolic link to {out.readlink()}, which is missing; remove the link") from error
     except OSError as error:
         raise AssetError(f"{out} cannot be followed: {error.strerror}; name a folder") from error
+    if not target.name:
+        raise AssetError(f"{out} is the root of the file system; name a folder for the asset")
+    return target
 
 
 def _make_parents(parent: Path) -> list[Path]:
@@ -171,6 +199,8 @@ def _check_replaceable(out: Path, target: Path, force: bool) -> None:
         return
     if not target.is_dir():
         raise AssetError(f"{out} is a file; name a folder for the asset")
+    if target.is_mount():
+        raise AssetError(f"{out} is where a file system is mounted, and cannot be replaced; name a folder in it")
     if not any(target.iterdir()):
         return
     if is_asset_folder(target):
@@ -326,6 +356,10 @@ def _remove(folder: Path) -> bool:
         logger.warning("%s is no longer needed and could not be removed", folder)
         return False
     return True
+
+
+def _refuse(out: Path, error: OSError) -> str:
+    return f"{out} cannot be written: {error.strerror}; nothing was written"
 
 
 def _explain(out: Path, target: Path, error: OSError) -> str:

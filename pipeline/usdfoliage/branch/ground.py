@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _TURNS = 20  # of reweighting
-_STEEPEST = 0.6  # rise of a ground that a plant is captured on
+STEEPEST = 0.6  # rise of a ground that a plant is captured on
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +51,10 @@ def find_ground(points_m: NDArray[np.float64], settings: GroundSettings = Ground
     lowest = order[np.concatenate([[True], key[order][1:] != key[order][:-1]])]
     layer_m = max(settings.layer_of_height * extent_m[1], settings.least_layer_m)
     plane = _fit_low_plane(points_m[lowest], layer_m)
-    above_m = points_m[:, 1] - _height(plane, points_m)
+    above_m = points_m[:, 1] - ground_height(plane, points_m)
     lying = np.abs(above_m[lowest]) < layer_m
     on_plane = lowest[lying]
-    if len(on_plane) < settings.least_cells or np.hypot(plane[0], plane[1]) > _STEEPEST:
+    if len(on_plane) < settings.least_cells or np.hypot(plane[0], plane[1]) > STEEPEST:
         return nothing
     # Of a trunk that was cut out, cells side by side lie at one height as well, but so does what is above them.
     ground_cells = np.isin(key, key[on_plane])
@@ -83,5 +83,6 @@ def _fit_low_plane(points_m: NDArray[np.float64], layer_m: float) -> NDArray[np.
     return plane
 
 
-def _height(plane: NDArray[np.float64], points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def ground_height(plane: NDArray[np.float64], points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) height of the plane (3,) of a Ground under or above points (N, 3)."""
     return np.asarray(points_m[:, 0] * plane[0] + points_m[:, 2] * plane[1] + plane[2])

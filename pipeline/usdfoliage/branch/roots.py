@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label
 
+from usdfoliage.branch.ground import ground_height
+from usdfoliage.branch.higher_feet import find_higher_feet
+
 _BLUR_CELLS = 1.0
 _MOST_CELLS = 400  # a side
 
@@ -31,20 +34,44 @@ class RootSettings:
             raise ValueError(f"slab and standing_out must be in (0, 1], cell_of_height above 0, not {self}")
 
 
-def find_roots(points_m: NDArray[np.float64], settings: RootSettings = RootSettings()) -> NDArray[np.float64]:
+def find_roots(
+    points_m: NDArray[np.float64],
+    settings: RootSettings = RootSettings(),
+    ground: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
     """(R, 3) roots of a plant without ground, the densest first.
 
     Args:
         points_m: (N, 3), Y up.
         settings: How many.
+        ground: (3,), plane that was under the plant, as find_ground gives it: then heights are those above it.
     """
-    low_m, height_m = float(points_m[:, 1].min()), float(np.ptp(points_m[:, 1]))
-    slab = points_m[points_m[:, 1] <= low_m + settings.slab * height_m]
+    above_m = points_m.copy()
+    if ground is not None:
+        above_m[:, 1] -= ground_height(ground, points_m)
+    height_m = float(np.ptp(above_m[:, 1]))
+    low = above_m[:, 1] <= above_m[:, 1].min() + settings.slab * height_m
+    cell_m = _cell_side(points_m[low], height_m, settings)
+    lower_m = _dense_places(above_m, low, cell_m, RootSettings())
+    feet = find_higher_feet(above_m, _cell_side(points_m, height_m, settings), lower_m)
+    if (feet & ~low).any():
+        low |= feet
+        cell_m = _cell_side(points_m[low], height_m, settings)
+    return _dense_places(points_m, low, cell_m, settings)
+
+
+def _cell_side(points_m: NDArray[np.float64], height_m: float, settings: RootSettings) -> float:
+    side_m = float(np.ptp(points_m[:, [0, 2]], axis=0).max())
+    return max(settings.cell_of_height * height_m, side_m / _MOST_CELLS, 1e-9)
+
+
+def _dense_places(
+    points_m: NDArray[np.float64], low: NDArray[np.bool_], cell_m: float, settings: RootSettings
+) -> NDArray[np.float64]:
+    """(R, 3) where the low ones of points (N, 3) are dense, seen from above."""
+    slab = points_m[low]
     places = slab[:, [0, 2]]
-    corner = places.min(axis=0)
-    side_m = float(np.ptp(places, axis=0).max())
-    cell_m = max(settings.cell_of_height * height_m, side_m / _MOST_CELLS, 1e-9)
-    cell = np.floor((places - corner) / cell_m).astype(np.int64) + 2
+    cell = np.floor((places - places.min(axis=0)) / cell_m).astype(np.int64) + 2
     density = np.zeros(cell.max(axis=0) + 3)
     np.add.at(density, (cell[:, 0], cell[:, 1]), 1.0)
     density = gaussian_filter(density, _BLUR_CELLS)

@@ -34,6 +34,7 @@ _TRUNK_LENGTH = 0.25  # of the height, from which on a trunk is no better eviden
 _TIP_LENGTH = 0.05  # of the height, up to which it is none: tips of crowns and branches are as thin for so long
 _GROWTH = 1.6  # of a trunk's width above that at its end, at most: a treetop's grows without end
 _UNBROKEN = 0.6  # share of the slabs of a trunk that were seen at all
+_POLE = 0.2  # of its length, that a trunk seen from the side is thick at most
 _LEAST_WIDTH = 2.5  # cells, of anything seen through a grid
 
 
@@ -73,9 +74,10 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, usua
     """Find which axis of a cloud is up.
 
     For each of the six directions two things are looked for at its lower end. A trunk: slabs that hold few cells, close
-    together, of a width that does not shrink towards the end as that of a treetop does; the longer, the better. The
-    ground: a thin plane of cells below half the plant or more, sloped by no more than 27°, with nothing below it and
-    parts of it bare. A plant without either, such as a hedge that was cut out, gives no evidence: then Z is up.
+    together, of a width that does not shrink towards the end as that of a treetop does; the longer, the better. Where
+    the fullest slabs are themselves a trunk, seen from the side, there is none. The ground: a thin plane of cells below
+    half the plant or more, sloped by no more than 27°, with nothing below it and parts of it bare. A plant without
+    either, such as a hedge that was cut out, gives no evidence: then Z is up.
 
     Args:
         points_m: (N, 3) float, finite, of a single plant, in any order; N at least 1.
@@ -244,6 +246,9 @@ def _find_trunk(grid: Grid) -> _Trunk:
     counts = median_filter(grid.sum(axis=(0, 1)), 3, mode="nearest")
     widths = median_filter([_width(grid[:, :, level]) for level in range(height)], 3, mode="nearest")
     full, wide = (float(np.sort(values)[-max(1, height // 20) :].mean()) for values in (counts, widths))
+    fullest = np.argsort(counts, kind="stable")[-max(1, height // 20) :]
+    if _is_pole(np.asarray(grid[:, :, fullest].any(axis=2)), height):
+        return _Trunk(0.0, 0.0)
     thin = (counts <= max(_TRUNK_SHARE * full, 1)) & (widths <= max(_TRUNK_WIDTH * wide, _LEAST_WIDTH))
     # The foot may be wider: roots, grass, what is left of the ground. The trunk begins where it is longest.
     run, width = 0, 0.0
@@ -255,6 +260,19 @@ def _find_trunk(grid: Grid) -> _Trunk:
             run, width = length, first
     share = 2 * run / (height + max(grid.shape))  # a branch that reaches out is short for the whole plant
     return _Trunk(float(np.clip((share - _TIP_LENGTH) / (_TRUNK_LENGTH - _TIP_LENGTH), 0, 1)), width)
+
+
+def _is_pole(slab: Grid, height: int) -> bool:
+    """Whether the cells of a slab (A, B) are a trunk seen from the side, longer than the plant is high this way up.
+
+    What looks like a trunk below it is a branch then.
+    """
+    cells = np.argwhere(slab).astype(np.float64)
+    if len(cells) < 2:
+        return False
+    spread = np.linalg.eigvalsh(np.cov(cells.T))
+    thickness, length = np.sqrt(12 * np.maximum(spread, 0)) + 1  # of a bar, evenly filled
+    return bool(length > height and thickness < _POLE * length)
 
 
 def _width(slab: Grid) -> float:

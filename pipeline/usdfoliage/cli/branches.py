@@ -6,9 +6,12 @@ leaves on its twigs too, to be edited as those of any asset of leaves.
 """
 
 import argparse
+import logging
 from pathlib import Path
 
 from usdfoliage.cli.leaf_options import add_representation, add_resolution
+
+logger = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,6 +72,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--most-leaves", metavar="N", type=int, default=60_000, help="more are thinned evenly (%(default)s)"
     )
+    parser.add_argument(
+        "--bark-color", metavar=("R", "G", "B"), type=float, nargs=3, help="of the branches, linear, 0 to 1 (a brown)"
+    )
     add_representation(parser, "of leaves: all four up to 2000 of them, beyond that bezier")
     add_resolution(parser)
     parser.add_argument(
@@ -123,6 +129,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     with StepBar() as bar:
         made = make_branches_asset(request, bar.show)
+    for doubt in made.warnings:
+        logger.warning("%s", doubt)
     for note in made.notes:
         print(f"note: {note}")
     for row in made.measures:

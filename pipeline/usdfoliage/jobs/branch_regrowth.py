@@ -12,6 +12,7 @@ from usdfoliage.branch.reconstruct import TracedBranches
 from usdfoliage.branch.regrowth import RegrowthSettings, fill_hidden, regrow, vary_growth
 from usdfoliage.branch.species import Species
 from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branch_doubts import doubt_growth
 from usdfoliage.jobs.plant_cloud import PlantCloud
 
 TRACE, GROW = METHODS = ("trace", "grow")
@@ -62,8 +63,8 @@ def regrow_branches(
     species: Species,
     seed: int,
     progress: Callable[[float], None] | None = None,
-) -> tuple[TracedBranches, list[str]]:
-    """The branches with what is asked for grown, and notes of it; as they were traced where nothing is.
+) -> tuple[TracedBranches, list[str], list[str]]:
+    """The branches with what is asked for grown, notes of it, and doubts in it; as they were traced where nothing is.
 
     Args:
         traced: As the cloud shows them.
@@ -73,15 +74,15 @@ def regrow_branches(
         seed: Of growth.
         progress: Told how far it is, 0 to 1.
     """
-    notes = []
+    notes, doubts = [], []
     growth = growth_settings(traced, species)
     if request.method == GROW:
         grown = _regrow(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=grown.skeleton)
         notes.append(_tell(grown, f"branches are grown from the roots through the cloud in {grown.cycles} cycles"))
+        doubts.extend(doubt_growth(float(grown.reached.mean()), growth.internode_m))
     if request.hidden:
-        skeleton = traced.skeleton
-        filled = fill_hidden(skeleton, plant.points_m, traced.spacing_m, growth, request.settings, seed, progress)
+        filled = _fill(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=filled.skeleton)
         if filled.grown:
             notes.append(
@@ -89,19 +90,24 @@ def regrow_branches(
             )
         else:
             notes.append("the cloud hides nothing of the crown: no branches are grown inside it")
-    return traced, notes
+    return traced, notes, doubts
 
 
 def vary_branches(
     traced: TracedBranches, plant: PlantCloud, request: RegrowthRequest, species: Species, seed: int
 ) -> Iterator[tuple[TracedBranches, int]]:
-    """Plants like the one that was traced, grown through its cloud with slightly other parameters; each one's seed."""
+    """Plants like the one that was traced, grown through its cloud with slightly other parameters; each one's seed.
+
+    What its cloud hides they fill as it does, where that is asked for.
+    """
     growth = growth_settings(traced, species)
     for number in range(1, request.variations + 1):
         own = seed + number
         varied = vary_growth(growth, request.settings.variation, own)
-        grown = _regrow(traced, plant, varied, request, own, None)
-        yield replace(traced, skeleton=grown.skeleton), own
+        alike = replace(traced, skeleton=_regrow(traced, plant, varied, request, own, None).skeleton)
+        if request.hidden:
+            alike = replace(alike, skeleton=_fill(alike, plant, varied, request, own, None).skeleton)
+        yield alike, own
 
 
 def _regrow(
@@ -114,6 +120,18 @@ def _regrow(
 ) -> GrownBranches:
     radius_m = float(traced.skeleton.radius_m[0])
     return regrow(plant.points_m, plant.roots_m, radius_m, growth, request.settings, seed, progress, traced.skeleton)
+
+
+def _fill(
+    traced: TracedBranches,
+    plant: PlantCloud,
+    growth: GrowthSettings,
+    request: RegrowthRequest,
+    seed: int,
+    progress: Callable[[float], None] | None,
+) -> GrownBranches:
+    skeleton = traced.skeleton
+    return fill_hidden(skeleton, plant.points_m, traced.spacing_m, growth, request.settings, seed, progress)
 
 
 def _tell(grown: GrownBranches, what: str) -> str:

@@ -16,14 +16,16 @@ from usdfoliage.asset.branches import SkeletonPrim
 from usdfoliage.asset.leaf_motion import RiggedLeaves
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.publish import publish_folder
+from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage import BranchCage, BranchCageSettings, build_branch_cage
+from usdfoliage.branch.higher_feet import stands_on_stem
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.branch.species import load_species
 from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.jobs.branch_doubts import doubt_stems, doubt_surface
 from usdfoliage.jobs.branch_foliage import (
     FittedLeaves,
     FoliageRequest,
@@ -32,10 +34,11 @@ from usdfoliage.jobs.branch_foliage import (
     read_fitted_leaves,
 )
 from usdfoliage.jobs.branch_motion import BranchMotion, grow_branches, rig_branches, rig_leaves
-from usdfoliage.jobs.branch_regrowth import RegrowthRequest, regrow_branches, vary_branches
+from usdfoliage.jobs.branch_regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches_report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.capture_work import digest_file
 from usdfoliage.jobs.crown_report import Row
+from usdfoliage.jobs.leaf_asset import read_color
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.steps import StepProgress, follow_step
 
@@ -58,6 +61,7 @@ class BranchesRequest:
     regrowth: RegrowthRequest = field(default_factory=RegrowthRequest)
     foliage: FoliageRequest = field(default_factory=FoliageRequest)
     motion: BranchMotion = field(default_factory=BranchMotion)
+    asset: BranchAssetSettings = field(default_factory=BranchAssetSettings)
     seed: int = 0
     preview: bool = True
     force: bool = False
@@ -79,6 +83,9 @@ class BranchesRequest:
             )
         except ValueError as error:
             raise FoliageError(f"--internode: {error}") from error
+        bark = BranchAssetSettings()
+        if options.bark_color is not None:
+            bark = replace(bark, color=read_color(options.bark_color, "--bark-color"))
         return cls(
             cloud=PlantCloudRequest.from_options(options),
             output=options.output,
@@ -88,6 +95,7 @@ class BranchesRequest:
             regrowth=RegrowthRequest.from_options(options),
             foliage=FoliageRequest.from_options(options, species),
             motion=BranchMotion.from_options(options),
+            asset=bark,
             seed=options.seed,
             preview=not options.no_preview,
             force=options.force,
@@ -102,6 +110,7 @@ class MadeBranches:
     report: Path
     variations: tuple[Path, ...]  # assets of plants alike
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]  # what puts the asset in doubt
     measures: tuple[Row, ...]
     seconds: dict[str, float]
 
@@ -130,14 +139,17 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             raise FitError(f"no branch was found in {len(plant.points_m):,} points ({plant.source.path})")
         species = request.foliage.species
         with follow_step("growth", seconds, progress) as tell:
-            shown, told = regrow_branches(
+            shown, told, doubts = regrow_branches(
                 traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
             )
+        warnings = [*plant.warnings, *doubts]
         notes = [*plant.notes, *describe_leaves(traced, request.settings), *told]
-        if not traced.radii.believed.any():
-            notes.append("no stem or branch of the cloud is round: how thick branches are is a guess from their length")
+        stems = any(stands_on_stem(plant.points_m, root_m) for root_m in plant.roots_m)
+        warnings.extend(doubt_stems(float(traced.radii.believed.mean()), stems, traced.internode_m))
         made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
         notes.extend(made.notes)
+        surface = made.surfaces.whole
+        warnings.extend(doubt_surface(len(shown.skeleton), len(surface.dropped), len(surface.loose)))
         with follow_step("asset", seconds, progress):
             provenance = Provenance(
                 species=request.species,
@@ -147,7 +159,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 settings=describe_settings(request),
                 input_sha256=digest_file(plant.source.path),
             )
-            interface = _write_plant(folder, request.name, made, provenance, plant)
+            interface = _write_plant(folder, request.name, made, provenance, plant, request.asset)
         variations: list[Path] = []
         with follow_step("variations", seconds, progress) as tell:
             for varied, seed in vary_branches(traced, plant, request.regrowth, species, request.seed):
@@ -155,26 +167,28 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
                 alike = _make_plant(request, varied, fitted, seed, {}, None)
-                variations.append(_write_plant(own, name, alike, replace(provenance, seed=seed), plant))
+                variations.append(_write_plant(own, name, alike, replace(provenance, seed=seed), plant, request.asset))
                 tell(len(variations), request.regrowth.variations)
         report = BranchesReport(
             name=request.name,
             capture=plant.source.path.name,
             generator=provenance.generator,
-            notes=notes,
+            notes=[*warnings, *notes],
             settings=provenance.settings,
             preview=request.preview,
             variations=variations,
         )
         (folder / "report").mkdir(exist_ok=True)
         wood_m = plant.points_m[shown.wood]
-        rows = [*branch_rows(shown, made.surfaces.whole, wood_m), *made.rows]
+        rows = branch_rows(shown, surface, wood_m, grown=request.regrowth.method == GROW)
+        rows.extend(made.rows)
         write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, seconds, progress)
     return MadeBranches(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         variations=tuple(request.output / made.relative_to(folder) for made in variations),
         notes=tuple(notes),
+        warnings=tuple(warnings),
         measures=tuple(rows),
         seconds=seconds,
     )
@@ -226,7 +240,14 @@ def _make_plant(
     )
 
 
-def _write_plant(folder: Path, name: str, made: _MadePlant, provenance: Provenance, plant: PlantCloud) -> Path:
+def _write_plant(
+    folder: Path,
+    name: str,
+    made: _MadePlant,
+    provenance: Provenance,
+    plant: PlantCloud,
+    settings: BranchAssetSettings,
+) -> Path:
     return write_branch_asset(
         folder,
         name,
@@ -234,7 +255,7 @@ def _write_plant(folder: Path, name: str, made: _MadePlant, provenance: Provenan
         made.surfaces,
         provenance,
         plant.asset_from_cloud,
-        BranchAssetSettings(),
+        settings,
         made.leaves,
         made.rig,
         made.growth,
@@ -294,6 +315,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
         **request.regrowth.describe(),
         "species": request.species or "none",
         **describe_foliage(request.foliage),
+        "bark-color": " ".join(f"{channel:g}" for channel in request.asset.color),
         "seed": str(request.seed),
         **request.motion.describe(),
     }
@@ -301,6 +323,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
 
 def plan_branches_asset(request: BranchesRequest) -> str:
     """What make_branches_asset would do, in lines, after reading the cloud; writes nothing."""
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
     fitted = read_fitted_leaves(request.foliage, request.output)
     plant = read_plant_cloud(request.cloud)
     height_m = float(np.ptp(plant.points_m[:, 1]))
@@ -309,8 +332,9 @@ def plan_branches_asset(request: BranchesRequest) -> str:
         f"{height_m:.2f} m high",
         f"roots: {len(plant.roots_m)}",
         *([f"leaves: drawn from the {len(fitted.leaves):,} of {request.foliage.source}"] if fitted else []),
+        *(f"warning: {doubt}" for doubt in plant.warnings),
         *(f"note: {note}" for note in plant.notes),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
-        f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{request.name}.usda'}",
+        would,
     ]
     return "\n".join(lines)

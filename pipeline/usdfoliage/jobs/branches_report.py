@@ -44,8 +44,17 @@ class BranchesReport:
     variations: Sequence[Path] = ()  # interfaces of plants alike
 
 
-def branch_rows(traced: TracedBranches, cage: BranchCage, points_m: NDArray[np.float64]) -> list[Row]:
-    """The figures of branches, as the paper's tables 2 and 3 have them, for report and terminal."""
+def branch_rows(
+    traced: TracedBranches, cage: BranchCage, points_m: NDArray[np.float64], *, grown: bool = False
+) -> list[Row]:
+    """The figures of branches, as the paper's tables 2 and 3 have them, for report and terminal.
+
+    Args:
+        traced: Of which they are; what its circles told is of the branches that were traced.
+        cage: Its surface.
+        points_m: (N, 3), of wood.
+        grown: Whether the skeleton was grown, and is not the one that was traced.
+    """
     skeleton = traced.skeleton
     to_surface_m = distances_to_surface(points_m, skeleton, traced.thickness_m)
     to_cloud_m = distances_to_cloud(skeleton, points_m, traced.thickness_m)
@@ -76,9 +85,10 @@ def branch_rows(traced: TracedBranches, cage: BranchCage, points_m: NDArray[np.f
             value=f"{100 * to_cloud_m.mean():.2f} cm, standard deviation {100 * to_cloud_m.std():.2f} cm",
         ),
         Row(
-            name="exponent of the allometry",
+            name="exponent of the allometry" + (", as traced" if grown else ""),
             value=f"{traced.radii.exponent:.2f}",
-            remark=f"{int(traced.radii.believed.sum())} circles believed",
+            remark=f"{int(traced.radii.believed.sum())} circles believed"
+            + (" along the branches that were traced; growth has their exponent" if grown else ""),
         ),
         Row(name="cage", value=f"{len(cage.faces):,} faces", remark="Catmull–Clark, closed, all quads"),
     ]

@@ -15,7 +15,7 @@ from usdfoliage import __version__
 from usdfoliage.asset.package import AssetSettings, write_crown_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.publish import publish_folder
+from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.capture.foreground import propose_mask
 from usdfoliage.capture.images import Photo, read_photo
 from usdfoliage.capture.masks import CleanMask, clean_mask, read_mask
@@ -190,6 +190,7 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
 
 def plan_crown_asset(request: CrownRequest) -> str:
     """What make_crown_asset would do, in lines, after checking the input; writes nothing."""
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
     given = read_crown_input(request)
     photo = given.photo
     rows, columns = np.nonzero(given.mask)
@@ -199,7 +200,7 @@ def plan_crown_asset(request: CrownRequest) -> str:
         *(f"note: {note}" for note in given.notes),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         f"steps: {', '.join(STEPS)}{', preview' if request.preview else ''}",
-        f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{request.name}.usda'}",
+        would,
     ]
     return "\n".join(lines)
 

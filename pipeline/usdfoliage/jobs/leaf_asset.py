@@ -11,7 +11,7 @@ from usdfoliage import __version__
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.publish import publish_folder
+from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.leaf_settings import (
     check_memory,
@@ -125,7 +125,7 @@ def plan_spray(request: ScatterRequest) -> str:
         f"representations: {', '.join(request.settings.representations)}",
         *(f"note: {note}" for note in _notes(request)),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
-        f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{request.name}.usda'}",
+        plan_folder(request.output, f"{request.name}.usda", request.force),
     ]
     return "\n".join(lines)
 
@@ -158,11 +158,11 @@ def check_count(count: int) -> None:
         )
 
 
-def read_color(numbers: Sequence[float]) -> tuple[float, float, float]:
-    """A colour of three numbers; FoliageError for one that no leaf has."""
+def read_color(numbers: Sequence[float], option: str = "--color") -> tuple[float, float, float]:
+    """A colour of three numbers, as an option gave them; FoliageError for one that no plant has."""
     red, green, blue = numbers
     if not all(0 <= channel <= 1 for channel in numbers):  # false for NaN too
-        raise FoliageError(f"--color must be three numbers from 0 to 1, linear, not {red:g} {green:g} {blue:g}")
+        raise FoliageError(f"{option} must be three numbers from 0 to 1, linear, not {red:g} {green:g} {blue:g}")
     return red, green, blue
 
 

@@ -28,7 +28,7 @@ from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.other_parts import OtherParts, find_other_parts, lost_leaf_motion, write_leaves_beside
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
-from usdfoliage.asset.publish import is_asset_folder, publish_folder
+from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.jobs.leaf_change import bake_leaves, join_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.leaf_edit import changed_edits, show_value
@@ -129,7 +129,7 @@ def plan_bake(request: BakeRequest) -> str:
     lines = [
         *_lines(request, given),
         *(f"note: {note}" for note in given.notes),
-        f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{given.name}.usda'}",
+        plan_folder(request.output, f"{given.name}.usda", request.force),
     ]
     return "\n".join(lines)
 

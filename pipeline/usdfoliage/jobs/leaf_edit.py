@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from usdfoliage.asset.contents import prototype_segments, representations, require_plant
+from usdfoliage.asset.contents import interface_of, prototype_segments, representations, require_plant
 from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.asset.leaf_primvars import read_edits
-from usdfoliage.asset.locate import find_interface, open_layer, require_leaves, select_representation
-from usdfoliage.asset.look import open_asset, read_look, write_look_layer
+from usdfoliage.asset.locate import require_leaves, select_representation
+from usdfoliage.asset.look import check_look_output, open_asset, write_look_layer
 from usdfoliage.errors import FoliageError
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, Vector, compose_edits, jitter_silhouette
 from usdfoliage.leaf.mesh import MOST_SEGMENTS
@@ -80,12 +80,12 @@ def plan_look(request: EditRequest) -> PlannedLook:
     """What the look will say; writes nothing.
 
     Raises:
-        FoliageError: The asset cannot be read or has no leaves, an edit leads out of its range, or the jitter map
-            cannot be used.
+        FoliageError: The asset cannot be read or has no leaves, an edit leads out of its range, the jitter map
+            cannot be used, or the look cannot be written there.
     """
     if request.jitter_map is not None:
         read_jitter_map(request.jitter_map)
-    look = read_look(open_layer(find_interface(request.asset)))
+    interface, look = interface_of(request.asset)
     stage = open_asset(request.asset)
     if representations(require_plant(stage, request.asset)):
         select_representation(stage, "bezier")
@@ -104,6 +104,7 @@ def plan_look(request: EditRequest) -> PlannedLook:
         ),
     )
     _check_range(after)
+    check_look_output(request.output, interface, force=request.force)
     changes = tuple(
         Change(name=name, before=getattr(before, name), after=value)
         for name, value in changed_edits(after, before).items()

@@ -15,7 +15,7 @@ from usdfoliage import __version__
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.publish import publish_folder
+from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.capture.depth_scale import check_depth_scale
 from usdfoliage.capture.folder import Capture, CaptureViews, read_capture, read_view, read_views
 from usdfoliage.capture.plane_sweep import sweep_depths
@@ -180,6 +180,7 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
 
 def plan_leaves_asset(request: LeavesRequest) -> str:
     """What make_leaves_asset would do, in lines, after looking at the capture; writes nothing."""
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
     capture = find_capture(request)
     first = read_view(capture, 0).camera
     depths = sum(view.depth is not None for view in capture.views)
@@ -193,7 +194,7 @@ def plan_leaves_asset(request: LeavesRequest) -> str:
         *(f"note: {note}" for note in capture.notes),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         f"steps: {', '.join(steps)}",
-        f"would {'replace' if request.output.exists() else 'write'}: {request.output / f'{request.name}.usda'}",
+        would,
     ]
     return "\n".join(lines)
 

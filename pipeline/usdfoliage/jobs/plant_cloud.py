@@ -21,6 +21,7 @@ from usdfoliage.capture.cloud_units import UNITS
 from usdfoliage.capture.cloud_up import axis_vector, find_cloud_up, turn_to_y_up
 from usdfoliage.errors import FitError, FoliageError
 from usdfoliage.geometry.point_cells import cell_means, number_cells
+from usdfoliage.jobs.branch_doubts import doubt_height
 from usdfoliage.steps import StepProgress
 
 LEAST_POINTS = 50  # of a plant without its ground
@@ -115,6 +116,7 @@ class PlantCloud:
     source: CloudInput
     ground: int  # points that were left out as ground
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()  # what puts the whole cloud in doubt
 
 
 def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None = None) -> PlantCloud:
@@ -135,7 +137,8 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     else:
         up = find_cloud_up(source.points_m, source.stated_up, source.usual_up)
         axis = up.axis
-        notes.append(up.how if up.sure else f"{up.how}; say it with --up if that is wrong")
+        is_told = up.sure and source.stated_up is not None  # what is found is wrong for some plants, however clear
+        notes.append(up.how if is_told else f"{up.how}; say it with --up if that is wrong")
     turn = turn_to_y_up(axis)
     points_m = source.points_m @ turn.T
     ground = find_ground(points_m)
@@ -149,22 +152,23 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         points_m = points_m[~strays]
         colors = None if colors is None else colors[~strays]
     _check_internode(points_m, request)
+    close = len(points_m)
     points_m, colors, cell_m = _thin_plant(points_m, colors, request)
     if cell_m > 0:
         notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * cell_m:.1f} mm")
     if len(points_m) < LEAST_POINTS:
-        raise FitError(f"{len(points_m)} points are left without the ground, {LEAST_POINTS} needed ({source.path})")
+        raise FitError(_explain_few(len(points_m), close, source, axis, request))
     if request.given_roots:
         given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
         roots_m = given @ turn.T
         _check_roots(roots_m, points_m, request)
-        other = find_other_trees(points_m, roots_m, find_roots(points_m, RootSettings()), point_spacing(points_m))
+        other = find_other_trees(points_m, roots_m, find_roots(points_m, ground=ground.plane), point_spacing(points_m))
         if other.any():
             notes.append(f"{int(other.sum()):,} points are of other trees than that at the given root and left out")
             points_m = points_m[~other]
             colors = None if colors is None else colors[~other]
     else:
-        roots_m = find_roots(points_m, request.roots)
+        roots_m = find_roots(points_m, request.roots, ground.plane)
         if request.roots.count is not None and len(roots_m) < request.roots.count:
             notes.append(f"{len(roots_m)} of {request.roots.count} roots were found")
     asset_from_cloud = np.eye(4)
@@ -178,7 +182,22 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         source=source,
         ground=int(ground.points.sum()),
         notes=tuple(notes),
+        warnings=tuple(doubt_height(float(np.ptp(points_m[:, 1])), source.metres_per_unit)),
     )
+
+
+def _explain_few(
+    left: int, close: int, source: CloudInput, axis: NDArray[np.float64], request: PlantCloudRequest
+) -> str:
+    """Why fewer points of a plant are left than can be traced, and what to do; close were left before thinning."""
+    if close >= LEAST_POINTS and request.internode_m is not None:
+        told = f"--internode {request.internode_m:g} leaves {left} points of the plant, {LEAST_POINTS} needed"
+        return f"{told}; give a shorter one"
+    told = f"{left} points are left without the ground, {LEAST_POINTS} needed ({source.path})"
+    if doubt_height(float(np.ptp(source.points_m, axis=0).max()), source.metres_per_unit):
+        doubts = doubt_height(float(np.ptp(source.points_m @ axis)), source.metres_per_unit)
+        return "; ".join([told, *doubts])
+    return f"{told}; give a cloud of a plant, and say --up if another of its axes is up"
 
 
 def _check_internode(points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
