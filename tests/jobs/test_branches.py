@@ -7,6 +7,7 @@ import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
 from usdfoliage.errors import FoliageError
+from usdfoliage.jobs import branch_doubts
 from usdfoliage.jobs.plant_cloud import read_roots, read_unit, read_up
 
 HEIGHT_M, RADIUS_M, ARM_M = 2.0, 0.04, 0.02
@@ -213,7 +214,8 @@ def test_growth_that_comes_to_few_points_is_a_warning(tmp_path, rng, caplog):
     assert "% of the points alone" in report
 
 
-def test_branches_that_are_not_joined_are_a_warning(tmp_path, rng, caplog):
+def test_branches_that_are_not_joined_are_a_warning(tmp_path, rng, caplog, monkeypatch):
+    monkeypatch.setattr(branch_doubts, "_UNJOINED", 0.01)  # a lump of points without stems has a few
     cloud = write_xyz(tmp_path / "lump.xyz", rng.uniform(-0.5, 0.5, (1500, 3)))
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--up", "Z"]) == 0
     assert "of the branches are not joined to the surface" in caplog.text
