@@ -188,12 +188,7 @@ def _walk(
         Arcs (C,), held at the tip, and whether they were reached.
     """
     arc, done, at.at = _native.walk_out(
-        tubes.points_m,
-        tubes.radius_m,
-        tubes.arc_m,
-        tubes.direction,
-        tubes.first,
-        tubes.counts,
+        *tubes.axes,
         at.tube,
         at.parent,
         clearance,
