@@ -19,7 +19,7 @@ from usdfoliage.branch.cage_pieces import LoosePieces, cut_loose
 from usdfoliage.branch.cage_places import HOLE, Holes
 from usdfoliage.branch.cage_rings import Rings, Starts, build_rings
 from usdfoliage.branch.cage_sectors import SIDES
-from usdfoliage.branch.cage_settle import ATTEMPTS, leading, settle, take_families
+from usdfoliage.branch.cage_settle import ATTEMPTS, find_beside, leading, settle, take_around
 from usdfoliage.branch.cage_tubes import Floats, Ints, Path, Tubes, find_paths
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.rooted_tree import RootedTree
@@ -137,12 +137,18 @@ def _build_joined(skeleton: Skeleton, settings: BranchCageSettings) -> BranchCag
     tries = np.zeros(len(skeleton), np.int64)
     mean_radius_m = _mean_radii(skeleton)
     carried_m = RootedTree(skeleton.parent_curve).sum_above(skeleton.lengths_m)
-    while True:
-        built = _build(paths, tries, settings, mean_radius_m, dropped)
+    built = _build(paths, tries, settings, mean_radius_m, dropped)
+    guilty = _find_guilty(built, carried_m)
+    while len(guilty):
+        before = tries.copy()
+        _try_around(paths, built, guilty, tries, settings, mean_radius_m, carried_m)
+        # What is far from all that was changed stays as it is, or there would be no end to what crosses anew.
+        first = leading(built.tubes, built.exits)
+        near = find_beside(built.tubes, built.exits, np.flatnonzero(tries[first] != before[first]))
+        moving = np.zeros(len(skeleton), bool)
+        moving[first[near]] = True
+        built = _build(paths, tries, settings, mean_radius_m, dropped, moving)
         guilty = _find_guilty(built, carried_m)
-        if not len(guilty):
-            break
-        _try_families(paths, built, guilty, tries, settings, mean_radius_m, carried_m)
     _name_dropped(built.tubes, built.exits, built.holes, tries, dropped)
     for branch in set(built.tubes.piece_branch.tolist()) - set(built.faces.curve.tolist()):
         dropped.setdefault(branch, COVERED)
@@ -164,7 +170,7 @@ class _Built:
     forks: Forks
 
 
-def _try_families(
+def _try_around(
     paths: list[Path],
     built: _Built,
     guilty: Ints,
@@ -173,12 +179,20 @@ def _try_families(
     mean_radius_m: Floats,
     carried_m: Floats,
 ) -> None:
-    """Raise the tries of forks until none crosses: each with its parent and its siblings, without all the rest."""
+    """Raise the tries of forks until none crosses: each with what is near it, without all the rest."""
+    before = tries.copy()
+    first = leading(built.tubes, built.exits)
+    whole, some = built, paths
     while True:
-        tries[leading(built.tubes, built.exits)[built.holes.exit[guilty]]] += STEP
-        parents = np.unique(built.exits.parent[built.holes.exit[guilty]])
-        paths = take_families(paths, built.tubes, built.exits, parents)
-        built = _build(paths, tries, settings, mean_radius_m, {})
+        while len(guilty):
+            tries[leading(built.tubes, built.exits)[built.holes.exit[guilty]]] += STEP
+            some = take_around(some, built.tubes, built.exits, built.holes.exit[guilty])
+            built = _build(some, tries, settings, mean_radius_m, {})
+            guilty = _find_guilty(built, carried_m)
+        # Each was left alone once it did not cross: now all that were tried together.
+        some = take_around(paths, whole.tubes, whole.exits, np.flatnonzero(tries[first] != before[first]))
+        before = tries.copy()
+        built = _build(some, tries, settings, mean_radius_m, {})
         guilty = _find_guilty(built, carried_m)
         if not len(guilty):
             return
@@ -200,10 +214,15 @@ def _name_dropped(tubes: Tubes, exits: Exits, holes: Holes, tries: Ints, dropped
 
 
 def _build(
-    paths: list[Path], tries: Ints, settings: BranchCageSettings, mean_radius_m: Floats, dropped: dict[int, str]
+    paths: list[Path],
+    tries: Ints,
+    settings: BranchCageSettings,
+    mean_radius_m: Floats,
+    dropped: dict[int, str],
+    moving: NDArray[np.bool_] | None = None,
 ) -> _Built:
     """The mesh of these paths, which change in place."""
-    exits, tubes, holes = settle(paths, tries, settings.clearance, dropped)
+    exits, tubes, holes = settle(paths, tries, settings.clearance, dropped, moving)
     alive = tubes.parent < 0
     child = exits.tube[holes.exit]
     alive[child] = True
