@@ -10,6 +10,7 @@
 #include "fork_crossings.h"
 #include "hole_places.h"
 #include "limit_pull.h"
+#include "tube_bend.h"
 #include "tube_exits.h"
 #include "tube_frames.h"
 #include "tube_places.h"
@@ -164,6 +165,32 @@ nb::tuple circles(const Integers& tube, const Vectors& center, const Vectors& ta
     return nb::make_tuple(to_numpy(std::move(points), {n, 6, 3}), to_numpy(std::move(found_radius), {n}));
 }
 
+nb::tuple bend(const Vectors& points, const Numbers& radius, const Numbers& step, double held, double fade, int samples,
+               double least_apart) {
+    const double* way = step.data();
+    usdfoliage::BentAxis bent = usdfoliage::bend_start(points.data(), radius.data(), radius.shape(0),
+                                                       {{way[0], way[1], way[2]}, held, fade, samples, least_apart});
+    const std::size_t n = bent.old_arc.size();
+    return nb::make_tuple(to_numpy(std::move(bent.old_arc), {n}), to_numpy(std::move(bent.points), {n, 3}),
+                          to_numpy(std::move(bent.radius), {n}), to_numpy(std::move(bent.moved), {n, 3}),
+                          to_numpy(std::move(bent.new_arc), {n}));
+}
+
+nb::tuple nearest(const Vectors& points, const Numbers& radius, const Numbers& arc, const Vectors& direction,
+                  const Integers& first, const Integers& counts, const Integers& tube, const Integers& at,
+                  const Vectors& places, int most_steps, int threads) {
+    const std::size_t n = tube.shape(0);
+    std::vector<std::int64_t> found_at(at.data(), at.data() + n);
+    std::vector<double> found(3 * n), found_arc(n), found_radius(n);
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::find_nearest(GivenAxes{points, radius, arc, direction, first, counts}.read(), tube.data(), places.data(), n,
+                                 most_steps, found_at.data(), found.data(), found_arc.data(), found_radius.data(), threads);
+    }
+    return nb::make_tuple(to_numpy(std::move(found), {n, 3}), to_numpy(std::move(found_arc), {n}),
+                          to_numpy(std::move(found_radius), {n}), to_numpy(std::move(found_at), {n}));
+}
+
 nb::tuple walk(const Vectors& points, const Numbers& radius, const Numbers& arc, const Vectors& direction,
                const Integers& first, const Integers& counts, const Integers& tube, const Integers& parent,
                const Numbers& clearance, const Integers& at, const Numbers& start, bool whole_disc, double cage_factor,
@@ -201,6 +228,11 @@ void bind_branch_cage(nb::module_& m) {
     m.def("walk_out", &walk, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "tube"_a, "parent"_a,
           "clearance"_a, "at"_a, "start"_a, "whole_disc"_a, "cage_factor"_a, "thickest"_a, "skin"_a, "most_steps"_a,
           "threads"_a, "Arcs (C,) at which tubes are outside their parents, whether they are, and the parents' segments there.");
+    m.def("bend_start", &bend, "points"_a, "radius"_a, "step"_a, "held"_a, "fade"_a, "samples"_a, "least_apart"_a,
+          "An axis whose start is moved: old arcs (N,), points (N, 3), radii, by how much (N, 3), and arcs now.");
+    m.def("tube_nearest", &nearest, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "tube"_a, "at"_a,
+          "places"_a, "most_steps"_a, "threads"_a,
+          "Points (N, 3), arcs and radii of tubes next to places, and their segments, from those where they were.");
     m.def("tube_axis", &axis, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "tube"_a, "at"_a,
           "threads"_a, "Points (N, 3) and radii (N,) at arcs of tubes, held at the ends.");
     m.def("tube_tangents", &tangents, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "tube"_a, "at"_a,

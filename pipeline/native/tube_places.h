@@ -24,4 +24,10 @@ void find_tangents(const TubeAxes& axes, const std::int64_t* tube, const double*
 void find_frames(const TubeAxes& axes, const double* reference, const std::int64_t* tube, const double* arc,
                  const double* tangents, std::size_t n, double* first, double* second, int threads);
 
+// The place of a tube next to each of n points (3 each): points (3 each), arcs and radii there.
+//
+// @param at  the tube's segment where the search begins, in and out.
+void find_nearest(const TubeAxes& axes, const std::int64_t* tube, const double* places, std::size_t n, int most_steps,
+                  std::int64_t* at, double* points, double* arc, double* radius, int threads);
+
 }  // namespace usdfoliage

@@ -140,4 +140,5 @@ def _begin_at(path: Path, free_m: float) -> float:
     path.points_m = np.concatenate([start, path.points_m[later]])
     path.radius_m = np.concatenate([[np.interp(cut_m, arc_m, path.radius_m)], path.radius_m[later]])
     path.pieces = [(branch, from_m - cut_m) for branch, from_m in path.pieces]
+    path.eased = False
     return cut_m

@@ -35,6 +35,7 @@ class Path:
     parent: int  # path that it leaves, -1 for none
     parent_arc_m: float  # where on that path
     pieces: list[tuple[int, float]] = field(default_factory=list)  # branch, arc at which its own arc is 0
+    eased: bool = False  # whether it is known to have no bend that is too tight
 
     def leave_instead(self, short: "Path") -> None:
         """Leave the parent of a short path, which is passed through up to where this one left it."""
@@ -46,6 +47,7 @@ class Path:
         self.radius_m = np.concatenate([np.full(len(prefix), self.radius_m[0]), self.radius_m])
         self.pieces = [(branch, from_m + added_m) for branch, from_m in self.pieces]
         self.parent, self.parent_arc_m = short.parent, short.parent_arc_m
+        self.eased = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
