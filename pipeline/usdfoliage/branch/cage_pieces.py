@@ -115,7 +115,7 @@ def _first_clear(skeleton: Skeleton, branch: int, standing: NDArray[np.bool_]) -
         upto = min(upto, len(at_m))
         near = _segments_near(skeleton, below, at_m[:upto], step_m)
         clear = _is_clear(near, at_m[:upto], own_m[:upto], along[:upto], step_m)
-        # Where it stays clear for a while: a limb that comes near what is below once more, farther out, is not cut there.
+        # Where it stays clear for a while: a limb that comes near what is below once more is not cut there.
         blocked = np.concatenate([np.flatnonzero(~clear), [upto]])
         free = np.concatenate([[0], blocked[:-1] + 1])
         long = np.flatnonzero(walked_m[blocked] - walked_m[free] >= _LEAST * np.append(own_m, own_m[-1])[free])

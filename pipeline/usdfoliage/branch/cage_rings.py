@@ -16,9 +16,9 @@ GROWTH = 0.8  # of the spacing, per length, away from where it must be short
 CROWDED = 0.7  # radii: optional rings keep this distance
 PER_INTERVAL = 6  # at least so many samples of the spacing between two rings that are given
 MOST_SAMPLES = 4000  # and at most so many
-TIP = .65  # radius of the last ring of a tip, which is rounded off
+TIP = 0.65  # radius of the last ring of a tip, which is rounded off
 STEADIED = (1.0, 2.2)  # radii before the shoulder: rings that keep its rounding to itself
-SHOULDER = .3  # radii before it: the last ring of full thickness
+SHOULDER = 0.3  # radii before it: the last ring of full thickness
 MARKED = np.radians(15.0)  # a bend that has rings beside it even where points are close
 STEADY = 60.0  # spacing in radii where nothing asks for a ring
 
