@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from usdfoliage.branch.cage_build import Built
 from usdfoliage.branch.cage_check import CageCheck, check_mesh
 from usdfoliage.branch.cage_join import CROSSES, NO_ROOM, PARENT_DROPPED, join_branches
+from usdfoliage.branch.cage_layout import Layout
 from usdfoliage.branch.cage_pieces import LoosePieces, cut_loose
 from usdfoliage.branch.cage_settings import BranchCageSettings as BranchCageSettings
 from usdfoliage.branch.model import Skeleton
@@ -99,7 +100,9 @@ def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skele
 def _build_joined(skeleton: Skeleton, settings: BranchCageSettings) -> BranchCage:
     """The cage of the branches that can be joined."""
     joined = join_branches(skeleton, settings)
-    return _empty(joined.dropped) if joined.built is None else _finish(joined.built, skeleton, joined.dropped)
+    if joined.built is None or joined.layout is None:
+        return _empty(joined.dropped)
+    return _finish(joined.built, joined.layout, skeleton, joined.dropped)
 
 
 def check_cage(cage: BranchCage) -> CageCheck:
@@ -107,19 +110,19 @@ def check_cage(cage: BranchCage) -> CageCheck:
     return check_mesh(cage.points_m, cage.faces, cage.fork_faces, cage.fork_counts)
 
 
-def _finish(built: Built, skeleton: Skeleton, dropped: dict[int, str]) -> BranchCage:
+def _finish(built: Built, layout: Layout, skeleton: Skeleton, dropped: dict[int, str]) -> BranchCage:
     if dropped:
         logger.info("%d of %d branches are not in the cage", len(dropped), len(skeleton))
     return BranchCage(
         points_m=built.points_m,
         faces=built.faces.faces.astype(np.int32),
-        st_m=built.faces.st_m,
-        face_st=built.faces.face_st.astype(np.int32),
-        curve=built.faces.curve.astype(np.int32),
-        order=skeleton.order[built.faces.curve].astype(np.int32),
+        st_m=layout.st_m,
+        face_st=layout.face_st.astype(np.int32),
+        curve=layout.curve.astype(np.int32),
+        order=skeleton.order[layout.curve].astype(np.int32),
         fork_faces=built.forks.faces.astype(np.int32),
         fork_counts=built.forks.counts.astype(np.int32),
-        fork_curve=built.faces.curve[built.faces.loft_face[:, 0]].astype(np.int32),
+        fork_curve=layout.curve[built.faces.loft_face[:, 0]].astype(np.int32),
         dropped=tuple(DroppedBranch(curve=curve, why=dropped[curve]) for curve in sorted(dropped)),
     )
 

@@ -33,6 +33,8 @@ class Built:
     tubes: Tubes
     exits: Exits
     holes: Holes
+    rings: Rings
+    places: HolePlaces
     points_m: Floats
     faces: Faces
     forks: Forks
@@ -42,7 +44,6 @@ def build_paths(
     paths: list[Path],
     tries: Ints,
     settings: BranchCageSettings,
-    mean_radius_m: Floats,
     dropped: dict[int, str],
     moving: NDArray[np.bool_] | None = None,
 ) -> Built:
@@ -52,7 +53,6 @@ def build_paths(
         paths: The axes.
         tries: (B,) how often each branch of the skeleton was tried already.
         settings: How close the mesh keeps to the axes.
-        mean_radius_m: (B,), of the branches.
         dropped: Takes the branches that end inside their parents.
         moving: (B,) branches that may be bent to where their holes are; all where it is not given.
     """
@@ -68,11 +68,13 @@ def build_paths(
     starts = Starts(alive=alive, arc_m=start_m, radius_m=radius_m, spacing_m=spacing_m)
     rings = build_rings(tubes, starts, holes, settings.axis_tolerance, settings.longest_row)
     places = place_hole_vertices(tubes, holes)
-    faces = build_faces(tubes, rings, holes, places, child, mean_radius_m)
+    faces = build_faces(tubes, rings, holes, child)
     return Built(
         tubes=tubes,
         exits=exits,
         holes=holes,
+        rings=rings,
+        places=places,
         points_m=_pull(rings, places, faces, tubes.parent < 0),
         faces=faces,
         forks=gather_forks(tubes, exits, holes, rings, faces),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.branch.cage_build import Built, build_paths, find_guilty
 from usdfoliage.branch.cage_exits import Exits
+from usdfoliage.branch.cage_layout import Layout, lay_out_faces
 from usdfoliage.branch.cage_places import Holes
 from usdfoliage.branch.cage_settings import BranchCageSettings
 from usdfoliage.branch.cage_settle import ATTEMPTS, find_beside, leading, take_around
@@ -29,6 +30,7 @@ class Joined:
     """The mesh of the branches that could be joined."""
 
     built: Built | None  # none where no branch has a length
+    layout: Layout | None
     dropped: dict[int, str]  # branches that are not in it, and why
 
 
@@ -38,14 +40,13 @@ class _Work:
 
     tries: Ints  # (B,)
     settings: BranchCageSettings
-    mean_radius_m: Floats  # (B,)
     carried_m: Floats  # (B,), length of all that a branch carries and its own
 
     def build(
         self, paths: list[Path], dropped: dict[int, str], moving: NDArray[np.bool_] | None = None
     ) -> tuple[Built, Ints]:
         """The mesh of these paths, which change in place, and the holes to try again."""
-        built = build_paths(paths, self.tries, self.settings, self.mean_radius_m, dropped, moving)
+        built = build_paths(paths, self.tries, self.settings, dropped, moving)
         return built, find_guilty(built, self.carried_m)
 
 
@@ -53,12 +54,11 @@ def join_branches(skeleton: Skeleton, settings: BranchCageSettings) -> Joined:
     """Build the branches that can be joined."""
     paths, dropped = find_paths(skeleton)
     if not paths:
-        return Joined(built=None, dropped=dropped)
+        return Joined(built=None, layout=None, dropped=dropped)
     tries = np.zeros(len(skeleton), np.int64)
     work = _Work(
         tries=tries,
         settings=settings,
-        mean_radius_m=_mean_radii(skeleton),
         carried_m=RootedTree(skeleton.parent_curve).sum_above(skeleton.lengths_m),
     )
     built, guilty = work.build(paths, dropped)
@@ -72,28 +72,19 @@ def join_branches(skeleton: Skeleton, settings: BranchCageSettings) -> Joined:
         moving[first[near]] = True
         built, guilty = work.build(paths, dropped, moving)
     _name_dropped(built.tubes, built.exits, built.holes, tries, dropped)
-    for branch in set(built.tubes.piece_branch.tolist()) - set(built.faces.curve.tolist()):
+    layout = lay_out_faces(built.tubes, built.rings, built.holes, built.places, built.faces, _mean_radii(skeleton))
+    for branch in set(built.tubes.piece_branch.tolist()) - set(layout.curve.tolist()):
         dropped.setdefault(branch, COVERED)
-    return Joined(built=built, dropped=dropped)
+    return Joined(built=built, layout=layout, dropped=dropped)
 
 
 def _try_around(paths: list[Path], built: Built, guilty: Ints, work: _Work) -> None:
     """Raise the tries of forks until none crosses: each with what is near it, without all the rest."""
-    tries = work.tries
-    before = tries.copy()
-    first = leading(built.tubes, built.exits)
-    whole, some = built, paths
-    while True:
-        while len(guilty):
-            tries[leading(built.tubes, built.exits)[built.holes.exit[guilty]]] += STEP
-            some = take_around(some, built.tubes, built.exits, built.holes.exit[guilty])
-            built, guilty = work.build(some, {})
-        # Each was left alone once it did not cross: now all that were tried together.
-        some = take_around(paths, whole.tubes, whole.exits, np.flatnonzero(tries[first] != before[first]))
-        before = tries.copy()
-        built, guilty = work.build(some, {})
-        if not len(guilty):
-            return
+    while len(guilty):
+        forks = built.holes.exit[guilty]
+        work.tries[leading(built.tubes, built.exits)[forks]] += STEP
+        paths = take_around(paths, built.tubes, built.exits, forks)
+        built, guilty = work.build(paths, {})
 
 
 def _name_dropped(tubes: Tubes, exits: Exits, holes: Holes, tries: Ints, dropped: dict[int, str]) -> None:

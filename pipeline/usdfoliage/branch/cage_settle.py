@@ -89,11 +89,10 @@ def leading(tubes: Tubes, exits: Exits) -> Ints:
 def take_around(paths: list[Path], tubes: Tubes, exits: Exits, forks: Ints) -> list[Path]:
     """The paths round some forks (G,) of the exits by themselves, so that they can be tried without all others.
 
-    These are the parents, what leaves them near these forks, what the parents leave themselves, and what leaves that
-    nearby. Paths are copies. One whose own parent is left out begins where it is clear of it.
+    These are the parents, and what leaves them near these forks. Paths are copies. One whose own parent is left out
+    begins where it is clear of it.
     """
     near = find_beside(tubes, exits, forks)
-    near |= find_beside(tubes, exits, np.flatnonzero(np.isin(exits.tube, exits.parent[forks])))
     alone = np.zeros(len(paths), bool)
     alone[exits.tube[near]] = alone[exits.parent[near]] = True
     chosen = np.flatnonzero(alone)
