@@ -10,8 +10,11 @@
 #include "fork_crossings.h"
 #include "hole_places.h"
 #include "limit_pull.h"
+#include "tube_bend.h"
 #include "tube_exits.h"
 #include "tube_frames.h"
+#include "tube_places.h"
+#include "tube_rings.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -76,6 +79,120 @@ nb::tuple place(const Input<double, nb::shape<-1, 9>>& wants, const Integers& wa
                           to_numpy(std::move(found.turn_angles), {turns, 6}), to_numpy(std::move(found.homeless), {homeless}));
 }
 
+// The axes of tubes as they come from Python.
+struct GivenAxes {
+    const Vectors& points;
+    const Numbers& radius;
+    const Numbers& arc;
+    const Vectors& direction;
+    const Integers& first;
+    const Integers& counts;
+
+    usdfoliage::TubeAxes read() const {
+        return {points.data(), radius.data(), arc.data(), direction.data(), first.data(), counts.data()};
+    }
+};
+
+nb::tuple axis(const Vectors& points, const Numbers& radius, const Numbers& arc, const Vectors& direction,
+               const Integers& first, const Integers& counts, const Integers& tube, const Numbers& at, int threads) {
+    const std::size_t n = tube.shape(0);
+    std::vector<double> found(3 * n), found_radius(n);
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::find_axis(GivenAxes{points, radius, arc, direction, first, counts}.read(), tube.data(), at.data(), n,
+                              found.data(), found_radius.data(), threads);
+    }
+    return nb::make_tuple(to_numpy(std::move(found), {n, 3}), to_numpy(std::move(found_radius), {n}));
+}
+
+nb::ndarray<nb::numpy, double> tangents(const Vectors& points, const Numbers& radius, const Numbers& arc,
+                                        const Vectors& direction, const Integers& first, const Integers& counts,
+                                        const Integers& tube, const Numbers& at, const Numbers& reach, int threads) {
+    const std::size_t n = tube.shape(0);
+    std::vector<double> found(3 * n);
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::find_tangents(GivenAxes{points, radius, arc, direction, first, counts}.read(), tube.data(), at.data(),
+                                  reach.data(), n, found.data(), threads);
+    }
+    return to_numpy(std::move(found), {n, 3});
+}
+
+nb::tuple frames(const Vectors& points, const Numbers& radius, const Numbers& arc, const Vectors& direction,
+                 const Integers& first, const Integers& counts, const Vectors& reference, const Integers& tube,
+                 const Numbers& at, const Vectors& tangent, int threads) {
+    const std::size_t n = tube.shape(0);
+    std::vector<double> one(3 * n), two(3 * n);
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::find_frames(GivenAxes{points, radius, arc, direction, first, counts}.read(), reference.data(), tube.data(),
+                                at.data(), tangent.data(), n, one.data(), two.data(), threads);
+    }
+    return nb::make_tuple(to_numpy(std::move(one), {n, 3}), to_numpy(std::move(two), {n, 3}));
+}
+
+nb::tuple fill(const Vectors& points, const Numbers& radius, const Numbers& arc, const Vectors& direction,
+               const Integers& first, const Integers& counts, const Numbers& turned, const Integers& tube,
+               const Input<double, nb::shape<-1, 4>>& gaps, double tolerance, double longest, double growth, double steady,
+               double long_segment, double most_reach, std::int64_t least_samples, std::int64_t most_samples, int threads) {
+    usdfoliage::AddedRings added;
+    {
+        nb::gil_scoped_release unlocked;
+        std::vector<usdfoliage::RingGap> given(tube.shape(0));
+        for (std::size_t k = 0; k < given.size(); ++k) {
+            const double* value = gaps.data() + 4 * k;
+            given[k] = {tube.data()[k], value[0], value[1], value[2], value[3]};
+        }
+        added = usdfoliage::fill_gaps(GivenAxes{points, radius, arc, direction, first, counts}.read(), turned.data(),
+                                      given.data(), given.size(),
+                                      {tolerance, longest, growth, steady, long_segment, most_reach, least_samples,
+                                       most_samples},
+                                      threads);
+    }
+    const std::size_t n = added.arc.size();
+    return nb::make_tuple(to_numpy(std::move(added.gap), {n}), to_numpy(std::move(added.arc), {n}));
+}
+
+nb::tuple circles(const Integers& tube, const Vectors& center, const Vectors& tangent, const Vectors& first,
+                  const Vectors& second, const Input<double, nb::shape<-1, 6>>& angles, const Numbers& radius,
+                  double at_vertices, int threads) {
+    const std::size_t n = tube.shape(0);
+    std::vector<double> found_radius(radius.data(), radius.data() + n), points(18 * n);
+    {
+        nb::gil_scoped_release unlocked;
+        const usdfoliage::RingCircles rings{tube.data(),  center.data(), tangent.data(), first.data(),
+                                            second.data(), angles.data(), n};
+        usdfoliage::round_rings(rings, at_vertices, found_radius.data(), points.data(), threads);
+    }
+    return nb::make_tuple(to_numpy(std::move(points), {n, 6, 3}), to_numpy(std::move(found_radius), {n}));
+}
+
+nb::tuple bend(const Vectors& points, const Numbers& radius, const Numbers& step, double held, double fade, int samples,
+               double least_apart) {
+    const double* way = step.data();
+    usdfoliage::BentAxis bent = usdfoliage::bend_start(points.data(), radius.data(), radius.shape(0),
+                                                       {{way[0], way[1], way[2]}, held, fade, samples, least_apart});
+    const std::size_t n = bent.old_arc.size();
+    return nb::make_tuple(to_numpy(std::move(bent.old_arc), {n}), to_numpy(std::move(bent.points), {n, 3}),
+                          to_numpy(std::move(bent.radius), {n}), to_numpy(std::move(bent.moved), {n, 3}),
+                          to_numpy(std::move(bent.new_arc), {n}));
+}
+
+nb::tuple nearest(const Vectors& points, const Numbers& radius, const Numbers& arc, const Vectors& direction,
+                  const Integers& first, const Integers& counts, const Integers& tube, const Integers& at,
+                  const Vectors& places, int most_steps, int threads) {
+    const std::size_t n = tube.shape(0);
+    std::vector<std::int64_t> found_at(at.data(), at.data() + n);
+    std::vector<double> found(3 * n), found_arc(n), found_radius(n);
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::find_nearest(GivenAxes{points, radius, arc, direction, first, counts}.read(), tube.data(), places.data(), n,
+                                 most_steps, found_at.data(), found.data(), found_arc.data(), found_radius.data(), threads);
+    }
+    return nb::make_tuple(to_numpy(std::move(found), {n, 3}), to_numpy(std::move(found_arc), {n}),
+                          to_numpy(std::move(found_radius), {n}), to_numpy(std::move(found_at), {n}));
+}
+
 nb::tuple walk(const Vectors& points, const Numbers& radius, const Numbers& arc, const Vectors& direction,
                const Integers& first, const Integers& counts, const Integers& tube, const Integers& parent,
                const Numbers& clearance, const Integers& at, const Numbers& start, bool whole_disc, double cage_factor,
@@ -86,7 +203,7 @@ nb::tuple walk(const Vectors& points, const Numbers& radius, const Numbers& arc,
     std::vector<std::uint8_t> done(n);
     {
         nb::gil_scoped_release unlocked;
-        const usdfoliage::TubeAxes axes{points.data(), radius.data(), arc.data(), direction.data(), first.data(), counts.data()};
+        const usdfoliage::TubeAxes axes = GivenAxes{points, radius, arc, direction, first, counts}.read();
         const usdfoliage::ExitWalk how{cage_factor, thickest, skin, most_steps, whole_disc};
         usdfoliage::walk_out(axes, tube.data(), parent.data(), clearance.data(), n, how, found_at.data(), found_arc.data(),
                              done.data(), threads);
@@ -113,6 +230,23 @@ void bind_branch_cage(nb::module_& m) {
     m.def("walk_out", &walk, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "tube"_a, "parent"_a,
           "clearance"_a, "at"_a, "start"_a, "whole_disc"_a, "cage_factor"_a, "thickest"_a, "skin"_a, "most_steps"_a,
           "threads"_a, "Arcs (C,) at which tubes are outside their parents, whether they are, and the parents' segments there.");
+    m.def("bend_start", &bend, "points"_a, "radius"_a, "step"_a, "held"_a, "fade"_a, "samples"_a, "least_apart"_a,
+          "An axis whose start is moved: old arcs (N,), points (N, 3), radii, by how much (N, 3), and arcs now.");
+    m.def("tube_nearest", &nearest, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "tube"_a, "at"_a,
+          "places"_a, "most_steps"_a, "threads"_a,
+          "Points (N, 3), arcs and radii of tubes next to places, and their segments, from those where they were.");
+    m.def("tube_axis", &axis, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "tube"_a, "at"_a,
+          "threads"_a, "Points (N, 3) and radii (N,) at arcs of tubes, held at the ends.");
+    m.def("tube_tangents", &tangents, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "tube"_a, "at"_a,
+          "reach"_a, "threads"_a, "Unit chords (N, 3) over the axes from reach before arcs of tubes to reach after them.");
+    m.def("tube_frames", &frames, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "reference"_a,
+          "tube"_a, "at"_a, "tangents"_a, "threads"_a,
+          "Two unit vectors (N, 3) each, right-handed with the tangents at arcs of tubes.");
+    m.def("fill_gaps", &fill, "points"_a, "radius"_a, "arc"_a, "direction"_a, "first"_a, "counts"_a, "turned"_a, "tube"_a,
+          "gaps"_a, "tolerance"_a, "longest"_a, "growth"_a, "steady"_a, "long_segment"_a, "most_reach"_a, "least_samples"_a, "most_samples"_a,
+          "threads"_a, "Rings in gaps (low, length, spacing below and above): the gap and the arc of each.");
+    m.def("round_rings", &circles, "tube"_a, "center"_a, "tangent"_a, "first"_a, "second"_a, "angles"_a, "radius"_a,
+          "at_vertices"_a, "threads"_a, "Six points (N, 6, 3) of each ring, and radii (N,), less where rings would cross.");
     m.def("carry_references", &carry, "direction"_a, "first"_a, "counts"_a, "reference"_a, "threads"_a,
           "Fill reference (V, 3): unit normals carried along tubes, given at the first point of each.");
 }

@@ -24,6 +24,7 @@ struct Quad {
     const std::int64_t* corners;
     std::array<Vector, 4> points;
     Vector low, high;
+    std::array<Vector, 2> normals;  // of its triangles
 
     Triangle half(int which) const {
         const auto k = static_cast<std::size_t>(which);
@@ -32,7 +33,7 @@ struct Quad {
 };
 
 Quad read_quad(const double* points, const std::int64_t* corners) {
-    Quad quad{corners, {}, {}, {}};
+    Quad quad{corners, {}, {}, {}, {}};
     for (std::size_t k = 0; k < 4; ++k)
         for (std::size_t axis = 0; axis < 3; ++axis) {
             const double value = points[3 * corners[k] + static_cast<std::int64_t>(axis)];
@@ -40,6 +41,8 @@ Quad read_quad(const double* points, const std::int64_t* corners) {
             quad.low[axis] = k ? std::min(quad.low[axis], value) : value;
             quad.high[axis] = k ? std::max(quad.high[axis], value) : value;
         }
+    for (std::size_t k = 0; k < 2; ++k)
+        quad.normals[k] = cross(quad.points[1 + k] - quad.points[0], quad.points[2 + k] - quad.points[0]);
     return quad;
 }
 
@@ -52,12 +55,10 @@ bool share_vertex(const Quad& a, const Quad& b) {
 
 // Whether quad b lies on one side of both triangles of quad a.
 bool on_one_side(const Quad& a, const Quad& b) {
-    for (int which = 0; which < 2; ++which) {
-        const Triangle triangle = a.half(which);
-        const Vector normal = cross(triangle[1] - triangle[0], triangle[2] - triangle[0]);
+    for (const Vector& normal : a.normals) {
         bool above = true, below = true;
         for (const Vector& corner : b.points) {
-            const double height = dot(corner - triangle[0], normal);
+            const double height = dot(corner - a.points[0], normal);
             above = above && height > 0;
             below = below && height < 0;
         }

@@ -5,17 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace usdfoliage {
+#include "tube_axes.h"
 
-// Axes of tubes, one after another.
-struct TubeAxes {
-    const double* points;     // 3 each
-    const double* radius;     // of each point
-    const double* arc;        // of each point, from the start of its tube
-    const double* direction;  // 3 each, unit, of the segment that starts there
-    const std::int64_t* first;   // of each tube
-    const std::int64_t* counts;  // of each tube, at least 2
-};
+namespace usdfoliage {
 
 struct ExitWalk {
     double cage_factor;  // how much farther from its axis a cage is than its limit

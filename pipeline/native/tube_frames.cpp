@@ -17,8 +17,9 @@ void cross(const double* a, const double* b, double* out) {
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-// Turn a vector by the smallest rotation that takes one unit vector to another, and make it a unit normal of that.
-void carry(const double* from, const double* to, const double* vector, double* out) {
+}  // namespace
+
+void carry_normal(const double* from, const double* to, const double* vector, double* out) {
     const double cosine = dot(from, to);
     double axis[3], beside[3];
     cross(from, to, axis);
@@ -33,14 +34,12 @@ void carry(const double* from, const double* to, const double* vector, double* o
     for (int k = 0; k < 3; ++k) out[k] /= size;
 }
 
-}  // namespace
-
 void carry_references(const double* direction, const std::int64_t* first, const std::int64_t* counts, std::size_t n_tubes,
                       double* reference, int threads) {
     parallel_for((n_tubes + kBlock - 1) / kBlock, threads, [&](std::size_t block) {
         for (std::size_t tube = block * kBlock; tube < std::min(n_tubes, (block + 1) * kBlock); ++tube)
             for (std::int64_t at = first[tube] + 1; at < first[tube] + counts[tube]; ++at)
-                carry(direction + 3 * (at - 1), direction + 3 * at, reference + 3 * (at - 1), reference + 3 * at);
+                carry_normal(direction + 3 * (at - 1), direction + 3 * at, reference + 3 * (at - 1), reference + 3 * at);
     });
 }
 

@@ -7,6 +7,9 @@
 
 namespace usdfoliage {
 
+// Turn a vector by the smallest rotation that takes one unit vector to another, and make it a unit normal of that.
+void carry_normal(const double* from, const double* to, const double* vector, double* out);
+
 // Carry a unit normal along each tube, by the smallest rotations from segment to segment.
 //
 // @param direction  3 each, unit, of the segment that starts at each point.

@@ -655,6 +655,128 @@ def walk_out(
         clearance: (C,) of its radius, that a disc must be clear; whole_disc false asks for the axis alone.
     """
 
+def tube_axis(
+    points: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    arc: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    first: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    tube: NDArray[np.int64],
+    at: NDArray[np.float64],
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (N, 3) and radii (N,) at arcs of tubes (N,), held at the ends.
+
+    Args:
+        points: (V, 3) of all axes, with radius, arc and direction (V,); first and counts (T,) of each.
+    """
+
+def tube_tangents(
+    points: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    arc: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    first: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    tube: NDArray[np.int64],
+    at: NDArray[np.float64],
+    reach: NDArray[np.float64],
+    threads: int,
+) -> NDArray[np.float64]:
+    """Unit chords (N, 3) over the axes from reach (N,) before arcs of tubes (N,) to reach after them."""
+
+def tube_frames(
+    points: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    arc: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    first: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    reference: NDArray[np.float64],
+    tube: NDArray[np.int64],
+    at: NDArray[np.float64],
+    tangents: NDArray[np.float64],
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Two unit vectors (N, 3) each, right-handed with the tangents (N, 3) at arcs of tubes (N,).
+
+    Args:
+        reference: (V, 3), unit normals that are carried along the tubes.
+    """
+
+def tube_nearest(
+    points: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    arc: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    first: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    tube: NDArray[np.int64],
+    at: NDArray[np.int64],
+    places: NDArray[np.float64],
+    most_steps: int,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Points (N, 3), arcs and radii of tubes next to places (N, 3), and the segments there, from those at (N,)."""
+
+def fill_gaps(
+    points: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    arc: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    first: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    turned: NDArray[np.float64],
+    tube: NDArray[np.int64],
+    gaps: NDArray[np.float64],
+    tolerance: float,
+    longest: float,
+    growth: float,
+    steady: float,
+    long_segment: float,
+    most_reach: float,
+    least_samples: int,
+    most_samples: int,
+    threads: int,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Rings in gaps, so many as bends ask for: the gap and the arc of each.
+
+    Args:
+        turned: (V,), by how much a tube has turned up to each point.
+        tube: (G,), of each gap.
+        gaps: (G, 4): arc at which it begins, length, and spacing asked for at its ends.
+    """
+
+def round_rings(
+    tube: NDArray[np.int64],
+    center: NDArray[np.float64],
+    tangent: NDArray[np.float64],
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    angles: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    at_vertices: float,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Six points (N, 6, 3) of each ring, and radii (N,), less where neighbouring rings would cross.
+
+    Args:
+        tube: (N,), of each ring; those of one tube follow one another.
+        center: (N, 3), with frames (N, 3) each and angles (N, 6).
+    """
+
+def bend_start(
+    points: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    step: NDArray[np.float64],
+    held: float,
+    fade: float,
+    samples: int,
+    least_apart: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """An axis whose start is moved: old arcs (N,), points (N, 3), radii (N,), by how much (N, 3), and arcs now (N,)."""
+
 def carry_references(
     direction: NDArray[np.float64],
     first: NDArray[np.int64],

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from branch_shapes import plant_of, random_tree
+from scipy.spatial import cKDTree
 from usdfoliage.branch.cage import build_branch_cage, check_cage
-from usdfoliage.branch.cage_pieces import cut_loose
+from usdfoliage.branch.cage_pieces import _NEAREST, _segments_near, cut_loose
+from usdfoliage.branch.distances import sample_axes
 
 UP_M = np.array([[0.0, 0, 0], [0, 1, 0], [0, 2, 0]])
 
@@ -68,3 +70,19 @@ def test_branches_that_would_cross_are_in_the_surface(seed):
         assert away_m.min() < 4 * thick_m
     again = build_branch_cage(plant)
     np.testing.assert_array_equal(again.points_m, cage.points_m)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_segments_near_some_places_hold_the_nearest_places(seed):
+    plant = random_tree(seed, most=14)
+    step_m = 0.01
+    places_m = plant.points_m[-1] + np.random.default_rng(seed).normal(size=(30, 3)) * 0.1
+    near = _segments_near(plant, list(range(len(plant))), places_m, step_m)
+    distance_m = [cKDTree(sample_axes(axes, step_m)[0]).query(places_m, k=_NEAREST)[0] for axes in (plant, near)]
+    np.testing.assert_allclose(distance_m[1], distance_m[0], rtol=1e-12)
+
+
+def test_few_segments_are_near_a_twig():
+    plant = random_tree(2, most=14)
+    near = _segments_near(plant, list(range(len(plant))), plant.points_m[-1:], 0.01)
+    assert len(near) < 0.5 * (plant.counts - 1).sum()

@@ -10,49 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.branch.cage_check import CageCheck, check_mesh, find_fork_crossings
-from usdfoliage.branch.cage_exits import Exits
-from usdfoliage.branch.cage_faces import Faces, HolePlaces, build_faces, place_hole_vertices
-from usdfoliage.branch.cage_forks import Forks, gather_forks
-from usdfoliage.branch.cage_limit import pull_limit
+from usdfoliage.branch.cage_build import Built
+from usdfoliage.branch.cage_check import CageCheck, check_mesh
+from usdfoliage.branch.cage_join import CROSSES, NO_ROOM, PARENT_DROPPED, join_branches
+from usdfoliage.branch.cage_layout import Layout
 from usdfoliage.branch.cage_pieces import LoosePieces, cut_loose
-from usdfoliage.branch.cage_places import HOLE, Holes
-from usdfoliage.branch.cage_rings import Rings, Starts, build_rings
-from usdfoliage.branch.cage_sectors import SIDES
-from usdfoliage.branch.cage_settle import ATTEMPTS, leading, settle, take_families
-from usdfoliage.branch.cage_tubes import Floats, Ints, Path, Tubes, find_paths
+from usdfoliage.branch.cage_settings import BranchCageSettings as BranchCageSettings
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.rooted_tree import RootedTree
 
 logger = logging.getLogger(__name__)
 
-NO_ROOM = "its parent has no room left for it"
-CROSSES = "would cross its parent or a neighbour"
-COVERED = "shorter than the row of faces in which its parent ends"
-PARENT_DROPPED = "its parent was dropped"
-ROUNDS = 5  # of moving the limit to where it is to be
-CAP_GAIN = 0.2  # a cap's edge is round, too
-SHOULDER_GAIN = 0.4  # nor is the ring before it to bulge
-HOLE_GAIN = 0.0
 PIECE_ROUNDS = 3  # of pieces that are cut loose from pieces
-STEP = 1  # attempts that are made at once
-
-
-@dataclass(frozen=True, kw_only=True)
-class BranchCageSettings:
-    """How close a cage keeps to its skeleton, in radii of the branch."""
-
-    axis_tolerance: float = 0.01  # how far the surface may leave the axis in a bend
-    longest_row: float = 24.0  # of faces along a branch
-    clearance: float = 0.2  # between a parent and the first ring of a branch
-
-    def __post_init__(self) -> None:
-        if not 0 < self.axis_tolerance <= 1:
-            raise ValueError(f"axis_tolerance must be above 0 and at most 1, not {self.axis_tolerance}")
-        if not self.longest_row >= 1:
-            raise ValueError(f"longest_row must be 1 or more, not {self.longest_row}")
-        if not 0 < self.clearance <= 2:
-            raise ValueError(f"clearance must be above 0 and at most 2, not {self.clearance}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,22 +99,10 @@ def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skele
 
 def _build_joined(skeleton: Skeleton, settings: BranchCageSettings) -> BranchCage:
     """The cage of the branches that can be joined."""
-    paths, dropped = find_paths(skeleton)
-    if not paths:
-        return _empty(dropped)
-    tries = np.zeros(len(skeleton), np.int64)
-    mean_radius_m = _mean_radii(skeleton)
-    carried_m = RootedTree(skeleton.parent_curve).sum_above(skeleton.lengths_m)
-    while True:
-        built = _build(paths, tries, settings, mean_radius_m, dropped)
-        guilty = _find_guilty(built, carried_m)
-        if not len(guilty):
-            break
-        _try_families(paths, built, guilty, tries, settings, mean_radius_m, carried_m)
-    _name_dropped(built.tubes, built.exits, built.holes, tries, dropped)
-    for branch in set(built.tubes.piece_branch.tolist()) - set(built.faces.curve.tolist()):
-        dropped.setdefault(branch, COVERED)
-    return _finish(built, skeleton, dropped)
+    joined = join_branches(skeleton, settings)
+    if joined.built is None or joined.layout is None:
+        return _empty(joined.dropped)
+    return _finish(joined.built, joined.layout, skeleton, joined.dropped)
 
 
 def check_cage(cage: BranchCage) -> CageCheck:
@@ -154,143 +110,19 @@ def check_cage(cage: BranchCage) -> CageCheck:
     return check_mesh(cage.points_m, cage.faces, cage.fork_faces, cage.fork_counts)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Built:
-    tubes: Tubes
-    exits: Exits
-    holes: Holes
-    points_m: Floats
-    faces: Faces
-    forks: Forks
-
-
-def _try_families(
-    paths: list[Path],
-    built: _Built,
-    guilty: Ints,
-    tries: Ints,
-    settings: BranchCageSettings,
-    mean_radius_m: Floats,
-    carried_m: Floats,
-) -> None:
-    """Raise the tries of forks until none crosses: each with its parent and its siblings, without all the rest."""
-    while True:
-        tries[leading(built.tubes, built.exits)[built.holes.exit[guilty]]] += STEP
-        parents = np.unique(built.exits.parent[built.holes.exit[guilty]])
-        paths = take_families(paths, built.tubes, built.exits, parents)
-        built = _build(paths, tries, settings, mean_radius_m, {})
-        guilty = _find_guilty(built, carried_m)
-        if not len(guilty):
-            return
-
-
-def _name_dropped(tubes: Tubes, exits: Exits, holes: Holes, tries: Ints, dropped: dict[int, str]) -> None:
-    """Add the branches without a hole, and why."""
-    lost: dict[int, str] = {}
-    for number in np.flatnonzero(tries[leading(tubes, exits)] >= ATTEMPTS).tolist():
-        lost[int(exits.tube[number])] = CROSSES
-    for number in holes.homeless.tolist():
-        lost.setdefault(int(exits.tube[number]), NO_ROOM)
-    for tube, parent in zip(exits.tube.tolist(), exits.parent.tolist(), strict=True):
-        if parent in lost:
-            lost.setdefault(tube, PARENT_DROPPED)
-    for branch, tube in zip(tubes.piece_branch.tolist(), tubes.piece_tube.tolist(), strict=True):
-        if tube in lost:
-            dropped[branch] = lost[tube]
-
-
-def _build(
-    paths: list[Path], tries: Ints, settings: BranchCageSettings, mean_radius_m: Floats, dropped: dict[int, str]
-) -> _Built:
-    """The mesh of these paths, which change in place."""
-    exits, tubes, holes = settle(paths, tries, settings.clearance, dropped)
-    alive = tubes.parent < 0
-    child = exits.tube[holes.exit]
-    alive[child] = True
-    start_m = np.zeros(len(tubes))
-    start_m[exits.tube] = exits.free_arc_m
-    radius_m, spacing_m = np.full(len(tubes), np.inf), 1.2 * tubes.radius_m[tubes.first]
-    radius_m[child] = np.minimum(exits.free_radius_m[holes.exit], holes.half_across_m / HOLE)
-    spacing_m[exits.tube] = 1.2 * exits.free_radius_m
-    starts = Starts(alive=alive, arc_m=start_m, radius_m=radius_m, spacing_m=spacing_m)
-    rings = build_rings(tubes, starts, holes, settings.axis_tolerance, settings.longest_row)
-    places = place_hole_vertices(tubes, holes)
-    faces = build_faces(tubes, rings, holes, places, child, mean_radius_m)
-    return _Built(
-        tubes=tubes,
-        exits=exits,
-        holes=holes,
-        points_m=_pull(rings, places, faces, tubes.parent < 0),
-        faces=faces,
-        forks=gather_forks(tubes, exits, holes, rings, faces),
-    )
-
-
-def _pull(rings: Rings, places: HolePlaces, faces: Faces, roots: NDArray[np.bool_]) -> Floats:
-    """Vertices of the cage: of the rings, then of the holes."""
-    rows = len(rings.tube) * SIDES
-    holes = places.points_m.reshape(-1, 3)
-    same = np.diff(rings.tube) == 0
-    growth = np.zeros(len(rings.tube))
-    step, change = np.diff(rings.arc_m), np.diff(rings.radius_m)
-    growth[:-1][same] = (change / rings.radius_m[:-1] / np.where(same, step, 1))[same]
-    behind = np.zeros(len(rings.tube))
-    behind[1:][same] = (change / rings.radius_m[1:] / np.where(same, step, 1))[same]
-    swell = np.zeros((rows + len(holes), 2))
-    swell[:rows] = np.repeat(np.stack([growth, behind], axis=1), SIDES, axis=0)
-    center, tangent = np.zeros((2, rows + len(holes), 3))
-    center[:rows] = np.repeat(rings.center_m, SIDES, axis=0)
-    tangent[:rows] = np.repeat(rings.tangent, SIDES, axis=0)
-    gain = np.ones(rows + len(holes))
-    gain[rows:] = HOLE_GAIN
-    by_ring = gain[:rows].reshape(-1, SIDES)
-    feet = rings.first[roots[rings.tube[rings.first]]]
-    by_ring[np.concatenate([rings.last - 1, feet + 1])] = SHOULDER_GAIN
-    by_ring[np.concatenate([rings.last, feet])] = CAP_GAIN
-    aims = np.concatenate([rings.points_m.reshape(-1, 3), holes])
-    return pull_limit(faces.faces, aims, tangent, swell, center, ROUNDS, gain)
-
-
-def _find_guilty(built: _Built, carried_m: Floats) -> Ints:
-    """The holes to try again: of two that cross the one that carries less, else the one that crosses its parent."""
-    pairs = find_fork_crossings(built.points_m, built.faces.faces, built.forks.faces, built.forks.counts)
-    owner = built.forks.owner
-    fork = np.repeat(np.arange(len(built.forks.counts)), built.forks.counts)
-    one, two = owner[pairs[:, 0]], owner[pairs[:, 1]]
-    size = carried_m[leading(built.tubes, built.exits)[built.holes.exit]]
-    both = (one >= 0) & (two >= 0)
-    lesser = np.where(size[one] < size[two], one, two)
-    single = np.maximum(one, two)
-    single = np.where(single < 0, fork[pairs[:, 0]], single)
-    guilty = np.unique(np.where(both, lesser, single))
-    logger.debug("of %d forks %d cross", len(built.holes.exit), len(guilty))
-    return guilty
-
-
-def _mean_radii(skeleton: Skeleton) -> Floats:
-    """(B,) radius of each branch, mean along it."""
-    steps = np.linalg.norm(np.diff(skeleton.points_m, axis=0, append=skeleton.points_m[-1:]), axis=1)
-    steps[skeleton.first + skeleton.counts - 1] = 0
-    middle = (skeleton.radius_m + np.append(skeleton.radius_m[1:], 0)) / 2
-    length = np.add.reduceat(steps, skeleton.first)
-    plain = np.add.reduceat(skeleton.radius_m, skeleton.first) / skeleton.counts
-    weighted = np.add.reduceat(steps * middle, skeleton.first) / np.where(length > 0, length, 1)
-    return np.where(length > 0, weighted, plain)
-
-
-def _finish(built: _Built, skeleton: Skeleton, dropped: dict[int, str]) -> BranchCage:
+def _finish(built: Built, layout: Layout, skeleton: Skeleton, dropped: dict[int, str]) -> BranchCage:
     if dropped:
         logger.info("%d of %d branches are not in the cage", len(dropped), len(skeleton))
     return BranchCage(
         points_m=built.points_m,
         faces=built.faces.faces.astype(np.int32),
-        st_m=built.faces.st_m,
-        face_st=built.faces.face_st.astype(np.int32),
-        curve=built.faces.curve.astype(np.int32),
-        order=skeleton.order[built.faces.curve].astype(np.int32),
+        st_m=layout.st_m,
+        face_st=layout.face_st.astype(np.int32),
+        curve=layout.curve.astype(np.int32),
+        order=skeleton.order[layout.curve].astype(np.int32),
         fork_faces=built.forks.faces.astype(np.int32),
         fork_counts=built.forks.counts.astype(np.int32),
-        fork_curve=built.faces.curve[built.faces.loft_face[:, 0]].astype(np.int32),
+        fork_curve=layout.curve[built.faces.loft_face[:, 0]].astype(np.int32),
         dropped=tuple(DroppedBranch(curve=curve, why=dropped[curve]) for curve in sorted(dropped)),
     )
 

@@ -115,40 +115,10 @@ class _Nearest:
 
     def find(self, points: Floats) -> _Place:
         """The places next to points (C, 3), from where the last ones were."""
-        tubes, moving = self.tubes, np.arange(len(self.at))
-        low = tubes.first[self.parent]
-        high = low + tubes.counts[self.parent] - 2
-        for _ in range(MOST_STEPS):
-            share = self._share(points[moving], self.at[moving])
-            on = self.at[moving]
-            step = np.where((share > 1) & (on < high[moving]), 1, np.where((share < 0) & (on > low[moving]), -1, 0))
-            # Only to a neighbour that is nearer, or a corner would be stepped over for ever.
-            nearer = self._distance(points[moving], on + step) < self._distance(points[moving], on)
-            step *= nearer
-            self.at[moving] += step
-            moving = moving[step != 0]
-            if not len(moving):
-                break
-        share = np.clip(self._share(points, self.at), 0, 1)
-        at = self.at
-        step_m = tubes.arc_m[at + 1] - tubes.arc_m[at]
-        return _Place(
-            point_m=tubes.points_m[at] + (share * step_m)[:, None] * tubes.direction[at],
-            arc_m=tubes.arc_m[at] + share * step_m,
-            radius_m=tubes.radius_m[at] + share * (tubes.radius_m[at + 1] - tubes.radius_m[at]),
+        point, arc, radius, self.at = _native.tube_nearest(
+            *self.tubes.axes, self.parent, self.at, points, MOST_STEPS, 0
         )
-
-    def _share(self, points: Floats, at: Ints) -> Floats:
-        tubes = self.tubes
-        along = np.sum((points - tubes.points_m[at]) * tubes.direction[at], axis=1)
-        return along / (tubes.arc_m[at + 1] - tubes.arc_m[at])
-
-    def _distance(self, points: Floats, at: Ints) -> Floats:
-        tubes = self.tubes
-        step_m = tubes.arc_m[at + 1] - tubes.arc_m[at]
-        offset = points - tubes.points_m[at]
-        along = np.clip(np.sum(offset * tubes.direction[at], axis=1), 0, step_m)
-        return np.linalg.norm(offset - along[:, None] * tubes.direction[at], axis=1)
+        return _Place(point_m=point, arc_m=arc, radius_m=radius)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,12 +158,7 @@ def _walk(
         Arcs (C,), held at the tip, and whether they were reached.
     """
     arc, done, at.at = _native.walk_out(
-        tubes.points_m,
-        tubes.radius_m,
-        tubes.arc_m,
-        tubes.direction,
-        tubes.first,
-        tubes.counts,
+        *tubes.axes,
         at.tube,
         at.parent,
         clearance,

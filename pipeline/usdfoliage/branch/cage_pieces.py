@@ -17,6 +17,7 @@ _STEP = 0.25  # of the radius of what is walked along
 _GAP = 0.1  # of a branch's radius, between it and what it springs from
 _LEAST = 3.0  # radii, that a piece must be long
 _NEAREST = 8  # places on the axes below that are looked at
+_AT_FIRST = 64  # places along a branch that are looked at before all the others
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,27 +91,54 @@ def cut_loose(skeleton: Skeleton, lost: NDArray[np.bool_], joined: NDArray[np.bo
 
 def _first_clear(skeleton: Skeleton, branch: int, standing: NDArray[np.bool_]) -> tuple[int, float] | None:
     """The edge of a branch, and the share along it, from where on it is clear of all that stands below it."""
-    below = np.zeros(len(skeleton), bool)
+    below: list[int] = []
     parent = int(skeleton.parent_curve[branch])
     while parent >= 0:
-        below[parent] = standing[parent]
+        if standing[parent]:
+            below.append(parent)
         parent = int(skeleton.parent_curve[parent])
     points_m, radius_m = skeleton.points_m[skeleton.branch(branch)], skeleton.radius_m[skeleton.branch(branch)]
+    if not below:
+        return 0, 0.0
     steps_m = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
     way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-    if not below.any():
-        return 0, 0.0
-    walked_m = np.arange(0, way_m[-1], _STEP * float(radius_m.mean()))
+    step_m = _STEP * float(radius_m.mean())
+    walked_m = np.arange(0, way_m[-1], step_m)
     edge = np.clip(np.searchsorted(way_m, walked_m, side="right") - 1, 0, len(steps_m) - 1)
     share = (walked_m - way_m[edge]) / np.maximum(steps_m[edge], 1e-300)
     at_m = points_m[edge] + share[:, None] * (points_m[edge + 1] - points_m[edge])
     own_m = radius_m[edge] + share * (radius_m[edge + 1] - radius_m[edge])
     along = (points_m[edge + 1] - points_m[edge]) / np.maximum(steps_m[edge], 1e-300)[:, None]
-    only = _only(skeleton, below)
-    axis_m, axis_radius_m, direction = sample_axes(only, _STEP * float(radius_m.mean()))
+    walked_m = np.append(walked_m, way_m[-1])
+    upto = _AT_FIRST
+    while True:  # few are not clear soon
+        upto = min(upto, len(at_m))
+        near = _segments_near(skeleton, below, at_m[:upto], step_m)
+        clear = _is_clear(near, at_m[:upto], own_m[:upto], along[:upto], step_m)
+        # Where it stays clear for a while: a limb that comes near what is below once more is not cut there.
+        blocked = np.concatenate([np.flatnonzero(~clear), [upto]])
+        free = np.concatenate([[0], blocked[:-1] + 1])
+        long = np.flatnonzero(walked_m[blocked] - walked_m[free] >= _LEAST * np.append(own_m, own_m[-1])[free])
+        if len(long):
+            first = int(free[long[0]])
+            return int(edge[first]), float(min(share[first], 0.99))
+        if upto == len(at_m):
+            return None
+        upto *= 4
+
+
+def _is_clear(
+    below: Skeleton,
+    at_m: NDArray[np.float64],
+    own_m: NDArray[np.float64],
+    along: NDArray[np.float64],
+    step_m: float,
+) -> NDArray[np.bool_]:
+    """(N,) whether places (N, 3) of a branch, with radii (N,) and directions (N, 3), are clear of what is below it."""
+    axis_m, axis_radius_m, direction = sample_axes(below, step_m)
     near = min(_NEAREST, len(axis_m))
     found = np.asarray(cKDTree(axis_m).query(at_m, k=list(range(1, near + 1)))[1])
-    clear = np.ones(len(walked_m), bool)
+    clear = np.ones(len(at_m), bool)
     for nearest in found.T:
         away = at_m - axis_m[nearest]
         away -= np.einsum("nc,nc->n", away, direction[nearest])[:, None] * direction[nearest]
@@ -119,26 +147,25 @@ def _first_clear(skeleton: Skeleton, branch: int, standing: NDArray[np.bool_]) -
         leaning = np.abs(np.einsum("nc,nc->n", away, along)) / np.maximum(away_m, 1e-300)
         reach_m = own_m * (np.sqrt(np.maximum(0, 1 - leaning**2)) + _GAP)
         clear &= away_m - axis_radius_m[nearest] >= reach_m
-    # Where it stays clear for a while: a limb that comes near what is below once more, farther out, is not cut there.
-    blocked = np.concatenate([np.flatnonzero(~clear), [len(walked_m)]])
-    free = np.concatenate([[0], blocked[:-1] + 1])
-    length_m = np.append(walked_m, way_m[-1])[blocked] - np.append(walked_m, way_m[-1])[free]
-    long = np.flatnonzero(length_m >= _LEAST * np.append(own_m, own_m[-1])[free])
-    if not len(long):
-        return None
-    first = int(free[long[0]])
-    return int(edge[first]), float(min(share[first], 0.99))
+    return clear
 
 
-def _only(skeleton: Skeleton, kept: NDArray[np.bool_]) -> Skeleton:
-    """Some branches, each as a plant of its own."""
-    of = kept[skeleton.curve]
-    count = int(kept.sum())
+def _segments_near(skeleton: Skeleton, branches: list[int], at_m: NDArray[np.float64], step_m: float) -> Skeleton:
+    """The segments of some branches among which are those nearest to places (N, 3), each as a plant of its own."""
+    start = np.concatenate([np.arange(skeleton.first[k], skeleton.first[k] + skeleton.counts[k] - 1) for k in branches])
+    middle_m = (at_m.min(axis=0) + at_m.max(axis=0)) / 2
+    reach_m = float(np.linalg.norm(at_m - middle_m, axis=1).max())
+    low_m, edge_m = skeleton.points_m[start], skeleton.points_m[start + 1] - skeleton.points_m[start]
+    square = np.maximum(np.einsum("nc,nc->n", edge_m, edge_m), 1e-300)
+    share = np.clip(np.einsum("nc,nc->n", middle_m - low_m, edge_m) / square, 0, 1)
+    away_m = np.linalg.norm(middle_m - low_m - share[:, None] * edge_m, axis=1)
+    start = start[away_m <= away_m.min() + 2 * reach_m + (_NEAREST + 1) * step_m]
+    ends = np.stack([start, start + 1], axis=1).reshape(-1)
     return Skeleton(
-        points_m=skeleton.points_m[of],
-        radius_m=skeleton.radius_m[of],
-        counts=skeleton.counts[kept],
-        parent_curve=np.full(count, -1, np.int32),
-        parent_vertex=np.full(count, -1, np.int32),
-        order=np.zeros(count, np.int32),
+        points_m=skeleton.points_m[ends],
+        radius_m=skeleton.radius_m[ends],
+        counts=np.full(len(start), 2, np.int32),
+        parent_curve=np.full(len(start), -1, np.int32),
+        parent_vertex=np.full(len(start), -1, np.int32),
+        order=np.zeros(len(start), np.int32),
     )

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage import _native
 from usdfoliage.branch.cage_places import Holes
 from usdfoliage.branch.cage_tubes import Floats, Ints, Tubes, turning
 
@@ -14,6 +15,7 @@ AT_VERTICES = 1.002
 GROWTH = 0.8  # of the spacing, per length, away from where it must be short
 CROWDED = 0.7  # radii: optional rings keep this distance
 PER_INTERVAL = 6  # at least so many samples of the spacing between two rings that are given
+MOST_SAMPLES = 4000  # and at most so many
 TIP = 0.65  # radius of the last ring of a tip, which is rounded off
 STEADIED = (1.0, 2.2)  # radii before the shoulder: rings that keep its rounding to itself
 SHOULDER = 0.3  # radii before it: the last ring of full thickness
@@ -84,19 +86,8 @@ def _round(tubes: Tubes, holes: Holes, tube: Ints, arc: Floats, block: Ints, cen
     tip = np.flatnonzero(np.diff(tube, append=-1))
     radius[tip] *= TIP
     angles = turned(tubes, holes, tube, arc)
-    for _ in range(8):
-        first, second = tubes.frames(tube, arc, tangent)
-        points = center[:, None] + (AT_VERTICES * radius)[:, None, None] * (
-            np.cos(angles)[..., None] * first[:, None] + np.sin(angles)[..., None] * second[:, None]
-        )
-        forward = np.einsum("njk,nk->nj", np.diff(points, axis=0), tangent[1:] + tangent[:-1]).min(axis=1)
-        folded = same_next & (forward < 0.2 * np.linalg.norm(np.diff(center, axis=0), axis=1))
-        if not folded.any():
-            break
-        thin = np.zeros(len(tube), bool)
-        thin[:-1] |= folded
-        thin[1:] |= folded
-        radius[thin] *= 0.8
+    first, second = tubes.frames(tube, arc, tangent)
+    points, radius = _native.round_rings(tube, center, tangent, first, second, angles, radius, AT_VERTICES, 0)
     return Rings(
         tube=tube,
         arc_m=arc,
@@ -217,7 +208,6 @@ def _fill(
     is_gap = (np.diff(tube) == 0) & ~((block[1:] >= 0) & (block[1:] == block[:-1]))
     gap = np.flatnonzero(is_gap)
     of, low, length = tube[gap], arc[gap], apart[gap]
-    radius = np.minimum(tubes.axis(of, low)[1], tubes.axis(of, low + length)[1])
     spacing = np.full(len(tube), np.inf)
     for side in (-1, 1):  # a block's own row length goes on beside it
         neighbour = np.clip(np.arange(len(tube)) + side, 0, len(tube) - 1)
@@ -225,44 +215,23 @@ def _fill(
         spacing[in_block] = np.abs(arc[neighbour] - arc)[in_block]
     begins = np.concatenate([[True], np.diff(tube) != 0])
     spacing[begins] = starts.spacing_m[tube[begins]]
-    count = np.clip(np.ceil(length / radius), PER_INTERVAL, 4000).astype(np.int64)
-    start = np.cumsum(count) - count
-    which = np.repeat(np.arange(len(gap)), count)
-    share = (np.arange(len(which)) - start[which] + 0.5) / count[which]
-    at = low[which] + share * length[which]
-    from_low, from_high = at - low[which], low[which] + length[which] - at
-    local = tubes.axis(of[which], at)[1]
-    wanted = np.minimum(spacing[gap][which] + GROWTH * from_low, spacing[gap + 1][which] + GROWTH * from_high)
-    wanted = np.minimum(wanted, np.minimum(longest * local, _bend_spacing(tubes, of[which], at, local, tolerance)))
-    density = 1 / np.maximum(wanted, 0.9 * local)
-    cell = density * (length / count)[which]
-    walked = np.cumsum(cell)
-    before = np.concatenate([[0.0], walked])[start]
-    total = np.add.reduceat(cell, start) if len(start) else np.zeros(0)
-    rows = np.maximum(np.round(total), 1).astype(np.int64)
-    # Where the spacing asks for little more than none, one row is stretched rather than two pressed.
-    added = rows - 1
-    new = np.repeat(np.arange(len(gap)), added)
-    rank = np.arange(len(new)) - (np.cumsum(added) - added)[new] + 1
-    aim = before[new] + total[new] * rank / rows[new]
-    upto = np.searchsorted(walked, aim)
-    upto = np.clip(upto, start[new], start[new] + count[new] - 1)
-    inside = 1 - (walked[upto] - aim) / cell[upto]
-    new_arc = low[new] + (upto - start[new] + inside) * (length / count)[new]
+    new, new_arc = _native.fill_gaps(
+        *tubes.axes,
+        tubes.turned_rad,
+        of,
+        np.stack([low, length, spacing[gap], spacing[gap + 1]], axis=1),
+        tolerance,
+        longest,
+        GROWTH,
+        STEADY,
+        LONG,
+        0.25 * tubes.stride_m,
+        PER_INTERVAL,
+        MOST_SAMPLES,
+        0,
+    )
     out_tube = np.concatenate([tube, of[new]])
     out_arc = np.concatenate([arc, new_arc])
     out_block = np.concatenate([block, np.full(len(new), -1)])
     order = np.lexsort([out_arc, out_tube])
     return out_tube[order], out_arc[order], out_block[order]
-
-
-def _bend_spacing(tubes: Tubes, tube: Ints, arc: Floats, radius: Floats, tolerance: float) -> Floats:
-    """Spacing at which a chord of the axis stays within the tolerance, where bends are spread over short segments."""
-    at = tubes.segment(tube, arc)
-    key, reach = tube * tubes.stride_m, np.minimum(radius, 0.25 * tubes.stride_m)
-    ahead = np.interp(key + np.minimum(arc + reach, tubes.length_m[tube]), tubes.key_m, tubes.turned_rad)
-    behind = np.interp(key + np.maximum(arc - reach, 0), tubes.key_m, tubes.turned_rad)
-    curvature = (ahead - behind) / (2 * reach)
-    spacing = np.sqrt(8 * tolerance * radius / np.maximum(curvature, 1e-12))
-    # Long segments are straight: their corners have stations of their own.
-    return np.where(tubes.arc_m[at + 1] - tubes.arc_m[at] > LONG * radius, STEADY * radius, spacing)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdfoliage.branch.cage_exits import Exits, find_exits
 from usdfoliage.branch.cage_places import Holes, place_holes
@@ -15,10 +16,13 @@ NEAR_ENOUGH = 0.2  # of a radius: a hole this far from where its axis comes out 
 SMALLER = 0.88  # times, a hole in each new attempt
 FARTHER = 0.4  # radii, the first ring of its branch in each new attempt
 STRAIGHT = 3  # attempts, after which a way out is made straight
+TOGETHER = 6.0  # radii along a parent: forks that are nearer are tried together
 ATTEMPTS = 8  # at a fork that crosses, before its branch is dropped
 
 
-def settle(paths: list[Path], tries: Ints, clearance: float, dropped: dict[int, str]) -> tuple[Exits, Tubes, Holes]:
+def settle(
+    paths: list[Path], tries: Ints, clearance: float, dropped: dict[int, str], moving: NDArray[np.bool_] | None = None
+) -> tuple[Exits, Tubes, Holes]:
     """Find a place for every hole, and bend the branches to where their holes are.
 
     Args:
@@ -26,6 +30,7 @@ def settle(paths: list[Path], tries: Ints, clearance: float, dropped: dict[int, 
         tries: (B,) how often each branch of the skeleton was tried already.
         clearance: In radii, between a parent and the first ring of a branch.
         dropped: Takes the branches that end inside their parents.
+        moving: (B,) branches that may be bent to where their holes are; all where it is not given.
     """
     if (tries >= STRAIGHT).any():
         tubes, exits = _leave_parents(paths, tries, clearance, dropped)
@@ -41,6 +46,8 @@ def settle(paths: list[Path], tries: Ints, clearance: float, dropped: dict[int, 
         holes = place_holes(tubes, exits, start_m, again < ATTEMPTS, scale)
         slid_m = holes.arc_m - exits.hole_arc_m[holes.exit]
         far = np.abs(slid_m) > NEAR_ENOUGH * np.minimum(exits.parent_radius_m, 2 * exits.radius_m)[holes.exit]
+        if moving is not None:
+            far &= moving[leading(tubes, exits)[holes.exit]]
         if last or not far.any():
             break
         along_m = np.zeros(len(tubes))
@@ -79,14 +86,16 @@ def leading(tubes: Tubes, exits: Exits) -> Ints:
     return tubes.piece_branch[np.searchsorted(tubes.piece_tube, exits.tube)]
 
 
-def take_families(paths: list[Path], tubes: Tubes, exits: Exits, parents: Ints) -> list[Path]:
-    """These paths and those that leave them, by themselves, so that their forks can be tried without all others.
+def take_around(paths: list[Path], tubes: Tubes, exits: Exits, forks: Ints) -> list[Path]:
+    """The paths round some forks (G,) of the exits by themselves, so that they can be tried without all others.
 
-    Paths are copies. One whose own parent is left out begins where it is clear of it.
+    These are the parents, and what leaves them near these forks. Paths are copies. One whose own parent is left out
+    begins where it is clear of it.
     """
+    near = find_beside(tubes, exits, forks)
     alone = np.zeros(len(paths), bool)
-    alone[parents] = True
-    chosen = np.flatnonzero(alone | ((tubes.parent >= 0) & alone[tubes.parent]))
+    alone[exits.tube[near]] = alone[exits.parent[near]] = True
+    chosen = np.flatnonzero(alone)
     number = {int(old): new for new, old in enumerate(chosen)}
     free_m = np.zeros(len(paths))
     free_m[exits.tube] = exits.free_arc_m
@@ -102,6 +111,24 @@ def take_families(paths: list[Path], tubes: Tubes, exits: Exits, parents: Ints) 
     return taken
 
 
+def find_beside(tubes: Tubes, exits: Exits, forks: Ints) -> NDArray[np.bool_]:
+    """(C,) which exits are on the parent of one of these (G,) and near it, themselves among them."""
+    arc, reach = exits.hole_arc_m, TOGETHER * exits.parent_radius_m[forks]
+    key, line = exits.parent * tubes.stride_m + arc, exits.parent[forks] * tubes.stride_m
+    order = np.argsort(key, kind="stable")
+    low = np.searchsorted(key[order], line + np.maximum(arc[forks] - reach, 0), side="left")
+    high = np.searchsorted(
+        key[order], line + np.minimum(arc[forks] + reach, tubes.length_m[exits.parent[forks]]), side="right"
+    )
+    covered = np.zeros(len(arc) + 1, np.int64)
+    np.add.at(covered, low, 1)
+    np.add.at(covered, high, -1)
+    near = np.zeros(len(arc), bool)
+    near[order] = np.cumsum(covered)[:-1] > 0
+    near[forks] = True
+    return near
+
+
 def _begin_at(path: Path, free_m: float) -> float:
     """Cut a path's start off, in place, so that as a root it has room for holes from this arc on; what was cut."""
     arc_m = arcs_along(path.points_m)
@@ -112,4 +139,5 @@ def _begin_at(path: Path, free_m: float) -> float:
     path.points_m = np.concatenate([start, path.points_m[later]])
     path.radius_m = np.concatenate([[np.interp(cut_m, arc_m, path.radius_m)], path.radius_m[later]])
     path.pieces = [(branch, from_m - cut_m) for branch, from_m in path.pieces]
+    path.eased = False
     return cut_m

@@ -1,29 +1,28 @@
 """Axes changed so that tubes can be swept along them: bent to where their holes are, eased where they are too tight."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage import _native
 from usdfoliage.branch.cage_tubes import Floats, Path, arcs_along
 
 FADES_OVER = 3.0  # lengths of the move, over which the axis comes back to where it was
 SAMPLES = 8  # points there
+NEXT = 0.02  # of that way: no new point is nearer to an old one
 TIGHT = 1.25  # half the angle of a bend takes its tangent in radii of length on both sides, and so much more
 MOST_PASSES = 60
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Moved:
-    """What a path was and is, by its old arcs."""
+    """What a path was and is, by its old arcs; n points."""
 
-    def __init__(self, old_arc_m: Floats, points_m: Floats, moved_m: Floats) -> None:
-        self.old_arc_m = old_arc_m
-        self.moved_m = moved_m
-        self.new_arc_m = arcs_along(points_m)
-
-    def arc_now(self, arc_m: float) -> float:
-        return float(np.interp(arc_m, self.old_arc_m, self.new_arc_m))
-
-    def move_at(self, arc_m: float) -> Floats:
-        return np.array([np.interp(arc_m, self.old_arc_m, column) for column in self.moved_m.T])
+    old_arc_m: Floats  # (n,)
+    old_points_m: Floats  # (n, 3)
+    moved_m: Floats  # (n, 3)
+    new_arc_m: Floats  # (n,)
 
 
 def move_starts(paths: list[Path], along_m: Floats, held_m: Floats) -> None:
@@ -38,19 +37,22 @@ def move_starts(paths: list[Path], along_m: Floats, held_m: Floats) -> None:
         held_m: (T,) arc up to which a path keeps its shape.
     """
     moved: dict[int, _Moved] = {}
+    held: dict[int, Floats] = {}  # arcs of the parents that stay
     for number, path in enumerate(paths):
         if path.parent < 0 or (along_m[number] == 0 and path.parent not in moved):
             continue
         parent = paths[path.parent]
         before = moved.get(path.parent)
-        old_arc = before.old_arc_m if before else arcs_along(parent.points_m)
-        old_points = parent.points_m - before.moved_m if before else parent.points_m
-        target = float(np.clip(path.parent_arc_m + along_m[number], 0, old_arc[-1]))
+        if before is None and path.parent not in held:
+            held[path.parent] = arcs_along(parent.points_m)
+        old_arc = before.old_arc_m if before else held[path.parent]
+        old_points = before.old_points_m if before else parent.points_m
+        target = float(min(max(path.parent_arc_m + along_m[number], 0.0), old_arc[-1]))
         step = _at(old_arc, old_points, target) - _at(old_arc, old_points, path.parent_arc_m)
         path.parent_arc_m = target
         if before:
-            path.parent_arc_m = before.arc_now(target)
-            step = step + before.move_at(target)
+            path.parent_arc_m = float(np.interp(target, before.old_arc_m, before.new_arc_m))
+            step = step + _at(before.old_arc_m, before.moved_m, target)
         size = float(np.linalg.norm(step))
         if size > 1e-3 * float(path.radius_m[0]):
             moved[number] = _bend(path, step, float(held_m[number]), FADES_OVER * size)
@@ -58,24 +60,19 @@ def move_starts(paths: list[Path], along_m: Floats, held_m: Floats) -> None:
 
 def _bend(path: Path, step: Floats, held_m: float, fade_m: float) -> _Moved:
     """Move the start of one path."""
-    arc = arcs_along(path.points_m)
-    added = held_m + fade_m * np.linspace(0, 1, SAMPLES + 1)
-    added = added[added < arc[-1]]
-    # No new point next to an old one: its segment would have no direction.
-    apart = np.abs(added[:, None] - arc).min(axis=1) > 0.02 * fade_m
-    both = np.sort(np.concatenate([arc, added[apart]]))
-    share = np.clip((both - held_m) / fade_m, 0, 1)
-    weight = 1 - share**2 * (3 - 2 * share)
-    move = weight[:, None] * step
-    path.radius_m = np.interp(both, arc, path.radius_m)
-    path.points_m = np.stack([np.interp(both, arc, column) for column in path.points_m.T], axis=1) + move
-    result = _Moved(both, path.points_m, move)
-    path.pieces = [(branch, result.arc_now(from_m)) for branch, from_m in path.pieces]
-    return result
+    old_arc, path.points_m, path.radius_m, moved, new_arc = _native.bend_start(
+        path.points_m, path.radius_m, step, held_m, fade_m, SAMPLES, NEXT
+    )
+    path.pieces = [(branch, float(np.interp(from_m, old_arc, new_arc))) for branch, from_m in path.pieces]
+    path.eased = False
+    return _Moved(old_arc_m=old_arc, old_points_m=path.points_m - moved, moved_m=moved, new_arc_m=new_arc)
 
 
-def _at(arc_m: Floats, points: Floats, at_m: float) -> Floats:
-    return np.array([np.interp(at_m, arc_m, column) for column in points.T])
+def _at(arc_m: Floats, values: Floats, at_m: float) -> Floats:
+    """(3,) of values (n, 3) given by arc (n,), held at the ends."""
+    after = min(max(int(np.searchsorted(arc_m, at_m, side="right")), 1), len(arc_m) - 1)
+    share = min(max((at_m - arc_m[after - 1]) / (arc_m[after] - arc_m[after - 1]), 0.0), 1.0)
+    return values[after - 1] + share * (values[after] - values[after - 1])
 
 
 def ease_bends(paths: list[Path]) -> None:
@@ -83,13 +80,14 @@ def ease_bends(paths: list[Path]) -> None:
 
     Round a bend of radius below its own no tube can be swept; zigzags finer than the radius are noise.
     """
-    if not paths:
+    tight = [number for number, path in enumerate(paths) if not path.eased]
+    if not tight:
         return
-    counts = np.array([len(path.points_m) for path in paths])
+    counts = np.array([len(paths[number].points_m) for number in tight])
     first = np.cumsum(counts) - counts
-    points = np.concatenate([path.points_m for path in paths])
-    radius = np.concatenate([path.radius_m for path in paths])
-    of = np.repeat(np.arange(len(paths)), counts)
+    points = np.concatenate([paths[number].points_m for number in tight])
+    radius = np.concatenate([paths[number].radius_m for number in tight])
+    of = np.repeat(np.arange(len(tight)), counts)
     fixed = np.zeros(len(points), bool)
     fixed[first] = fixed[first + counts - 1] = True
     kept = np.arange(len(points))
@@ -98,8 +96,13 @@ def ease_bends(paths: list[Path]) -> None:
         if not drop.any():
             break
         kept = kept[~drop]
-    changed = np.flatnonzero(np.bincount(of[kept], minlength=len(paths)) < counts)
-    _keep_points(paths, {number: kept[of[kept] == number] - first[number] for number in changed.tolist()})
+    left = np.bincount(of[kept], minlength=len(tight))
+    begin = np.cumsum(left) - left
+    changed = np.flatnonzero(left < counts).tolist()
+    own = {k: kept[begin[k] : begin[k] + left[k]] - first[k] for k in changed}
+    _keep_points(paths, {tight[k]: mine for k, mine in own.items()})
+    for number in tight:
+        paths[number].eased = True
 
 
 def straighten_starts(paths: list[Path], upto_m: dict[int, float]) -> None:
@@ -110,11 +113,14 @@ def straighten_starts(paths: list[Path], upto_m: dict[int, float]) -> None:
         later[0] = later[-1] = True
         if not later.all():
             kept[number] = np.flatnonzero(later)
+            paths[number].eased = False
     _keep_points(paths, kept)
 
 
 def _keep_points(paths: list[Path], kept: dict[int, NDArray[np.intp]]) -> None:
     """Leave all other points of these paths out, in place; what they carry leaves from where it was."""
+    if not kept:
+        return
     eased: dict[int, tuple[Floats, Floats]] = {}
     for number, mine in kept.items():
         path = paths[number]

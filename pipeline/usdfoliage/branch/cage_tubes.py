@@ -35,6 +35,7 @@ class Path:
     parent: int  # path that it leaves, -1 for none
     parent_arc_m: float  # where on that path
     pieces: list[tuple[int, float]] = field(default_factory=list)  # branch, arc at which its own arc is 0
+    eased: bool = False  # whether it is known to have no bend that is too tight
 
     def leave_instead(self, short: "Path") -> None:
         """Leave the parent of a short path, which is passed through up to where this one left it."""
@@ -46,6 +47,7 @@ class Path:
         self.radius_m = np.concatenate([np.full(len(prefix), self.radius_m[0]), self.radius_m])
         self.pieces = [(branch, from_m + added_m) for branch, from_m in self.pieces]
         self.parent, self.parent_arc_m = short.parent, short.parent_arc_m
+        self.eased = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +69,11 @@ class Tubes:
 
     def __len__(self) -> int:
         return len(self.first)
+
+    @property
+    def axes(self) -> tuple[Floats, Floats, Floats, Floats, Ints, Ints]:
+        """What the native functions take for the axes."""
+        return self.points_m, self.radius_m, self.arc_m, self.direction, self.first, self.counts
 
     @cached_property
     def length_m(self) -> Floats:
@@ -98,29 +105,15 @@ class Tubes:
 
     def axis(self, tube: Ints, arc_m: Floats) -> tuple[Floats, Floats]:
         """Points (N, 3) and radii (N,) of the axis, held at the ends."""
-        at = self.segment(tube, arc_m)
-        share = np.clip((arc_m - self.arc_m[at]) / (self.arc_m[at + 1] - self.arc_m[at]), 0, 1)
-        points = self.points_m[at] + share[:, None] * (self.points_m[at + 1] - self.points_m[at])
-        return points, self.radius_m[at] + share * (self.radius_m[at + 1] - self.radius_m[at])
+        return _native.tube_axis(*self.axes, tube, arc_m, 0)
 
     def tangents(self, tube: Ints, arc_m: Floats, reach_m: Floats) -> Floats:
         """(N, 3) unit chords over the axis from reach before a place to reach after it."""
-        ahead, _ = self.axis(tube, np.minimum(arc_m + reach_m, self.length_m[tube]))
-        behind, _ = self.axis(tube, np.maximum(arc_m - reach_m, 0))
-        chord = ahead - behind
-        size = np.linalg.norm(chord, axis=1)
-        # Where the axis comes back on itself the chord says nothing, and the segment does.
-        folded = size < 0.2 * reach_m
-        chord[folded] = self.direction[self.segment(tube[folded], arc_m[folded])]
-        return chord / np.linalg.norm(chord, axis=1, keepdims=True)
+        return _native.tube_tangents(*self.axes, tube, arc_m, reach_m, 0)
 
     def frames(self, tube: Ints, arc_m: Floats, tangents: Floats) -> tuple[Floats, Floats]:
         """Two unit vectors (N, 3) each, right-handed with the tangents, that do not turn about the axis."""
-        at = self.segment(tube, arc_m)
-        first = rotate_least(self.direction[at], tangents, self.reference[at])
-        first -= np.sum(first * tangents, axis=1, keepdims=True) * tangents
-        first /= np.linalg.norm(first, axis=1, keepdims=True)
-        return first, np.cross(tangents, first)
+        return _native.tube_frames(*self.axes, self.reference, tube, arc_m, tangents, 0)
 
 
 def rotate_least(from_unit: Floats, to_unit: Floats, vectors: Floats) -> Floats:

@@ -1,0 +1,117 @@
+"""The native functions of tubes against what they compute, written plainly."""
+
+import numpy as np
+import pytest
+import tube_reference as plain
+from branch_shapes import random_tree
+from usdfoliage import _native
+from usdfoliage.branch.cage_rings import GROWTH, LONG, MOST_SAMPLES, PER_INTERVAL, STEADY
+from usdfoliage.branch.cage_tubes import find_paths, pack_paths
+
+SEEDS = range(6)
+
+
+def tubes_of(seed):
+    return pack_paths(find_paths(random_tree(seed, most=12, wild=seed % 2 == 1))[0])
+
+
+def places_of(tubes, seed, count=9000):
+    """Tubes and arcs: ends and vertices of axes among them, and places beyond both ends."""
+    rng = np.random.default_rng(seed)
+    tube = rng.integers(0, len(tubes), count)
+    arc = rng.uniform(-0.1, 1.1, count) * tubes.length_m[tube]
+    at_vertex = rng.random(count) < 0.2
+    arc[at_vertex] = tubes.arc_m[tubes.first[tube] + rng.integers(0, tubes.counts[tube])][at_vertex]
+    return tube, arc
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_places_on_axes_are_the_same(seed):
+    tubes = tubes_of(seed)
+    tube, arc = places_of(tubes, seed)
+    for found, expected in zip(tubes.axis(tube, arc), plain.axis(tubes, tube, arc), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_tangents_and_frames_are_the_same(seed):
+    tubes = tubes_of(seed)
+    tube, arc = places_of(tubes, seed)
+    arc = np.clip(arc, 0, tubes.length_m[tube])
+    reach = np.random.default_rng(seed).uniform(0.001, 0.3, len(tube))
+    tangent = tubes.tangents(tube, arc, reach)
+    np.testing.assert_allclose(tangent, plain.tangents(tubes, tube, arc, reach), rtol=1e-9, atol=1e-9)
+    first, second = tubes.frames(tube, arc, tangent)
+    for found, expected in zip((first, second), plain.frames(tubes, tube, arc, tangent), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(np.cross(first, second), tangent, atol=1e-9)
+
+
+def test_an_axis_that_comes_back_has_the_direction_of_its_segment():
+    there_and_back = np.array([[0.0, 0, 0], [0, 1, 0], [1e-3, 0, 0]])
+    arc = np.array([0, 1, 2.0])
+    direction = np.array([[0.0, 1, 0], [0, -1, 0], [0, -1, 0]])
+    axes = there_and_back, np.full(3, 0.1), arc, direction, np.array([0]), np.array([3])
+    tangent = _native.tube_tangents(*axes, np.zeros(2, int), np.array([0.95, 1.05]), np.full(2, 0.5), 0)
+    np.testing.assert_allclose(tangent, [[0, 1, 0], [0, -1, 0]], atol=0.2)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_nearest_places_are_the_same(seed):
+    tubes = tubes_of(seed)
+    tube, arc = places_of(tubes, seed, 200)
+    at = tubes.segment(tube, np.clip(arc, 0, tubes.length_m[tube]))
+    places = tubes.axis(tube, arc)[0] + np.random.default_rng(seed).normal(size=(200, 3)) * 0.2
+    *found, on = _native.tube_nearest(*tubes.axes, tube, at, places, 400, 0)
+    for one, other in zip(found, plain.nearest(tubes, tube, at, places), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+    # At a corner either of its segments is right.
+    np.testing.assert_array_less(tubes.arc_m[on] - 1e-9, found[1])
+    np.testing.assert_array_less(found[1], tubes.arc_m[on + 1] + 1e-9)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_gaps_are_filled_alike(seed):
+    tubes = tubes_of(seed)
+    rng = np.random.default_rng(seed)
+    tube = np.sort(rng.integers(0, len(tubes), 150))
+    ends = np.sort(rng.random((150, 2)), axis=1) * tubes.length_m[tube][:, None]
+    spacing = np.where(rng.random((150, 2)) < 0.5, np.inf, rng.uniform(0.01, 0.1, (150, 2)))
+    gaps = np.column_stack([ends[:, 0], np.maximum(np.diff(ends)[:, 0], 1e-4), spacing])
+    expected = plain.fill_gaps(tubes, tube, gaps, 0.05, 30.0)
+    how = 0.05, 30.0, GROWTH, STEADY, LONG, 0.25 * tubes.stride_m, PER_INTERVAL, MOST_SAMPLES
+    gap, arc = _native.fill_gaps(*tubes.axes, tubes.turned_rad, tube, gaps, *how, 0)
+    np.testing.assert_array_equal(gap, [number for number, _ in expected])
+    np.testing.assert_allclose(arc, [place for _, place in expected], rtol=1e-9)
+    assert len(gap)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_rings_in_bends_are_made_smaller_alike(seed):
+    tubes = tubes_of(seed)
+    count = 4000
+    tube, arc = places_of(tubes, seed, count)
+    order = np.lexsort([arc, tube])
+    tube, arc = tube[order], np.clip(arc, 0, tubes.length_m[tube])[order]
+    arc += 1e-6 * np.arange(count)
+    center, radius = tubes.axis(tube, arc)
+    tangent = tubes.tangents(tube, arc, radius)
+    angles = np.linspace(0, 2 * np.pi, 7)[:-1] + np.random.default_rng(seed).uniform(0, 1, (count, 1))
+    rings = tube, center, tangent, *tubes.frames(tube, arc, tangent), angles
+    points, found = _native.round_rings(*rings, radius, 1.002, 0)
+    expected_points, expected = plain.round_rings(*rings, radius, 1.002)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(points, expected_points, rtol=1e-9, atol=1e-12)
+    assert (found < radius).any()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_starts_are_bent_alike(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 30))
+    points = np.cumsum(rng.normal(size=(count, 3)), axis=0)
+    radius = rng.uniform(0.1, 1, count)
+    how = rng.normal(size=3), float(rng.uniform(0, 2)), float(rng.uniform(0.1, 20)), 8, 0.02
+    expected = plain.bend_start(points, radius, *how)
+    for one, other in zip(_native.bend_start(points, radius, *how), expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
