@@ -27,6 +27,7 @@ def test_another_height_is_told_with_the_units_that_a_plant_has(height_m, metres
 
 def test_branches_of_which_many_are_not_joined_are_doubted():
     assert doubt_surface(100, 20, 10) == []
+    assert doubt_surface(2, 1, 0) == []  # a stem with one spur
     (doubt,) = doubt_surface(100, 20, 11)
     assert doubt.startswith("31 % of the branches are not joined")
     assert "--method grow" in doubt

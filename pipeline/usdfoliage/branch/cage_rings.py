@@ -16,11 +16,12 @@ GROWTH = 0.8  # of the spacing, per length, away from where it must be short
 CROWDED = 0.7  # radii: optional rings keep this distance
 PER_INTERVAL = 6  # at least so many samples of the spacing between two rings that are given
 MOST_SAMPLES = 4000  # and at most so many
-TIP = 0.65  # radius of the last ring of a tip, which is rounded off
+TIP = 0.75  # radius of the last ring of a tip, which is rounded off
 STEADIED = (1.0, 2.2)  # radii before the shoulder: rings that keep its rounding to itself
-SHOULDER = 0.3  # radii before it: the last ring of full thickness
+SHOULDER = 0.2  # radii before it: the last ring of full thickness
 MARKED = np.radians(15.0)  # a bend that has rings beside it even where points are close
 LONG = 4.0  # radii: bends between longer segments are corners, those between shorter ones a curve
+SLIGHT = 0.25  # of the tolerance, that one such bend may take
 STEADY = 60.0  # spacing in radii where nothing asks for a ring
 
 
@@ -165,8 +166,9 @@ def _corners(tubes: Tubes, tolerance: float) -> tuple[Ints, Floats]:
     beside = np.maximum(6 * tolerance * radius / np.maximum(bend, 1e-9), radius * (0.75 + np.tan(bend / 2.2)))
     corner = (bend * short / 8 > tolerance * radius) & ((short > 2 * beside) | (bend > MARKED))
     slope = np.abs((tubes.radius_m[at + 1] - radius) / after - (radius - tubes.radius_m[at - 1]) / before)
-    # One ring where without any a row would cut the corner: half-way along a bend's shorter segment it is off by this.
-    between = (bend > 0) & (np.maximum(before, after) > LONG * radius) & (bend * short / 2 > tolerance * radius)
+    # One ring where without any a row would cut the corner: half-way along a bend's shorter segment it is off by this,
+    # and by as much again where the next one bends to the same side.
+    between = (np.maximum(before, after) > LONG * radius) & (bend * short / 2 > SLIGHT * tolerance * radius)
     kink = between | (slope * short / 2 > tolerance * radius)
     arcs = tubes.arc_m[at]
     seam = tubes.piece_from_m > 0

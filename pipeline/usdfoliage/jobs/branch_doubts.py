@@ -3,7 +3,8 @@
 from usdfoliage.capture.cloud_units import UNITS
 
 _PLANT_M = (0.05, 130.0)  # height of a plant: below it seedlings, above it none
-_UNJOINED = 0.3  # share of the branches
+_UNJOINED = 0.3  # share of the branches,
+_FEW = 5  # of which so many may always be without a join
 _ROUND = 0.05  # share of the circles, from which on they are believed without a stem
 _REACHED = 0.7  # share of the points
 _LONGER = 4  # times the internode, with which growth reaches points farther apart
@@ -55,7 +56,7 @@ def doubt_surface(branches: int, dropped: int, loose: int) -> list[str]:
         dropped: That are in the skeleton alone.
         loose: That begin closed pieces of their own.
     """
-    if dropped + loose <= _UNJOINED * branches:
+    if dropped + loose <= max(_FEW, _UNJOINED * branches):
         return []
     return [
         f"{100 * (dropped + loose) / branches:.0f} % of the branches are not joined to the surface: the cloud shows "
