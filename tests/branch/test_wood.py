@@ -173,3 +173,13 @@ def test_settings_that_cannot_be_are_refused(change):
 def test_what_leaves_may_be_is_said():
     with pytest.raises(ValueError, match="auto, on, off"):
         BranchSettings(leaves="perhaps")  # type: ignore[arg-type]
+
+
+def test_of_a_dense_cloud_leaves_are_told_by_some_of_its_points():
+    points_m, is_wood = leafy_cloud()
+    some = len(points_m) * 2 // 3
+    settings = BranchSettings(leaves="on", wood=WoodSettings(most_points=some, few_points=some))
+    thinned = reconstruct_branches(points_m, FOOT_M, settings)
+    assert len(thinned.wood) == len(points_m)
+    assert thinned.wood[is_wood].mean() > 0.8
+    assert thinned.wood[~is_wood].mean() < 0.5

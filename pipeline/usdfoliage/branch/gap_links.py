@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from usdfoliage.geometry.point_cells import number_cells
+from usdfoliage.geometry.point_cells import one_in_each_cell
 
-_FINER = 1.3  # by which cells grow until there are few enough of them
 _TOUCHES = 1 - 1e-6  # of half a link's length: points on the ball around it are not in it
 
 
@@ -33,7 +32,7 @@ def link_across_gaps(
     """
     if min(most_points, len(points_m)) < 5:
         return np.zeros((0, 2), np.int64)
-    some, cell_m = _thinned(points_m, most_points)
+    some, cell_m = one_in_each_cell(points_m, most_points)
     try:
         corners = Delaunay(points_m[some]).simplices.astype(np.int64)
     except QhullError:
@@ -55,16 +54,3 @@ def link_across_gaps(
         pairs[np.arange(len(pairs)), away_m.argmin(axis=1)] = between
     key = np.unique(held.min(axis=1) * len(points_m) + held.max(axis=1))
     return np.stack([key // len(points_m), key % len(points_m)], axis=1)
-
-
-def _thinned(points_m: NDArray[np.float64], most_points: int) -> tuple[NDArray[np.int64], float]:
-    """(K,) points of which there are at most so many: the first in each cell of a grid, and how wide that is."""
-    if len(points_m) <= most_points:
-        return np.arange(len(points_m)), 0.0
-    cell_m = float(np.ptp(points_m, axis=0).max()) / most_points
-    while True:
-        cell = number_cells(points_m, cell_m)
-        if cell.max() < most_points:
-            return np.asarray(np.unique(cell, return_index=True)[1], np.int64), cell_m
-        # Cells of a cloud that fills space are fewer by their volume; those of a line by their side.
-        cell_m *= max(_FINER, (cell.max() / most_points) ** (1 / 3))

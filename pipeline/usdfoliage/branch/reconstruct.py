@@ -22,7 +22,7 @@ from usdfoliage.branch.spurs import absorb_spurs, find_spurs
 from usdfoliage.branch.traced_axes import as_skeleton, trace_axes
 from usdfoliage.branch.wood import WoodSettings, choose_wood, shows_leaves, wood_odds
 from usdfoliage.branch.wood_colors import color_odds
-from usdfoliage.geometry.point_cells import cell_means
+from usdfoliage.geometry.point_cells import cell_means, one_in_each_cell
 
 logger = logging.getLogger(__name__)
 
@@ -133,37 +133,20 @@ def reconstruct_branches(
         colors = None if colors is None else cell_means(colors, given.reshape(-1))
         spacing_m = point_spacing(points_m)
     internode_m = settings.internode_m or settings.internode_of_height * float(np.ptp(points_m[:, 1]))
-    cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)
     knows_leaves = shows_leaves(spacing_m, settings.wood)
-    wood = np.arange(len(points_m))
-    sure = np.zeros(len(points_m), bool)
     look = settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves)
-    for turn in range(settings.wood.most_turns if look else 0):
-        say("wood", 0.5 + 0.2 * turn / settings.wood.most_turns)
-        odds = wood_odds(points_m, cut.sections, cut.spacing_m) + settings.wood.caution
-        found = choose_wood(cut.sections, odds, _on_stems(cut), cut.spacing_m)
-        logger.info("%.0f %% of the sections' length is wood", 100 * found.share)
-        if settings.leaves == "auto" and turn == 0 and found.share >= settings.wood.leafless:
-            break
-        if turn == 0:
-            sure = _in_thick_branches(cut, settings)
-        if colors is not None:
-            taken = np.zeros(len(points_m), bool)
-            taken[wood] = found.sections[cut.sections.section] | sure[wood]
-            told = cell_means(color_odds(colors, taken)[wood, None], cut.sections.section)[:, 0]
-            found = choose_wood(cut.sections, odds + told, _on_stems(cut), cut.spacing_m)
-            logger.info("with colours %.0f %%", 100 * found.share)
-            # What geometry alone doubts of a noisy cloud's wood is thin: long ways of few points, that colours spared.
-            if turn and found.sections[cut.sections.section].mean() >= settings.wood.settled:
-                break
-        kept = found.sections[cut.sections.section] | sure[wood]
-        if kept.sum() < 2:
-            break
-        wood = wood[kept]
-        # Without the leaves slices are other ones, and wood is easier to tell from the leaves that are still there.
+    if look and len(points_m) > settings.wood.most_points:
+        some = one_in_each_cell(points_m, settings.wood.few_points)[0]
+        told, _ = _tell_wood(
+            points_m[some], roots_m, internode_m, settings, None if colors is None else colors[some], say
+        )
+        nearest = np.asarray(cKDTree(points_m[some]).query(points_m, workers=-1)[1])
+        wood = np.flatnonzero(np.isin(np.arange(len(some)), told)[nearest])
         cut = _cut(points_m[wood], roots_m, internode_m, point_spacing(points_m[wood]) or spacing_m, settings)
-        if found.share >= settings.wood.settled:
-            break
+    elif look:
+        wood, cut = _tell_wood(points_m, roots_m, internode_m, settings, colors, say)
+    else:
+        wood, cut = np.arange(len(points_m)), _cut(points_m, roots_m, internode_m, spacing_m, settings)
     say("branches", 0.7)
     cut = _without_gaps(cut, settings.most_gap)
     fine_m = cut.fine_m
@@ -197,6 +180,48 @@ def reconstruct_branches(
         wood=is_wood[given.reshape(-1)],
         knows_leaves=knows_leaves,
     )
+
+
+def _tell_wood(
+    points_m: NDArray[np.float64],
+    roots_m: NDArray[np.float64],
+    internode_m: float,
+    settings: BranchSettings,
+    colors: NDArray[np.number] | None,
+    say: Tell,
+) -> tuple[NDArray[np.intp], _Cut]:
+    """(W,) points that are of wood, and their sections."""
+    spacing_m = point_spacing(points_m)
+    cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)
+    wood = np.arange(len(points_m))
+    sure = np.zeros(len(points_m), bool)
+    for turn in range(settings.wood.most_turns):
+        say("wood", 0.5 + 0.2 * turn / settings.wood.most_turns)
+        odds = wood_odds(points_m, cut.sections, cut.spacing_m) + settings.wood.caution
+        found = choose_wood(cut.sections, odds, _on_stems(cut), cut.spacing_m)
+        logger.info("%.0f %% of the sections' length is wood", 100 * found.share)
+        if settings.leaves == "auto" and turn == 0 and found.share >= settings.wood.leafless:
+            break
+        if turn == 0:
+            sure = _in_thick_branches(cut, settings)
+        if colors is not None:
+            taken = np.zeros(len(points_m), bool)
+            taken[wood] = found.sections[cut.sections.section] | sure[wood]
+            told = cell_means(color_odds(colors, taken)[wood, None], cut.sections.section)[:, 0]
+            found = choose_wood(cut.sections, odds + told, _on_stems(cut), cut.spacing_m)
+            logger.info("with colours %.0f %%", 100 * found.share)
+            # What geometry alone doubts of a noisy cloud's wood is thin: long ways of few points, that colours spared.
+            if turn and found.sections[cut.sections.section].mean() >= settings.wood.settled:
+                break
+        kept = found.sections[cut.sections.section] | sure[wood]
+        if kept.sum() < 2:
+            break
+        wood = wood[kept]
+        # Without the leaves slices are other ones, and wood is easier to tell from the leaves that are still there.
+        cut = _cut(points_m[wood], roots_m, internode_m, point_spacing(points_m[wood]) or spacing_m, settings)
+        if found.share >= settings.wood.settled:
+            break
+    return wood, cut
 
 
 def _spurs(skeleton: Skeleton, settings: BranchSettings) -> NDArray[np.bool_]:

@@ -39,12 +39,16 @@ class WoodSettings:
     leaf_spacings: float = 3.0  # distances to the sixth neighbour in it, fewer of which do not show what it is
     leafless: float = 0.75  # share of the sections' length that is wood, from which on a plant has no leaves
     caution: float = 0.5  # added to the logarithm of the odds for wood: among leaves it looks less like it
+    most_points: int = 500_000  # of a cloud, of which more are thinned for this:
+    few_points: int = 200_000  # leaves that are seen from near are no more like leaves, and ways cost much
     settled: float = 0.87  # share that is wood of what was left, from which on no leaves are looked for any more
     most_turns: int = 5  # of leaving leaves out
 
     def __post_init__(self) -> None:
         if not (self.leaf_m > 0 and self.leaf_spacings > 0 and 0 <= self.leafless <= 1 and 0 <= self.settled <= 1):
             raise ValueError(f"leaf_m, leaf_spacings must be above 0, leafless and settled in [0, 1], not {self}")
+        if not 2 <= self.few_points <= self.most_points:
+            raise ValueError(f"2 <= few_points <= most_points, not {self.few_points} and {self.most_points}")
         if not np.isfinite(self.caution) or self.most_turns < 1:
             raise ValueError(f"caution must be a number and most_turns at least 1, not {self}")
 

@@ -6,6 +6,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+_FINER = 1.3  # by which cells grow until there are few enough of them
+
 
 def number_cells(points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.int64]:
     """(N,) which of the cells that hold any of the points (N, 3) each is in, numbered without gaps."""
@@ -19,6 +21,23 @@ def cell_means(values: NDArray[np.number], cell: NDArray[np.integer]) -> NDArray
     """(C, K) mean of the values (N, K) in each cell; cell (N,) as number_cells gives it."""
     held = np.bincount(cell)
     return np.column_stack([np.bincount(cell, column) / held for column in values.T])
+
+
+def one_in_each_cell(points_m: NDArray[np.float64], most_points: int) -> tuple[NDArray[np.int64], float]:
+    """Points of a cloud (N, 3) of which there are at most so many: the first in each cell of a grid.
+
+    Returns:
+        Which (K,), in their order, and how wide a cell is; all of them, and 0, where they are few enough.
+    """
+    if len(points_m) <= most_points:
+        return np.arange(len(points_m)), 0.0
+    cell_m = float(np.ptp(points_m, axis=0).max()) / most_points
+    while True:
+        cell = number_cells(points_m, cell_m)
+        if cell.max() < most_points:
+            return np.sort(np.unique(cell, return_index=True)[1]).astype(np.int64), cell_m
+        # Cells of a cloud that fills space are fewer by their volume; those of a line by their side.
+        cell_m *= max(_FINER, (cell.max() / most_points) ** (1 / 3))
 
 
 def touching_parts(points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.int64]:
