@@ -46,7 +46,10 @@ def test_where_the_rim_is_level_the_end_goes_on_a_little():
 
 
 def test_what_springs_from_the_end_moves_with_it():
-    straight = straighten_cut_ends(with_twig(stem(ASIDE_M), 6, 0.1), 0.02)
+    skeleton = with_twig(stem(ASIDE_M), 6, 0.1)
+    straight = straighten_cut_ends(skeleton, 0.02)
+    twig_m = straight.points_m[straight.branch(1)]
+    np.testing.assert_allclose(np.diff(twig_m, axis=0), np.diff(skeleton.points_m[skeleton.branch(1)], axis=0))
     np.testing.assert_allclose(straight.points_m[straight.first[1], [0, 2]], 0, atol=1e-12)
     np.testing.assert_array_equal(straight.points_m[straight.first[1]], straight.points_m[6])
 

@@ -68,3 +68,17 @@ def test_links_of_many_points_are_those_across_gaps():
 @pytest.mark.parametrize("most_points", [0, 4])
 def test_links_can_be_left_out(most_points):
     assert not linked(np.random.default_rng(4).normal(size=(50, 3)), most_points)
+
+
+@pytest.mark.parametrize("apart_m", [1e-3, 1e-7, 1e-9, 1e-12])
+@pytest.mark.parametrize("far_m", [0.0, 10.0, 500_000.0])
+def test_points_that_all_but_lie_on_each_other_end(apart_m, far_m):
+    points_m = np.random.default_rng(5).uniform(0, 10, (100, 3)) + far_m
+    twice_m = np.concatenate([points_m, points_m + apart_m])
+    pairs = link_across_gaps(twice_m, cKDTree(twice_m), 20_000)
+    assert len(pairs) > 100
+
+
+def test_points_at_one_place_have_no_links():
+    points_m = np.zeros((30, 3))
+    assert not len(link_across_gaps(points_m, cKDTree(points_m), 10))

@@ -133,3 +133,20 @@ def test_one_node_has_a_radius():
 def test_settings_that_believe_nothing_or_all_are_refused(change, about):
     with pytest.raises(ValueError, match=about):
         RadiusSettings(**change)
+
+
+@pytest.mark.parametrize("rising", [(0.005, 0.05), (0.02, 0.049), (0.03, 0.04)])
+def test_a_twig_of_two_nodes_of_which_the_farther_seems_thicker_has_one_radius(rising):
+    trunk_m = line([0, 0, 0], [0, 3, 0], 30)
+    nodes_m = np.concatenate([trunk_m, trunk_m[15] + np.outer([1, 2], [0.3, 0, 0])])
+    parent = np.array([*range(-1, 29), 15, 30], np.int32)
+    radii = estimate_radii(nodes_m, parent, circles_of([*np.full(30, 0.05), *rising]))
+    assert radii.radius_m[30] >= radii.radius_m[31] > 0
+
+
+def test_where_circles_contradict_each_other_there_is_no_step():
+    radius_m = np.where(NODES_M[:, 1] < 2, 0.06, 0.08)  # rises, so that one level takes the place of both
+    radius_m[NODES_M[:, 1] < 0.5] = 0.1
+    radii = estimate_radii(NODES_M, PARENT, circles_of(radius_m))
+    change = np.abs(np.diff(np.log(radii.radius_m)))
+    assert change[:70].max() < 0.25 * np.log(0.1 / 0.07)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from usdfoliage.branch.model import Skeleton
 
@@ -28,12 +29,17 @@ def settle_attachments(skeleton: Skeleton) -> Skeleton:
     leaves_from = skeleton.parent_vertex.copy()
     kept = np.ones(len(points_m), bool)
     comes_out = np.arange(len(points_m))  # the vertex that takes the place of each
+    axes: dict[int, tuple[NDArray[np.intp], cKDTree]] = {}  # of parents, which stay once they are reached
     for number in np.flatnonzero(skeleton.parent_curve >= 0).tolist():
-        part, stem = skeleton.branch(number), skeleton.branch(int(skeleton.parent_curve[number]))
+        part, parent = skeleton.branch(number), int(skeleton.parent_curve[number])
         leaves_from[number] = comes_out[leaves_from[number]]
-        axis = np.flatnonzero(kept[stem]) + stem.start
+        if parent not in axes:
+            stem = skeleton.branch(parent)
+            left = np.flatnonzero(kept[stem]) + stem.start
+            axes[parent] = left, cKDTree(points_m[left])
+        axis, tree = axes[parent]
         own_m = points_m[part]
-        away_m, nearest = _from_axis(own_m[1:], points_m[axis])
+        away_m, nearest = (np.asarray(each) for each in tree.query(own_m[1:]))
         outside = away_m > radius_m[axis][nearest]
         if outside.any() and len(axis) > 1:
             out = int(np.argmax(outside)) + 1
@@ -44,7 +50,8 @@ def settle_attachments(skeleton: Skeleton) -> Skeleton:
             level_m = way_m[axis[nearest[out - 1]]]
             low = np.searchsorted(way_m[axis], level_m - _BELOW * thick_m)
             high = np.searchsorted(way_m[axis], level_m + _ABOVE * thick_m, side="right")
-            there = axis[min(max(int(low), 1), int(high) - 1) : int(high)]  # not where the parent itself springs
+            high = max(int(high), 2)  # not where the parent itself springs
+            there = axis[min(max(int(low), 1), high - 1) : high]
             at = int(there[_pointing_best(points_m[there], own_m[out], direction)])
             leaves_from[number] = at
             comes_out[part.start : part.start + out] = part.start + out
@@ -54,15 +61,6 @@ def settle_attachments(skeleton: Skeleton) -> Skeleton:
     return replace(
         skeleton, points_m=points_m, radius_m=radius_m, parent_vertex=leaves_from.astype(np.int32)
     ).only_vertices(kept)
-
-
-def _from_axis(
-    points_m: NDArray[np.float64], axis_m: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Distances of points (N, 3) from the nearest vertex of an axis (M, 3), and which that is."""
-    away_m = np.linalg.norm(points_m[:, None] - axis_m, axis=2)
-    nearest = away_m.argmin(axis=1)
-    return away_m[np.arange(len(points_m)), nearest], nearest
 
 
 def _pointing_best(from_m: NDArray[np.float64], to_m: NDArray[np.float64], direction: NDArray[np.float64]) -> int:

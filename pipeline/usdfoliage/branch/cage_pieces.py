@@ -102,6 +102,8 @@ def _first_clear(skeleton: Skeleton, branch: int, standing: NDArray[np.bool_]) -
         return 0, 0.0
     steps_m = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
     way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    if way_m[-1] == 0:
+        return None
     step_m = _STEP * float(radius_m.mean())
     walked_m = np.arange(0, way_m[-1], step_m)
     edge = np.clip(np.searchsorted(way_m, walked_m, side="right") - 1, 0, len(steps_m) - 1)

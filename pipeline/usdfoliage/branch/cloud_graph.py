@@ -21,8 +21,8 @@ class CloudGraphSettings:
     threads: int = 0  # 0: one per core
 
     def __post_init__(self) -> None:
-        if self.neighbors < 1 or self.across_gaps < 0:
-            raise ValueError(f"neighbors must be at least 1, across_gaps not below 0, not {self}")
+        if self.neighbors < 1 or self.across_gaps < 0 or self.threads < 0:
+            raise ValueError(f"neighbors must be at least 1, across_gaps and threads not below 0, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -53,6 +53,10 @@ def straighten_cut_ends(skeleton: Skeleton, thick_m: float) -> Skeleton:
         tail = slice(part.start + last + 1, part.stop)
         points_m[tail] = at_m[last] + (forward_m * share)[:, None] * direction
         radius_m[tail] = thickness_m[last]
-    child = skeleton.parent_curve >= 0
-    points_m[skeleton.first[child]] = points_m[skeleton.parent_vertex[child]]
+    for number in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
+        leaves_from = int(skeleton.parent_vertex[number])
+        moved_m = points_m[leaves_from] - points_m[skeleton.first[number]]
+        if moved_m.any():
+            points_m[skeleton.branch(number)] += moved_m
+            points_m[skeleton.first[number]] = points_m[leaves_from]
     return replace(skeleton, points_m=points_m, radius_m=radius_m)

@@ -52,5 +52,7 @@ def link_across_gaps(
         pairs, ends_m, between = pairs[~empty], ends_m[~empty], between[~empty]
         away_m = np.linalg.norm(ends_m - points_m[between, None], axis=2)
         pairs[np.arange(len(pairs)), away_m.argmin(axis=1)] = between
+        # Of points that all but lie on each other the one between is an end; only what shrinks is looked at again.
+        pairs = pairs[away_m.max(axis=1) < 2 * half_m[~empty]]
     key = np.unique(held.min(axis=1) * len(points_m) + held.max(axis=1))
     return np.stack([key // len(points_m), key % len(points_m)], axis=1)

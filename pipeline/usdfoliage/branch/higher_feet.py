@@ -41,6 +41,10 @@ class HigherFootSettings:
     def __post_init__(self) -> None:
         if not (0 < self.foot < 1 and 0 < self.highest <= 1 and 0 < self.radius[0] < self.radius[1]):
             raise ValueError(f"foot and highest must be shares of the height, radius rising, not {self}")
+        if not (self.beside >= 1 and self.around >= 0 and 0 < self.seen <= 1 and 0 < self.upright <= 1):
+            raise ValueError(f"beside must be at least 1, around not below 0, seen and upright shares, not {self}")
+        if not (self.most_away > 0 and self.most_apart > 0 and self.thickening > 0 and self.off > 0):
+            raise ValueError(f"most_away, most_apart, thickening and off must be above 0, not {self}")
 
 
 def find_higher_feet(

@@ -127,7 +127,9 @@ def _falling(tree: RootedTree, step_m: NDArray[np.float64], log_radius: NDArray[
         if (np.diff(log_radius[chain]) > 0).any():
             fair = isotonic_regression(log_radius[chain], increasing=False).x
             changed = np.abs(fair - log_radius[chain]) > _CHANGED
-            for _ in range(_SMOOTHED):  # steps are smoothed between levels, not at forks, where branches do thin
+            for _ in range(
+                _SMOOTHED if len(chain) > 2 else 0
+            ):  # steps are smoothed between levels, not at forks, where branches do thin
                 near = changed[1:-1] | changed[:-2] | changed[2:]
                 fair[1:-1] = np.where(near, np.convolve(fair, [0.25, 0.5, 0.25], "valid"), fair[1:-1])
             fallen[chain] = fair

@@ -135,8 +135,12 @@ def reconstruct_branches(
     internode_m = settings.internode_m or settings.internode_of_height * float(np.ptp(points_m[:, 1]))
     knows_leaves = shows_leaves(spacing_m, settings.wood)
     look = settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves)
+    some = np.arange(len(points_m))
     if look and len(points_m) > settings.wood.most_points:
         some = one_in_each_cell(points_m, settings.wood.few_points)[0]
+        if not shows_leaves(point_spacing(points_m[some]), settings.wood):
+            some = np.arange(len(points_m))  # of so large a crown all are needed
+    if len(some) < len(points_m):
         told, _ = _tell_wood(
             points_m[some], roots_m, internode_m, settings, None if colors is None else colors[some], say
         )

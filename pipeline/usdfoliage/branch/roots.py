@@ -4,7 +4,7 @@ J. Guo et al., Realistic procedural plant modeling from multiple view images, 20
 onto the ground, and the densest clusters are roots; section 6.1: of a bush the k densest.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ def find_roots(
     height_m = float(np.ptp(above_m[:, 1]))
     low = above_m[:, 1] <= above_m[:, 1].min() + settings.slab * height_m
     cell_m = _cell_side(points_m[low], height_m, settings)
-    lower_m = _dense_places(above_m, low, cell_m, RootSettings())
+    lower_m = _dense_places(above_m, low, cell_m, replace(settings, count=None))
     feet = find_higher_feet(above_m, _cell_side(points_m, height_m, settings), lower_m)
     if (feet & ~low).any():
         low |= feet

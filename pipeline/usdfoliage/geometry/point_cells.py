@@ -6,6 +6,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+_MOST_CELLS = 1_000_000  # along a side, so that numbers of cells stay whole numbers
 _FINER = 1.3  # by which cells grow until there are few enough of them
 
 
@@ -31,7 +32,9 @@ def one_in_each_cell(points_m: NDArray[np.float64], most_points: int) -> tuple[N
     """
     if len(points_m) <= most_points:
         return np.arange(len(points_m)), 0.0
-    cell_m = float(np.ptp(points_m, axis=0).max()) / most_points
+    cell_m = float(np.ptp(points_m, axis=0).max()) / min(most_points, _MOST_CELLS)
+    if cell_m == 0:
+        return np.zeros(1, np.int64), 0.0
     while True:
         cell = number_cells(points_m, cell_m)
         if cell.max() < most_points:
