@@ -39,7 +39,6 @@ def _plain_tree(rng: np.random.Generator) -> Skeleton:
         [-1],
         [0],
     )
-    first = 61
     for above, count, length, share in ((0, 60, 2.0, 0.4), (1, 600, 0.5, 0.4)):
         carriers = [number for number, each in enumerate(order) if each == above]
         firsts = np.cumsum([0, *(len(each) for each in points)])
@@ -53,7 +52,6 @@ def _plain_tree(rng: np.random.Generator) -> Skeleton:
             parent.append(carrier)
             vertex.append(int(firsts[carrier]) + at)
             order.append(above + 1)
-            first += 21
     return Skeleton(
         points_m=np.concatenate(points),
         radius_m=np.concatenate(radii),

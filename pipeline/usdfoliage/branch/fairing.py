@@ -8,10 +8,8 @@ from scipy.sparse.linalg import splu
 from usdfoliage.branch.axes import Axes
 
 _FIXED = 1e9  # weight of what must stay where it is
-
-
 _TURNS = 5  # of holding what moves too far
-_HELD = 1.5  # power of how much too far, by which it is held more
+_HARDER = 1.5  # power of how much too far, by which it is held more
 
 
 def fair_axes(
@@ -59,6 +57,6 @@ def fair_axes(
             too_far = own & (away > 1)
             if not too_far.any():
                 break
-            held[too_far] *= away[too_far] ** _HELD
+            held[too_far] *= away[too_far] ** _HARDER
         fair_m[nodes[own]] = moved_m[own]
     return fair_m

@@ -135,20 +135,20 @@ def reconstruct_branches(
     internode_m = settings.internode_m or settings.internode_of_height * float(np.ptp(points_m[:, 1]))
     knows_leaves = shows_leaves(spacing_m, settings.wood)
     look = settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves)
-    some = np.arange(len(points_m))
+    some, some_spacing_m = np.arange(len(points_m)), spacing_m
     if look and len(points_m) > settings.wood.most_points:
-        some = one_in_each_cell(points_m, settings.wood.few_points)[0]
-        if not shows_leaves(point_spacing(points_m[some]), settings.wood):
-            some = np.arange(len(points_m))  # of so large a crown all are needed
+        few = one_in_each_cell(points_m, settings.wood.few_points)[0]
+        few_spacing_m = point_spacing(points_m[few])
+        if shows_leaves(few_spacing_m, settings.wood):  # of a very large crown all are needed
+            some, some_spacing_m = few, few_spacing_m
     if len(some) < len(points_m):
-        told, _ = _tell_wood(
-            points_m[some], roots_m, internode_m, settings, None if colors is None else colors[some], say
-        )
+        some_colors = None if colors is None else colors[some]
+        told, _ = _tell_wood(points_m[some], roots_m, internode_m, some_spacing_m, settings, some_colors, say)
         nearest = np.asarray(cKDTree(points_m[some]).query(points_m, workers=-1)[1])
         wood = np.flatnonzero(np.isin(np.arange(len(some)), told)[nearest])
         cut = _cut(points_m[wood], roots_m, internode_m, point_spacing(points_m[wood]) or spacing_m, settings)
     elif look:
-        wood, cut = _tell_wood(points_m, roots_m, internode_m, settings, colors, say)
+        wood, cut = _tell_wood(points_m, roots_m, internode_m, spacing_m, settings, colors, say)
     else:
         wood, cut = np.arange(len(points_m)), _cut(points_m, roots_m, internode_m, spacing_m, settings)
     say("branches", 0.7)
@@ -190,12 +190,12 @@ def _tell_wood(
     points_m: NDArray[np.float64],
     roots_m: NDArray[np.float64],
     internode_m: float,
+    spacing_m: float,
     settings: BranchSettings,
     colors: NDArray[np.number] | None,
     say: Tell,
 ) -> tuple[NDArray[np.intp], _Cut]:
     """(W,) points that are of wood, and their sections."""
-    spacing_m = point_spacing(points_m)
     cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)
     wood = np.arange(len(points_m))
     sure = np.zeros(len(points_m), bool)

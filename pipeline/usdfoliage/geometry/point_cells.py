@@ -12,7 +12,7 @@ _FINER = 1.3  # by which cells grow until there are few enough of them
 
 def number_cells(points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.int64]:
     """(N,) which of the cells that hold any of the points (N, 3) each is in, numbered without gaps."""
-    cell = np.floor((points_m - points_m.min(axis=0)) / cell_m).astype(np.int64)
+    cell = _corners(points_m, cell_m)
     sides = cell.max(axis=0) + 1
     key = (cell[:, 0] * sides[1] + cell[:, 1]) * sides[2] + cell[:, 2]
     return np.asarray(np.unique(key, return_inverse=True)[1], np.int64).reshape(-1)
@@ -49,7 +49,12 @@ def touching_parts(points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.i
     Points of one cell, and of cells that touch by a side, an edge or a corner, are of one part.
     """
     cell = number_cells(points_m, cell_m)
-    corner = np.rint(cell_means(np.floor((points_m - points_m.min(axis=0)) / cell_m), cell))
+    corner = np.rint(cell_means(_corners(points_m, cell_m), cell))
     beside = cKDTree(corner).query_pairs(1.5, p=np.inf, output_type="ndarray")
     links = coo_array((np.ones(len(beside), bool), (beside[:, 0], beside[:, 1])), shape=(len(corner),) * 2)
     return np.asarray(connected_components(links, directed=False)[1][cell], np.int64)
+
+
+def _corners(points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.int64]:
+    """(N, 3) places of cells in the grid, counted from the cloud's lowest corner."""
+    return np.floor((points_m - points_m.min(axis=0)) / cell_m).astype(np.int64)
