@@ -4,10 +4,13 @@ SHELL := /bin/bash
 PYTHON_VENV := .venv/bin/python
 DEMO := out/demo
 
-.PHONY: setup demo test lint bench clean
+.PHONY: setup setup-test demo test lint bench clean
 
 setup:
 	@tools/bootstrap.sh all
+
+setup-test:
+	@tools/bootstrap.sh test
 
 demo: setup
 	@$(PYTHON_VENV) -m usdfoliage crown tools/demo/crown.jpg --mask tools/demo/crown_mask.png -o $(DEMO)
@@ -26,7 +29,7 @@ lint: setup
 	@.venv/bin/ruff format --check .
 	@.venv/bin/mypy
 
-test: lint
+test: setup-test lint
 	@$(PYTHON_VENV) -m pytest -m "not slow"
 
 bench: setup

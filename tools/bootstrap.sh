@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Set up everything usdfoliage needs on a machine: system packages, .venv, .venv-preview, the native extension.
-# usage: tools/bootstrap.sh packages|product|preview|all
+# usage: tools/bootstrap.sh packages|product|preview|all|test
 # Each step is skipped when what it made is newer than what it depends on.
 set -eu
 cd "$(dirname "$0")/.."
@@ -10,7 +10,12 @@ PACKAGES=(
   g++ cmake ninja-build libosd-dev openexr
   libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri
   libx11-6 libxext6 libxi6 libxfixes3 libxrender1 libxkbcommon0 libsm6 libice6
+  # The viewer's windows (Qt on X11).
+  libglx-mesa0 libdbus-1-3 libfontconfig1 libxkbcommon-x11-0 libxcb-cursor0 libxcb-icccm4 libxcb-image0 libxcb-keysyms1
+  libxcb-randr0 libxcb-render-util0 libxcb-shape0 libxcb-xinerama0 libxcb-xkb1
 )
+# What tests look with: reports in a browser, the viewer on a virtual display.
+TEST_PACKAGES=(chromium chromium-driver xvfb)
 
 say() { printf '%s\n' "setup: $*" >&2; }
 fail() { printf '%s\n' "error: $*" >&2; exit 1; }
@@ -40,8 +45,8 @@ preview_python() {
   printf '%s' "$python"
 }
 
-install_packages() {
-  local wanted=("${PACKAGES[@]}") missing=() package python pythons
+install_packages() { # install_packages PACKAGE...: these, and what the pythons need
+  local wanted=("$@") missing=() package python pythons
   pythons=$(product_python)
   if [ -z "${USDFOLIAGE_HYDRA_PYTHON:-}" ]; then pythons="$pythons $(preview_python)"; fi
   for python in $pythons; do
@@ -102,9 +107,10 @@ build_preview() {
 }
 
 case "${1:-all}" in
-  packages) install_packages ;;
+  packages) install_packages "${PACKAGES[@]}" ;;
   product) build_product ;;
   preview) build_preview ;;
-  all) install_packages; build_product; build_preview ;;
-  *) fail "usage: tools/bootstrap.sh packages|product|preview|all" ;;
+  all) install_packages "${PACKAGES[@]}"; build_product; build_preview ;;
+  test) install_packages "${PACKAGES[@]}" "${TEST_PACKAGES[@]}"; build_product; build_preview ;;
+  *) fail "usage: tools/bootstrap.sh packages|product|preview|all|test" ;;
 esac
