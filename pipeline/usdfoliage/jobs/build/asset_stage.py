@@ -111,4 +111,5 @@ def provenance_of(call: StageCall) -> Provenance:
 def _branches_of(call: StageCall) -> OtherParts | None:
     asset = call.result_of(BRANCHES) / ASSET_FOLDER
     interface, _ = interface_of(asset)
-    return find_other_parts(require_plant(open_asset(asset), asset), interface)
+    stage = open_asset(asset)  # which prims do not keep
+    return find_other_parts(require_plant(stage, asset), interface)

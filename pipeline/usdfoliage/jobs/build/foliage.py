@@ -63,8 +63,8 @@ def read_captured_leaves(asset: Path) -> CapturedLeaves | None:
     if not asset.is_dir():
         return None
     interface, _ = interface_of(asset)
-    plant = require_plant(open_asset(asset), asset)
-    facts = read_plant_facts(plant, interface)
+    stage = open_asset(asset)  # which prims do not keep
+    facts = read_plant_facts(require_plant(stage, asset), interface)
     try:
         fitted = read_fitted_leaves(FoliageRequest(kind=FITTED, source=asset), asset / "nowhere")
     except AssetError as error:
@@ -145,15 +145,16 @@ def _choose(
         return "captured", "leaves are where they were found: there are no branches to put others on"
     leafy_m = traced.points_m[~traced.wood]
     share = len(leafy_m) / max(len(traced.points_m), 1)
-    if traced.knows_leaves and share < LEAFLESS:
-        return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
+    has_leaves = share >= LEAFLESS or not traced.knows_leaves
     if placed is not None:
-        cover = leaf_cover(leafy_m if len(leafy_m) else traced.points_m, placed)
+        cover = leaf_cover(leafy_m if has_leaves and len(leafy_m) else traced.points_m, placed)
         told = f"leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
-        if cover >= settings.foliage.least_cover:
+        if cover >= settings.foliage.least_cover and sure >= settings.foliage.least_sure * len(placed):
             return "captured", f"{told}: they are where they were found"
-        if sure >= settings.foliage.least_drawn:
+        if has_leaves and sure >= settings.foliage.least_drawn:
             return "drawn", f"{told}: the leaves are on the twigs instead, drawn from {sure} that were found"
+    if not has_leaves:
+        return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
     what = f"{sure} leaves were found, too few to draw from" if placed is not None else "no leaf was found"
     return "species", f"{what}: the leaves are on the twigs, of {settings.plant.species or 'no species in particular'}"
 

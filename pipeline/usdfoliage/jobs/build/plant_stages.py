@@ -1,6 +1,7 @@
 """The tasks that turn a capture, or a cloud, into parts of a plant: branches, leaves, crown."""
 
 import logging
+import shutil
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -20,7 +21,6 @@ from usdfoliage.jobs.build.capture_stages import capture_folder
 from usdfoliage.jobs.build.store import ResultFile
 from usdfoliage.jobs.build.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.build.tasks import CLOUD
-from usdfoliage.jobs.capture_results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.leaves import LeavesRequest, make_leaves_asset
 from usdfoliage.jobs.leaves_settings import LeavesSettings, set_everywhere
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
@@ -60,6 +60,14 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         made = make_branches_asset(request, call.progress)
     except FoliageError as error:
         return _go_without(call, "branches", error)
+    if settings.make == "auto" and not made.shows_stems:
+        shutil.rmtree(call.out / ASSET_FOLDER)
+        note = (
+            "the plant has no branches: the cloud shows no stem at a root and hardly a round branch, as of a hedge or "
+            "a wall of leaves; branches.make = \"on\" traces them nevertheless, best with branches.roots"
+        )
+        write_summary(call.out, StageSummary(rows=made.measures, notes=[note]))
+        return ()
     skeleton = made.traced.skeleton
     np.savez(
         call.out / PLANT_POINTS,
@@ -136,7 +144,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
 
 def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     """The crown of the cloud and the photographs; where none can be made, the plant has none."""
-    raise FitError("not there yet")
+    return _go_without(call, "crown", FitError("not there yet"))
 
 
 def read_crown(folder: Path) -> CrownModel | None:
@@ -173,8 +181,8 @@ def read_traced_plant(folder: Path) -> TracedPlant | None:
 
 
 def _cloud_of(call: StageCall) -> Path:
-    """The file of the cloud: what photographs gave, or what the user gave."""
-    return capture_folder(call, CLOUD) / CLOUD_FILE if call.has(CLOUD) else call.request.capture
+    """What photographs gave, with what its capture.toml states, or the file that the user gave."""
+    return capture_folder(call, CLOUD) if call.has(CLOUD) else call.request.capture
 
 
 def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[ResultFile, ...]:

@@ -172,7 +172,8 @@ def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> Pl
 def _facts(finished: Path, summaries: dict[str, StageSummary], files: Sequence[AssetFile]) -> list[Row]:
     """The key numbers."""
     interface, _ = interface_of(finished)
-    facts = read_plant_facts(require_plant(open_asset(finished), finished), interface)
+    stage = open_asset(finished)  # which prims do not keep
+    facts = read_plant_facts(require_plant(stage, finished), interface)
     rows = []
     if facts.extent is not None:
         wide_m = (facts.extent[1] - facts.extent[0])[[0, 2]].max()

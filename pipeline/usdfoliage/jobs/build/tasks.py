@@ -146,7 +146,7 @@ def plan_build(inputs: BuildInputs, settings: BuildSettings, name: str, only: Se
     else:
         cloud = ""
     has_cloud = [cloud] if cloud else []
-    if settings.branches.make:
+    if settings.branches.make != "off":
         said_of_branches = (settings.seed, settings.branches, settings.plant.species, name, *([] if cloud else source))
         parts.append(add(BRANCHES, said_of_branches, has_cloud, 25.0))
     if settings.leaves.make and cloud:
