@@ -112,7 +112,7 @@ def _find_base(points_m: Array, settings: CrownPointSettings) -> tuple[float, ND
             # Of a slice with a trunk and a few twigs most is trunk.
             width_m[one], reach_m[one] = np.quantile(away_m, [0.8, 0.99])
     # A layer on the ground is wide and thin: opened, it is gone.
-    thick_m, far_m = (grey_opening(each, settings.layer_slices) for each in (width_m, reach_m))
+    thick_m, far_m = (np.asarray(grey_opening(each, size=(settings.layer_slices,))) for each in (width_m, reach_m))
     wide = thick_m >= settings.trunk_width * np.quantile(thick_m, 0.9)
     base = int(thick_m.argmax())
     narrow = 0

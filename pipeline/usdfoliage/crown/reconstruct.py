@@ -1,13 +1,20 @@
 """A crown from posed photographs and the cloud made of them: the main job, on arrays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from usdfoliage.crown.captured_measures import CapturedCrownMeasures, crown_volume, distance_from_points, measure_view
+from usdfoliage.crown.captured_measures import (
+    CapturedCrownMeasures,
+    crown_volume,
+    distance_from_points,
+    draw_points,
+    measure_view,
+)
 from usdfoliage.crown.color_map import ColorMapSettings, Progress
 from usdfoliage.crown.crown_points import CrownPointSettings, choose_crown_points, find_crown_center
 from usdfoliage.crown.hull import HullSettings, fit_crown_hull
@@ -22,6 +29,7 @@ CAPTURED_STEPS = ("points", "photographs", "hull", "colours", "texture", "measur
 
 MIN_SIZE, MAX_SIZE = 32, 4096  # texels a side, as for a crown of one photograph
 _HELD_BYTES = 1 << 30  # of all reduced photographs together
+_COVERED = 2.0  # distances to the sixth neighbour: what is between points closer than that is the plant as well
 _PIXEL_BYTES = 9  # colour, depth, mask, sky
 
 
@@ -88,6 +96,7 @@ def reconstruct_captured_crown(
         reach_m = float(np.quantile(np.linalg.norm(crown_m - center.center_m, axis=1), 0.998))
     with step("photographs") as report:
         reduced = _read_views(views, center.center_m, reach_m, settings.size, report)
+        reduced = [_cover(view, crown_m) for view in reduced]
         if not reduced:
             raise FitError(f"none of {len(views)} photographs shows the crown from outside")
     with step("hull"):
@@ -141,6 +150,17 @@ def _read_views(
             reduced.append(small)
         report(number + 1, len(views))
     return reduced
+
+
+def _cover(view: ReducedView, crown_m: NDArray[np.float64]) -> ReducedView:
+    """The view with where points of the crown are, for want of a mask."""
+    if view.mask is not None:
+        return view
+    some = crown_m[:: max(1, len(crown_m) // 5000)]
+    spacing_m = float(np.median(cKDTree(crown_m).query(some, k=[7], workers=-1)[0]))
+    depth_m = float(np.median(view.camera.project(some)[1]))
+    gap_px = _COVERED * spacing_m * view.camera.focal_px[0] / max(depth_m, 1e-9)
+    return replace(view, covered=draw_points(crown_m, view.camera, gap_px))
 
 
 def _tell_left_out(total: int, used: int) -> str:

@@ -150,6 +150,7 @@ def _look_up(
     scale = np.array([coarse.width_px / camera.width_px, coarse.height_px / camera.height_px])
     nearest_m = nearest_depth(place * scale, depth_m, coarse)
 
+    leaves = view.leaves
     toward = camera.position_m - surface.points_m
     away_m = np.linalg.norm(toward, axis=1)
     cosine = np.einsum("nk,nk->n", toward, surface.normals) / np.maximum(away_m, 1e-12)
@@ -160,7 +161,7 @@ def _look_up(
     column, row = place[index].astype(np.intp).T
     low_column, low_row = (place[index] * scale).astype(np.intp).T
     shown = depth_m[index] <= nearest_m[low_row, low_column] + settings.hidden * surface.usual_m
-    shown &= view.shown[row, column]
+    shown &= leaves[row, column]
     if view.depth_m is not None:
         # Where nothing was measured, the crown's own surface says what hides what.
         ahead_m = view.depth_m[row, column] - depth_m[index]
@@ -218,10 +219,15 @@ def _sharpest(
     size: int,
 ) -> NDArray[np.float32]:
     """(M, 3) of one photograph for a neighbourhood, or of that which shows the texel best where that does not."""
-    label = worth.argmax(axis=0).astype(np.int16)
-    label = label.repeat(_LABEL_CELL, axis=1).repeat(_LABEL_CELL, axis=2)[:, :size, :size].reshape(-1)
+    label = np.zeros((6, size, size), np.int16)
+    most = np.full((6, size, size), -np.inf, np.float32)
+    for number, of_cells in enumerate(worth):
+        of_texels = np.stack([cv2.resize(face, (size, size), interpolation=cv2.INTER_CUBIC) for face in of_cells])
+        better = of_texels > most
+        most[better] = of_texels[better]
+        label[better] = number
     # Within a texel the label's photograph comes before all others.
-    rank = np.where((source == label) & (weights > 0), np.inf, weights).argmax(axis=0)
+    rank = np.where((source == label.reshape(-1)) & (weights > 0), np.inf, weights).argmax(axis=0)
     return np.asarray(colors[rank, np.arange(colors.shape[1])])
 
 
@@ -320,7 +326,7 @@ def _cut_exemplar(view: ReducedView, radius_m: NDArray[np.floating], center_m: N
     usual_m = float(np.median(radius_m))
     texel_px = usual_m * 2 / (radius_m.shape[1] - 1) * view.camera.focal_px[0] / middle_m
     inside = draw_silhouette(radius_m, center_m, view.camera)
-    foliage = inside & view.shown
+    foliage = inside & view.leaves
     if view.depth_m is not None:
         foliage &= (view.depth_m <= 0) | (view.depth_m < middle_m + usual_m)
     if not foliage.any():

@@ -44,12 +44,21 @@ class ReducedView:
     mask: NDArray[np.bool_] | None  # (h, w), True on the plant
     sky: NDArray[np.bool_] | None  # (h, w)
     depth_m: NDArray[np.float32] | None  # (h, w), 0 where there is none
+    covered: NDArray[np.bool_] | None = None  # (h, w), where points of the crown are seen or would be
 
     @property
     def shown(self) -> NDArray[np.bool_]:
         """(h, w), False where the photograph surely shows something else than the plant."""
         shown = np.ones(self.srgb.shape[:2], bool) if self.mask is None else self.mask
         return shown if self.sky is None else shown & ~self.sky
+
+    @property
+    def leaves(self) -> NDArray[np.bool_]:
+        """(h, w), True where colours are surely the plant's: through gaps between leaves one sees what is behind."""
+        leaves = self.shown
+        if self.sky is not None:  # pixels beside it hold some of its light
+            leaves = leaves & (cv2.dilate(self.sky.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
+        return leaves if self.mask is not None or self.covered is None else leaves & self.covered
 
     def linear(self) -> NDArray[np.float32]:
         """(h, w, 3), linear Rec.709."""
