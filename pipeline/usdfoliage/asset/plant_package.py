@@ -29,7 +29,7 @@ from usdfoliage.asset.package import (
     write_leaf_layers,
 )
 from usdfoliage.asset.plant import COLLECTIONS, CROWN, Plant, PurposeBoxes, box_around
-from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.provenance import Provenance, needs_file, write_provenance_file
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
@@ -162,6 +162,8 @@ def write_plant_asset(
         thumbnail=_copy_thumbnail(folder, name, thumbnail),
     )
     interface = finish_asset(folder, name, plant, sets)
+    if needs_file(provenance):
+        write_provenance_file(folder, provenance)
     if branches is not None:
         for path in (interface, folder / PAYLOAD):
             keep_times(open_layer(branches.interface), path)

@@ -30,6 +30,7 @@ from usdfoliage.asset.other_parts import OtherParts, find_other_parts, lost_leaf
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.plant_package import PlantAssetSettings, write_plant_asset
+from usdfoliage.asset.provenance import package_versions
 from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.jobs.leaf_change import bake_leaves, join_leaves, move_leaves, remaining_edits
@@ -114,6 +115,7 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
             given.plant.provenance,
             generator=f"usdfoliage {__version__}",
             settings={**given.plant.provenance.settings, **describe_settings(request, given)},
+            versions=package_versions(tuple(given.plant.provenance.versions)),
         )
         rest = (given.settings, remaining_edits(given.edits), given.look, given.plant.asset_from_capture)
         if given.others is not None and given.others.is_whole:
