@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from plant_assets import RUN, round_crown, write_whole_plant
 from pxr import Sdf, Usd, UsdGeom, UsdShade
-from usdfoliage.asset.findings import default_profile, read_profile
 from usdfoliage.asset.look import open_asset, write_look_layer
 from usdfoliage.asset.other_parts import read_other_parts
 from usdfoliage.asset.plant_package import write_plant_asset
+from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation import validate_asset
 from usdfoliage.errors import AssetError
 from usdfoliage.jobs.leaf_bake import BakeRequest, bake_asset
