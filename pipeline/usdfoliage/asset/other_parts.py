@@ -20,6 +20,7 @@ from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.materials import LEAF_MATERIAL, MATERIALS
 from usdfoliage.asset.package import (
     LEAVES_GUIDE,
+    MATERIAL_LAYER,
     REPRESENTATIONS,
     LeafAssetSettings,
     LeafLook,
@@ -35,8 +36,7 @@ from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.model import Leaves
 
-_MATERIAL_LAYER = "materials.usda"
-_OF_LEAVES = {*REPRESENTATIONS.values(), LEAVES_GUIDE, _MATERIAL_LAYER}  # written anew
+_OF_LEAVES = {*REPRESENTATIONS.values(), LEAVES_GUIDE, MATERIAL_LAYER}  # written anew
 _MOTION = frozenset({GROWTH_LEAVES, RIG_LEAVES})  # of leaves: carried over where it fits
 _TIMES = ("startTimeCode", "endTimeCode", "timeCodesPerSecond", "framesPerSecond")
 
@@ -102,8 +102,8 @@ def write_leaves_beside(
     """
     payload = begin_asset(folder, name)
     layers = write_leaf_layers(folder, name, leaves, settings, edits, look)
-    if not _fits_motion(others, payload, name, settings.representations):
-        others = _without_motion(others)
+    if not fits_motion(others, payload, name, settings.representations):
+        others = without_motion(others)
     drawn = DrawnLeaves(
         payload=payload,
         leaves=leaves,
@@ -111,7 +111,7 @@ def write_leaves_beside(
         edits=edits,
         jitter=leaf_jitter(edits, look),
     )
-    moving = _copy_layers(others, payload, name, drawn)
+    moving = copy_layers(others, payload, name, drawn)
     guides = [*others.guide_extents_m, *([] if layers.guide_extent_m is None else [layers.guide_extent_m])]
     plant = Plant(
         provenance=provenance,
@@ -123,12 +123,12 @@ def write_leaves_beside(
     )
     # The representations lie in the lod before them; what moves has to stay before both.
     before = next((number for number, held in enumerate(others.sets) if held.name == "lod"), 0) + 1
-    shared = [f"./{_MATERIAL_LAYER}", *others.shared]
+    shared = [f"./{MATERIAL_LAYER}", *others.shared]
     interface = finish_asset(
         folder, name, plant, [*others.sets[:before], layers.variants, *others.sets[before:]], shared
     )
     for path in (interface, folder / PAYLOAD):
-        _keep_times(open_layer(others.interface), path)
+        keep_times(open_layer(others.interface), path)
     return interface
 
 
@@ -138,7 +138,7 @@ def lost_leaf_motion(others: OtherParts, folder: Path) -> bool:
     return any((source / layer).is_file() and not (folder / "payload" / layer).exists() for layer in _MOTION)
 
 
-def _fits_motion(others: OtherParts, payload: Path, name: str, representations: Sequence[str]) -> bool:
+def fits_motion(others: OtherParts, payload: Path, name: str, representations: Sequence[str]) -> bool:
     """Whether leaves that were written stand where the old ones did, and are divided alike: as those moved, they do."""
     source = others.interface.parent / "payload"
     old, new = Sdf.Path(f"/{others.name}/{LEAVES}"), Sdf.Path(f"/{name}/{LEAVES}")
@@ -162,7 +162,8 @@ def _fits_motion(others: OtherParts, payload: Path, name: str, representations: 
     return True
 
 
-def _without_motion(others: OtherParts) -> OtherParts:
+def without_motion(others: OtherParts) -> OtherParts:
+    """The same parts without the layers that move leaves."""
     sets = [
         replace(
             held,
@@ -176,8 +177,14 @@ def _without_motion(others: OtherParts) -> OtherParts:
     return replace(others, sets=sets)
 
 
-def _copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeaves) -> list[NDArray[np.float64]]:
+def copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeaves | None) -> list[NDArray[np.float64]]:
     """Copy the layers of other parts, and the pictures that they name, for the root prim /name.
+
+    Args:
+        others: What to copy; without_motion where there are no leaves.
+        payload: The folder of the new asset's payload, which has its materials layer.
+        name: Of the new root prim.
+        drawn: The new leaves.
 
     Returns:
         Boxes (2, 3) around the leaves where they move.
@@ -188,17 +195,17 @@ def _copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeave
     for layer in sorted(layers):
         copied = _open_renamed(source / layer, others.name, name)
         _copy_pictures(copied, Sdf.Path.absoluteRootPath, source, payload)
-        if layer.removeprefix("./") in _MOTION:
+        if drawn is not None and layer.removeprefix("./") in _MOTION:
             boxes += adapt_leaf_motion(copied, name, drawn)
         save_layer(copied, payload / layer)
-    old = _open_renamed(source / _MATERIAL_LAYER, others.name, name)
-    new = _open_copy(payload / _MATERIAL_LAYER)
+    old = _open_renamed(source / MATERIAL_LAYER, others.name, name)
+    new = _open_copy(payload / MATERIAL_LAYER)
     scope = old.GetPrimAtPath(f"/{name}/{MATERIALS}")
     for material in scope.nameChildren if scope else ():
-        if material.path != Sdf.Path(f"/{name}/{LEAF_MATERIAL}"):
+        if material.path != Sdf.Path(f"/{name}/{LEAF_MATERIAL}") and not new.GetPrimAtPath(material.path):
             Sdf.CopySpec(old, material.path, new, material.path)
             _copy_pictures(old, material.path, source, payload)
-    save_layer(new, payload / _MATERIAL_LAYER)
+    save_layer(new, payload / MATERIAL_LAYER)
     return boxes
 
 
@@ -265,7 +272,7 @@ def _copy_pictures(layer: Sdf.Layer, root: Sdf.Path, source: Path, target: Path)
                 raise AssetError(f"{source / name} cannot be copied into the asset: {error.strerror}") from error
 
 
-def _keep_times(old: Sdf.Layer, path: Path) -> None:
+def keep_times(old: Sdf.Layer, path: Path) -> None:
     """Give a layer the range of time that another has."""
     known = [field for field in _TIMES if old.pseudoRoot.HasInfo(field)]
     if known:

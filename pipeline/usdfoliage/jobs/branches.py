@@ -64,6 +64,7 @@ class BranchesRequest:
     asset: BranchAssetSettings = field(default_factory=BranchAssetSettings)
     seed: int = 0
     preview: bool = True
+    times: bool = True  # whether the report says how long each step took
     force: bool = False
 
     @classmethod
@@ -102,7 +103,7 @@ class BranchesRequest:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MadeBranches:
     """What was written, and what the user should know of it."""
 
@@ -113,6 +114,9 @@ class MadeBranches:
     warnings: tuple[str, ...]  # what puts the asset in doubt
     measures: tuple[Row, ...]
     seconds: dict[str, float]
+    plant: PlantCloud  # as it was traced
+    traced: TracedBranches
+    lost: tuple[int, ...]  # branches that the surface lacks
 
 
 def make_branches_asset(request: BranchesRequest, progress: StepProgress | None = None) -> MadeBranches:
@@ -182,7 +186,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         wood_m = plant.points_m[shown.wood]
         rows = branch_rows(shown, surface, wood_m, grown=request.regrowth.method == GROW)
         rows.extend(made.rows)
-        write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, seconds, progress)
+        times = seconds if request.times else {}
+        write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, times, progress)
     return MadeBranches(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
@@ -191,6 +196,9 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         warnings=tuple(warnings),
         measures=tuple(rows),
         seconds=seconds,
+        plant=plant,
+        traced=shown,
+        lost=tuple(branch.curve for branch in surface.dropped),
     )
 
 

@@ -59,6 +59,12 @@ class CrownReport:
     seconds: Mapping[str, float]
 
 
+def list_seconds(seconds: Mapping[str, float]) -> list[Row]:
+    """Seconds by step and of all of them; nothing without steps."""
+    rows = [Row(name=name, value=f"{value:.2f}") for name, value in seconds.items()]
+    return [*rows, Row(name="all", value=f"{sum(seconds.values()):.2f}")] if rows else []
+
+
 def write_crown_report(
     folder: Path,
     report: CrownReport,
@@ -95,8 +101,7 @@ def write_crown_report(
         measures=measure_rows(model, measures),
         radius_low=f"{low:.2f}",
         radius_high=f"{high:.2f}",
-        seconds=[Row(name=name, value=f"{value:.2f}") for name, value in report.seconds.items()]
-        + [Row(name="all", value=f"{sum(report.seconds.values()):.2f}")],
+        seconds=list_seconds(report.seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"

@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.field_comments import field_comments
 
 AUTO = "auto"
+_SAID_ONCE = ("seed", "threads")  # for all tables at once, at the top or by an option
 
 Settings = TypeVar("Settings")
 
@@ -39,10 +41,10 @@ def read_settings_file(path: Path, defaults: Settings) -> Settings:
     return _replace(defaults, table, "", path)
 
 
-def format_settings(settings: object) -> str:
-    """Settings as TOML that read_settings_file takes."""
+def format_settings(settings: object, *, documented: bool = False) -> str:
+    """Settings as TOML that read_settings_file takes; documented says of each what it means, and of each table."""
     tables: list[str] = []
-    _format_table(settings, "", tables)
+    _format_table(settings, "", tables, documented)
     return "\n\n".join(tables) + "\n"
 
 
@@ -131,19 +133,23 @@ def _describe(kind: type) -> str:
     return {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}.get(kind, "a table")
 
 
-def _format_table(settings: Any, place: str, tables: list[str]) -> None:
+def _format_table(settings: Any, place: str, tables: list[str], documented: bool) -> None:
     lines = [f"[{place}]"] if place else []
+    comments = field_comments(type(settings)) if documented else {}  # type: ignore[arg-type]
+    if documented:
+        lines.insert(0, f"# {(type(settings).__doc__ or '').splitlines()[0]}")
     nested = []
     for field in dataclasses.fields(settings):
         value = getattr(settings, field.name)
         if dataclasses.is_dataclass(value):
             nested.append((f"{place}.{field.name}" if place else field.name, value))
-        else:
-            lines.append(f"{field.name} = {_format_value(value)}")
-    if lines:
+        elif not (documented and place and field.name in _SAID_ONCE):
+            comment = comments.get(field.name)
+            lines.append(f"{field.name} = {_format_value(value)}{f'  # {comment}' if comment else ''}")
+    if len(lines) > documented:
         tables.append("\n".join(lines))
     for name, value in nested:
-        _format_table(value, name, tables)
+        _format_table(value, name, tables, documented)
 
 
 def _format_value(value: Any) -> str:

@@ -1,0 +1,185 @@
+"""The tasks that turn a capture, or a cloud, into parts of a plant: branches, leaves, crown."""
+
+import logging
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.branch.allometry import AllometrySettings
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.radii import RadiusSettings
+from usdfoliage.branch.reconstruct import BranchSettings
+from usdfoliage.branch.species import load_species
+from usdfoliage.crown.model import CrownModel
+from usdfoliage.errors import CaptureError, FitError, FoliageError
+from usdfoliage.jobs.branches import BranchesRequest, make_branches_asset
+from usdfoliage.jobs.build.call import StageCall
+from usdfoliage.jobs.build.capture_stages import capture_folder
+from usdfoliage.jobs.build.store import ResultFile
+from usdfoliage.jobs.build.summary import StagePicture, StageSummary, write_summary
+from usdfoliage.jobs.build.tasks import CLOUD
+from usdfoliage.jobs.capture_results import CLOUD as CLOUD_FILE
+from usdfoliage.jobs.leaves import LeavesRequest, make_leaves_asset
+from usdfoliage.jobs.leaves_settings import LeavesSettings, set_everywhere
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
+
+logger = logging.getLogger(__name__)
+
+ASSET_FOLDER = "asset"  # in the result of a part
+PLANT_POINTS = "plant.npz"  # likewise: the cloud as branches were traced through it
+
+
+def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
+    """The branches of the cloud, in an asset of their own; where none can be traced, the plant has none."""
+    settings = call.settings.branches
+    species = call.settings.plant.species
+    roots, given_roots = read_roots(settings.roots)
+    known = load_species(species) if species else None
+    allometry = AllometrySettings(exponent=known.exponent) if known else AllometrySettings()
+    request = BranchesRequest(
+        cloud=PlantCloudRequest(
+            path=_cloud_of(call),
+            roots=roots,
+            given_roots=given_roots,
+            most_points=settings.most_points,
+            internode_m=settings.internode_m,
+        ),
+        output=call.out / ASSET_FOLDER,
+        name=call.request.name,
+        settings=BranchSettings(
+            internode_m=settings.internode_m, leaves=settings.cloud_leaves, radii=RadiusSettings(allometry=allometry)
+        ),
+        species=species,
+        seed=call.settings.seed,
+        preview=False,
+        times=False,
+    )
+    try:
+        made = make_branches_asset(request, call.progress)
+    except FoliageError as error:
+        return _go_without(call, "branches", error)
+    skeleton = made.traced.skeleton
+    np.savez(
+        call.out / PLANT_POINTS,
+        points_m=made.plant.points_m,
+        wood=made.traced.wood,
+        knows_leaves=made.traced.knows_leaves,
+        plant_from_capture=made.plant.asset_from_cloud,
+        lost=np.array(made.lost, np.int32),
+        **{f"skeleton_{field.name}": getattr(skeleton, field.name) for field in fields(Skeleton)},
+    )
+    report = call.out / ASSET_FOLDER / "report"
+    pictures = [
+        StagePicture(file=path.relative_to(call.out).as_posix(), caption=caption)
+        for kind, caption in (("weights", "Importance of the points"), ("distance", "Distance from cloud to surface"))
+        for path in sorted(report.glob(f"*{kind}*.png"))
+    ]
+    summary = StageSummary(
+        rows=made.measures,
+        notes=made.notes,
+        warnings=made.warnings,
+        pictures=pictures,
+        detail=f"{ASSET_FOLDER}/report/index.html",
+    )
+    write_summary(call.out, summary)
+    return ()
+
+
+def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
+    """The leaves that photographs show, in an asset of their own; where none can be looked for, the plant has none."""
+    settings = call.settings.leaves
+    given = call.inputs.has_depth and settings.depth != "estimated" and call.inputs.has_cameras
+    capture = call.request.capture if given else capture_folder(call, CLOUD)
+    if not given and settings.depth == "given":
+        raise CaptureError(f"{capture} has depth but no cameras/ that it belongs to; set leaves.depth to estimated")
+    held = {field.name: getattr(settings, field.name) for field in fields(LeavesSettings)}
+    chosen = set_everywhere(set_everywhere(LeavesSettings(**held), "threads", call.threads), "seed", call.settings.seed)
+    request = LeavesRequest(
+        capture=capture,
+        output=call.out / ASSET_FOLDER,
+        name=call.request.name,
+        settings=chosen,
+        depth="depth",
+        representations=("bezier",),
+        species=call.settings.plant.species,
+        seed=call.settings.seed,
+        report_views=6,
+        preview=False,
+        times=False,
+    )
+    try:
+        made = make_leaves_asset(request, call.progress)
+    except FoliageError as error:
+        return _go_without(call, "leaves", error)
+    report = call.out / ASSET_FOLDER / "report"
+    pictures = [
+        StagePicture(file=path.relative_to(call.out).as_posix(), caption=f"{caption}, photograph {path.stem[5:8]}")
+        for kind, caption in (("fit", "Fitted leaves over the photograph"),)
+        for path in sorted(report.glob(f"view_*_{kind}*"))
+    ]
+    texture = sorted((call.out / ASSET_FOLDER / "maps").glob("*_leaf.png"))
+    pictures += [
+        StagePicture(file=path.relative_to(call.out).as_posix(), caption="The average leaf") for path in texture
+    ]
+    summary = StageSummary(
+        rows=made.measures,
+        notes=[note for note in made.notes if note not in made.warnings],
+        warnings=made.warnings,
+        pictures=pictures,
+        detail=f"{ASSET_FOLDER}/report/index.html",
+    )
+    write_summary(call.out, summary)
+    return ()
+
+
+def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
+    """The crown of the cloud and the photographs; where none can be made, the plant has none."""
+    raise FitError("not there yet")
+
+
+def read_crown(folder: Path) -> CrownModel | None:
+    """The crown that make_crown left in its folder; None where none could be made."""
+    return None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TracedPlant:
+    """What the other parts must know of the branches. The plant's frame: metres, Y up, the first root at the origin."""
+
+    points_m: NDArray[np.float64]  # (N, 3), the cloud without its ground
+    wood: NDArray[np.bool_]  # (N,), points of branches; the others are of leaves
+    knows_leaves: bool  # whether the cloud is dense enough to tell them apart
+    plant_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
+    skeleton: Skeleton
+    lost: NDArray[np.int32]  # branches that the surface lacks
+
+
+def read_traced_plant(folder: Path) -> TracedPlant | None:
+    """What trace_branches left in its folder; None where no branches could be traced."""
+    path = folder / PLANT_POINTS
+    if not path.is_file():
+        return None
+    with np.load(path, allow_pickle=False) as held:
+        return TracedPlant(
+            points_m=held["points_m"],
+            wood=held["wood"],
+            knows_leaves=bool(held["knows_leaves"]),
+            plant_from_capture=held["plant_from_capture"],
+            skeleton=Skeleton(**{field.name: held[f"skeleton_{field.name}"] for field in fields(Skeleton)}),
+            lost=held["lost"],
+        )
+
+
+def _cloud_of(call: StageCall) -> Path:
+    """The file of the cloud: what photographs gave, or what the user gave."""
+    return capture_folder(call, CLOUD) / CLOUD_FILE if call.has(CLOUD) else call.request.capture
+
+
+def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[ResultFile, ...]:
+    """A part that cannot be made is left out, and the report says so first."""
+    logger.warning("no %s: %s", what, error)
+    text = str(error).replace(str(call.store.folder), "…")
+    write_summary(call.out, StageSummary(failure=text, warnings=[f"the plant has no {what}: {text}"]))
+    return ()
