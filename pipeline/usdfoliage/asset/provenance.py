@@ -14,7 +14,16 @@ from usdfoliage.errors import AssetError
 
 CUSTOM_DATA_KEY = "usdfoliage"  # of a layer's customLayerData; an interface layer that has it is ours
 PROVENANCE_FILE = "report/provenance.json"  # of an asset, where there is more to tell than the interface layer should
-PACKAGES = ("usdfoliage", "usd-core", "numpy", "scipy", "opencv-contrib-python-headless", "pycolmap", "OpenEXR")
+PACKAGES = (
+    "usdfoliage",
+    "usd-core",
+    "numpy",
+    "scipy",
+    "opencv-contrib-python-headless",
+    "pycolmap",
+    "OpenEXR",
+    "OpenImageIO",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
