@@ -8,7 +8,7 @@ from pathlib import Path
 
 from usdfoliage import __version__
 from usdfoliage.asset.contents import AssetFile, interface_of, list_files, read_plant_facts, require_plant
-from usdfoliage.asset.profile import default_profile, read_profile
+from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.provenance import package_versions
 from usdfoliage.asset.validation import ValidationReport, validate_asset
