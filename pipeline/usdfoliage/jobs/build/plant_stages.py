@@ -66,7 +66,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             "the plant has no branches: the cloud shows no stem at a root and hardly a round branch, as of a hedge or "
             "a wall of leaves; branches.make = \"on\" traces them nevertheless, best with branches.roots"
         )
-        write_summary(call.out, StageSummary(rows=made.measures, notes=[note]))
+        write_summary(call.out, StageSummary(notes=[note]))
         return ()
     skeleton = made.traced.skeleton
     np.savez(
