@@ -16,7 +16,14 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.crown.views import ReducedView
 from usdfoliage.errors import FitError
-from usdfoliage.geometry.cube_field import blur_cubemap, cubemap_from_distinct, distinct_texels, solve_dirichlet
+from usdfoliage.geometry.cube_field import (
+    blur_cubemap,
+    close_pits,
+    cubemap_from_distinct,
+    distinct_texels,
+    limit_falloff,
+    solve_dirichlet,
+)
 from usdfoliage.geometry.cubemap import face_coordinates, face_directions, sample_cubemap, share_borders
 
 Array = NDArray[np.float64]
@@ -35,15 +42,20 @@ class HullSettings:
     margin: float = 0.03  # of the crown's radius, by which depth must be behind a place to see past it
     step: float = 0.02  # share of the radius that is carved at a time
     floor: float = 0.12  # of the median radius, which is never carved away
-    blur: float = 0.7  # texels, of the map on which the hull is found
+    pit_rad: float = 0.2  # width of pits that are closed: what is between two twigs is the crown as well
+    peak_rad: float = 0.08  # width of peaks that are taken away: a single leaf is no bough
+    falloff: float = 2.5  # of the radius's logarithm in a radian: steeper, the surface would be smeared along the rays
+    blur_rad: float = 0.02
 
     def __post_init__(self) -> None:
         if not 1 <= self.least <= self.neighbors:
             raise ValueError(f"1 <= least <= neighbors is needed, not {self.least} and {self.neighbors}")
+        if not self.falloff > 0:
+            raise ValueError(f"falloff must be above 0, not {self.falloff}")
         for name in ("outermost", "shell", "step", "floor"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"{name} must be in (0, 1), not {getattr(self, name)}")
-        for name in ("widest_rad", "closing", "margin", "blur"):
+        for name in ("widest_rad", "closing", "margin", "pit_rad", "peak_rad", "blur_rad"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
 
@@ -90,13 +102,25 @@ def fit_crown_hull(
         under_m = np.where(down > 1e-3, max(center_m[1] - base_m, 0) / np.maximum(down, 1e-3), np.inf)
         radius_m = np.where(known, radius_m, np.minimum(radius_m, under_m))
     floor_m = settings.floor * float(np.median(radius_m[known]))
-    radius_m = np.maximum(blur_cubemap(np.maximum(radius_m, floor_m), settings.blur), floor_m)
+    radius_m = close_pits(np.maximum(radius_m, floor_m), settings.pit_rad)
     limit_m = carve_radius(radius_m, center_m, floor_m, views, settings)
     carved = float((limit_m < 0.99 * radius_m).mean())
-    radius_m = np.minimum(radius_m, blur_cubemap(limit_m, settings.blur))
+    radius_m = _fair(limit_m, settings)
+    masked = [view for view in views if view.mask is not None]
+    if masked:  # a given mask is kept to, whatever that makes of the surface
+        radius_m = carve_radius(radius_m, center_m, floor_m, masked, settings)
     if work != size:
         radius_m = sample_cubemap(radius_m, face_directions(size))
     return CrownHull(radius_m=np.asarray(share_borders(radius_m)), known=float(known.mean()), carved=carved)
+
+
+def _fair(radius_m: Array, settings: HullSettings) -> Array:
+    """The radius without what is too narrow or too steep to be a crown's surface."""
+    fair_m = close_pits(radius_m, settings.pit_rad)
+    fair_m = -close_pits(-fair_m, settings.peak_rad)
+    fair_m = limit_falloff(fair_m, settings.falloff)
+    texel_rad = np.pi / 2 / radius_m.shape[1]
+    return blur_cubemap(fair_m, settings.blur_rad / texel_rad)
 
 
 def outermost_points(offsets_m: Array, size: int, settings: HullSettings) -> tuple[Array, NDArray[np.bool_]]:
