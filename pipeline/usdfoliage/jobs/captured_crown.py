@@ -53,6 +53,7 @@ class CapturedCrownRequest:
     species: str = ""
     force: bool = False
     preview: bool = True
+    times: bool = True  # whether the report says how long each step took
     report_views: int = 6  # photographs that the report shows
 
     @classmethod
@@ -94,7 +95,7 @@ def refuse_options(options: argparse.Namespace, others: dict[str, object], told:
         raise FoliageError(f"{told}; {names} {'has' if len(given) == 1 else 'have'} no meaning there: leave it out")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MadeCapturedCrown:
     """What was written, and what the user should know of it."""
 
@@ -103,6 +104,7 @@ class MadeCapturedCrown:
     preview: Path | None
     notes: tuple[str, ...]
     measures: tuple[Row, ...]
+    model: CrownModel
 
 
 def make_captured_crown_asset(
@@ -152,7 +154,7 @@ def make_captured_crown_asset(
             notes=notes,
             settings=provenance.settings,
             views=drawn.views,
-            seconds={"cloud": read_s, **measures.seconds},
+            seconds={"cloud": read_s, **measures.seconds} if request.times else {},
         )
         write_captured_report(report_folder, report, model, measures, drawn)
     return MadeCapturedCrown(
@@ -161,6 +163,7 @@ def make_captured_crown_asset(
         preview=request.output / "report" / drawn.views[0].file if drawn.views else None,
         notes=tuple(notes),
         measures=tuple(captured_rows(model, measures)),
+        model=model,
     )
 
 

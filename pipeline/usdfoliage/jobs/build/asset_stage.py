@@ -15,7 +15,8 @@ from usdfoliage.asset.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
 from usdfoliage.errors import FitError, PreviewError
 from usdfoliage.jobs.build.call import StageCall
-from usdfoliage.jobs.build.foliage import CapturedLeaves, choose_foliage, read_captured_leaves
+from usdfoliage.jobs.build.captured_leaves import CapturedLeaves, read_captured_leaves
+from usdfoliage.jobs.build.foliage import choose_foliage
 from usdfoliage.jobs.build.pictures import draw_thumbnail
 from usdfoliage.jobs.build.plant_stages import ASSET_FOLDER, TracedPlant, read_crown, read_traced_plant
 from usdfoliage.jobs.build.settings import STAGE_SETTINGS

@@ -22,6 +22,7 @@ from usdfoliage.jobs.branch_foliage import (
     grow_leaves,
     read_fitted_leaves,
 )
+from usdfoliage.jobs.build.captured_leaves import CapturedLeaves
 from usdfoliage.jobs.build.plant_stages import TracedPlant
 from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.crown_report import Row
@@ -37,14 +38,6 @@ _NEAR = 0.25  # of a leaf's length, within which a point of the cloud is of it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CapturedLeaves:
-    """Leaves that were found in photographs, in the frame of their own asset."""
-
-    fitted: FittedLeaves
-    own_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ChosenFoliage:
     """The leaves of the plant, in its frame, and why these."""
 
@@ -52,26 +45,6 @@ class ChosenFoliage:
     kind: str
     notes: tuple[str, ...]
     rows: tuple[Row, ...]
-
-
-def read_captured_leaves(asset: Path) -> CapturedLeaves | None:
-    """The leaves of an asset of leaves; None where it has none, or there is no asset.
-
-    Raises:
-        AssetError: It cannot be read.
-    """
-    if not asset.is_dir():
-        return None
-    interface, _ = interface_of(asset)
-    stage = open_asset(asset)  # which prims do not keep
-    facts = read_plant_facts(require_plant(stage, asset), interface)
-    try:
-        fitted = read_fitted_leaves(FoliageRequest(kind=FITTED, source=asset), asset / "nowhere")
-    except AssetError as error:
-        if "none is shown" not in str(error):
-            raise
-        return None
-    return None if fitted is None else CapturedLeaves(fitted=fitted, own_from_capture=facts.asset_from_capture)
 
 
 def choose_foliage(
