@@ -178,6 +178,20 @@ def test_the_window_is_not_blank(opened):
     assert len(np.unique(photographed(opened).reshape(-1, 3), axis=0)) > 50
 
 
+def test_on_paper_are_all_pictures_and_nothing_to_press(opened):
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        figures = opened.find_elements(By.CSS_SELECTOR, ".compare")
+        assert [figure.is_displayed() for figure in figures] == [True, True]
+        photograph, drawing = figures[1].find_elements(By.CSS_SELECTOR, "img")
+        assert drawing.rect["x"] >= photograph.rect["x"] + photograph.rect["width"]  # side by side
+        assert opened.find_element(By.CSS_SELECTOR, ".pictures img").is_displayed()
+        for pressed in opened.find_elements(By.CSS_SELECTOR, "nav, input, .controls button"):
+            assert not pressed.is_displayed()
+    finally:
+        opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+
+
 def test_no_script_but_the_page_s_own_runs(browser, tmp_path):
     report = replace(full_report(tmp_path), name='<img src=x onerror="window.hit = 1"><script>window.hit = 1</script>')
     page = write_plant_report(tmp_path / "report", report)

@@ -167,5 +167,5 @@ def test_a_camera_of_a_scaled_plant_sees_the_same():
     "wrong", [{"turntable_frames": 1}, {"comparisons": -1}, {"thumbnail_px": 4}, {"samples": 0}, {"complexity": "x"}]
 )
 def test_settings_that_cannot_be_drawn_are_refused(wrong):
-    with pytest.raises(ValueError, match="must|needs"):
+    with pytest.raises(ValueError, match=r"must|needs"):
         PictureSettings(**wrong)
