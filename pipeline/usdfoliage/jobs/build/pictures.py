@@ -65,9 +65,7 @@ class PictureSettings:
 
     def preview(self, side_px: int) -> PreviewSettings:
         """How a square picture is drawn; ValueError for what cannot be."""
-        return PreviewSettings(
-            width_px=side_px, height_px=side_px, samples=self.samples, complexity=self.complexity
-        )
+        return PreviewSettings(width_px=side_px, height_px=side_px, samples=self.samples, complexity=self.complexity)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,10 +218,8 @@ def shrink_to_stage(camera: Pinhole, longest_px: int, stage_from_world: NDArray[
     return replace(shrunk, cam_from_world=shrunk.cam_from_world / scale)
 
 
-def _choose(
-    capture: Capture, facts: PlantFacts, asset_from_world: NDArray[np.float64], most: int
-) -> list[int]:
-    """Numbers of photographs whose cameras see the plant from different sides; evenly chosen where its size is unknown."""
+def _choose(capture: Capture, facts: PlantFacts, asset_from_world: NDArray[np.float64], most: int) -> list[int]:
+    """Photographs whose cameras see the plant from different sides; evenly chosen where its size is unknown."""
     if facts.extent is None:
         return choose_shown(len(capture.views), most)
     cameras = [

@@ -9,7 +9,17 @@ from usdfoliage.asset.findings import SEVERITIES, Finding
 from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.jobs.build.page import clean_text, render_page
 from usdfoliage.jobs.build.page_pictures import PagePicture, embed_picture
-from usdfoliage.jobs.build.report import Comparison, Picture, PlantReport, StageReport, State, Timings, Variant, is_unusable, judge
+from usdfoliage.jobs.build.report import (
+    Comparison,
+    Picture,
+    PlantReport,
+    StageReport,
+    State,
+    Timings,
+    Variant,
+    is_unusable,
+    judge,
+)
 
 TIMINGS = "timings.js"
 TURNTABLE_PX = 640
