@@ -33,13 +33,13 @@ def place(stage: Usd.Stage, path: str, asset: Path, **variants: str) -> Usd.Prim
     return prim
 
 
-def write_layered_scene(folder: Path, second: str = "both") -> Path:
+def write_layered_scene(folder: Path, second: str = "both", count: int = 12) -> Path:
     """The plant twice, everything in folder.
 
     One is leaves of the representation bezier with a look on it; the other, in the lod `second`, is a mesh, red in its
     leaves, and moved.
     """
-    asset = write_whole_plant(folder / "oak", count=12)
+    asset = write_whole_plant(folder / "oak", count=count)
     stage = new_scene(folder / "scene.usda")
     place(stage, ONE, asset, lod="leaves", representation="bezier")
     two = place(stage, TWO, asset, lod=second, representation="mesh", branches="order1")
