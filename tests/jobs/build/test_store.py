@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 
 import pytest
-
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.build.store import (
     Stamp,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
-from usdfoliage.asset.contents import interface_of, read_plant_facts, require_plant
+from usdfoliage.asset.contents import interface_of, require_plant
 from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.other_parts import OtherParts, find_other_parts
 from usdfoliage.asset.plant_package import PlantAssetSettings, write_plant_asset
@@ -47,6 +47,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             f"neither branches nor leaves nor a crown could be made of {call.request.capture}; the warnings of each "
             "stage say why"
         )
+
     def write(folder: Path, thumbnail: Path | None) -> Path:
         folder.mkdir()
         return write_plant_asset(

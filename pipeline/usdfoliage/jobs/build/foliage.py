@@ -1,26 +1,21 @@
 """Which leaves a plant gets: those that were found, where they were found, or leaves on the twigs of its branches."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.asset.branch_package import BranchLeaves
-from usdfoliage.asset.contents import interface_of, read_plant_facts, require_plant
-from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings
 from usdfoliage.branch.foliage import FoliageSettings as GrownSettings
 from usdfoliage.branch.species import GENERIC, load_species
-from usdfoliage.errors import AssetError, FoliageError
+from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branch_foliage import (
     FITTED,
     TEMPLATE,
-    FittedLeaves,
     FoliageRequest,
     grow_leaves,
-    read_fitted_leaves,
 )
 from usdfoliage.jobs.build.captured_leaves import CapturedLeaves
 from usdfoliage.jobs.build.plant_stages import TracedPlant
@@ -48,7 +43,10 @@ class ChosenFoliage:
 
 
 def choose_foliage(
-    captured: CapturedLeaves | None, traced: TracedPlant | None, settings: BuildSettings, plant_from_capture: NDArray[np.float64]
+    captured: CapturedLeaves | None,
+    traced: TracedPlant | None,
+    settings: BuildSettings,
+    plant_from_capture: NDArray[np.float64],
 ) -> ChosenFoliage:
     """The leaves of a plant, as the settings say.
 
@@ -80,7 +78,9 @@ def choose_foliage(
         )
         return ChosenFoliage(leaves=leaves, kind=kind, notes=tuple(notes), rows=())
     if traced is None:
-        raise FoliageError(f"foliage.kind is {kind}, and there are no twigs to put leaves on; set it to captured or auto")
+        raise FoliageError(
+            f"foliage.kind is {kind}, and there are no twigs to put leaves on; set it to captured or auto"
+        )
     if kind == "drawn" and captured is None:
         raise FoliageError("no leaf was found to draw from; set foliage.kind to species, or auto")
     species = load_species(settings.plant.species) if settings.plant.species else load_species(GENERIC)
@@ -108,9 +108,7 @@ def leaf_cover(points_m: NDArray[np.float64], leaves: Leaves) -> float:
     return float(np.isfinite(away_m).mean())
 
 
-def _choose(
-    placed: Leaves | None, sure: int, traced: TracedPlant | None, settings: BuildSettings
-) -> tuple[str, str]:
+def _choose(placed: Leaves | None, sure: int, traced: TracedPlant | None, settings: BuildSettings) -> tuple[str, str]:
     """The kind of leaves, and why."""
     if traced is None:
         if placed is None:
@@ -140,4 +138,3 @@ def _representations(settings: BuildSettings, count: int) -> tuple[str, ...]:
     if settings.plant.representations is not None:
         return settings.plant.representations
     return tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)
-

@@ -71,7 +71,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         shutil.rmtree(call.out / ASSET_FOLDER)
         note = (
             "the plant has no branches: the cloud shows no stem at a root and hardly a round branch, as of a hedge or "
-            "a wall of leaves; branches.make = \"on\" traces them nevertheless, best with branches.roots"
+            'a wall of leaves; branches.make = "on" traces them nevertheless, best with branches.roots'
         )
         write_summary(call.out, StageSummary(notes=[note]))
         return ()

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from usdfoliage import __version__
 from usdfoliage.asset.contents import AssetFile, interface_of, list_files, read_plant_facts, require_plant
-from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.provenance import package_versions
+from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation import ValidationReport, validate_asset
 from usdfoliage.capture.folder import read_capture
-from usdfoliage.errors import CaptureError, PreviewError
+from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.capture_stages import capture_folder
 from usdfoliage.jobs.build.pictures import draw_comparisons, draw_turntable, draw_variants
@@ -66,7 +66,9 @@ TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each
 
 def turn_plant(call: StageCall) -> tuple[ResultFile, ...]:
     """Pictures from all around."""
-    return _draw(call, lambda: draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call)))
+    return _draw(
+        call, lambda: draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call))
+    )
 
 
 def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
@@ -74,9 +76,7 @@ def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
 
     def draw() -> None:
         capture = read_capture(capture_folder(call, POSES))
-        compared = draw_comparisons(
-            _asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, _tell(call)
-        )
+        compared = draw_comparisons(_asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, _tell(call))
         held = [
             {
                 "name": each.name,
@@ -96,7 +96,10 @@ def show_variants(call: StageCall) -> tuple[ResultFile, ...]:
 
     def draw() -> None:
         drawn = draw_variants(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call))
-        held = [{"set": each.set, "name": each.name, "picture": each.picture.name, "default": each.is_default} for each in drawn]
+        held = [
+            {"set": each.set, "name": each.name, "picture": each.picture.name, "default": each.is_default}
+            for each in drawn
+        ]
         (call.out / _COMPARED).write_text(json.dumps(held, indent=1))
 
     return _draw(call, draw)

@@ -16,7 +16,15 @@ FoliageKind = Literal["auto", "captured", "drawn", "species", "none"]
 MakeBranches = Literal["auto", "on", "off"]
 CloudLeaves = Literal["auto", "on", "off"]
 
-STAGE_SETTINGS = ("plant", "capture", "branches", "leaves", "foliage", "crown", "pictures")  # tables that decide a result
+STAGE_SETTINGS = (
+    "plant",
+    "capture",
+    "branches",
+    "leaves",
+    "foliage",
+    "crown",
+    "pictures",
+)  # tables that decide a result
 
 
 @dataclass(frozen=True, kw_only=True)

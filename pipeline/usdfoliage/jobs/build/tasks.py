@@ -121,7 +121,15 @@ def plan_build(inputs: BuildInputs, settings: BuildSettings, name: str, only: Se
             level = capture.depth.rounds[number].level
             cost_s = 3.0 * matched / chunks / 4**level
             before = [
-                add(MATCHING, matching, before if number else [poses], 0.3 + cost_s, chunk=k, chunks=chunks, round=number)
+                add(
+                    MATCHING,
+                    matching,
+                    before if number else [poses],
+                    0.3 + cost_s,
+                    chunk=k,
+                    chunks=chunks,
+                    round=number,
+                )
                 for k in range(chunks)
             ]
         finished = before
