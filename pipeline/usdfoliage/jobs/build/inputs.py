@@ -76,9 +76,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         folders = [MASKS, CAMERAS]
         has_depth = depth != "estimated" and bool(files_below(source / DEPTH_FOLDER))
         if depth == "given" and not has_depth:
-            raise CaptureError(
-                f"{source} has no {DEPTH_FOLDER}/; set leaves.depth to estimated, or put depth maps there"
-            )
+            raise CaptureError(f"{source} has no {DEPTH_FOLDER}/; set leaves.depth to estimated, or put maps there")
         for folder in [*folders, *([DEPTH_FOLDER] if has_depth else [])]:
             files.update({f"{folder}/{name}": path for name, path in files_below(source / folder).items()})
         has_cameras = any(name.startswith(f"{CAMERAS}/") for name in files)
