@@ -19,14 +19,13 @@ import time
 from collections import Counter
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a process is forked for every case
-TOOLS = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(TOOLS))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from fuzz.cases import Case, random_cases
 from fuzz.isolation import Ended, Running, import_commands, poll_command, start_command
 from fuzz.judgement import State, find_faults, folder_state
 from fuzz.named_cases import named_cases
 
+TOOLS = Path(__file__).resolve().parents[1]
 COLUMNS = ("cases", "good", "refused", "faults", "slowest")
 
 

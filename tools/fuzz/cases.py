@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
 from fuzz.headers import LIES
 from fuzz.mutations import BYTES, PLACES, TEXT, TOML
 
 _SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview")
 _CROWN = ("crown", "photo/oak.png", "--mask", "photo/mask.png", *_SMALL, "-o", "out")
+_LARCH = ("branches", "cloud/tree.ply", "--species-file", "toml/species.toml", "--species", "larch")
 _FAST = ("--settings", "bed/fast.toml", "--no-report")
 
 
@@ -134,10 +134,8 @@ KINDS: tuple[Kind, ...] = (
         target="toml/species.toml",
         text=True,
         commands=(
-            ("branches", "cloud/tree.ply", "--species-file", "toml/species.toml", "--species", "larch", "--dry-run")
-            + ("-o", "out"),
-            ("branches", "cloud/tree.ply", "--species-file", "toml/species.toml", "--species", "larch", "--no-preview")
-            + ("--foliage", "template", "-o", "out"),
+            (*_LARCH, "--dry-run", "-o", "out"),
+            (*_LARCH, "--foliage", "template", "--no-preview", "-o", "out"),
         ),
         with_trees=("cloud",),
         cases=30,

@@ -1,4 +1,4 @@
-"""Headers that say what is not so, in files whose checksums are right: sizes of bombs, counts below nothing, no numbers."""
+"""Headers that say what is not so, with checksums that are right: sizes of bombs, counts below nothing, no numbers."""
 
 import re
 import struct
@@ -6,7 +6,6 @@ import zlib
 from collections.abc import Callable, Mapping
 
 import numpy as np
-
 from fuzz.mutations import Mutate
 
 _SIDES = (0, 1, 15, 17, 4000, 15_000, 20_000, 60_000, 65_535, 2**31 - 1, 2**32 - 1)

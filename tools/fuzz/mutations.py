@@ -12,7 +12,17 @@ Mutate = Callable[[bytes, np.random.Generator], bytes]
 _NUMBER = re.compile(rb"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 _NASTY_NUMBERS = (
     *(b"nan", b"-nan", b"inf", b"-inf", b"1e400", b"-1e308", b"1e-320", b"0", b"-0.0", b"-1", b"1e38", b"1_000"),
-    *(b"2147483648", b"-2147483649", b"4294967296", b"18446744073709551616", b"9" * 40, b"9" * 5000, b"", b"x", b"0x7f"),
+    *(
+        b"2147483648",
+        b"-2147483649",
+        b"4294967296",
+        b"18446744073709551616",
+        b"9" * 40,
+        b"9" * 5000,
+        b"",
+        b"x",
+        b"0x7f",
+    ),
     *(b"1,5", b"--1", b"1e", "٣".encode(), b"1e999999999", b"true"),
 )
 _NASTY_VALUES = (
@@ -121,7 +131,14 @@ def add_line(data: bytes, rng: np.random.Generator) -> bytes:
     """A line that is there twice, or one that is none."""
     lines = data.split(b"\n")
     new = (
-        *(lines[int(rng.integers(len(lines)))], b"[a" + b".a" * 3000 + b"]", b"x = 1", b"[[a]]", b"[a", b"\xff\xfe\x00"),
+        *(
+            lines[int(rng.integers(len(lines)))],
+            b"[a" + b".a" * 3000 + b"]",
+            b"x = 1",
+            b"[[a]]",
+            b"[a",
+            b"\xff\xfe\x00",
+        ),
         *(b"a" * 200_000, b'"\xc3\x28" = 1', b"0 " * 5000, b"{" * 3000, b"[" * 3000, b"# " + b"\x80" * 9),
     )
     lines.insert(int(rng.integers(len(lines) + 1)), _choose(new, rng))
@@ -168,7 +185,16 @@ TEXT: tuple[Mutate, ...] = (
     *(set_number, add_line, remove_line, remove_word, repeat_word, mix_lines, add_no_unicode, encode_utf16),
     *(set_number, truncate, flip_bits, remove_block),
 )
-TOML: tuple[Mutate, ...] = (set_value, set_value, set_value, add_line, set_number, remove_word, add_no_unicode, truncate)
+TOML: tuple[Mutate, ...] = (
+    set_value,
+    set_value,
+    set_value,
+    add_line,
+    set_number,
+    remove_word,
+    add_no_unicode,
+    truncate,
+)
 
 
 def make_empty(path: Path) -> None:

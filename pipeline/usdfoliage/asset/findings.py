@@ -1,12 +1,12 @@
 """What validators find, and what of it a studio has decided to live with."""
 
-import tomllib
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.errors import AssetError
+from usdfoliage.toml_file import read_toml
 
 SEVERITIES = ("error", "warning", "info")
 
@@ -60,8 +60,8 @@ def read_profile(path: Path) -> tuple[Acceptance, ...]:
         AssetError: The file is missing, no TOML, or an entry lacks its validator or its reason.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        content = read_toml(path)
+    except (OSError, ValueError) as error:
         raise AssetError(f"the profile {path} cannot be read: {error}") from error
     entries = content.get("accepted", [])
     if set(content) - {"accepted"} or not isinstance(entries, list):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from pxr import Sdf
 
@@ -20,7 +21,7 @@ class Provenance:
     input_sha256: str  # of the input's bytes
 
     def __post_init__(self) -> None:
-        if "/" in self.capture or "\\" in self.capture:
+        if self.capture and Path(self.capture).name != self.capture:
             raise ValueError(f"capture is a file name without folders, not {self.capture}")
 
 

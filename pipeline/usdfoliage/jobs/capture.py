@@ -141,6 +141,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         check_cuda()
     known = poses_are_given(given, Record(given.work), request.settings.poses)
     check_world(request.settings.world, given=known)
+    if known and not given.in_place:  # likewise
+        read_posed(given.source, request.views)
     seconds: dict[str, float] = {}
     with lock_work(given.work):
         if request.fresh:
