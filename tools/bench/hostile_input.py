@@ -1,10 +1,10 @@
 """Damaged files given to every command that reads them: none may crash, hang, or leave half an output.
 
-usage: tools/bench/hostile_input.py [--seed N] [--share S] [--kind TEXT …] [-o FOLDER] [--lanes N]
+usage: tools/bench/hostile_input.py [--seed N] [--share S] [--no-named] [--kind TEXT …] [-o FOLDER] [--lanes N]
 
 Each case damages one of the small valid files that the project makes of every kind, and runs one command on it in a
-process of its own, of at most 10 s and 6 GiB. A command may end with 0, with 2 and one line that names the file, or,
-validate, with 3; else the case has a fault. Prints a table of kinds and outcomes; the folder of every case with a fault
+process of its own, of at most 10 s of the processor and 6 GiB. A command may end with 0, with 2 and one line that
+names the file, or, validate, with 3; else the case has a fault. Prints a table of kinds and outcomes; the folder of every case with a fault
 is kept below FOLDER (out/fuzz), with its command in command.txt. The exit code is 1 where there is one.
 """
 
@@ -92,6 +92,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=0, help="of the damage (%(default)s)")
     parser.add_argument("--share", type=float, default=1.0, help="of the cases of every kind (%(default)s)")
+    parser.add_argument("--no-named", action="store_true", help="only random damage")
     parser.add_argument("--kind", nargs="+", default=[""], help="only kinds with one of these texts in their names")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/fuzz"), help="for faults (%(default)s)")
     parser.add_argument("--lanes", type=int, default=os.cpu_count() or 1, help="cases at once (all cores)")
@@ -105,7 +106,8 @@ def main() -> int:
             [sys.executable, TOOLS / "fuzz" / "seeds.py", seeds], check=True, stdout=subprocess.DEVNULL
         )  # elsewhere, as threads do not live through a fork
         import_commands()
-        cases = [*named_cases(seeds), *random_cases(seeds, options.seed, options.share)]
+        named = [] if options.no_named else named_cases(seeds)
+        cases = [*named, *random_cases(seeds, options.seed, options.share)]
         cases = [case for case in cases if any(text in case.kind for text in options.kind)]
         results = run_cases(cases, scratch, options.lanes)
         for number, (case, ended, faults) in enumerate(results):

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from fuzz.cases import Case
-from fuzz.isolation import Ended
+from fuzz.isolation import TIME_LIMIT_S, Ended
 
 _LEFT = re.compile(r"usdfoliage-(?:new|old|lock)|\.tmp$")  # names of what is not yet whole
 
@@ -29,8 +29,8 @@ def folder_state(folder: Path) -> State:
 def find_faults(case: Case, ended: Ended, before: State, after: State) -> list[str]:
     """What a command did wrong, none for nothing."""
     if ended.timed_out:
-        return [f"hang: no end after {ended.seconds:.0f} s"]
-    faults = []
+        return [f"hang: no end after {ended.waited_s:.0f} s"]
+    faults = [f"slow: {ended.seconds:.0f} s"] if ended.seconds > TIME_LIMIT_S else []
     allowed = (0, 2, 3) if case.words[0] == "validate" else (0, 2)
     if ended.code < 0:
         faults.append(f"crash: signal {-ended.code}")

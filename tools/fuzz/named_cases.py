@@ -144,7 +144,17 @@ def _other(seeds: Path) -> Iterator[_Made]:
             ("capture", "bed", "-o", "out", "--dry-run"),
             ("branches", "bed", "-o", "out", "--dry-run"),
             ("leaves", "--print-settings", "--settings", "bed/capture.toml"),
-            ("branches", "bed/cloud.ply", "--dry-run", "-o", "out", "--species-file", "bed/capture.toml"),
+            (
+                "branches",
+                "bed/cloud.ply",
+                "--dry-run",
+                "-o",
+                "out",
+                "--species-file",
+                "bed/capture.toml",
+                "--species",
+                "x",
+            ),
             ("validate", "plants/spray", "--profile", "bed/capture.toml"),
         ):
             yield "toml made", what, "bed/capture.toml", words, written("bed/capture.toml", data, "bed", "plants")

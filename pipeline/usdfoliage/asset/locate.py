@@ -61,6 +61,7 @@ def open_layer(path: Path) -> Sdf.Layer:
 MISSING = "no such file"
 NO_FILE = "no regular file"
 MAX_DEPTH = 500  # of prims in prims in a text layer: USD's parser and its traversals go down by calling themselves
+INCOMPLETE = "prims or properties that it lists are missing"
 TOO_DEEP = f"its prims are nested more than {MAX_DEPTH} deep"
 
 
@@ -92,14 +93,31 @@ def _depth(text: bytes) -> int:
     return int(np.cumsum(np.where(braces == ord("{"), 1, -1)).max(initial=0))
 
 
+def _is_incomplete(layer: Sdf.Layer) -> bool:
+    """Whether a damaged crate lists what it does not hold: USD ends the process where that is asked for."""
+    if layer.GetFileFormat().formatId == "usda":  # what a parser made is whole
+        return False
+    missing: list[Sdf.Path] = []
+
+    def look(path: Sdf.Path) -> None:
+        holds = path.IsPrimPath() or path.IsPrimPropertyPath() or path.IsPrimVariantSelectionPath()
+        if path.isEmpty or (holds and layer.GetObjectAtPath(path) is None):
+            missing.append(path)
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, look)
+    return bool(missing)
+
+
 def check_layers(root: Sdf.Layer, path: Path) -> None:
     """Refuse what would stop USD itself while it composes a layer; path is what the user calls that.
 
     Raises:
-        AssetError: A layer that it needs is no file, or too deep.
+        AssetError: A layer that it needs is no file, too deep, or lists what it does not hold.
     """
+    if _is_incomplete(root):
+        raise AssetError(f"{path} cannot be read as USD ({INCOMPLETE}); write it again")
     for lost, reason in lost_layers(root):
-        if reason in (NO_FILE, TOO_DEEP):
+        if reason in (NO_FILE, TOO_DEEP, INCOMPLETE):
             raise AssetError(f"{path} needs {lost}, which cannot be read as USD ({reason}); write it again")
 
 
@@ -116,6 +134,8 @@ def lost_layers(root: Sdf.Layer) -> Iterator[tuple[Path, str]]:
             opened, reason = try_layer(path) if os.path.lexists(path) else (None, MISSING)
             if opened is None:
                 yield path, reason
+            elif _is_incomplete(opened):
+                yield path, INCOMPLETE
             else:
                 waiting.append(opened)
 
