@@ -4,8 +4,9 @@ usage: tools/bench/hostile_input.py [--seed N] [--share S] [--no-named] [--kind 
 
 Each case damages one of the small valid files that the project makes of every kind, and runs one command on it in a
 process of its own, of at most 10 s of the processor and 6 GiB. A command may end with 0, with 2 and one line that
-names the file, or, validate, with 3; else the case has a fault. Prints a table of kinds and outcomes; the folder of every case with a fault
-is kept below FOLDER (out/fuzz), with its command in command.txt. The exit code is 1 where there is one.
+names the file, or, validate, with 3; else the case has a fault. Prints a table of kinds and outcomes; the folder of
+every case with a fault is kept below FOLDER (out/fuzz), with its command in command.txt. The exit code is 1 where there
+is one.
 """
 
 import argparse
