@@ -36,6 +36,7 @@ class SeenColorSettings:
     hidden: float = 0.06  # of the radius, that the crown must be in front of a place to hide it
     before: float = 0.15  # of the radius, that measured depth may be in front of a place
     behind: float = 0.4  # of the radius, that it may be behind; beyond, the picture shows the background
+    unmeasured: float = 0.05  # weight of a pixel without depth in a photograph with some: it may show what is behind
     kept: int = 6  # photographs of each texel, those that show it best
     outlier: float = 2.5  # median distances from the median brightness, beyond which a photograph is not believed
     coarse_texels: float = 6.0  # standard deviation of what is coarse
@@ -160,7 +161,9 @@ def _look_up(
     index = np.flatnonzero(seen)
     column, row = place[index].astype(np.intp).T
     low_column, low_row = (place[index] * scale).astype(np.intp).T
-    shown = depth_m[index] <= nearest_m[low_row, low_column] + settings.hidden * surface.usual_m
+    # Of a slanting surface a pixel of the buffer holds nearer and farther places.
+    slant = np.sqrt(1 / cosine[index] ** 2 - 1) / (radius_px * shrink)
+    shown = depth_m[index] <= nearest_m[low_row, low_column] + (settings.hidden + slant) * surface.usual_m
     shown &= leaves[row, column]
     if view.depth_m is not None:
         # Where nothing was measured, the crown's own surface says what hides what.
@@ -169,12 +172,15 @@ def _look_up(
         shown &= ~measured | (
             (ahead_m > -settings.before * surface.usual_m) & (ahead_m < settings.behind * surface.usual_m)
         )
-    index = index[shown]
+    trust = np.ones(len(index))
+    if view.depth_m is not None and view.mask is None:
+        trust = np.where(view.depth_m[row, column] > 0, 1.0, settings.unmeasured)
+    index, trust = index[shown], trust[shown]
     weight = np.zeros(len(place), np.float32)
     color = np.zeros((len(place), 3), np.float32)
     if len(index):
         texel_px = camera.focal_px[0] * surface.usual_m / depth_m[index] / surface.size
-        weight[index] = cosine[index] ** 2 * texel_px**2
+        weight[index] = trust * cosine[index] ** 2 * texel_px**2
         rows = -(-len(index) // 1024)  # OpenCV has no wider pictures than 32767 pixels
         at = np.zeros((rows * 1024, 2), np.float32)
         at[: len(index)] = place[index] - 0.5
@@ -328,7 +334,8 @@ def _cut_exemplar(view: ReducedView, radius_m: NDArray[np.floating], center_m: N
     inside = draw_silhouette(radius_m, center_m, view.camera)
     foliage = inside & view.leaves
     if view.depth_m is not None:
-        foliage &= (view.depth_m <= 0) | (view.depth_m < middle_m + usual_m)
+        behind = view.depth_m > middle_m + usual_m
+        foliage &= ~behind
     if not foliage.any():
         raise FitError(f"{view.name} shows nothing of the crown")
     return make_exemplar(view.linear(), inside, texel_px, foliage)
