@@ -112,8 +112,9 @@ def gather_colors(
         source[last, taken] = number
         if progress:
             progress(number + 1, len(views))
-    mean = _robust_mean(colors, weights, settings.outlier)
     seen = weights.max(axis=0) > 0
+    weights = _agreeing(colors, weights, settings.outlier)
+    mean = np.einsum("kmc,km->mc", colors, weights) / np.maximum(weights.sum(axis=0), 1e-20)[:, None]
     sharp = _sharpest(colors, weights, source, worth, size)
     shape = (6, size, size)
     color = _join_scales(mean.reshape(*shape, 3), sharp.reshape(*shape, 3), seen.reshape(shape), settings)
@@ -200,21 +201,16 @@ def _cell_means(weight: NDArray[np.float32], cells: int) -> NDArray[np.float32]:
     return np.stack([cv2.GaussianBlur(face, (5, 5), 1.0) for face in means]).reshape(6, cells, cells)
 
 
-def _robust_mean(colors: NDArray[np.float32], weights: NDArray[np.float32], outlier: float) -> NDArray[np.float32]:
-    """(M, 3) weighted means of what photographs (K, M, 3) agree on: one that is far from the median is left out."""
-    light = np.where(weights > 0, luminance(colors), np.nan)
-    light.sort(axis=0)  # NaN last
+def _agreeing(colors: NDArray[np.float32], weights: NDArray[np.float32], outlier: float) -> NDArray[np.float32]:
+    """The weights (K, M) of photographs (K, M, 3), 0 for those far from the median brightness of a texel."""
+    light = np.sort(np.where(weights > 0, luminance(colors), np.inf), axis=0)
     count = (weights > 0).sum(axis=0)
     every = np.arange(light.shape[1])
     middle = np.where(count > 0, light[np.maximum(count - 1, 0) // 2, every], 0)
     away = np.abs(luminance(colors) - middle)
     ordered = np.sort(np.where(weights > 0, away, np.inf), axis=0)
-    usual = np.where(count > 0, ordered[np.maximum(count, 1) // 2 - (count == 1), every], 0)
-    usual = np.where(np.isfinite(usual), usual, 0)
-    held = np.where(away <= outlier * usual + 0.02 * middle + 1e-4, weights, 0)
-    total = held.sum(axis=0)
-    mean = np.einsum("kmc,km->mc", colors, held) / np.maximum(total, 1e-20)[:, None]
-    return np.asarray(mean, np.float32)
+    usual = np.where(count > 0, ordered[np.maximum(count - 1, 0) // 2, every], 0)
+    return np.where(away <= outlier * usual + 0.02 * middle + 1e-4, weights, 0).astype(np.float32)
 
 
 def _sharpest(
@@ -245,7 +241,7 @@ def _join_scales(
     blurred = blur_colors(np.concatenate([mean * share, sharp * share, share], axis=-1), settings.coarse_texels)
     held = np.maximum(blurred[..., 6:], 1e-6)
     ratio = (blurred[..., :3] / held + 1e-4) / (blurred[..., 3:6] / held + 1e-4)
-    return np.where(seen[..., None], sharp * np.clip(ratio, 0.5, 2.0), 0).astype(np.float32)
+    return np.where(seen[..., None], sharp * np.clip(ratio, 0.2, 5.0), 0).astype(np.float32)
 
 
 def fill_unseen(
