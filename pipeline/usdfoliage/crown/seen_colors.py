@@ -337,6 +337,6 @@ def _cut_exemplar(view: ReducedView, radius_m: NDArray[np.floating], center_m: N
         raise FitError(f"{view.name} shows nothing of the crown")
     if foliage.sum() >= _DENSE * inside.sum():
         return make_exemplar(view.linear(), inside, texel_px, foliage)
-    # Between the leaves of a sparse crown no patch is whole, and a tiny one repeated is a pattern: leaves grow together.
+    # In a sparse crown no patch is whole, and a tiny one repeated is a pattern: its leaves grow together.
     nearest = distance_transform_edt(~foliage, return_distances=False, return_indices=True)
     return make_exemplar(view.linear()[tuple(nearest)], inside, texel_px)
