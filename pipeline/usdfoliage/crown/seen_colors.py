@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, distance_transform_edt
 
 from usdfoliage.crown.color_map import ColorMapSettings, Progress, build_color_map
 from usdfoliage.crown.projection import Exemplar, make_exemplar
@@ -25,6 +25,7 @@ from usdfoliage.geometry.cube_field import solve_dirichlet
 from usdfoliage.geometry.cubemap import face_directions, share_borders
 
 _BUFFER = 0.42  # pixels of the depth buffer in a radius, of a face's texels: none of the surface's points is missed
+_DENSE = 0.7  # share of a silhouette that is leaves, from which on gaps are left out of what is copied
 _LABEL_CELL = 8  # texels a side, for which one photograph gives what is fine
 
 
@@ -334,4 +335,8 @@ def _cut_exemplar(view: ReducedView, radius_m: NDArray[np.floating], center_m: N
         foliage &= ~behind
     if not foliage.any():
         raise FitError(f"{view.name} shows nothing of the crown")
-    return make_exemplar(view.linear(), inside, texel_px, foliage)
+    if foliage.sum() >= _DENSE * inside.sum():
+        return make_exemplar(view.linear(), inside, texel_px, foliage)
+    # In a sparse crown no patch is whole, and a tiny one repeated is a pattern: its leaves grow together.
+    nearest = distance_transform_edt(~foliage, return_distances=False, return_indices=True)
+    return make_exemplar(view.linear()[tuple(nearest)], inside, texel_px)
