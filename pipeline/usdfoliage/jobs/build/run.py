@@ -11,7 +11,7 @@ from pathlib import Path
 
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.build.call import BuildRequest
+from usdfoliage.jobs.build.call import BuildRequest, digest_profile
 from usdfoliage.jobs.build.executors import (
     Done,
     Wanted,
@@ -98,7 +98,7 @@ class BuiltPlant:
 def plan_plant(request: BuildRequest, look: str = "bytes") -> tuple[BuildInputs, BuildPlan]:
     """The inputs and tasks of a plant; FoliageError for inputs that cannot be used."""
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, look)  # type: ignore[arg-type]
-    return inputs, plan_build(inputs, request.settings, request.name, request.only)
+    return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
 
 
 def build_plants(

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.build.asset_stage import assemble_asset
-from usdfoliage.jobs.build.call import BuildRequest, Stage, StageCall
+from usdfoliage.jobs.build.call import BuildRequest, Stage, StageCall, digest_profile
 from usdfoliage.jobs.build.capture_stages import find_poses, finish_photographs, match_photographs
 from usdfoliage.jobs.build.cloud_stage import make_cloud
 from usdfoliage.jobs.build.executors import Done, TaskOrder
@@ -108,4 +108,4 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
 
 def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, "memory")
-    return inputs, plan_build(inputs, request.settings, request.name, request.only)
+    return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
