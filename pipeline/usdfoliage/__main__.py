@@ -14,6 +14,7 @@ from usdfoliage.errors import FoliageError
 
 COMMANDS = (
     "build",
+    "task",
     "capture",
     "branches",
     "crown",
