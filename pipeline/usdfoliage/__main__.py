@@ -15,6 +15,7 @@ from usdfoliage.errors import FoliageError
 COMMANDS = (
     "build",
     "task",
+    "submit",
     "capture",
     "branches",
     "crown",
