@@ -70,7 +70,7 @@ NextPlant = Callable[[], Wanted | None]
 class Workers:
     """Those who do tasks for this process."""
 
-    open_executor: Callable[[], Executor]  # another one when that breaks
+    open_executor: Callable[[], Executor]  # another one when that breaks; who has made them ends them
     count: Callable[[], int]  # tasks that they can do at once now; FoliageError where there is no hope of any
 
 
@@ -116,63 +116,60 @@ def run_on(next_plant: NextPlant, run: RunTask, workers: Workers, threads: int) 
             count += 1
 
     executor = workers.open_executor()
-    try:
-        while True:
-            room = workers.count()
-            is_broken = False
-            while len(running) < room and not is_broken:
-                if not ready:
-                    wanted = next_plant()
-                    if wanted is None:
-                        break
-                    plants.append((wanted, sort_tasks(wanted)))
-                    add_ready(len(plants) - 1)
-                    continue
-                number, _, name = ready[0]
-                if number in stopped:
-                    heapq.heappop(ready)
-                    continue
-                alone = tries.get((number, name), 0) >= _ALONE
-                if running and (alone or any(tries.get((n, each), 0) >= _ALONE for n, _, each in running.values())):
+    while True:
+        room = workers.count()
+        is_broken = False
+        while len(running) < room and not is_broken:
+            if not ready:
+                wanted = next_plant()
+                if wanted is None:
                     break
-                try:
-                    future = executor.submit(run, _order(plants[number][0], name, threads))
-                except BrokenProcessPool:
-                    is_broken = True
-                else:
-                    running[future] = heapq.heappop(ready)
-            if not running and not is_broken:
-                if not ready:
-                    return
-                time.sleep(_LOOK_S)
+                plants.append((wanted, sort_tasks(wanted)))
+                add_ready(len(plants) - 1)
                 continue
-            for future in wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED).done:
-                number, when, name = running.pop(future)
-                try:
-                    done = future.result()
-                except Exception as error:  # noqa: BLE001  # whatever a worker says
-                    is_broken |= isinstance(error, BrokenProcessPool)
-                    tries[number, name] = tries.get((number, name), 0) + 1
-                    given_up = _give_up(name, error, tries[number, name])
-                    if given_up is None:
-                        logger.warning("the worker of %s was lost; it is done again", name)
-                        heapq.heappush(ready, (number, when, name))
-                        continue
-                    done = given_up
-                if done.is_good:
-                    plants[number][1].done(name)
-                    add_ready(number)
-                else:
-                    stopped.add(number)
-                yield number, done
-            if is_broken and isinstance(executor, ProcessPoolExecutor):
-                for task in running.values():  # all that ran in it is lost with it
-                    heapq.heappush(ready, task)
-                running.clear()
-                executor.shutdown(wait=True, cancel_futures=True)
-                executor = workers.open_executor()
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
+            number, _, name = ready[0]
+            if number in stopped:
+                heapq.heappop(ready)
+                continue
+            alone = tries.get((number, name), 0) >= _ALONE
+            if running and (alone or any(tries.get((n, each), 0) >= _ALONE for n, _, each in running.values())):
+                break
+            try:
+                future = executor.submit(run, _order(plants[number][0], name, threads))
+            except BrokenProcessPool:
+                is_broken = True
+            else:
+                running[future] = heapq.heappop(ready)
+        if not running and not is_broken:
+            if not ready:
+                return
+            time.sleep(_LOOK_S)
+            continue
+        for future in wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED).done:
+            number, when, name = running.pop(future)
+            try:
+                done = future.result()
+            except Exception as error:  # noqa: BLE001  # whatever a worker says
+                is_broken |= isinstance(error, BrokenProcessPool)
+                tries[number, name] = tries.get((number, name), 0) + 1
+                given_up = _give_up(name, error, tries[number, name])
+                if given_up is None:
+                    logger.warning("the worker of %s was lost; it is done again", name)
+                    heapq.heappush(ready, (number, when, name))
+                    continue
+                done = given_up
+            if done.is_good:
+                plants[number][1].done(name)
+                add_ready(number)
+            else:
+                stopped.add(number)
+            yield number, done
+        if is_broken and isinstance(executor, ProcessPoolExecutor):
+            for task in running.values():  # all that ran in it is lost with it
+                heapq.heappush(ready, task)
+            running.clear()
+            executor.shutdown(wait=True, cancel_futures=True)
+            executor = workers.open_executor()
 
 
 def sort_tasks(wanted: Wanted) -> "graphlib.TopologicalSorter[str]":
