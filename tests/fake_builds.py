@@ -3,13 +3,15 @@
 import os
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from usdfoliage.jobs.build.call import BuildRequest
 from usdfoliage.jobs.build.executors import Done, TaskOrder, Wanted
 from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.build.tasks import BuildPlan, Task
+
+DIAMOND = {"a": [], "b": ["a"], "c": ["a"], "d": ["b", "c"]}
 
 
 def fake_plant(folder: Path, name: str, tasks: dict[str, Sequence[str]]) -> Wanted:
@@ -63,3 +65,27 @@ def lines_of(folder: Path) -> list[tuple[str, str]]:
     """Plants and tasks that ran, in their order."""
     log = folder / "log"
     return [(line.split()[0], line.split()[1]) for line in log.read_text().splitlines()] if log.exists() else []
+
+
+def next_of(plants: Sequence[Wanted]) -> Callable[[], Wanted | None]:
+    left = list(plants)
+    return lambda: left.pop(0) if left else None
+
+
+def in_order(done: Sequence[str], tasks: dict[str, list[str]]) -> bool:
+    return all(done.index(need) < done.index(name) for name, needs in tasks.items() for need in needs)
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def wait_until(holds: Callable[[], bool], timeout_s: float = 60.0) -> None:
+    end = time.monotonic() + timeout_s
+    while not holds():
+        assert time.monotonic() < end, "it does not happen"
+        time.sleep(0.05)

@@ -5,34 +5,32 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import fake_builds
 import pytest
-from fake_builds import fake_plant, kill_always, kill_once, lines_of, write_line
+from fake_builds import (
+    DIAMOND,
+    fake_plant,
+    in_order,
+    is_alive,
+    kill_always,
+    kill_once,
+    lines_of,
+    next_of,
+    wait_until,
+    write_line,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.build.executors import Done, TaskOrder, Wanted, Workers, run_here, run_on
 from usdfoliage.jobs.build.processes import open_processes
 
-DIAMOND = {"a": [], "b": ["a"], "c": ["a"], "d": ["b", "c"]}
-
-
-def next_of(plants: Sequence[Wanted]) -> Callable[[], Wanted | None]:
-    left = list(plants)
-    return lambda: left.pop(0) if left else None
-
 
 def threads(count: int) -> Workers:
     return Workers(open_executor=lambda: ThreadPoolExecutor(count), count=lambda: count)
-
-
-def in_order(done: Sequence[str], tasks: dict[str, list[str]]) -> bool:
-    return all(done.index(need) < done.index(name) for name, needs in tasks.items() for need in needs)
 
 
 def test_here_every_task_comes_after_those_that_it_needs(tmp_path):
@@ -151,27 +149,12 @@ def test_no_process_outlives_the_one_that_opened_it(tmp_path, number):
         parent.communicate()
 
 
-def is_alive(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
-
-
-def wait_until(holds: Callable[[], bool], timeout_s: float = 60.0) -> None:
-    end = time.monotonic() + timeout_s
-    while not holds():
-        assert time.monotonic() < end, "it does not happen"
-        time.sleep(0.05)
-
-
 @pytest.fixture(autouse=True)
 def _find_fake_builds(monkeypatch) -> None:
     """Spawned processes import the functions that they run."""
     here = str(Path(fake_builds.__file__).parent)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([here, os.environ.get("PYTHONPATH", "")]))
-    yield
+    return
 
 
 def test_orders_name_the_result_that_is_wanted(tmp_path):
