@@ -14,6 +14,7 @@ from usdfoliage.errors import FoliageError
 
 COMMANDS = (
     "build",
+    "batch",
     "task",
     "submit",
     "capture",

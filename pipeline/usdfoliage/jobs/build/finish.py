@@ -6,12 +6,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usdfoliage.asset.publish import publish_folder
+from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.build.call import BuildRequest
 from usdfoliage.jobs.build.report import TaskTiming, Timings
 from usdfoliage.jobs.build.report_html import write_timings
 from usdfoliage.jobs.build.report_stage import FINISHED, VERDICT
 from usdfoliage.jobs.build.store import copy_tree, read_stamp
 from usdfoliage.jobs.build.tasks import REPORT, BuildPlan
+from usdfoliage.jobs.capture_work import digest_file, write_whole
 from usdfoliage.jobs.crown_report import Row
 
 
@@ -72,10 +74,32 @@ def finish_plant(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant
     )
     if made.errors and not request.keep_invalid:
         return made
-    with publish_folder(request.output, force=request.force) as folder:
-        copy_tree(result / FINISHED, folder)
-        write_timings(folder / "report", collect_timings(made, plan, executor))
+    key = plan.tasks[REPORT].key
+    if not _is_in_place(request, key):
+        with publish_folder(request.output, force=request.force) as folder:
+            copy_tree(result / FINISHED, folder)
+            write_timings(folder / "report", collect_timings(made, plan, executor))
+        _note_place(request, key)
     return replace(made, asset=request.output / f"{request.name}.usda")
+
+
+def _is_in_place(request: BuildRequest, key: str) -> bool:
+    """Whether the output is, byte for byte, what an earlier run has put there of this very result."""
+    try:
+        held = json.loads(request.store.published(request.output).read_bytes())
+        return bool(held["key"] == key and held["files"] == _digests_of(request))
+    except (OSError, ValueError, KeyError, TypeError, CaptureError):
+        return False
+
+
+def _note_place(request: BuildRequest, key: str) -> None:
+    held = {"key": key, "files": _digests_of(request)}
+    write_whole(request.store.published(request.output), json.dumps(held, indent=1, sort_keys=True).encode())
+
+
+def _digests_of(request: BuildRequest) -> dict[str, str]:
+    paths = sorted(path for path in request.output.rglob("*") if path.is_file())
+    return {path.relative_to(request.output).as_posix(): digest_file(path) for path in paths}
 
 
 def collect_timings(made: BuiltPlant, plan: BuildPlan, executor: str) -> Timings:

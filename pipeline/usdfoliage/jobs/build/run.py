@@ -60,6 +60,8 @@ def build_plants(
     Yields:
         The number of a request, and what became of it, in the order in which they end.
     """
+    for store in dict.fromkeys(request.store for request in requests):
+        remove_leftovers(store)
     meter = Meter(len(requests), progress)
     states = [_State(request, where) for request in requests]
     waiting = deque(range(len(requests)))
@@ -133,7 +135,6 @@ class _State:
         self.place = place
         self.plans += 1
         try:
-            remove_leftovers(self.request.store)
             _, self._plan = plan_plant(self.request)
             tasks, finished = find_wanted(self._plan, self.request.store, thorough=True)
         except FoliageError as error:
