@@ -7,6 +7,7 @@
     results/KEY/       its files
     scratch/KEY/       what a task that was killed may go on from
     views/KEY/         pictures and depth that the tasks of one set of photographs share, each file by its own hash
+    published/KEY.json which result was put where, and the digests of its files there
     digests/KEY.json   digests of input files, by path, size and time
 
 A stamp is written last, when the files are in their places. Nothing is taken for a result because it is there: a file
@@ -19,8 +20,8 @@ import hashlib
 import json
 import logging
 import os
+import re
 import shutil
-import time
 import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -28,11 +29,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.capture_work import digest_file, explain, write_whole
+from usdfoliage.jobs.capture_work import digest_file, explain, task_key, write_whole
 
 logger = logging.getLogger(__name__)
 
-_OLD_S = 24 * 3600.0  # what is being written is younger
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
 
 
@@ -70,6 +70,9 @@ class Store:
 
     def views(self, key: str) -> Path:
         return self.folder / "views" / key
+
+    def published(self, output: Path) -> Path:
+        return self.folder / "published" / f"{task_key(str(output.resolve()))}.json"
 
     def stamp(self, key: str) -> Path:
         return self.folder / "tasks" / f"{key}.json"
@@ -231,13 +234,20 @@ def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
 
 
 def remove_leftovers(store: Store) -> None:
-    """Remove what killed runs left of results a day ago or earlier."""
-    for path in store.folder.glob("results/.*.new"):
+    """Remove what killed runs left of results; who still writes one has its lock."""
+    for path in store.folder.glob("results/.*"):
+        key = re.search(r"[0-9a-f]{32}", path.name)
         try:
-            if time.time() - path.stat().st_mtime > _OLD_S:
-                _remove(path)
-        except OSError:  # another run was faster
-            continue
+            lock = os.open(store.lock(key.group() if key else "none"), os.O_RDWR)
+        except OSError:
+            continue  # not ours, or another run was faster
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(path, ignore_errors=True)
+        except OSError:
+            continue  # that run lives, or the file system cannot tell
+        finally:
+            os.close(lock)
 
 
 def _digest(path: Path) -> str:
