@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from plant_assets import RUN, some_leaves, write_whole_plant
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLod, UsdMedia, UsdShade
-from usdfoliage.asset.findings import default_profile, read_profile
 from usdfoliage.asset.plant_package import PlantAssetSettings, write_plant_asset
+from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation import validate_asset
 
 LODS = ["auto", "both", "crown", "leaves"]

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.asset import validation
-from usdfoliage.asset.findings import Acceptance, Finding, default_profile, read_profile
+from usdfoliage.asset.findings import Acceptance, Finding
 from usdfoliage.asset.locate import find_interface
+from usdfoliage.asset.studio_profile import StudioProfile, default_profile, read_profile
 from usdfoliage.asset.validation import validate_asset
 from usdfoliage.errors import AssetError
 
@@ -157,7 +158,7 @@ def test_profile_accepts_warnings_and_never_errors(asset: Path) -> None:
         Acceptance(validator="usdFoliageValidators:AssetPaths", error="PathSearched", path="/o*", reason="ours"),
         Acceptance(validator="usdFoliageValidators:Plant", reason="never"),
     )
-    report = validate_asset(asset, profile)
+    report = validate_asset(asset, StudioProfile(accepted=profile))
     assert named(report.findings, "PathSearched").accepted == "ours"
     assert named(report.findings, "GeneratorMissing").accepted == ""
     assert report.open_errors == 1
@@ -165,25 +166,25 @@ def test_profile_accepts_warnings_and_never_errors(asset: Path) -> None:
     assert report.findings[-1].accepted
 
     elsewhere = Acceptance(validator="usdFoliageValidators:AssetPaths", error="PathSearched", path="/elm", reason="no")
-    assert named(validate_asset(asset, (elsewhere,)).findings, "PathSearched").accepted == ""
+    assert named(validate_asset(asset, StudioProfile(accepted=(elsewhere,))).findings, "PathSearched").accepted == ""
 
 
 def test_shipped_profile_gives_a_reason_for_each_entry() -> None:
-    profile = read_profile(default_profile())
-    assert profile
-    assert all(len(entry.reason) > 20 for entry in profile)
+    accepted = read_profile(default_profile()).accepted
+    assert accepted
+    assert all(len(entry.reason) > 20 for entry in accepted)
 
 
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
         ("accepted = [", "cannot be read"),
-        ("[other]", "nothing else"),
+        ("[other]", "other is not known"),
         ("[[accepted]]\nvalidator = 'x'", "reason must be given"),
         ("[[accepted]]\nvalidator = 'x'\nreason = ' '", "reason must be given"),
         ("[[accepted]]\nvalidator = 'x'\nreason = 'y'\nseverity = 'error'", "are known"),
         ("[[accepted]]\nvalidator = 1\nreason = 'y'", "are known"),
-        ("accepted = 1", "nothing else"),
+        ("accepted = 1", "must be"),
     ],
 )
 def test_wrong_profile(tmp_path: Path, text: str, complaint: str) -> None:

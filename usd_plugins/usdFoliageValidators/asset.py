@@ -133,7 +133,7 @@ def check_asset_purposes(stage: Usd.Stage, _time: object) -> Findings:
         if not attribute or not attribute.HasAuthoredValue():
             continue
         purpose = str(attribute.Get())
-        if prim.GetTypeName() != "Scope":
+        if prim.GetTypeName() not in ("Scope", "SkelRoot"):  # a rig makes the Scope a SkelRoot
             text = f"is authored on a {prim.GetTypeName() or 'prim without type'}; author it on the Scope above"
             findings.append(error(prim, "PurposeNotOnScope", text, "purpose"))
         elif any(UsdGeom.Imageable(below) for below in prim.GetAllChildren()):

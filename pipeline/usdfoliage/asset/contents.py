@@ -13,9 +13,9 @@ from usdfoliage.asset.leaf_primvars import place
 from usdfoliage.asset.locate import REPRESENTATION, find_interface, find_plants, open_layer
 from usdfoliage.asset.look import Look, read_look
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
-from usdfoliage.asset.plant import CROWN, LEAVES
-from usdfoliage.asset.provenance import CUSTOM_DATA_KEY, Provenance
-from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API
+from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
+from usdfoliage.asset.provenance import CUSTOM_DATA_KEY, Provenance, read_provenance_file, texts
+from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
 from usdfoliage.errors import AssetError
 
 _FOLIAGE = "Foliage"  # begins the names of our schemas
@@ -87,6 +87,12 @@ def find_crown(plant: Usd.Prim) -> Usd.Prim | None:
     targets = held.GetForwardedTargets() if held else []
     prim = plant.GetStage().GetPrimAtPath(targets[0] if targets else plant.GetPath().AppendPath(CROWN))
     return prim if prim and prim.HasAPI(CROWN_API) else None
+
+
+def find_skeleton(plant: Usd.Prim) -> Usd.Prim | None:
+    """The prim of the branches' skeleton in the selected variants, None where the plant has none."""
+    prim = plant.GetStage().GetPrimAtPath(plant.GetPath().AppendPath(SKELETON))
+    return prim if prim and prim.HasAPI(SKELETON_API) else None
 
 
 def read_plant_facts(plant: Usd.Prim, interface: Path) -> PlantFacts:
@@ -242,15 +248,18 @@ def _read_provenance(plant: Usd.Prim, interface: Path) -> Provenance:
     """The run that made the asset; what a plant made by other means does not record is empty."""
     record = open_layer(interface).customLayerData.get(CUSTOM_DATA_KEY)
     held = record if isinstance(record, dict) else {}
-    settings = held.get("settings")
     seed = held.get("seed")
+    inputs, stages = read_provenance_file(interface.parent) if "provenance" in held else ({}, {})
     return Provenance(
         species=_text(plant, "foliage:species"),
         capture=_text(plant, "foliage:capture").replace("\\", "/").rsplit("/", 1)[-1],
         generator=_text(plant, "foliage:generator"),
         seed=seed if isinstance(seed, int) else 0,
-        settings={str(key): str(value) for key, value in settings.items()} if isinstance(settings, dict) else {},
+        settings=texts(held.get("settings")),
         input_sha256=str(held.get("inputSha256", "")),
+        inputs=inputs,
+        stages=stages,
+        versions=texts(held.get("versions")),
     )
 
 

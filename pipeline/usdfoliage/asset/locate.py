@@ -11,6 +11,8 @@ from usdfoliage.errors import AssetError
 
 USD_SUFFIXES = (".usda", ".usdc", ".usd", ".usdz")
 REPRESENTATION = "representation"  # the variant set of a plant that chooses what its leaves are
+LOD = "lod"  # the one that chooses which of its parts are shown
+LEAFY_LODS = ("leaves", "both", "auto")  # those with leaves, where a plant has any
 
 
 def usd_files_at_top(folder: Path) -> list[Path]:
@@ -132,6 +134,24 @@ def require_leaves(stage: Usd.Stage, path: Path) -> list[Usd.Prim]:
         seen = f"a plant without leaves in the selected variants (<{plants[0].GetPath()}>)" if plants else "no plant"
         raise AssetError(f"{path} holds {seen}; name an asset with leaves, or choose another lod or representation")
     return leaves
+
+
+def select_leafy_lod(stage: Usd.Stage) -> None:
+    """Show the leaves of plants whose selected lod has none; in the session layer, so no file changes."""
+    for plant in find_plants(stage):
+        held = plant.GetVariantSets()
+        if LOD not in held.GetNames() or held.GetVariantSelection(LOD) in LEAFY_LODS or plant.IsInstanceProxy():
+            continue
+        known = held.GetVariantSet(LOD).GetVariantNames()
+        for lod in [lod for lod in LEAFY_LODS if lod in known][:1]:
+            select_lod(plant, lod)
+
+
+def select_lod(plant: Usd.Prim, lod: str) -> None:
+    """Show other parts of a plant; in the session layer."""
+    stage = plant.GetStage()
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        plant.GetVariantSets().SetSelection(LOD, lod)
 
 
 def select_representation(stage: Usd.Stage, name: str) -> None:

@@ -20,12 +20,16 @@ from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.asset.leaf_primvars import EDITS, author_edit, read_jitter_map_path
 from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import (
+    LEAFY_LODS,
+    LOD,
     REPRESENTATION,
     find_interface,
     find_leaves,
     find_plants,
     open_layer,
     require_leaves,
+    select_leafy_lod,
+    select_lod,
     select_representation,
     try_layer,
     usd_path,
@@ -35,6 +39,7 @@ from usdfoliage.asset.look_jitter import author_look_jitter_map
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
 from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.asset.schema import PLANT_API, require_schemas
+from usdfoliage.asset.variants import each_variant
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import LeafEdits
 
@@ -168,16 +173,17 @@ def write_look_layer(
     class_path = _class_path(plant, interface, prim_path)
 
     overs = _new_look(plant, class_path, _relative(interface, path), prim_path)
-    with _variant_context(overs.GetPrimAtPath(class_path), plant):
-        for leaves in require_leaves(stage, interface):
-            at = leaves.GetPath().ReplacePrefix(plant.GetPath(), class_path)
-            held = read_leaves(leaves)
-            _author_edits(overs, at, edits, held.edits)
-            drawn_map = jitter_map or held.jitter_map
-            wave = read_jitter_map(drawn_map) if drawn_map else None
-            if jitter_map and jitter_map != held.jitter_map:
-                author_look_jitter_map(overs, class_path, plant, leaves, _relative(jitter_map, path))
-            author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
+    for _ in _each_leafy_lod(overs, class_path, plant):
+        with _variant_context(overs.GetPrimAtPath(class_path), plant):
+            for leaves in require_leaves(stage, interface):
+                at = leaves.GetPath().ReplacePrefix(plant.GetPath(), class_path)
+                held = read_leaves(leaves)
+                _author_edits(overs, at, edits, held.edits)
+                drawn_map = jitter_map or held.jitter_map
+                wave = read_jitter_map(drawn_map) if drawn_map else None
+                if jitter_map and jitter_map != held.jitter_map:
+                    author_look_jitter_map(overs, class_path, plant, leaves, _relative(jitter_map, path))
+                author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
     publish_text(target, overs.GetRootLayer().ExportToString())
     return path
 
@@ -185,6 +191,7 @@ def write_look_layer(
 def _open_bezier(asset: Path) -> Usd.Stage:
     """The asset as its leaves can be edited."""
     stage = open_asset(asset)
+    select_leafy_lod(stage)
     if any(REPRESENTATION in plant.GetVariantSets().GetNames() for plant in find_plants(stage)):
         select_representation(stage, BEZIER)
     return stage
@@ -203,6 +210,19 @@ def _new_look(plant: Usd.Prim, class_path: Sdf.Path, look_of: str, prim_path: st
         stage.OverridePrim(prim_path).GetInherits().AddInherit(class_path)
     layer.customLayerData = {CUSTOM_DATA_KEY: record}
     return stage
+
+
+def _each_leafy_lod(overs: Usd.Stage, class_path: Sdf.Path, plant: Usd.Prim) -> Iterator[None]:
+    """Author in the class once, or once in each lod that shows leaves, if the plant has others besides: there they are
+    no prims, and its extentsHint is another in each."""
+    held = plant.GetVariantSets()
+    known = held.GetVariantSet(LOD).GetVariantNames() if LOD in held.GetNames() else []
+    if len(known) < 2:
+        yield
+        return
+    for lod in each_variant(overs, class_path, LOD, [lod for lod in LEAFY_LODS if lod in known]):
+        select_lod(plant, lod)
+        yield
 
 
 @contextmanager

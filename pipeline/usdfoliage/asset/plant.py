@@ -18,6 +18,8 @@ CROWN = "geo/proxy/Crown"
 BRANCHES = "geo/render/Branches"
 SKELETON = "geo/guide/Skeleton"
 
+COLLECTIONS: Mapping[str, str] = {"leaves": LEAVES, "branches": BRANCHES, "crown": CROWN}  # of a whole plant
+
 _RELATIONSHIPS: Mapping[str, str] = {LEAVES: "foliage:leaves", CROWN: "foliage:crown", SKELETON: "foliage:skeleton"}
 
 
@@ -44,7 +46,7 @@ class Plant:
     lods: Mapping[str, PurposeBoxes] = field(
         default_factory=dict
     )  # where several hold different things: what each does
-    collections: Mapping[str, str] = field(default_factory=dict)  # name, and the part that is in it
+    collections: Sequence[str] = ()  # some of COLLECTIONS
     thumbnail: str = ""  # picture, as a path from the interface layer
 
 
@@ -93,8 +95,8 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
         prim.CreateAttribute(attribute, value_type, custom=False).Set(value)
     for part in plant.parts:
         prim.CreateRelationship(_RELATIONSHIPS[part], custom=False).SetTargets([path.AppendPath(part)])
-    for name, part in plant.collections.items():
-        Usd.CollectionAPI.Apply(prim, name).IncludePath(path.AppendPath(part))
+    for part in plant.collections:
+        Usd.CollectionAPI.Apply(prim, part).IncludePath(path.AppendPath(COLLECTIONS[part]))
     return prim
 
 

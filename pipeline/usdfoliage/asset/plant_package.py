@@ -28,8 +28,8 @@ from usdfoliage.asset.package import (
     write_crown_layers,
     write_leaf_layers,
 )
-from usdfoliage.asset.plant import BRANCHES, CROWN, LEAVES, Plant, PurposeBoxes, box_around
-from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.plant import COLLECTIONS, CROWN, Plant, PurposeBoxes, box_around
+from usdfoliage.asset.provenance import Provenance, needs_file, write_provenance_file
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
@@ -79,10 +79,11 @@ def write_plant_asset(
         name: Name of the root prim and of the interface layer, an identifier (usdfoliage.asset.plant.asset_name).
         provenance: The runs that made it.
         asset_from_capture: (4, 4) for column vectors.
-        branches: Of an asset of branches (usdfoliage.asset.other_parts.find_other_parts), whose layers are copied. Its
-            leaves are not among them: those that shall be in the plant are foliage.
+        branches: Of an asset of branches or of a whole plant (usdfoliage.asset.other_parts.read_other_parts), whose
+            layers are copied, those of a crown too. Its leaves are not among them: those that shall be in the plant
+            are foliage.
         foliage: Leaves in the plant's frame.
-        crown: In the plant's frame.
+        crown: In the plant's frame; takes the place of the one that branches may have.
         settings: How it is written.
         thumbnail: PNG picture of the plant, which is copied.
 
@@ -94,13 +95,18 @@ def write_plant_asset(
         CaptureError: The jitter map of the leaves cannot be used.
         AssetError: A layer or a picture cannot be read, or a file cannot be written.
     """
-    if branches is None and foliage is None and crown is None:
+    has_branches = branches is not None and branches.has_branches
+    has_crown = crown is not None or (branches is not None and branches.crown_m is not None)
+    if not has_branches and foliage is None and not has_crown:
         raise ValueError("a plant has leaves, branches or a crown, and none of them was given")
     payload = begin_asset(folder, name)
-    lods = _lods(near=branches is not None or foliage is not None, crown=crown is not None)
+    lods = _lods(near=has_branches or foliage is not None, crown=has_crown)
     leafy = [lod for lod in lods if lod != "crown"]
-    crown_layers = write_crown_layers(folder, name, crown, settings.crown_mesh_size) if crown is not None else None
-    material = crown_layers.material if crown_layers is not None else None
+    crown_m, material = branches.crown_m if branches is not None else None, None
+    if crown is not None:
+        layers = write_crown_layers(folder, name, crown, settings.crown_mesh_size)
+        crown_m, material = layers.extent_m, layers.material
+        branches = replace(branches, crown_m=None) if branches is not None else None
     leaf_layers = None
     if foliage is None:
         write_materials_layer(payload / MATERIAL_LAYER, name, crown=material)
@@ -112,55 +118,52 @@ def write_plant_asset(
     if branches is not None:
         branches, moving_m = _copy_branches(branches, payload, name, foliage)
     has_leaves = foliage is not None and len(foliage.leaves) > 0
-    near_m = [*(branches.extents_m if branches is not None else ()), *moving_m]
+    near_m: list[Box] = [*(branches.extents_m if branches is not None else ()), *moving_m]
     if leaf_layers is not None and (has_leaves or not near_m):
         near_m.append(leaf_layers.extent_m)
     guides_m = [
         *([leaf_layers.guide_extent_m] if leaf_layers is not None and leaf_layers.guide_extent_m is not None else []),
         *(branches.guide_extents_m if branches is not None else ()),
     ]
-    boxes = _lod_boxes(lods, near_m, guides_m, crown_layers.extent_m if crown_layers is not None else None)
+    boxes = _lod_boxes(lods, near_m, guides_m, crown_m)
     if "both" in lods:
         write_both_layer(payload / BOTH_LAYER, name)
         write_auto_layer(payload / AUTO_LAYER, name, _auto(boxes["auto"], foliage, settings))
 
-    own = [f"./{CROWN_LAYER}"] if crown_layers is not None else []
     guides = list(branches.shared) if branches is not None else []
-    layers = {
+    shown = {
         "leaves": guides,
-        "both": [f"./{BOTH_LAYER}", *own, *guides],
-        "crown": own,
-        "auto": [f"./{AUTO_LAYER}", *own],
+        "both": [f"./{BOTH_LAYER}", f"./{CROWN_LAYER}", *guides],
+        "crown": [f"./{CROWN_LAYER}"],
+        "auto": [f"./{AUTO_LAYER}", f"./{CROWN_LAYER}"],
     }
     # Of the sets inside a lod the first is strongest: what moves goes over what stands still.
     moving = [held for held in branches.sets if held.name in MOVING] if branches is not None else []
     still = [held for held in branches.sets if held.name not in (*MOVING, "lod")] if branches is not None else []
     sets = [
-        VariantSet(name="lod", variants={lod: layers[lod] for lod in lods}),
+        VariantSet(name="lod", variants={lod: shown[lod] for lod in _selected_first(lods, branches)}),
         *(replace(held, inside=leafy) for held in moving),
         *([leaf_layers.variants] if leaf_layers is not None else []),
         *(replace(held, inside=leafy) for held in still),
     ]
-    held_parts = {
-        "leaves": LEAVES if foliage is not None else None,
-        "branches": BRANCHES if branches is not None else None,
-        "crown": CROWN if crown is not None else None,
-    }
+    present = {"leaves": foliage is not None, "branches": has_branches, "crown": has_crown}
     plant = Plant(
         provenance=provenance,
         asset_from_capture=asset_from_capture,
-        extent_m=box_around([*near_m, *([crown_layers.extent_m] if crown_layers is not None else [])]),
+        extent_m=box_around([*near_m, *([crown_m] if crown_m is not None else [])]),
         parts=[
             *(leaf_layers.parts if leaf_layers is not None else ()),
             *(branches.parts if branches is not None else ()),
-            *((CROWN,) if crown is not None else ()),
+            *((CROWN,) if has_crown else ()),
         ],
         version=settings.version,
         lods=boxes,
-        collections={name: part for name, part in held_parts.items() if part is not None},
+        collections=[part for part in COLLECTIONS if present[part]],
         thumbnail=_copy_thumbnail(folder, name, thumbnail),
     )
     interface = finish_asset(folder, name, plant, sets)
+    if needs_file(provenance):
+        write_provenance_file(folder, provenance)
     if branches is not None:
         for path in (interface, folder / PAYLOAD):
             keep_times(open_layer(branches.interface), path)
@@ -172,6 +175,11 @@ def _lods(near: bool, crown: bool) -> list[str]:
     if near and crown:
         return ["leaves", "both", "crown", "auto"]
     return ["leaves"] if near else ["crown"]
+
+
+def _selected_first(lods: Sequence[str], branches: OtherParts | None) -> list[str]:
+    """The same lods, the one before the others that the plant had selected of which the parts are."""
+    return sorted(lods, key=lambda lod: branches is None or lod != branches.lod)
 
 
 def _copy_branches(

@@ -117,6 +117,7 @@ class MadeBranches:
     plant: PlantCloud  # as it was traced
     traced: TracedBranches
     lost: tuple[int, ...]  # branches that the surface lacks
+    shows_stems: bool  # whether the cloud shows stems or branches that are round
 
 
 def make_branches_asset(request: BranchesRequest, progress: StepProgress | None = None) -> MadeBranches:
@@ -149,7 +150,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         warnings = [*plant.warnings, *doubts]
         notes = [*plant.notes, *describe_leaves(traced, request.settings), *told]
         stems = any(stands_on_stem(plant.points_m, root_m) for root_m in plant.roots_m)
-        warnings.extend(doubt_stems(float(traced.radii.believed.mean()), stems, traced.internode_m))
+        doubtful = doubt_stems(float(traced.radii.believed.mean()), stems, traced.internode_m)
+        warnings.extend(doubtful)
         made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
         notes.extend(made.notes)
         surface = made.surfaces.whole
@@ -199,6 +201,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         plant=plant,
         traced=shown,
         lost=tuple(branch.curve for branch in surface.dropped),
+        shows_stems=not doubtful,
     )
 
 

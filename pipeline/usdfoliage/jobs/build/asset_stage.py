@@ -8,20 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
-from usdfoliage.asset.contents import interface_of, read_plant_facts, require_plant
+from usdfoliage.asset.contents import interface_of, require_plant
 from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.other_parts import OtherParts, find_other_parts
 from usdfoliage.asset.plant_package import PlantAssetSettings, write_plant_asset
-from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
 from usdfoliage.errors import FitError, PreviewError
 from usdfoliage.jobs.build.call import StageCall
-from usdfoliage.jobs.build.foliage import CapturedLeaves, choose_foliage, read_captured_leaves
+from usdfoliage.jobs.build.captured_leaves import CapturedLeaves, read_captured_leaves
+from usdfoliage.jobs.build.foliage import choose_foliage
 from usdfoliage.jobs.build.pictures import draw_thumbnail
 from usdfoliage.jobs.build.plant_stages import ASSET_FOLDER, TracedPlant, read_crown, read_traced_plant
+from usdfoliage.jobs.build.settings import STAGE_SETTINGS
 from usdfoliage.jobs.build.store import ResultFile
 from usdfoliage.jobs.build.summary import StageSummary, write_summary
 from usdfoliage.jobs.build.tasks import BRANCHES, CROWN, LEAVES
-from usdfoliage.jobs.capture_work import task_key
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.jobs.settings_file import list_settings
 
@@ -46,6 +47,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             f"neither branches nor leaves nor a crown could be made of {call.request.capture}; the warnings of each "
             "stage say why"
         )
+
     def write(folder: Path, thumbnail: Path | None) -> Path:
         folder.mkdir()
         return write_plant_asset(
@@ -96,19 +98,31 @@ def plant_frame(
 
 
 def provenance_of(call: StageCall) -> Provenance:
-    """What is recorded of the run: nothing in it names a machine, a folder or a time."""
-    settings = {name: text for name, text in list_settings(call.settings).items() if not name.endswith("threads")}
+    """What is recorded of the run: every setting, every version, every input file."""
+    stages = {
+        name: {key: text for key, text in list_settings(getattr(call.settings, name)).items() if _decides(key)}
+        for name in STAGE_SETTINGS
+    }
+    inputs = dict(call.inputs.digests)
     return Provenance(
         species=call.settings.plant.species,
         capture=call.inputs.source.resolve().name,
         generator=f"usdfoliage {__version__}",
         seed=call.settings.seed,
-        settings={name: text for name, text in settings.items() if not name.startswith("tasks.")},
-        input_sha256=task_key(list(call.inputs.digests)),
+        input_sha256=combined_sha256(inputs),
+        inputs=inputs,
+        stages=stages,
+        versions=package_versions(),
     )
+
+
+def _decides(key: str) -> bool:
+    """Whether a setting decides anything: how many threads there are does not, and seeds are said once."""
+    return key.rsplit(".", 1)[-1] not in ("threads", "seed")
 
 
 def _branches_of(call: StageCall) -> OtherParts | None:
     asset = call.result_of(BRANCHES) / ASSET_FOLDER
     interface, _ = interface_of(asset)
-    return find_other_parts(require_plant(open_asset(asset), asset), interface)
+    stage = open_asset(asset)  # which prims do not keep
+    return find_other_parts(require_plant(stage, asset), interface)

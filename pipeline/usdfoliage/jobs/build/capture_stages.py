@@ -34,7 +34,6 @@ from usdfoliage.jobs.capture_work import WORK, has_result, write_whole
 from usdfoliage.jobs.crown_report import Row
 
 
-
 def capture_folder(call: StageCall, task: str) -> Path:
     """The capture that a task made, named as the user's."""
     return call.result_of(task) / "capture" / capture_name(call)

@@ -1,27 +1,23 @@
 """Which leaves a plant gets: those that were found, where they were found, or leaves on the twigs of its branches."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.asset.branch_package import BranchLeaves
-from usdfoliage.asset.contents import interface_of, read_plant_facts, require_plant
-from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings
 from usdfoliage.branch.foliage import FoliageSettings as GrownSettings
 from usdfoliage.branch.species import GENERIC, load_species
-from usdfoliage.errors import AssetError, FoliageError
+from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branch_foliage import (
     FITTED,
     TEMPLATE,
-    FittedLeaves,
     FoliageRequest,
     grow_leaves,
-    read_fitted_leaves,
 )
+from usdfoliage.jobs.build.captured_leaves import CapturedLeaves
 from usdfoliage.jobs.build.plant_stages import TracedPlant
 from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.crown_report import Row
@@ -37,14 +33,6 @@ _NEAR = 0.25  # of a leaf's length, within which a point of the cloud is of it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CapturedLeaves:
-    """Leaves that were found in photographs, in the frame of their own asset."""
-
-    fitted: FittedLeaves
-    own_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ChosenFoliage:
     """The leaves of the plant, in its frame, and why these."""
 
@@ -54,28 +42,11 @@ class ChosenFoliage:
     rows: tuple[Row, ...]
 
 
-def read_captured_leaves(asset: Path) -> CapturedLeaves | None:
-    """The leaves of an asset of leaves; None where it has none, or there is no asset.
-
-    Raises:
-        AssetError: It cannot be read.
-    """
-    if not asset.is_dir():
-        return None
-    interface, _ = interface_of(asset)
-    plant = require_plant(open_asset(asset), asset)
-    facts = read_plant_facts(plant, interface)
-    try:
-        fitted = read_fitted_leaves(FoliageRequest(kind=FITTED, source=asset), asset / "nowhere")
-    except AssetError as error:
-        if "none is shown" not in str(error):
-            raise
-        return None
-    return None if fitted is None else CapturedLeaves(fitted=fitted, own_from_capture=facts.asset_from_capture)
-
-
 def choose_foliage(
-    captured: CapturedLeaves | None, traced: TracedPlant | None, settings: BuildSettings, plant_from_capture: NDArray[np.float64]
+    captured: CapturedLeaves | None,
+    traced: TracedPlant | None,
+    settings: BuildSettings,
+    plant_from_capture: NDArray[np.float64],
 ) -> ChosenFoliage:
     """The leaves of a plant, as the settings say.
 
@@ -107,7 +78,9 @@ def choose_foliage(
         )
         return ChosenFoliage(leaves=leaves, kind=kind, notes=tuple(notes), rows=())
     if traced is None:
-        raise FoliageError(f"foliage.kind is {kind}, and there are no twigs to put leaves on; set it to captured or auto")
+        raise FoliageError(
+            f"foliage.kind is {kind}, and there are no twigs to put leaves on; set it to captured or auto"
+        )
     if kind == "drawn" and captured is None:
         raise FoliageError("no leaf was found to draw from; set foliage.kind to species, or auto")
     species = load_species(settings.plant.species) if settings.plant.species else load_species(GENERIC)
@@ -135,9 +108,7 @@ def leaf_cover(points_m: NDArray[np.float64], leaves: Leaves) -> float:
     return float(np.isfinite(away_m).mean())
 
 
-def _choose(
-    placed: Leaves | None, sure: int, traced: TracedPlant | None, settings: BuildSettings
-) -> tuple[str, str]:
+def _choose(placed: Leaves | None, sure: int, traced: TracedPlant | None, settings: BuildSettings) -> tuple[str, str]:
     """The kind of leaves, and why."""
     if traced is None:
         if placed is None:
@@ -145,15 +116,16 @@ def _choose(
         return "captured", "leaves are where they were found: there are no branches to put others on"
     leafy_m = traced.points_m[~traced.wood]
     share = len(leafy_m) / max(len(traced.points_m), 1)
-    if traced.knows_leaves and share < LEAFLESS:
-        return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
+    has_leaves = share >= LEAFLESS or not traced.knows_leaves
     if placed is not None:
-        cover = leaf_cover(leafy_m if len(leafy_m) else traced.points_m, placed)
+        cover = leaf_cover(leafy_m if has_leaves and len(leafy_m) else traced.points_m, placed)
         told = f"leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
-        if cover >= settings.foliage.least_cover:
+        if cover >= settings.foliage.least_cover and sure >= settings.foliage.least_sure * len(placed):
             return "captured", f"{told}: they are where they were found"
-        if sure >= settings.foliage.least_drawn:
+        if has_leaves and sure >= settings.foliage.least_drawn:
             return "drawn", f"{told}: the leaves are on the twigs instead, drawn from {sure} that were found"
+    if not has_leaves:
+        return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
     what = f"{sure} leaves were found, too few to draw from" if placed is not None else "no leaf was found"
     return "species", f"{what}: the leaves are on the twigs, of {settings.plant.species or 'no species in particular'}"
 
@@ -166,4 +138,3 @@ def _representations(settings: BuildSettings, count: int) -> tuple[str, ...]:
     if settings.plant.representations is not None:
         return settings.plant.representations
     return tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)
-

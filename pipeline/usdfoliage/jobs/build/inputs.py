@@ -76,7 +76,9 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         folders = [MASKS, CAMERAS]
         has_depth = depth != "estimated" and bool(files_below(source / DEPTH_FOLDER))
         if depth == "given" and not has_depth:
-            raise CaptureError(f"{source} has no {DEPTH_FOLDER}/; set leaves.depth to estimated, or put depth maps there")
+            raise CaptureError(
+                f"{source} has no {DEPTH_FOLDER}/; set leaves.depth to estimated, or put depth maps there"
+            )
         for folder in [*folders, *([DEPTH_FOLDER] if has_depth else [])]:
             files.update({f"{folder}/{name}": path for name, path in files_below(source / folder).items()})
         has_cameras = any(name.startswith(f"{CAMERAS}/") for name in files)
@@ -97,9 +99,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
     )
 
 
-def _digest_files(
-    source: Path, files: Mapping[str, Path], store: Store, look: Look
-) -> tuple[tuple[str, str], ...]:
+def _digest_files(source: Path, files: Mapping[str, Path], store: Store, look: Look) -> tuple[tuple[str, str], ...]:
     """Name and digest of every file, sorted; in a quick look those that nobody remembers have none."""
     memory = store.folder / "digests" / f"{task_key(str(source.resolve()))}.json"
     known = _read_memory(memory)

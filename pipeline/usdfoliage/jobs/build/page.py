@@ -12,6 +12,7 @@ from markupsafe import Markup
 TEMPLATES = Path(__file__).parent / "templates"
 # What a name may hold and a page must not: bytes that are no UTF-8, controls, and marks that turn the order of letters.
 _NO_TEXT = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
+_NO_BYTE = re.compile("[\ud800-\udc7f\udd00-\udfff]")  # the surrogates between stand for bytes of a name
 
 
 def render_page(template: str, style: str, script: str, **values: object) -> str:
@@ -54,7 +55,8 @@ def clean_text(text: str) -> str:
 
 def link_to(path: str) -> str:
     """The address of a file, as seen from the page's folder; whatever its name is, it is no other kind of address."""
-    return f"./{quote(path.encode('utf-8', 'surrogateescape'), safe='/')}"
+    encoded = _NO_BYTE.sub("\ufffd", path).encode("utf-8", "surrogateescape")
+    return f"./{quote(encoded, safe='/')}"
 
 
 def in_bytes(size_bytes: int) -> str:

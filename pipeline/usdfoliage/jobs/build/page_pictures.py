@@ -47,7 +47,7 @@ def read_picture(path: Path) -> NDArray[np.uint8] | None:
     """(H, W, 3) or (H, W, 4) sRGB of a PNG, JPEG or WebP of 8 bits a channel; None where there is none to be read."""
     try:
         data = np.frombuffer(path.read_bytes(), np.uint8)
-    except OSError:
+    except (OSError, ValueError):  # the latter where the name is none that a file can have
         return None
     try:
         read = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None

@@ -35,6 +35,8 @@ from usdfoliage.jobs.preview import (
 
 logger = logging.getLogger(__name__)
 
+SHAPES = (0.8, 1.6)  # width by height that pictures of narrow and of wide plants have at most
+
 Progress = Callable[[int, int], None]
 
 
@@ -63,9 +65,7 @@ class PictureSettings:
 
     def preview(self, side_px: int) -> PreviewSettings:
         """How a square picture is drawn; ValueError for what cannot be."""
-        return PreviewSettings(
-            width_px=side_px, height_px=side_px, samples=self.samples, complexity=self.complexity
-        )
+        return PreviewSettings(width_px=side_px, height_px=side_px, samples=self.samples, complexity=self.complexity)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,12 +89,14 @@ def draw_turntable(
     """
     interface, _ = interface_of(asset)
     count = settings.turntable_frames
+    size_px = _fit_shape(_read_facts(asset), settings.turntable_px)
     views = [
         PreviewView(
             output=folder / f"turntable_{number:03}.png",
             direction="turntable",
             turn_rad=2 * math.pi * number / count,
             group="turntable",
+            size_px=size_px,
         )
         for number in range(count)
     ]
@@ -109,7 +111,7 @@ def draw_thumbnail(asset: Path, folder: Path, settings: PictureSettings = Pictur
         AssetError: It is no asset.
     """
     interface, _ = interface_of(asset)
-    view = _three_quarter(_read_facts(asset), folder / "thumbnail.png", settings.thumbnail_px)
+    view = _three_quarter(_read_facts(asset), folder / "thumbnail.png", (settings.thumbnail_px,) * 2)
     (picture,) = render_views(interface, [view], replace(settings.preview(settings.thumbnail_px), background=None))
     return picture
 
@@ -128,6 +130,7 @@ def draw_variants(
     """
     interface, _ = interface_of(asset)
     facts = _read_facts(asset)
+    size_px = _fit_shape(facts, settings.variant_px)
     chosen = [(held, name) for held, names in facts.variants.items() if len(names) > 1 for name in names]
     drawn = []
     for done, (held, name) in enumerate(chosen):
@@ -140,7 +143,7 @@ def draw_variants(
         # A crown is a proxy where leaves are drawn too, and is what `both` is about.
         purposes = ("default", "render", "proxy") if name == "both" else ("default", "render")
         preview = replace(settings.preview(settings.variant_px), variants=tuple(selections), purposes=purposes)
-        render_views(interface, [_three_quarter(facts, output, settings.variant_px)], preview)
+        render_views(interface, [_three_quarter(facts, output, size_px)], preview)
         is_default = facts.selections.get(held) == name
         drawn.append(DrawnVariant(set=held, name=name, picture=output, is_default=is_default))
     if progress is not None:
@@ -215,10 +218,8 @@ def shrink_to_stage(camera: Pinhole, longest_px: int, stage_from_world: NDArray[
     return replace(shrunk, cam_from_world=shrunk.cam_from_world / scale)
 
 
-def _choose(
-    capture: Capture, facts: PlantFacts, asset_from_world: NDArray[np.float64], most: int
-) -> list[int]:
-    """Numbers of photographs whose cameras see the plant from different sides; evenly chosen where its size is unknown."""
+def _choose(capture: Capture, facts: PlantFacts, asset_from_world: NDArray[np.float64], most: int) -> list[int]:
+    """Photographs whose cameras see the plant from different sides; evenly chosen where its size is unknown."""
     if facts.extent is None:
         return choose_shown(len(capture.views), most)
     cameras = [
@@ -233,9 +234,18 @@ def _read_facts(asset: Path) -> PlantFacts:
     return read_plant_facts(require_plant(stage, asset), interface)
 
 
-def _three_quarter(facts: PlantFacts, output: Path, side_px: int) -> PreviewView:
+def _fit_shape(facts: PlantFacts, side_px: int) -> tuple[int, int]:
+    """Width and height of a picture that a plant fills as it turns, with so many pixels as a square of that side."""
+    if facts.extent is None:
+        return side_px, side_px
+    wide, high, deep = facts.extent[1] - facts.extent[0]
+    shape = float(np.clip(math.hypot(wide, deep) / max(high, 1e-9), *SHAPES))
+    return round(side_px * math.sqrt(shape)), round(side_px / math.sqrt(shape))
+
+
+def _three_quarter(facts: PlantFacts, output: Path, size_px: tuple[int, int]) -> PreviewView:
     """From a quarter; of one camera for all variants, whose bounds may differ, where the asset tells its size."""
     if facts.extent is None:
-        return PreviewView(output=output, direction="three-quarter")
+        return PreviewView(output=output, direction="three-quarter", size_px=size_px)
     azimuth_rad, elevation_rad = DIRECTIONS["three-quarter"]
-    return PreviewView(output=output, pinhole=frame_box(facts.extent, azimuth_rad, elevation_rad, (side_px, side_px)))
+    return PreviewView(output=output, pinhole=frame_box(facts.extent, azimuth_rad, elevation_rad, size_px))

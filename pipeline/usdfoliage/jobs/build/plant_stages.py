@@ -1,26 +1,32 @@
 """The tasks that turn a capture, or a cloud, into parts of a plant: branches, leaves, crown."""
 
 import logging
+import shutil
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.asset.package import AssetSettings
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings
+from usdfoliage.branch.roots import RootSettings
 from usdfoliage.branch.species import load_species
 from usdfoliage.crown.model import CrownModel
+from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import CaptureError, FitError, FoliageError
 from usdfoliage.jobs.branches import BranchesRequest, make_branches_asset
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.capture_stages import capture_folder
+from usdfoliage.jobs.build.captured_leaves import read_leaf_frame
 from usdfoliage.jobs.build.store import ResultFile
 from usdfoliage.jobs.build.summary import StagePicture, StageSummary, write_summary
-from usdfoliage.jobs.build.tasks import CLOUD
-from usdfoliage.jobs.capture_results import CLOUD as CLOUD_FILE
+from usdfoliage.jobs.build.tasks import BRANCHES, CLOUD, LEAVES
+from usdfoliage.jobs.captured_crown import CapturedCrownRequest, make_captured_crown_asset
+from usdfoliage.jobs.crown_capture import PlantPoints
 from usdfoliage.jobs.leaves import LeavesRequest, make_leaves_asset
 from usdfoliage.jobs.leaves_settings import LeavesSettings, set_everywhere
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
@@ -28,6 +34,7 @@ from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
 logger = logging.getLogger(__name__)
 
 ASSET_FOLDER = "asset"  # in the result of a part
+CROWN_MODEL = "crown.npz"  # likewise
 PLANT_POINTS = "plant.npz"  # likewise: the cloud as branches were traced through it
 
 
@@ -60,6 +67,14 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         made = make_branches_asset(request, call.progress)
     except FoliageError as error:
         return _go_without(call, "branches", error)
+    if settings.make == "auto" and not made.shows_stems:
+        shutil.rmtree(call.out / ASSET_FOLDER)
+        note = (
+            "the plant has no branches: the cloud shows no stem at a root and hardly a round branch, as of a hedge or "
+            'a wall of leaves; branches.make = "on" traces them nevertheless, best with branches.roots'
+        )
+        write_summary(call.out, StageSummary(notes=[note]))
+        return ()
     skeleton = made.traced.skeleton
     np.savez(
         call.out / PLANT_POINTS,
@@ -135,13 +150,62 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
 
 
 def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
-    """The crown of the cloud and the photographs; where none can be made, the plant has none."""
-    raise FitError("not there yet")
+    """The crown of the cloud and the photographs, in the plant's frame; where none can be made, the plant has none."""
+    if not call.has(CLOUD):
+        error = FitError("a crown takes its colours from photographs, and there is only a cloud")
+        return _go_without(call, "crown", error)
+    settings = call.settings.crown
+    traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
+    plant = None
+    if traced is not None:
+        plant = PlantPoints(
+            points_m=traced.points_m,
+            foliage=~traced.wood if traced.knows_leaves and not traced.wood.all() else None,
+            asset_from_capture=traced.plant_from_capture,
+        )
+    frame = read_leaf_frame(call.result_of(LEAVES) / ASSET_FOLDER) if call.has(LEAVES) and traced is None else None
+    request = CapturedCrownRequest(
+        cloud=PlantCloudRequest(path=capture_folder(call, CLOUD), roots=RootSettings()),
+        output=call.out / ASSET_FOLDER,
+        name=call.request.name,
+        settings=CapturedCrownSettings(size=settings.size, seed=call.settings.seed, threads=call.threads),
+        asset_settings=AssetSettings(crown_mesh_size=settings.mesh_size),
+        species=call.settings.plant.species,
+        preview=False,
+        times=False,
+    )
+    try:
+        made = make_captured_crown_asset(request, call.progress, plant=plant, asset_from_capture=frame)
+    except FoliageError as error:
+        return _go_without(call, "crown", error)
+    model = {field.name: getattr(made.model, field.name) for field in fields(CrownModel)}
+    np.savez(call.out / CROWN_MODEL, **model)
+    report = call.out / ASSET_FOLDER / "report"
+    pictures = [
+        StagePicture(file=path.relative_to(call.out).as_posix(), caption=path.stem.replace("_", " "))
+        for path in sorted(report.glob("*.png"))
+    ]
+    notes = list(made.notes)
+    write_summary(
+        call.out,
+        StageSummary(rows=made.measures, notes=notes, pictures=pictures, detail=f"{ASSET_FOLDER}/report/index.html"),
+    )
+    return ()
 
 
 def read_crown(folder: Path) -> CrownModel | None:
     """The crown that make_crown left in its folder; None where none could be made."""
-    return None
+    path = folder / CROWN_MODEL
+    if not path.is_file():
+        return None
+    with np.load(path, allow_pickle=False) as held:
+        return CrownModel(
+            radius_m=held["radius_m"],
+            color=held["color"],
+            center_m=held["center_m"],
+            relief_weight=float(held["relief_weight"]),
+            asset_from_photo=held["asset_from_photo"],
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,8 +237,8 @@ def read_traced_plant(folder: Path) -> TracedPlant | None:
 
 
 def _cloud_of(call: StageCall) -> Path:
-    """The file of the cloud: what photographs gave, or what the user gave."""
-    return capture_folder(call, CLOUD) / CLOUD_FILE if call.has(CLOUD) else call.request.capture
+    """What photographs gave, with what its capture.toml states, or the file that the user gave."""
+    return capture_folder(call, CLOUD) if call.has(CLOUD) else call.request.capture
 
 
 def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[ResultFile, ...]:

@@ -161,9 +161,7 @@ def judge(report: PlantReport) -> str:
         return report.verdict
     if report.state == "failed":
         return "The plant was not built; what went wrong is below."
-    severe = sum(warning.severe for warning in report.warnings)
-    errors = sum(finding.severity == "error" and not finding.accepted for finding in report.findings)
-    if severe or errors:
+    if is_unusable(report):
         return "The plant was built, but should not be used as it is; what is wrong is below."
     if report.warnings:
         count = len(report.warnings)
@@ -171,6 +169,12 @@ def judge(report: PlantReport) -> str:
     if not report.validated:
         return "The plant was built; it has not been validated."
     return "The plant was built, and nothing is doubtful."
+
+
+def is_unusable(report: PlantReport) -> bool:
+    """Whether there is something that must be put right first: a severe warning, or an error of the validators."""
+    severe = any(warning.severe for warning in report.warnings)
+    return severe or any(finding.severity == "error" and not finding.accepted for finding in report.findings)
 
 
 def _read_lines(toml: str) -> list[tuple[str, str, str]]:

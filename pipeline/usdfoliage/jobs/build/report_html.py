@@ -9,7 +9,17 @@ from usdfoliage.asset.findings import SEVERITIES, Finding
 from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.jobs.build.page import clean_text, render_page
 from usdfoliage.jobs.build.page_pictures import PagePicture, embed_picture
-from usdfoliage.jobs.build.report import Comparison, Picture, PlantReport, StageReport, Timings, Variant, judge
+from usdfoliage.jobs.build.report import (
+    Comparison,
+    Picture,
+    PlantReport,
+    StageReport,
+    State,
+    Timings,
+    Variant,
+    is_unusable,
+    judge,
+)
 
 TIMINGS = "timings.js"
 TURNTABLE_PX = 640
@@ -55,6 +65,14 @@ class _Count:
     accepted: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Badge:
+    """What stands beside the name."""
+
+    kind: State  # whose colours it has
+    words: str
+
+
 def write_plant_report(folder: Path, report: PlantReport) -> Path:
     """Write index.html into folder, which is made if need be; returns the page.
 
@@ -78,6 +96,7 @@ def write_plant_report(folder: Path, report: PlantReport) -> Path:
         "plant.js",
         report=report,
         verdict=judge(report),
+        badge=_choose_badge(report),
         # Python sorts stably: within a kind, the order of the stages.
         warnings=sorted(report.warnings, key=lambda warning: not warning.severe),
         anchors={stage.title: number for number, stage in enumerate(report.stages)},
@@ -118,6 +137,16 @@ def count_findings(findings: Sequence[Finding]) -> list[_Count]:
         accepted = sum(bool(finding.accepted) for finding in alike)
         counts.append(_Count(severity=severity, open=len(alike) - accepted, accepted=accepted))
     return counts
+
+
+def _choose_badge(report: PlantReport) -> _Badge:
+    if report.state == "failed":
+        return _Badge(kind="failed", words="failed")
+    if is_unusable(report):
+        return _Badge(kind="failed", words="built, not usable")
+    if report.state == "warnings" or report.warnings:
+        return _Badge(kind="warnings", words="built, with warnings")
+    return _Badge(kind=report.state, words="built" if report.state == "done" else report.state)
 
 
 def _show(picture: Picture, longest_px: int) -> _Shown:

@@ -3,16 +3,17 @@
 import json
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 from usdfoliage import __version__
 from usdfoliage.asset.contents import AssetFile, interface_of, list_files, read_plant_facts, require_plant
-from usdfoliage.asset.findings import Finding, default_profile, read_profile
 from usdfoliage.asset.look import open_asset
+from usdfoliage.asset.provenance import package_versions
+from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation import ValidationReport, validate_asset
 from usdfoliage.capture.folder import read_capture
-from usdfoliage.errors import CaptureError, PreviewError
+from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.capture_stages import capture_folder
 from usdfoliage.jobs.build.pictures import draw_comparisons, draw_turntable, draw_variants
@@ -30,7 +31,7 @@ from usdfoliage.jobs.build.report import (
     mark_settings,
 )
 from usdfoliage.jobs.build.report_html import write_plant_report
-from usdfoliage.jobs.build.settings import BuildSettings
+from usdfoliage.jobs.build.settings import STAGE_SETTINGS, BuildSettings
 from usdfoliage.jobs.build.store import ResultFile, copy_tree
 from usdfoliage.jobs.build.summary import StageSummary, read_summary, write_summary
 from usdfoliage.jobs.build.tasks import (
@@ -43,7 +44,6 @@ from usdfoliage.jobs.build.tasks import (
     POSES,
     TURNTABLE,
     VARIANTS,
-    versions,
 )
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.jobs.settings_file import format_settings
@@ -52,7 +52,6 @@ logger = logging.getLogger(__name__)
 
 FINISHED = "finished"  # the whole asset, in the result of the report
 VERDICT = "verdict.json"  # beside it: what validation says, and what the report says first
-PROVENANCE = "provenance.json"  # in the asset's report folder
 _PICTURES, _COMPARED = "pictures", "compared.json"
 
 TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each did
@@ -67,7 +66,9 @@ TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each
 
 def turn_plant(call: StageCall) -> tuple[ResultFile, ...]:
     """Pictures from all around."""
-    return _draw(call, lambda: draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call)))
+    return _draw(
+        call, lambda: draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call))
+    )
 
 
 def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
@@ -75,9 +76,7 @@ def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
 
     def draw() -> None:
         capture = read_capture(capture_folder(call, POSES))
-        compared = draw_comparisons(
-            _asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, _tell(call)
-        )
+        compared = draw_comparisons(_asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, _tell(call))
         held = [
             {
                 "name": each.name,
@@ -97,7 +96,10 @@ def show_variants(call: StageCall) -> tuple[ResultFile, ...]:
 
     def draw() -> None:
         drawn = draw_variants(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call))
-        held = [{"set": each.set, "name": each.name, "picture": each.picture.name, "default": each.is_default} for each in drawn]
+        held = [
+            {"set": each.set, "name": each.name, "picture": each.picture.name, "default": each.is_default}
+            for each in drawn
+        ]
         (call.out / _COMPARED).write_text(json.dumps(held, indent=1))
 
     return _draw(call, draw)
@@ -110,7 +112,6 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
     copy_tree(_asset_of(call), finished, link=True)
     report_folder = finished / "report"
     report_folder.mkdir(exist_ok=True)
-    (report_folder / PROVENANCE).write_text(json.dumps(_provenance(call), indent=1, ensure_ascii=True) + "\n")
     profile = read_profile(call.request.profile or default_profile())
     validated = validate_asset(finished, profile)
     report = _collect(call, finished, validated)
@@ -165,14 +166,15 @@ def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> Pl
             InputFile(name=name, sha256=digest, size_bytes=call.inputs.files[name].stat().st_size)
             for name, digest in call.inputs.digests
         ],
-        versions=[Row(name=name, value=version) for name, version in versions().items()],
+        versions=[Row(name=name, value=version) for name, version in package_versions().items()],
     )
 
 
 def _facts(finished: Path, summaries: dict[str, StageSummary], files: Sequence[AssetFile]) -> list[Row]:
     """The key numbers."""
     interface, _ = interface_of(finished)
-    facts = read_plant_facts(require_plant(open_asset(finished), finished), interface)
+    stage = open_asset(finished)  # which prims do not keep
+    facts = read_plant_facts(require_plant(stage, finished), interface)
     rows = []
     if facts.extent is not None:
         wide_m = (facts.extent[1] - facts.extent[0])[[0, 2]].max()
@@ -235,18 +237,8 @@ def _settings(settings: BuildSettings) -> list[StageSettings]:
     defaults = BuildSettings()
     return [
         mark_settings(name, format_settings(getattr(settings, name)), format_settings(getattr(defaults, name)))
-        for name in ("plant", "capture", "branches", "leaves", "foliage", "crown", "pictures")
+        for name in STAGE_SETTINGS
     ]
-
-
-def _provenance(call: StageCall) -> dict[str, object]:
-    """All that decided the asset; nothing of it names a machine, a folder or a time."""
-    return {
-        "capture": call.inputs.source.resolve().name,
-        "versions": dict(versions()),
-        "settings": format_settings(replace(call.settings, tasks=BuildSettings().tasks)),
-        "inputs": dict(call.inputs.digests),
-    }
 
 
 def _asset_of(call: StageCall) -> Path:

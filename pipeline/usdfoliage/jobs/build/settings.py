@@ -13,7 +13,18 @@ from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
 
 LeafDepth = Literal["auto", "given", "estimated"]
 FoliageKind = Literal["auto", "captured", "drawn", "species", "none"]
+MakeBranches = Literal["auto", "on", "off"]
 CloudLeaves = Literal["auto", "on", "off"]
+
+STAGE_SETTINGS = (
+    "plant",
+    "capture",
+    "branches",
+    "leaves",
+    "foliage",
+    "crown",
+    "pictures",
+)  # tables that decide a result
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +40,7 @@ class PlantSettings:
 class BranchStageSettings:
     """How branches are traced through the cloud."""
 
-    make: bool = True  # false: the plant has no branches
+    make: MakeBranches = "auto"  # auto: where the cloud shows stems or branches; on: whatever it shows; off: none
     roots: str = "auto"  # where stems come out of the ground: auto, a number, or x,y,z in the capture's coordinates
     internode_m: float | None = None  # length of an internode; auto: 0.005 of the plant's height
     cloud_leaves: CloudLeaves = "auto"  # whether the cloud has leaves, which are then left out
@@ -38,6 +49,8 @@ class BranchStageSettings:
     def __post_init__(self) -> None:
         if self.internode_m is not None and not self.internode_m > 0:
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
+        if self.make not in get_args(MakeBranches):
+            raise ValueError(f"make must be one of {', '.join(get_args(MakeBranches))}, not {self.make!r}")
         if self.cloud_leaves not in get_args(CloudLeaves):
             raise ValueError(f"cloud_leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.cloud_leaves}")
         if self.most_points < 50:
@@ -64,6 +77,7 @@ class FoliageSettings:
     # species: on the twigs, of the species; auto: captured where they cover the plant, else drawn, else species
     kind: FoliageKind = "auto"
     least_cover: float = 0.3  # share of the cloud's leaves that captured leaves must cover, for auto
+    least_sure: float = 0.25  # share of captured leaves that must be sure of themselves, for auto to leave them there
     least_drawn: int = 20  # captured leaves to draw from, for auto
     leaf_length_m: float | None = None  # of a leaf on a twig; auto: the species', or the captured leaves'
     most_leaves: int = FoliageRequest().settings.most_leaves  # on twigs
@@ -71,8 +85,9 @@ class FoliageSettings:
     def __post_init__(self) -> None:
         if self.kind not in get_args(FoliageKind):
             raise ValueError(f"kind must be one of {', '.join(get_args(FoliageKind))}, not {self.kind!r}")
-        if not 0 <= self.least_cover <= 1:
-            raise ValueError(f"least_cover must be 0 to 1, not {self.least_cover:g}")
+        for name, share in (("least_cover", self.least_cover), ("least_sure", self.least_sure)):
+            if not 0 <= share <= 1:
+                raise ValueError(f"{name} must be 0 to 1, not {share:g}")
         shortest_m, longest_m = LENGTHS_M
         if self.leaf_length_m is not None and not shortest_m <= self.leaf_length_m <= longest_m:
             raise ValueError(f"leaf_length_m must be {shortest_m:g} to {longest_m:g}, not {self.leaf_length_m:g}")

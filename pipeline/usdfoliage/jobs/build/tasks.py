@@ -6,13 +6,13 @@ the keys of the tasks whose results it reads. So a plan can say what is done alr
 
 import functools
 import hashlib
-import importlib.metadata
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from usdfoliage import __version__, _native
+from usdfoliage import _native
+from usdfoliage.asset.provenance import package_versions
 from usdfoliage.capture.depth_agreement import AgreementSettings
 from usdfoliage.jobs.build.inputs import BuildInputs
 from usdfoliage.jobs.build.settings import BuildSettings, TaskSettings
@@ -28,8 +28,6 @@ STAGES = (POSES, MATCHING, DEPTH, CLOUD, BRANCHES, LEAVES, CROWN, ASSET, TURNTAB
 _CODE = (".py", ".html", ".css", ".js", ".toml", ".glslfx", ".usda")
 # What poses and depth are made by: a test follows the imports.
 CODE_OF_DEPTH = ("*.py", "capture/*", "geometry/*", "jobs/capture_*.py", "jobs/build/capture_stages.py")
-# What results depend on beside our own code.
-LIBRARIES = ("usd-core", "numpy", "scipy", "opencv-contrib-python-headless", "OpenImageIO", "OpenEXR", "pycolmap")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,24 +56,12 @@ class BuildPlan:
 
 
 @functools.cache
-def versions() -> Mapping[str, str]:
-    """Of what makes an asset: usdfoliage, and the libraries whose version can change a result."""
-    found = {"usdfoliage": __version__}
-    for name in LIBRARIES:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:  # a studio's own build
-            found[name] = "unknown"
-    return found
-
-
-@functools.cache
 def build_code_version(stage: str) -> str:
     """A hash of everything that decides what a stage makes: the package, its extension, schemas, shaders, libraries.
 
     Of matching, which takes longest, only what it can reach: another report is no reason to match again.
     """
-    digest = hashlib.sha256(repr(sorted(versions().items())).encode())
+    digest = hashlib.sha256(repr(sorted(package_versions().items())).encode())
     package = Path(__file__).parents[2]
     patterns = CODE_OF_DEPTH if stage in (POSES, MATCHING, DEPTH) else ("**/*",)
     files = {path for pattern in patterns for path in package.glob(pattern) if path.suffix in _CODE}
@@ -135,7 +121,15 @@ def plan_build(inputs: BuildInputs, settings: BuildSettings, name: str, only: Se
             level = capture.depth.rounds[number].level
             cost_s = 3.0 * matched / chunks / 4**level
             before = [
-                add(MATCHING, matching, before if number else [poses], 0.3 + cost_s, chunk=k, chunks=chunks, round=number)
+                add(
+                    MATCHING,
+                    matching,
+                    before if number else [poses],
+                    0.3 + cost_s,
+                    chunk=k,
+                    chunks=chunks,
+                    round=number,
+                )
                 for k in range(chunks)
             ]
         finished = before
@@ -146,7 +140,7 @@ def plan_build(inputs: BuildInputs, settings: BuildSettings, name: str, only: Se
     else:
         cloud = ""
     has_cloud = [cloud] if cloud else []
-    if settings.branches.make:
+    if settings.branches.make != "off":
         said_of_branches = (settings.seed, settings.branches, settings.plant.species, name, *([] if cloud else source))
         parts.append(add(BRANCHES, said_of_branches, has_cloud, 25.0))
     if settings.leaves.make and cloud:
