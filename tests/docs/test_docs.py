@@ -3,12 +3,12 @@
 import argparse
 import re
 import shlex
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from usdfoliage.__main__ import COMMANDS, build_parser
+from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.capture.capture_settings import read_capture_settings
 from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.settings_file import read_settings_file
@@ -148,10 +148,24 @@ def test_plans_of_the_pages_are_read(page: str, number: int, tmp_path: Path) -> 
     assert read_settings_file(plan, BuildSettings()) != BuildSettings()
 
 
-def test_profiles_of_the_pages_are_toml() -> None:
-    blocks = toml_blocks(ROOT / "docs" / "pipeline_integration.md")
+def test_profiles_of_the_pages_are_read(tmp_path: Path) -> None:
+    (block,) = toml_blocks(ROOT / "docs" / "pipeline_integration.md")
+    profile = tmp_path / "studio.toml"
+    profile.write_text(block, encoding="utf-8")
+    assert read_profile(profile) != read_profile(default_profile())
+
+
+def test_python_of_the_pages_is_python() -> None:
+    blocks = [
+        (page, block)
+        for page in PAGES
+        for block in re.findall(
+            r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
+        )
+    ]
     assert blocks
-    assert all(tomllib.loads(block) for block in blocks)
+    for page, block in blocks:
+        compile(block, page.name, "exec")
 
 
 def headings(text: str) -> set[str]:
