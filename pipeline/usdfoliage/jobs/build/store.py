@@ -20,6 +20,7 @@ import json
 import logging
 import os
 import shutil
+import time
 import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -31,6 +32,7 @@ from usdfoliage.jobs.capture_work import digest_file, explain, write_whole
 
 logger = logging.getLogger(__name__)
 
+_OLD_S = 24 * 3600.0  # what is being written is younger
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
 
 
@@ -229,11 +231,10 @@ def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
 
 
 def remove_leftovers(store: Store) -> None:
-    """Remove what killed runs left of results; what is being written is told by its age of a day."""
-    newest = os.stat(store.folder).st_mtime if store.folder.is_dir() else 0.0
+    """Remove what killed runs left of results a day ago or earlier."""
     for path in store.folder.glob("results/.*.new"):
         try:
-            if newest - path.stat().st_mtime > 24 * 3600:
+            if time.time() - path.stat().st_mtime > _OLD_S:
                 _remove(path)
         except OSError:  # another run was faster
             continue
