@@ -16,7 +16,14 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "pipeline" / "usdfoliage"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 OF_OTHERS = {"--install", "--leaves", "--views", "--size", "--framed", "--up", "--scales", "--scaling"}  # rez, tools/
-OF_COMING = {"--step", "--chunk", "--template", "--bundle", "--no-chunking"}  # task, submit: in this version soon
+OF_COMING = {
+    "--step",
+    "--chunk",
+    "--template",
+    "--bundle",
+    "--no-chunking",
+    "--cores",
+}  # task, submit: in this version soon
 TABLES = tuple(field.name for field in dataclasses.fields(BuildSettings))
 LETTERS = r"(?<![\w.])[NMKXYAB](?![\w.])"  # what stands for a number or a name in a warning
 
