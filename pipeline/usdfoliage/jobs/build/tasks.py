@@ -120,7 +120,9 @@ def plan_build(
         estimated = 0.0 if inputs.has_cameras else 1.0
         poses = add(POSES, said, (), 2.0 + photographs * (0.15 * megapixels + estimated))
         chunks = -(-photographs // settings.tasks.photographs_a_task)
-        matching = (capture.dense, replace(capture.depth, agreement=AgreementSettings()))
+        # Hashed once for all chunks: a library of thousands is planned in seconds.
+        matching = task_key(capture.dense, replace(capture.depth, agreement=AgreementSettings()))
+        finishing = task_key(capture.depth)
         before = [poses]
         rounds = len(capture.depth.rounds) if capture.dense == "own" else 0
         matched = photographs * min(megapixels, (capture.depth.max_side_px / 1000) ** 2 * 0.75)
@@ -142,7 +144,7 @@ def plan_build(
         finished = before
         if rounds:
             cost_s = 0.3 + matched / chunks
-            finished = [add(DEPTH, capture.depth, before, cost_s, chunk=k, chunks=chunks) for k in range(chunks)]
+            finished = [add(DEPTH, finishing, before, cost_s, chunk=k, chunks=chunks) for k in range(chunks)]
         cloud = add(CLOUD, capture, [poses, *finished], 3.0 + 1.2 * matched)
     else:
         cloud = ""
