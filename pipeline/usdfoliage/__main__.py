@@ -14,6 +14,9 @@ from usdfoliage.errors import FoliageError
 
 COMMANDS = (
     "build",
+    "batch",
+    "task",
+    "submit",
     "capture",
     "branches",
     "crown",

@@ -51,12 +51,17 @@ def add_where(parser: argparse.ArgumentParser) -> None:
 def add_ending(parser: argparse.ArgumentParser) -> None:
     """What happens at the end, or does not."""
     parser.add_argument(
+        "--dry-run", action="store_true", help="say which tasks there are, what is done, how long it takes"
+    )
+    add_publishing(parser)
+
+
+def add_publishing(parser: argparse.ArgumentParser) -> None:
+    """What may be put in its place, and what may be lost there."""
+    parser.add_argument(
         "--keep-invalid",
         action="store_true",
         help="put an asset in its place though validation finds errors in it; the exit code is 3 nevertheless",
-    )
-    parser.add_argument(
-        "--dry-run", action="store_true", help="say which tasks there are, what is done, how long it takes"
     )
     parser.add_argument("--force", action="store_true", help="replace a folder that is not an asset of ours")
 

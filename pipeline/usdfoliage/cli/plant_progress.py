@@ -1,6 +1,7 @@
 """A progress bar for builds, on stderr when that is a terminal; lines for logs where it is not."""
 
 import logging
+import sys
 from types import TracebackType
 
 from tqdm import tqdm
@@ -32,3 +33,8 @@ class PlantBar:
         self._bar.set_description_str(f"{plant}: {what}", refresh=False)
         self._bar.n = max(self._bar.n, round(1000 * min(share, 1.0)))
         self._bar.refresh()
+
+    def write(self, line: str) -> None:
+        """Print a line on stdout, above the bar."""
+        tqdm.write(line)
+        sys.stdout.flush()

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.build.run import BuiltPlant
+    from usdfoliage.jobs.build.finish import BuiltPlant
 
 EXIT_CODES: Mapping[str, int] = {"built": 0, "failed": 2, "invalid": 3, "fault": 1}
 
@@ -14,10 +14,11 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
     """Where the asset is, and what the user should know; on stderr why there is none."""
     name = made.request.name
     if made.verdict in ("failed", "fault"):
-        at = f" in {made.failed}" if made.failed else ""
         if made.is_fault:
-            told = made.error if debug else made.error.strip().splitlines()[-1]
-            print(f"error: internal fault{at} of {name}: {told}; run again with --debug and report it", file=sys.stderr)
+            print(
+                tell_fault(made.error, f"{made.failed} of {name}" if made.failed else name, debug=debug),
+                file=sys.stderr,
+            )
         else:
             print(f"error: {made.error}", file=sys.stderr)
         return
@@ -42,3 +43,9 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
     print(f"asset: {made.asset}")
     print(f"preview: {made.request.output / 'thumbnails' / f'{name}.png'}")
     print(f"report: {made.request.output / 'report' / 'index.html'}")
+
+
+def tell_fault(trace: str, where: str, *, debug: bool) -> str:
+    """What is printed of a fault of ours."""
+    told = trace if debug else trace.strip().splitlines()[-1]
+    return f"error: internal fault in {where}: {told}; run again with --debug and report it"

@@ -1,18 +1,16 @@
-"""Where the tasks of a build run: in this process, in processes of this machine, or on the workers of a Dask scheduler.
+"""Tasks of builds in their order: in this process, or on any executor of concurrent.futures.
 
-All run the same function, run_named_task, through the interface of concurrent.futures; which task is ready is told by
-graphlib. A worker that dies takes nothing along but its task, which is done again.
+Which task is ready is told by graphlib. A worker that dies takes nothing along but its task, which is done again.
 """
 
 import graphlib
+import heapq
 import logging
-import multiprocessing
-import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 from usdfoliage.errors import FoliageError
@@ -22,6 +20,8 @@ from usdfoliage.jobs.build.tasks import BuildPlan, Task
 logger = logging.getLogger(__name__)
 
 MOST_TRIES = 4  # of a task whose worker died: then it is the task that kills workers
+_ALONE = 2  # tries after which a task has all workers for itself: who else ran when they died is no longer suspected
+_LOOK_S = 1.0  # how often it is asked how many workers there are
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,9 +62,21 @@ class Wanted:
     tasks: Mapping[str, Task]
 
 
+# Gives the next plant, None where there is none (yet): so that a library is not planned before anything runs.
+NextPlant = Callable[[], Wanted | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workers:
+    """Those who do tasks for this process."""
+
+    open_executor: Callable[[], Executor]  # another one when that breaks; who has made them ends them
+    count: Callable[[], int]  # tasks that they can do at once now; FoliageError where there is no hope of any
+
+
 def run_here(wanted: Wanted, run: RunTask, threads: int = 0) -> Iterator[Done]:
     """One task after the other, in this process; ends after a task that failed for what nothing can be done."""
-    sorter = _sort(wanted)
+    sorter = sort_tasks(wanted)
     while sorter.is_active():
         for name in sorter.get_ready():
             done = run(_order(wanted, name, threads))
@@ -74,126 +86,94 @@ def run_here(wanted: Wanted, run: RunTask, threads: int = 0) -> Iterator[Done]:
             sorter.done(name)
 
 
-def run_on(
-    plants: Sequence[Wanted], run: RunTask, open_executor: Callable[[], Executor], threads: int, at_once: int
-) -> Iterator[tuple[int, Done]]:
-    """Tasks of several plants on an executor, as soon as those that they need are done.
+def run_on(next_plant: NextPlant, run: RunTask, workers: Workers, threads: int) -> Iterator[tuple[int, Done]]:
+    """Tasks of several plants on an executor, as soon as those that they need are done, the first plants first.
 
     Args:
-        plants: A plant whose task fails gets no more; the others go on.
+        next_plant: Asked for another plant whenever a worker has nothing to do. One whose task fails gets no more
+            workers; the others go on.
         run: What a worker does.
-        open_executor: Makes the executor, and another when that breaks.
+        workers: Who.
         threads: Of each task.
-        at_once: Tasks that are handed over at a time.
 
     Yields:
-        The number of a plant, and what became of one of its tasks.
-    """
-    sorters = [_sort(each) for each in plants]
-    ready: list[tuple[int, str]] = []
-    running: dict[Future[Done], tuple[int, str]] = {}
-    tries: dict[tuple[int, str], int] = {}
-    stopped: set[int] = set()
-    executor = open_executor()
-    try:
-        while True:
-            for number, sorter in enumerate(sorters):
-                if number not in stopped and sorter.is_active():
-                    ready.extend((number, name) for name in sorter.get_ready())
-            while ready and len(running) < at_once:
-                number, name = ready.pop(0)
-                if number in stopped:
-                    continue
-                order = _order(plants[number], name, threads)
-                try:
-                    running[executor.submit(run, order)] = number, name
-                except BrokenProcessPool:
-                    ready.insert(0, (number, name))
-                    break
-            if not running and not ready:
-                return
-            broken = not running
-            finished = wait(running, return_when=FIRST_COMPLETED).done if running else set()
-            for future in finished:
-                number, name = running.pop(future)
-                try:
-                    done = future.result()
-                except Exception as error:
-                    if not _is_lost_worker(error):
-                        raise
-                    broken = True
-                    tries[number, name] = tries.get((number, name), 0) + 1
-                    logger.warning("the worker of %s was lost (%s); it is done again", name, error or "killed")
-                    if tries[number, name] >= MOST_TRIES:
-                        text = f"{name} was given up: its worker was lost {MOST_TRIES} times; is there enough memory?"
-                        stopped.add(number)
-                        yield number, Done(name=name, seconds=0.0, was_run=False, error=text)
-                    else:
-                        ready.insert(0, (number, name))
-                    continue
-                yield number, done
-                if not done.is_good:
-                    stopped.add(number)
-                else:
-                    sorters[number].done(name)
-            if broken and isinstance(executor, ProcessPoolExecutor):
-                # All that ran in it is lost with it.
-                for number, name in running.values():
-                    ready.insert(0, (number, name))
-                running.clear()
-                executor.shutdown(wait=True, cancel_futures=True)
-                executor = open_executor()
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
-
-
-def open_processes(jobs: int) -> ProcessPoolExecutor:
-    """Processes of this machine; each begins anew, for OpenGL, USD and threads do not survive a fork."""
-    return ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
-
-
-def threads_each(jobs: int) -> int:
-    """Threads of a task where so many run at once."""
-    return max(1, (os.cpu_count() or 1) // jobs)
-
-
-@contextmanager
-def connect_dask(scheduler: str, timeout_s: float = 30.0) -> Iterator[tuple[Callable[[], Executor], int]]:
-    """The workers of a Dask scheduler as an executor, and how many threads of work they have.
+        The number of a plant, in the order in which they were given, and what became of one of its tasks.
 
     Raises:
-        FoliageError: There is no Dask, no scheduler at that address, or it has no workers.
+        FoliageError: There are no workers any more.
     """
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise FoliageError("--scheduler needs Dask; install it with: pip install 'usdfoliage[dask]'") from error
-    try:
-        client = Client(scheduler, timeout=timeout_s, set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise FoliageError(
-            f"no Dask scheduler answers at {scheduler}: {error}; start one with: dask scheduler"
-        ) from error
-    try:
-        start = time.monotonic()
-        while not client.scheduler_info()["workers"]:
-            if time.monotonic() - start > timeout_s:
-                raise FoliageError(
-                    f"the Dask scheduler at {scheduler} has no workers; start some with: dask worker {scheduler}"
-                )
-            time.sleep(0.2)
-        at_once = sum(client.nthreads().values())
-        # A worker that dies is no reason to give up: the scheduler hands its task to another.
-        yield lambda: client.get_executor(retries=MOST_TRIES, pure=False), at_once
-    finally:
-        client.close()
+    plants: list[tuple[Wanted, graphlib.TopologicalSorter[str]]] = []
+    ready: list[tuple[int, int, str]] = []  # a heap: the plant, when the task was ready, its name
+    running: dict[Future[Done], tuple[int, int, str]] = {}
+    tries: dict[tuple[int, str], int] = {}
+    stopped: set[int] = set()
+    count = 0
+
+    def add_ready(number: int) -> None:
+        nonlocal count
+        for name in plants[number][1].get_ready():
+            heapq.heappush(ready, (number, count, name))
+            count += 1
+
+    executor = workers.open_executor()
+    while True:
+        room = workers.count()
+        is_broken = False
+        while len(running) < room and not is_broken:
+            if not ready:
+                wanted = next_plant()
+                if wanted is None:
+                    break
+                plants.append((wanted, sort_tasks(wanted)))
+                add_ready(len(plants) - 1)
+                continue
+            number, _, name = ready[0]
+            if number in stopped:
+                heapq.heappop(ready)
+                continue
+            alone = tries.get((number, name), 0) >= _ALONE
+            if running and (alone or any(tries.get((n, each), 0) >= _ALONE for n, _, each in running.values())):
+                break
+            try:
+                future = executor.submit(run, _order(plants[number][0], name, threads))
+            except BrokenProcessPool:
+                is_broken = True
+            else:
+                running[future] = heapq.heappop(ready)
+        if not running and not is_broken:
+            if not ready:
+                return
+            time.sleep(_LOOK_S)
+            continue
+        for future in wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED).done:
+            number, when, name = running.pop(future)
+            try:
+                done = future.result()
+            except Exception as error:  # noqa: BLE001  # whatever a worker says
+                is_broken |= isinstance(error, BrokenProcessPool)
+                tries[number, name] = tries.get((number, name), 0) + 1
+                given_up = _give_up(name, error, tries[number, name])
+                if given_up is None:
+                    logger.warning("the worker of %s was lost; it is done again", name)
+                    heapq.heappush(ready, (number, when, name))
+                    continue
+                done = given_up
+            if done.is_good:
+                plants[number][1].done(name)
+                add_ready(number)
+            else:
+                stopped.add(number)
+            yield number, done
+        if is_broken and isinstance(executor, ProcessPoolExecutor):
+            for task in running.values():  # all that ran in it is lost with it
+                heapq.heappush(ready, task)
+            running.clear()
+            executor.shutdown(wait=True, cancel_futures=True)
+            executor = workers.open_executor()
 
 
-def _order(wanted: Wanted, name: str, threads: int) -> TaskOrder:
-    return TaskOrder(request=wanted.request, name=name, key=wanted.tasks[name].key, threads=threads)
-
-
-def _sort(wanted: Wanted) -> "graphlib.TopologicalSorter[str]":
+def sort_tasks(wanted: Wanted) -> "graphlib.TopologicalSorter[str]":
+    """The tasks of a plant, prepared to be asked which are ready."""
     sorter: graphlib.TopologicalSorter[str] = graphlib.TopologicalSorter()
     for name, task in wanted.tasks.items():
         sorter.add(name, *(need for need in task.needs if need in wanted.tasks))
@@ -201,5 +181,21 @@ def _sort(wanted: Wanted) -> "graphlib.TopologicalSorter[str]":
     return sorter
 
 
-def _is_lost_worker(error: BaseException) -> bool:
-    return isinstance(error, BrokenProcessPool) or type(error).__name__ in ("KilledWorker", "CancelledError")
+def _give_up(name: str, error: Exception, tries: int) -> Done | None:
+    """What became of a task whose worker did not answer; None where it is worth another try."""
+    # Dask says KilledWorker when it has tried several times itself.
+    killed = type(error).__name__ == "KilledWorker"
+    if killed or isinstance(error, BrokenProcessPool | CancelledError):
+        if not killed and tries < MOST_TRIES:
+            return None
+        text = f"{name} was given up: its worker was killed each time that it was tried; is there enough memory?"
+        return Done(name=name, seconds=0.0, was_run=False, error=text)
+    if isinstance(error, FoliageError | ImportError):
+        text = f"{name} could not be given to a worker: {error}; is the same version of usdfoliage installed there?"
+        return Done(name=name, seconds=0.0, was_run=False, error=text)
+    told = "".join(traceback.format_exception(error))
+    return Done(name=name, seconds=0.0, was_run=False, fault=told)
+
+
+def _order(wanted: Wanted, name: str, threads: int) -> TaskOrder:
+    return TaskOrder(request=wanted.request, name=name, key=wanted.tasks[name].key, threads=threads)

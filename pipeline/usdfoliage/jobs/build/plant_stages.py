@@ -16,7 +16,7 @@ from usdfoliage.branch.roots import RootSettings
 from usdfoliage.branch.species import load_species
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
-from usdfoliage.errors import CaptureError, FitError, FoliageError
+from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.branches import BranchesRequest, NoStemsError, make_branches_asset
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.capture_stages import capture_folder
@@ -151,8 +151,9 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
 def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     """The crown of the cloud and the photographs, in the plant's frame; where none can be made, the plant has none."""
     if not call.has(CLOUD):
-        error = FitError("a crown takes its colours from photographs, and there is only a cloud")
-        return _go_without(call, "crown", error)
+        note = "the plant has no crown: that takes its colours from photographs, and there is only a cloud"
+        write_summary(call.out, StageSummary(notes=[note]))
+        return ()
     settings = call.settings.crown
     traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
     plant = None

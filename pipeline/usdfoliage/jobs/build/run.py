@@ -1,17 +1,15 @@
 """A build from its beginning to its end: planned, run on an executor, checked, and put in its place."""
 
-import json
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.build.call import BuildRequest
+<<<<<<< HEAD
+from usdfoliage.jobs.build.call import BuildRequest, digest_profile
 from usdfoliage.jobs.build.executors import (
     Done,
     Wanted,
@@ -26,17 +24,22 @@ from usdfoliage.jobs.build.report import TaskTiming, Timings
 from usdfoliage.jobs.build.report_html import write_timings
 from usdfoliage.jobs.build.report_stage import FINISHED, VERDICT
 from usdfoliage.jobs.build.store import copy_tree, read_stamp, remove_leftovers
+=======
+from usdfoliage.jobs.build.call import BuildRequest
+from usdfoliage.jobs.build.dask_workers import connect_dask
+from usdfoliage.jobs.build.executors import Done, NextPlant, TaskOrder, Wanted, Workers, run_here, run_on
+from usdfoliage.jobs.build.finish import BuiltPlant, finish_plant
+from usdfoliage.jobs.build.inputs import BuildInputs, Look, find_inputs
+from usdfoliage.jobs.build.meter import BuildProgress, Meter
+from usdfoliage.jobs.build.processes import open_processes, threads_each
+from usdfoliage.jobs.build.store import remove_leftovers
+>>>>>>> e07fd94712255c696fb1ec90bafb4afa77f8dd20
 from usdfoliage.jobs.build.tasks import REPORT, BuildPlan, find_wanted, plan_build
 from usdfoliage.jobs.build.worker import run_named_task
-from usdfoliage.jobs.crown_report import Row
-from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)
 
 MOST_PLANS = 4  # a result that is lost while others are made is made again, but not for ever
-
-# Told of the plant, of what runs, and of the share of the whole work that is done.
-BuildProgress = Callable[[str, str, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,44 +64,15 @@ class ExecutorChoice:
         return f"in {self.jobs} processes" if self.jobs > 1 else "in one process"
 
 
-@dataclass(frozen=True, kw_only=True)
-class BuiltPlant:
-    """What became of a plant."""
-
-    request: BuildRequest
-    error: str = ""  # why there is no asset
-    is_fault: bool = False  # whether that is a fault of ours; then error is its traceback
-    failed: str = ""  # the task that failed
-    result: Path | None = None  # folder with the finished asset in the work folder
-    asset: Path | None = None  # where it was put
-    errors: int = 0  # that validation found
-    tasks: int = 0
-    cached: int = 0  # of them, that had been done before
-    seconds: Mapping[str, float] | None = None  # by task that was run
-    wall_s: float = 0.0  # of the run
-    warnings: tuple[str, ...] = ()
-    facts: tuple[Row, ...] = ()
-
-    @property
-    def verdict(self) -> str:
-        """fault, failed, invalid or built."""
-        if self.error:
-            return "fault" if self.is_fault else "failed"
-        return "invalid" if self.errors else "built"
-
-    def seconds_by_stage(self) -> dict[str, float]:
-        """Of the tasks that were run."""
-        summed: dict[str, float] = {}
-        for name, seconds in (self.seconds or {}).items():
-            stage = name.split("/")[0].split("-")[0]
-            summed[stage] = summed.get(stage, 0.0) + seconds
-        return summed
-
-
-def plan_plant(request: BuildRequest, look: str = "bytes") -> tuple[BuildInputs, BuildPlan]:
+def plan_plant(request: BuildRequest, look: Look = "bytes") -> tuple[BuildInputs, BuildPlan]:
     """The inputs and tasks of a plant; FoliageError for inputs that cannot be used."""
+<<<<<<< HEAD
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, look)  # type: ignore[arg-type]
+    return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
+=======
+    inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, look)
     return inputs, plan_build(inputs, request.settings, request.name, request.only)
+>>>>>>> e07fd94712255c696fb1ec90bafb4afa77f8dd20
 
 
 def build_plants(
@@ -109,37 +83,56 @@ def build_plants(
     Yields:
         The number of a request, and what became of it, in the order in which they end.
     """
-    with _open(where) as (open_executor, at_once, threads):
-        states = [_State(request, where) for request in requests]
-        waiting = list(range(len(requests)))
-        for _ in range(MOST_PLANS):
-            planned: list[int] = []
-            wanted: list[Wanted] = []
-            for number in waiting:
+    for store in dict.fromkeys(request.store for request in requests):
+        remove_leftovers(store)
+    meter = Meter(len(requests), progress)
+    states = [_State(request, where) for request in requests]
+    waiting = deque(range(len(requests)))
+    planned: list[int] = []  # the request of every plan that was made
+    ended: dict[int, BuiltPlant] = {}
+    told: set[int] = set()
+
+    def next_plant() -> Wanted | None:
+        while waiting:
+            number = waiting.popleft()
+            state = states[number]
+            made = state.plan(len(planned))
+            if made is not None:
+                ended[number] = made
+                continue
+            assert state.wanted is not None
+            planned.append(number)
+            meter.add(state.wanted)
+            return state.wanted
+        return None
+
+    def tell() -> Iterator[tuple[int, BuiltPlant]]:
+        for number in sorted(ended.keys() - told):
+            told.add(number)
+            meter.end(states[number].place)
+            yield number, ended[number]
+
+    try:
+        with _open(where) as (workers, threads):
+            for place, done in _run(next_plant, workers, threads, meter):
+                yield from tell()
+                number = planned[place]
                 state = states[number]
-                ended = state.plan()
-                if ended is not None:
-                    yield number, ended
-                elif state.wanted is not None:
-                    planned.append(number)
-                    wanted.append(state.wanted)
-            again: list[int] = []
-            open_plants = set(range(len(planned)))
-            for place, done in _run(wanted, open_executor, at_once, threads, _Meter(wanted, progress)):
-                state = states[planned[place]]
                 state.note(done)
-                if done.lost:
-                    again.append(planned[place])
-                    open_plants.discard(place)
+                if number in told or place != state.place:
+                    continue  # it has failed, or is planned anew; this task ran meanwhile
+                if done.lost and state.plans < MOST_PLANS:
+                    meter.forget(state.place)
+                    state.place = -1
+                    waiting.append(number)
                 elif not done.is_good or state.is_complete:
-                    open_plants.discard(place)
-                    yield planned[place], state.end()
-            waiting = again
-            if not waiting:
-                return
-        for number in waiting:
-            text = f"results in {requests[number].work} vanish as soon as they are made; is somebody removing them?"
-            yield number, BuiltPlant(request=requests[number], error=text)
+                    ended[number] = state.end()
+                    yield from tell()
+    except FoliageError as error:  # there is nobody any more to do the work
+        for number, state in enumerate(states):
+            if number not in ended:
+                ended[number] = replace(state.so_far(), error=str(error))
+    yield from tell()
 
 
 class _State:
@@ -147,23 +140,28 @@ class _State:
 
     def __init__(self, request: BuildRequest, where: ExecutorChoice) -> None:
         self.request = request
+        self.wanted: Wanted | None = None
+        self.place = -1  # of its last plan among all
+        self.plans = 0
         self._where = where
         self._start = time.perf_counter()
-        self.wanted: Wanted | None = None
         self._seconds: dict[str, float] = {}
         self._left: set[str] = set()
         self._all: set[str] = set()
         self._bad: Done | None = None
         self._plan: BuildPlan | None = None
 
-    def plan(self) -> BuiltPlant | None:
+    def plan(self, place: int) -> BuiltPlant | None:
         """Find what is to be done; the plant, where nothing is, or it cannot be."""
+        if not self.plans:
+            self._start = time.perf_counter()
+        self.place = place
+        self.plans += 1
         try:
-            remove_leftovers(self.request.store)
             _, self._plan = plan_plant(self.request)
             tasks, finished = find_wanted(self._plan, self.request.store, thorough=True)
         except FoliageError as error:
-            return BuiltPlant(request=self.request, error=str(error))
+            return replace(self.so_far(), error=str(error))
         self.wanted = Wanted(request=self.request, plan=self._plan, tasks=tasks)
         self._left = set(tasks)
         self._all |= {*tasks, *finished}
@@ -178,128 +176,63 @@ class _State:
             self._left.discard(done.name)
             if done.was_run:
                 self._seconds[done.name] = done.seconds
-        elif not done.lost:
-            self._bad = done
+        elif self._bad is None:
+            self._bad = None if done.lost and self.plans < MOST_PLANS else done
 
-    def end(self) -> BuiltPlant:
-        """What became of it; the asset is put in its place."""
-        made = BuiltPlant(
+    def so_far(self) -> BuiltPlant:
+        """What was done of it."""
+        return BuiltPlant(
             request=self.request,
             tasks=len(self._all),
-            cached=len(self._all) - len(self._seconds),
+            cached=len(self._all - self._seconds.keys()) if not self._left else 0,
             seconds=dict(self._seconds),
             wall_s=time.perf_counter() - self._start,
         )
+
+    def end(self) -> BuiltPlant:
+        """What became of it; the asset is put in its place."""
+        made = self.so_far()
         if self._bad is not None:
-            return replace(
-                made, error=self._bad.error or self._bad.fault, is_fault=bool(self._bad.fault), failed=self._bad.name
-            )
+            error = self._bad.error or self._bad.fault
+            if self._bad.lost:
+                error = f"results in {self.request.work} vanish as soon as they are made; is somebody removing them?"
+            return replace(made, error=error, is_fault=bool(self._bad.fault), failed=self._bad.name)
         assert self._plan is not None
         if REPORT not in self._plan.last:
             return replace(made, result=self.request.store.result(self._plan.tasks[self._plan.last[-1]].key))
         try:
-            return finish_plant(made, self._plan, self._where)
+            return finish_plant(made, self._plan, self._where.describe())
         except FoliageError as error:
             return replace(made, error=str(error))
 
 
-class _Meter:
-    """How much of all the work is done, by what it was thought to take."""
-
-    def __init__(self, wanted: Sequence[Wanted], progress: BuildProgress | None) -> None:
-        self._progress = progress
-        self._wanted = wanted
-        self._all_s = sum(task.estimate_s for each in wanted for task in each.tasks.values()) or 1.0
-        self._done_s = 0.0
-
-    def step(self, number: int, name: str) -> StepProgress | None:
-        """What is told of the steps within a task, where it runs in this process."""
-        if self._progress is None:
-            return None
-        tell, plant = self._progress, self._wanted[number].request.name
-        estimate_s = self._wanted[number].tasks[name].estimate_s
-
-        def show(step: str, share: float) -> None:
-            what = name if step == name else f"{name}: {step}"
-            # Steps follow each other within a task, and each counts from 0: the task as a whole is half done.
-            inner = share if step == name else 0.5
-            tell(plant, what, (self._done_s + inner * estimate_s) / self._all_s)
-
-        return show
-
-    def done(self, number: int, done: Done) -> None:
-        task = self._wanted[number].tasks[done.name]
-        self._done_s += task.estimate_s
-        if self._progress is not None:
-            self._progress(self._wanted[number].request.name, done.name, self._done_s / self._all_s)
-
-
 @contextmanager
-def _open(where: ExecutorChoice) -> Iterator[tuple[Callable[[], Executor] | None, int, int]]:
-    """What makes executors, None for this process; tasks at a time; threads of each."""
-    with ExitStack() as stack:
-        if where.scheduler:
-            open_executor, at_once = stack.enter_context(connect_dask(where.scheduler))
-            yield open_executor, at_once, where.threads or 1
-        elif where.jobs > 1:
-            yield lambda: open_processes(where.jobs), where.jobs, where.threads or threads_each(where.jobs)
-        else:
-            yield None, 1, where.threads
+def _open(where: ExecutorChoice) -> Iterator[tuple[Workers | None, int]]:
+    """Who does the tasks, None for this process; threads of each task."""
+    if where.scheduler:
+        with connect_dask(where.scheduler) as workers:
+            yield workers, where.threads or 1
+    elif where.jobs > 1:
+        with open_processes(where.jobs) as workers:
+            yield workers, where.threads or threads_each(where.jobs)
+    else:
+        yield None, where.threads
 
 
-def _run(
-    wanted: Sequence[Wanted],
-    open_executor: Callable[[], Executor] | None,
-    at_once: int,
-    threads: int,
-    meter: _Meter,
-) -> Iterator[tuple[int, Done]]:
-    if open_executor is not None:
-        for number, done in run_on(wanted, run_named_task, open_executor, threads, at_once):
-            meter.done(number, done)
-            yield number, done
+def _run(next_plant: NextPlant, workers: Workers | None, threads: int, meter: Meter) -> Iterator[tuple[int, Done]]:
+    if workers is not None:
+        for place, done in run_on(next_plant, run_named_task, workers, threads):
+            meter.done(place, done)
+            yield place, done
         return
-    for number, each in enumerate(wanted):
-        for done in run_here(each, lambda order: run_named_task(order, meter.step(number, order.name)), threads):  # noqa: B023
-            meter.done(number, done)
-            yield number, done
+    place = 0
+    while (wanted := next_plant()) is not None:
+        number = place
 
+        def run(order: TaskOrder, number: int = number) -> Done:
+            return run_named_task(order, meter.step(number, order.name))
 
-def finish_plant(made: BuiltPlant, plan: BuildPlan, where: ExecutorChoice) -> BuiltPlant:
-    """Put the finished asset in its place, if validation lets it.
-
-    Raises:
-        FoliageError: It cannot be written; what was there stays.
-    """
-    request = made.request
-    result = request.store.result(plan.tasks[REPORT].key)
-    held = json.loads((result / VERDICT).read_text(encoding="utf-8"))
-    made = replace(
-        made,
-        result=result / FINISHED,
-        errors=int(held["errors"]),
-        warnings=tuple(held["warnings"]),
-        facts=tuple(Row(**row) for row in held["facts"]),
-    )
-    if made.errors and not request.keep_invalid:
-        return made
-    with publish_folder(request.output, force=request.force) as folder:
-        copy_tree(result / FINISHED, folder)
-        write_timings(folder / "report", collect_timings(made, plan, where))
-    return replace(made, asset=request.output / f"{request.name}.usda")
-
-
-def collect_timings(made: BuiltPlant, plan: BuildPlan, where: ExecutorChoice) -> Timings:
-    """How long each task took; of those that an earlier run did, what it took then."""
-    store, ran = made.request.store, made.seconds or {}
-    tasks = []
-    for name, task in plan.tasks.items():
-        stamp = read_stamp(store, task.key)
-        if stamp is not None:
-            tasks.append(TaskTiming(stage=task.stage, name=name, seconds=stamp.seconds, cached=name not in ran))
-    stages = []
-    for stage in dict.fromkeys(timing.stage for timing in tasks):
-        own = [timing for timing in tasks if timing.stage == stage]
-        seconds = sum(timing.seconds for timing in own)
-        stages.append(TaskTiming(stage=stage, seconds=seconds, cached=all(timing.cached for timing in own)))
-    return Timings(executor=where.describe(), seconds=made.wall_s, stages=stages, tasks=tasks)
+        for done in run_here(wanted, run, threads):
+            meter.done(place, done)
+            yield place, done
+        place += 1

@@ -7,6 +7,7 @@
     results/KEY/       its files
     scratch/KEY/       what a task that was killed may go on from
     views/KEY/         pictures and depth that the tasks of one set of photographs share, each file by its own hash
+    published/KEY.json which result was put where, and the digests of its files there
     digests/KEY.json   digests of input files, by path, size and time
 
 A stamp is written last, when the files are in their places. Nothing is taken for a result because it is there: a file
@@ -19,6 +20,7 @@ import hashlib
 import json
 import logging
 import os
+import re
 import shutil
 import time
 import uuid
@@ -28,7 +30,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.capture_work import digest_file, explain, write_whole
+from usdfoliage.jobs.capture_work import digest_file, explain, task_key, write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -70,6 +72,9 @@ class Store:
 
     def views(self, key: str) -> Path:
         return self.folder / "views" / key
+
+    def published(self, output: Path) -> Path:
+        return self.folder / "published" / f"{task_key(str(output.resolve()))}.json"
 
     def stamp(self, key: str) -> Path:
         return self.folder / "tasks" / f"{key}.json"
@@ -231,6 +236,7 @@ def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
 
 
 def remove_leftovers(store: Store) -> None:
+<<<<<<< HEAD
     """Remove what killed runs left of results a day ago or earlier."""
     for path in store.folder.glob("results/.*.new"):
         try:
@@ -238,6 +244,22 @@ def remove_leftovers(store: Store) -> None:
                 _remove(path)
         except OSError:  # another run was faster
             continue
+=======
+    """Remove what killed runs left of results; who still writes one has its lock."""
+    for path in store.folder.glob("results/.*"):
+        key = re.search(r"[0-9a-f]{32}", path.name)
+        try:
+            lock = os.open(store.lock(key.group() if key else "none"), os.O_RDWR)
+        except OSError:
+            continue  # not ours, or another run was faster
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(path, ignore_errors=True)
+        except OSError:
+            continue  # that run lives, or the file system cannot tell
+        finally:
+            os.close(lock)
+>>>>>>> e07fd94712255c696fb1ec90bafb4afa77f8dd20
 
 
 def _digest(path: Path) -> str:

@@ -1,6 +1,7 @@
 """One task of a build, as every executor runs it: planned again from the files, done unless it is done, and stamped."""
 
 import logging
+import re
 import shutil
 import time
 import traceback
@@ -8,7 +9,7 @@ from collections.abc import Mapping
 
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.build.asset_stage import assemble_asset
-from usdfoliage.jobs.build.call import BuildRequest, Stage, StageCall
+from usdfoliage.jobs.build.call import BuildRequest, Stage, StageCall, digest_profile
 from usdfoliage.jobs.build.capture_stages import find_poses, finish_photographs, match_photographs
 from usdfoliage.jobs.build.cloud_stage import make_cloud
 from usdfoliage.jobs.build.executors import Done, TaskOrder
@@ -70,8 +71,13 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
             )
         return _run(order, inputs, plan, task, progress)
     except FoliageError as error:
+<<<<<<< HEAD
         return Done(name=order.name, seconds=0.0, was_run=True, error=str(error))
     except Exception:  # noqa: BLE001 (a farm must hear of any)
+=======
+        return Done(name=order.name, seconds=0.0, was_run=True, error=_as_given(str(error), order.request))
+    except Exception:
+>>>>>>> e07fd94712255c696fb1ec90bafb4afa77f8dd20
         return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
 
 
@@ -108,4 +114,15 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
 
 def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, "memory")
+<<<<<<< HEAD
+    return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
+=======
     return inputs, plan_build(inputs, request.settings, request.name, request.only)
+
+
+def _as_given(text: str, request: BuildRequest) -> str:
+    """A message with the files of the capture as the user knows them: tasks work on links and copies in the store."""
+    name = request.capture.resolve().name
+    laid = rf"{re.escape(str(request.store.folder))}/(?:scratch/[^/\s]+|results/[^/\s]+/capture)/{re.escape(name)}"
+    return re.sub(laid, lambda _: str(request.capture), text)
+>>>>>>> e07fd94712255c696fb1ec90bafb4afa77f8dd20
