@@ -58,7 +58,7 @@ def test_settings_that_cannot_be_are_refused(change):
 def test_low_points_far_beside_a_plant_are_remains_of_its_ground():
     rng = np.random.default_rng(1)
     stem_m = np.column_stack([rng.normal(0, 0.02, 500), rng.uniform(0, 2, 500), rng.normal(0, 0.02, 500)])
-    crown_m = rng.normal(0, 0.3, (2000, 3)) + [0, 3, 0]
+    crown_m = rng.normal(0, 0.3, (2000, 3)) + np.array([0.0, 3, 0])
     shoots_m = np.column_stack([rng.uniform(-0.8, 0.8, 200), rng.uniform(0.1, 0.4, 200), rng.uniform(-0.3, 0.3, 200)])
     turn = 2 * np.pi * rng.random(800)
     far_m = rng.uniform(3, 8, 800)
@@ -78,5 +78,5 @@ def test_a_spruce_keeps_its_lowest_branches_and_a_neighbour_its_stem():
     cone_m = np.column_stack([radius_m * np.cos(turn), height_m, radius_m * np.sin(turn)])
     flat = np.zeros(3)
     assert not find_ground_remains(cone_m, flat).any()
-    assert not find_ground_remains(np.concatenate([cone_m, cone_m + [12.0, 0, 0]]), flat).any()
+    assert not find_ground_remains(np.concatenate([cone_m, cone_m + np.array([12.0, 0, 0])]), flat).any()
     assert not find_ground_remains(np.zeros((0, 3)), flat).any()
