@@ -40,7 +40,7 @@ def surface_points(radius: Radius, count=20_000, seed=0):
     return CENTER_M + directions * radius(directions)[:, None]
 
 
-def look_at(position_m, target_m=CENTER_M, width_px=200, height_px=180, focal_px=260.0):
+def look_at(position_m, target_m=CENTER_M, width_px=128, height_px=120, focal_px=166.0):
     forward = target_m - position_m
     forward = forward / np.linalg.norm(forward)
     right = np.cross(forward, [0.0, 1.0, 0.0] if abs(forward[1]) < 0.99 else [0.0, 0.0, 1.0])
@@ -63,7 +63,7 @@ def ring(count, distance_m=4.0, rises=(0.15, 0.75)):
     return [look_at(CENTER_M + distance_m * one) for one in place]
 
 
-def photograph(camera, radius: Radius, color=true_color, steps=160):
+def photograph(camera, radius: Radius, color=true_color, steps=100):
     """A picture of the plant by marching along rays: (H, W, 3) sRGB, mask, planar depth."""
     rays = camera.rays() @ camera.cam_from_world[:, :3]
     middle_m = float(camera.project(CENTER_M[None])[1][0])

@@ -87,9 +87,11 @@ def test_finding_of_every_selection_names_none(asset: Path) -> None:
     def add_variants(plant: Usd.Prim) -> None:
         for name in ("lod", "season"):
             chosen = plant.GetVariantSets().AddVariantSet(name)
-            for variant in ("one", "two"):
+            for variant in ("two", "one"):
                 chosen.AddVariant(variant)
-            chosen.SetVariantSelection("one")
+                chosen.SetVariantSelection(variant)
+                with chosen.GetVariantEditContext():
+                    plant.CreateAttribute(f"userProperties:{name}", Sdf.ValueTypeNames.String).Set(variant)
         plant.GetAttribute("foliage:generator").Set("")
 
     edit(asset, add_variants)
@@ -354,3 +356,14 @@ def test_parts_of_a_plant_within_an_instance_may_be_in_another_variant(asset: Pa
     stage.GetRootLayer().Save()
     findings = validate_asset(asset.parent / "shot.usda").findings
     assert not [finding for finding in findings if finding.validator == "usdFoliageValidators:Plant"]
+
+
+def test_selections_that_are_the_same_asset_are_looked_at_once(asset: Path) -> None:
+    def add_variants(plant: Usd.Prim) -> None:
+        chosen = plant.GetVariantSets().AddVariantSet("season")
+        for variant in ("spring", "summer"):
+            chosen.AddVariant(variant)
+        chosen.SetVariantSelection("summer")
+
+    edit(asset, add_variants)
+    assert validate_asset(asset).selections == ("season=spring",)

@@ -1,5 +1,6 @@
 """What an asset holds, as its layers say it."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +11,15 @@ from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from usdfoliage.asset.leaf_material import STORM_SURFACE, TEXTURE_COLOR
 from usdfoliage.asset.leaf_primvars import place
-from usdfoliage.asset.locate import REPRESENTATION, find_interface, find_plants, open_layer
+from usdfoliage.asset.locate import REPRESENTATION, find_interface, find_plants, first_reason, lost_layers, open_layer
 from usdfoliage.asset.look import Look, read_look
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
 from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY, Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
 from usdfoliage.errors import AssetError
+
+logger = logging.getLogger(__name__)
 
 _FOLIAGE = "Foliage"  # begins the names of our schemas
 
@@ -211,10 +214,15 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
         AssetError: A layer cannot be read.
     """
     folder = interface.absolute().parent
+    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()  # USD would print what is missing, which is returned
     try:
         layers, others, missing = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(interface.absolute())))
     except Tf.ErrorException as error:
-        raise AssetError(f"{interface} cannot be read: {str(error).splitlines()[0]}") from error
+        lost = next(lost_layers(open_layer(interface)), None)
+        why = f"it needs {lost[0]}, which cannot be read ({lost[1]})" if lost else first_reason(error)
+        raise AssetError(f"{interface} cannot be read: {why}; write the asset again") from error
+    for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
+        logger.info("USD: %s", diagnostic.commentary)
     first, *rest = [_file_of(Path(layer.realPath), folder) for layer in layers] or [
         _file_of(interface.absolute(), folder)
     ]

@@ -23,6 +23,7 @@ from usdfoliage.asset.locate import (
     LEAFY_LODS,
     LOD,
     REPRESENTATION,
+    check_layers,
     find_interface,
     find_leaves,
     find_plants,
@@ -72,7 +73,9 @@ def open_asset(asset: Path, load: Usd.Stage.InitialLoadSet = Usd.Stage.LoadAll) 
     require_schemas()
     path = find_interface(asset)
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()  # USD would print them
-    stage = Usd.Stage.Open(open_root_layer(path), load)
+    root = open_root_layer(path)
+    check_layers(root, path)
+    stage = Usd.Stage.Open(root, load)
     for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
         logger.info("USD: %s", diagnostic.commentary)
     plants = find_plants(stage)

@@ -41,7 +41,7 @@ class Provenance:
     versions: Mapping[str, str] = field(default_factory=dict)  # of the packages that took part (package_versions)
 
     def __post_init__(self) -> None:
-        if "/" in self.capture or "\\" in self.capture:
+        if self.capture and Path(self.capture).name != self.capture:
             raise ValueError(f"capture is a file name without folders, not {self.capture}")
         for name in self.inputs:
             if not name or "\\" in name or PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:

@@ -5,7 +5,6 @@ usd_plugins/usdFoliageValidators/studio_profile.toml.
 """
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 from usdfoliage.asset.findings import Acceptance
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.errors import AssetError
+from usdfoliage.toml_file import read_toml
 
 SEVERITIES = ("error", "warning")  # of what the rules find
 
@@ -87,8 +87,8 @@ def read_profile(path: Path) -> StudioProfile:
             its reason.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        content = read_toml(path)
+    except (OSError, ValueError) as error:
         raise AssetError(f"the profile {path} cannot be read: {error}") from error
     return StudioProfile(accepted=_read_accepted(path, content.pop("accepted", [])), rules=_read_rules(path, content))
 

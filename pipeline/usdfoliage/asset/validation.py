@@ -159,7 +159,10 @@ def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
 
 
 def _selections(root: Sdf.Layer) -> list[Selection]:
-    """Every choice of variants that the asset offers; one empty choice, as authored, where it has none."""
+    """Every choice of variants that the asset offers; one empty choice, as authored, where it has none.
+
+    Of choices that are the same asset only the first: in the lod crown there are no representations of leaves.
+    """
     stage = Usd.Stage.Open(root)
     offered = [
         [(prim.GetPath(), name, variant) for variant in prim.GetVariantSets().GetVariantSet(name).GetVariantNames()]
@@ -171,8 +174,26 @@ def _selections(root: Sdf.Layer) -> list[Selection]:
     for choices in offered:
         count *= len(choices)
     if count <= MOST_SELECTIONS:
-        return list(itertools.product(*offered))
+        different: dict[object, Selection] = {}
+        for selection in itertools.product(*offered):
+            different.setdefault(_signature(root, selection), selection)
+        return list(different.values())
     return [(), *((choice,) for choices in offered for choice in choices)]
+
+
+def _signature(root: Sdf.Layer, selection: Selection) -> object:
+    """What says whether two selections are the same asset: the layers in use, and the specs with something in them of
+    the prims whose variants they select."""
+    stage = _compose(root, selection, Usd.Stage.LoadAll)
+    layers = frozenset(layer.identifier for layer in stage.GetUsedLayers() if layer != stage.GetSessionLayer())
+    specs = [
+        (spec.layer.identifier, str(spec.path))
+        for path in dict.fromkeys(path for path, _, _ in selection)
+        if (prim := stage.GetPrimAtPath(path))
+        for spec in prim.GetPrimStack()
+        if spec.layer != stage.GetSessionLayer() and not spec.isInert
+    ]
+    return layers, tuple(specs)
 
 
 def _label(selection: Selection) -> str:

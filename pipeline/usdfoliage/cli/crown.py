@@ -74,7 +74,6 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
 
-    handle_interrupts()
     made: MadeCrown | MadeCapturedCrown
     if options.photo.is_dir():
         from usdfoliage.jobs.captured_crown import (
@@ -83,6 +82,7 @@ def run(options: argparse.Namespace) -> int:
             plan_captured_crown_asset,
         )
 
+        handle_interrupts()
         captured = CapturedCrownRequest.from_options(options)
         if options.dry_run:
             print(plan_captured_crown_asset(captured))
@@ -93,6 +93,7 @@ def run(options: argparse.Namespace) -> int:
         from usdfoliage.jobs.captured_crown import CAPTURE_OPTIONS, refuse_options
         from usdfoliage.jobs.crown_asset import CrownRequest, make_crown_asset, plan_crown_asset
 
+        handle_interrupts()
         refuse_options(options, CAPTURE_OPTIONS, f"{options.photo} is no folder, and taken for a photograph")
         request = CrownRequest.from_options(options)
         if options.dry_run:

@@ -29,7 +29,7 @@ CAPTURED_STEPS = ("points", "photographs", "hull", "colours", "texture", "measur
 
 MIN_SIZE, MAX_SIZE = 32, 4096  # texels a side, as for a crown of one photograph
 _HELD_BYTES = 1 << 30  # of all reduced photographs together
-_COVERED = 2.0  # distances to the sixth neighbour: what is between points closer than that is the plant as well
+_COVERED = 1.0  # distances to the sixth neighbour: what is between points closer than that is the plant as well
 _PIXEL_BYTES = 9  # colour, depth, mask, sky
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, distance_transform_edt
 
 from usdfoliage.crown.color_map import ColorMapSettings, Progress, build_color_map
 from usdfoliage.crown.projection import Exemplar, make_exemplar
@@ -25,6 +25,7 @@ from usdfoliage.geometry.cube_field import solve_dirichlet
 from usdfoliage.geometry.cubemap import face_directions, share_borders
 
 _BUFFER = 0.42  # pixels of the depth buffer in a radius, of a face's texels: none of the surface's points is missed
+_DENSE = 0.7  # share of a silhouette that is leaves, from which on gaps are left out of what is copied
 _LABEL_CELL = 8  # texels a side, for which one photograph gives what is fine
 
 
@@ -36,6 +37,7 @@ class SeenColorSettings:
     hidden: float = 0.06  # of the radius, that the crown must be in front of a place to hide it
     before: float = 0.15  # of the radius, that measured depth may be in front of a place
     behind: float = 0.4  # of the radius, that it may be behind; beyond, the picture shows the background
+    unmeasured: float = 0.05  # weight of a pixel without depth in a photograph with some: it may show what is behind
     kept: int = 6  # photographs of each texel, those that show it best
     outlier: float = 2.5  # median distances from the median brightness, beyond which a photograph is not believed
     coarse_texels: float = 6.0  # standard deviation of what is coarse
@@ -111,8 +113,9 @@ def gather_colors(
         source[last, taken] = number
         if progress:
             progress(number + 1, len(views))
-    mean = _robust_mean(colors, weights, settings.outlier)
     seen = weights.max(axis=0) > 0
+    weights = _agreeing(colors, weights, settings.outlier)
+    mean = np.einsum("kmc,km->mc", colors, weights) / np.maximum(weights.sum(axis=0), 1e-20)[:, None]
     sharp = _sharpest(colors, weights, source, worth, size)
     shape = (6, size, size)
     color = _join_scales(mean.reshape(*shape, 3), sharp.reshape(*shape, 3), seen.reshape(shape), settings)
@@ -160,7 +163,9 @@ def _look_up(
     index = np.flatnonzero(seen)
     column, row = place[index].astype(np.intp).T
     low_column, low_row = (place[index] * scale).astype(np.intp).T
-    shown = depth_m[index] <= nearest_m[low_row, low_column] + settings.hidden * surface.usual_m
+    # Of a slanting surface a pixel of the buffer holds nearer and farther places.
+    slant = np.sqrt(1 / cosine[index] ** 2 - 1) / (radius_px * shrink)
+    shown = depth_m[index] <= nearest_m[low_row, low_column] + (settings.hidden + slant) * surface.usual_m
     shown &= leaves[row, column]
     if view.depth_m is not None:
         # Where nothing was measured, the crown's own surface says what hides what.
@@ -169,12 +174,15 @@ def _look_up(
         shown &= ~measured | (
             (ahead_m > -settings.before * surface.usual_m) & (ahead_m < settings.behind * surface.usual_m)
         )
-    index = index[shown]
+    trust = np.ones(len(index))
+    if view.depth_m is not None and view.mask is None:
+        trust = np.where(view.depth_m[row, column] > 0, 1.0, settings.unmeasured)
+    index, trust = index[shown], trust[shown]
     weight = np.zeros(len(place), np.float32)
     color = np.zeros((len(place), 3), np.float32)
     if len(index):
         texel_px = camera.focal_px[0] * surface.usual_m / depth_m[index] / surface.size
-        weight[index] = cosine[index] ** 2 * texel_px**2
+        weight[index] = trust * cosine[index] ** 2 * texel_px**2
         rows = -(-len(index) // 1024)  # OpenCV has no wider pictures than 32767 pixels
         at = np.zeros((rows * 1024, 2), np.float32)
         at[: len(index)] = place[index] - 0.5
@@ -194,21 +202,16 @@ def _cell_means(weight: NDArray[np.float32], cells: int) -> NDArray[np.float32]:
     return np.stack([cv2.GaussianBlur(face, (5, 5), 1.0) for face in means]).reshape(6, cells, cells)
 
 
-def _robust_mean(colors: NDArray[np.float32], weights: NDArray[np.float32], outlier: float) -> NDArray[np.float32]:
-    """(M, 3) weighted means of what photographs (K, M, 3) agree on: one that is far from the median is left out."""
-    light = np.where(weights > 0, luminance(colors), np.nan)
-    light.sort(axis=0)  # NaN last
+def _agreeing(colors: NDArray[np.float32], weights: NDArray[np.float32], outlier: float) -> NDArray[np.float32]:
+    """The weights (K, M) of photographs (K, M, 3), 0 for those far from the median brightness of a texel."""
+    light = np.sort(np.where(weights > 0, luminance(colors), np.inf), axis=0)
     count = (weights > 0).sum(axis=0)
     every = np.arange(light.shape[1])
     middle = np.where(count > 0, light[np.maximum(count - 1, 0) // 2, every], 0)
     away = np.abs(luminance(colors) - middle)
     ordered = np.sort(np.where(weights > 0, away, np.inf), axis=0)
-    usual = np.where(count > 0, ordered[np.maximum(count, 1) // 2 - (count == 1), every], 0)
-    usual = np.where(np.isfinite(usual), usual, 0)
-    held = np.where(away <= outlier * usual + 0.02 * middle + 1e-4, weights, 0)
-    total = held.sum(axis=0)
-    mean = np.einsum("kmc,km->mc", colors, held) / np.maximum(total, 1e-20)[:, None]
-    return np.asarray(mean, np.float32)
+    usual = np.where(count > 0, ordered[np.maximum(count - 1, 0) // 2, every], 0)
+    return np.where(away <= outlier * usual + 0.02 * middle + 1e-4, weights, 0).astype(np.float32)
 
 
 def _sharpest(
@@ -239,7 +242,7 @@ def _join_scales(
     blurred = blur_colors(np.concatenate([mean * share, sharp * share, share], axis=-1), settings.coarse_texels)
     held = np.maximum(blurred[..., 6:], 1e-6)
     ratio = (blurred[..., :3] / held + 1e-4) / (blurred[..., 3:6] / held + 1e-4)
-    return np.where(seen[..., None], sharp * np.clip(ratio, 0.5, 2.0), 0).astype(np.float32)
+    return np.where(seen[..., None], sharp * np.clip(ratio, 0.2, 5.0), 0).astype(np.float32)
 
 
 def fill_unseen(
@@ -328,7 +331,12 @@ def _cut_exemplar(view: ReducedView, radius_m: NDArray[np.floating], center_m: N
     inside = draw_silhouette(radius_m, center_m, view.camera)
     foliage = inside & view.leaves
     if view.depth_m is not None:
-        foliage &= (view.depth_m <= 0) | (view.depth_m < middle_m + usual_m)
+        behind = view.depth_m > middle_m + usual_m
+        foliage &= ~behind
     if not foliage.any():
         raise FitError(f"{view.name} shows nothing of the crown")
-    return make_exemplar(view.linear(), inside, texel_px, foliage)
+    if foliage.sum() >= _DENSE * inside.sum():
+        return make_exemplar(view.linear(), inside, texel_px, foliage)
+    # In a sparse crown no patch is whole, and a tiny one repeated is a pattern: its leaves grow together.
+    nearest = distance_transform_edt(~foliage, return_distances=False, return_indices=True)
+    return make_exemplar(view.linear()[tuple(nearest)], inside, texel_px)

@@ -57,7 +57,7 @@ class ReducedView:
         """(h, w), True where colours are surely the plant's: through gaps between leaves one sees what is behind."""
         leaves = self.shown
         if self.sky is not None:  # pixels beside it hold some of its light
-            leaves = leaves & (cv2.dilate(self.sky.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
+            leaves = leaves & (cv2.dilate(self.sky.astype(np.uint8), np.ones((5, 5), np.uint8)) == 0)
         return leaves if self.mask is not None or self.covered is None else leaves & self.covered
 
     def linear(self) -> NDArray[np.float32]:

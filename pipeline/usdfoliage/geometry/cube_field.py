@@ -132,7 +132,7 @@ def _diffuse(field: NDArray[np.floating], sigma: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=4)
 def _neighbors(size: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The four neighbours of every distinct texel (M, 4), itself where it has three, and the angles between."""
+    """Four neighbours (M, 4) of every distinct texel, itself where it has three, and the angles between, radians."""
     _, representative, adjacency = _graph(size)
     degree = np.diff(adjacency.indptr)
     neighbors = np.repeat(np.arange(len(degree))[:, None], 4, axis=1)

@@ -149,6 +149,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         check_cuda()
     known = poses_are_given(given, Record(given.work), request.settings.poses)
     check_world(request.settings.world, given=known)
+    if known and not given.in_place:  # likewise
+        read_posed(given.source, request.views)
     seconds: dict[str, float] = {}
     store = request.store or given.work
     with lock_work(given.work):

@@ -6,7 +6,6 @@ A setting that may be None is written as "auto".
 import dataclasses
 import json
 import math
-import tomllib
 import types
 import typing
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from typing import Any, TypeVar
 
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.field_comments import field_comments
+from usdfoliage.toml_file import read_toml
 
 AUTO = "auto"
 _SAID_ONCE = ("seed", "threads")  # for all tables at once, at the top or by an option
@@ -33,10 +33,10 @@ def read_settings_file(path: Path, defaults: Settings) -> Settings:
         FoliageError: There is no such file, it is no TOML, or it has an unknown setting or a value that cannot be.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
     except OSError as error:
         raise FoliageError(f"the settings cannot be read: {error.strerror} ({path})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise FoliageError(f"the settings are no TOML: {error} ({path}); --print-settings shows the form") from error
     return _replace(defaults, table, "", path)
 

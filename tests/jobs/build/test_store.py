@@ -2,7 +2,6 @@
 
 import json
 import multiprocessing
-import os
 from pathlib import Path
 
 import pytest
@@ -80,9 +79,13 @@ def test_a_stamp_that_was_changed_is_none(store: Store, harm: str) -> None:
 
 
 def test_a_result_appears_whole_or_not_at_all(store: Store) -> None:
-    with pytest.raises(ValueError, match="stop"), fill_result(store, KEY) as folder:
-        (folder / "half.txt").write_text("half")
-        raise ValueError("stop")
+    def fail() -> None:
+        with fill_result(store, KEY) as folder:
+            (folder / "half.txt").write_text("half")
+            raise ValueError("stop")
+
+    with pytest.raises(ValueError, match="stop"):
+        fail()
     assert list((store.folder / "results").iterdir()) == []
 
 
@@ -145,4 +148,4 @@ def test_a_copy_can_be_changed_without_changing_what_it_is_of(tmp_path: Path) ->
     copy_tree(tmp_path / "a", tmp_path / "link", link=True)
     (tmp_path / "copy" / "b" / "c.txt").write_text("two")
     assert (tmp_path / "a" / "b" / "c.txt").read_text() == "one"
-    assert os.path.samefile(tmp_path / "a" / "b" / "c.txt", tmp_path / "link" / "b" / "c.txt")
+    assert (tmp_path / "a" / "b" / "c.txt").samefile(tmp_path / "link" / "b" / "c.txt")

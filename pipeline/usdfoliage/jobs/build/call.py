@@ -4,10 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from usdfoliage.asset.studio_profile import default_profile
 from usdfoliage.jobs.build.inputs import BuildInputs
 from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.build.store import ResultFile, Store
 from usdfoliage.jobs.build.tasks import BuildPlan, Task
+from usdfoliage.jobs.capture_work import digest_file
 from usdfoliage.steps import StepProgress
 
 
@@ -57,6 +59,11 @@ class StageCall:
     def has(self, name: str) -> bool:
         """Whether the plan has a task of that name."""
         return name in self.plan.tasks
+
+
+def digest_profile(request: BuildRequest) -> str:
+    """Of the rules that the asset is validated by; CaptureError where they cannot be read."""
+    return digest_file(request.profile or default_profile())
 
 
 # A stage: fills the folder of its result, and says which files elsewhere in the work folder belong to it too.

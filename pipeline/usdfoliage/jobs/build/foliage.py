@@ -78,9 +78,7 @@ def choose_foliage(
         )
         return ChosenFoliage(leaves=leaves, kind=kind, notes=tuple(notes), rows=())
     if traced is None:
-        raise FoliageError(
-            f"foliage.kind is {kind}, and there are no twigs to put leaves on; set it to captured or auto"
-        )
+        raise FoliageError(f"foliage.kind is {kind}, and there are no twigs for leaves; set it to captured or auto")
     if kind == "drawn" and captured is None:
         raise FoliageError("no leaf was found to draw from; set foliage.kind to species, or auto")
     species = load_species(settings.plant.species) if settings.plant.species else load_species(GENERIC)

@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 DEPTH_FOLDER = "depth"
 CLOUDS = (".ply", ".las", ".laz", ".xyz", ".txt", ".csv", ".asc", ".pts")
-Look = Literal["bytes", "memory", "names"]
+Look = Literal["bytes", "memory", "files", "names"]
 _UNREAD = ""  # digest of a file that nobody looked at
 
 
@@ -47,8 +47,8 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         source: A capture, a folder of photographs, or a point cloud.
         store: Where digests are remembered.
         depth: Which depth leaves are fitted to.
-        look: bytes reads every file; memory trusts what is remembered of those whose size and time are the same; names
-            does so too and reads no others: their digest is "".
+        look: bytes reads every file; memory trusts what is remembered of those whose size and time are the same; files
+            does so too, and remembers nothing; names reads no others either: their digest is "".
 
     Raises:
         CaptureError: There is nothing to build from, or a file cannot be read.
@@ -76,9 +76,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         folders = [MASKS, CAMERAS]
         has_depth = depth != "estimated" and bool(files_below(source / DEPTH_FOLDER))
         if depth == "given" and not has_depth:
-            raise CaptureError(
-                f"{source} has no {DEPTH_FOLDER}/; set leaves.depth to estimated, or put depth maps there"
-            )
+            raise CaptureError(f"{source} has no {DEPTH_FOLDER}/; set leaves.depth to estimated, or put maps there")
         for folder in [*folders, *([DEPTH_FOLDER] if has_depth else [])]:
             files.update({f"{folder}/{name}": path for name, path in files_below(source / folder).items()})
         has_cameras = any(name.startswith(f"{CAMERAS}/") for name in files)
@@ -117,7 +115,7 @@ def _digest_files(source: Path, files: Mapping[str, Path], store: Store, look: L
         else:
             digests[name] = _UNREAD if look == "names" else digest_file(path)
         remembered[name] = [*mark, digests[name]]
-    if look != "names" and remembered != known:
+    if look in ("bytes", "memory") and remembered != known:
         write_whole(memory, json.dumps(remembered, indent=1).encode())
     return tuple(sorted(digests.items()))
 

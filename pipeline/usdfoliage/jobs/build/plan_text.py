@@ -19,7 +19,7 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
         FoliageError: The input is unusable, or the output cannot be written.
     """
     would = plan_folder(request.output, f"{request.name}.usda", request.force)
-    inputs, plan = plan_plant(request, "memory")
+    inputs, plan = plan_plant(request, "files")
     wanted, finished = find_wanted(plan, request.store, thorough=False)
     photographs = len(inputs.photographs)
     lines = [

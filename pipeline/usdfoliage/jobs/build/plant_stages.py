@@ -1,7 +1,6 @@
 """The tasks that turn a capture, or a cloud, into parts of a plant: branches, leaves, crown."""
 
 import logging
-import shutil
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from usdfoliage.branch.species import load_species
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import CaptureError, FitError, FoliageError
-from usdfoliage.jobs.branches import BranchesRequest, make_branches_asset
+from usdfoliage.jobs.branches import BranchesRequest, NoStemsError, make_branches_asset
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.capture_stages import capture_folder
 from usdfoliage.jobs.build.captured_leaves import read_leaf_frame
@@ -62,19 +61,19 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         seed=call.settings.seed,
         preview=False,
         times=False,
+        needs_stems=settings.make == "auto",
     )
     try:
         made = make_branches_asset(request, call.progress)
-    except FoliageError as error:
-        return _go_without(call, "branches", error)
-    if settings.make == "auto" and not made.shows_stems:
-        shutil.rmtree(call.out / ASSET_FOLDER)
+    except NoStemsError:
         note = (
             "the plant has no branches: the cloud shows no stem at a root and hardly a round branch, as of a hedge or "
             'a wall of leaves; branches.make = "on" traces them nevertheless, best with branches.roots'
         )
         write_summary(call.out, StageSummary(notes=[note]))
         return ()
+    except FoliageError as error:
+        return _go_without(call, "branches", error)
     skeleton = made.traced.skeleton
     np.savez(
         call.out / PLANT_POINTS,

@@ -116,6 +116,7 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
     validated = validate_asset(finished, profile)
     report = _collect(call, finished, validated)
     write_plant_report(report_folder, report)
+    _copy_details(call, report_folder)
     errors = validated.open_errors
     verdict = {
         "errors": errors,
@@ -188,6 +189,17 @@ def _facts(finished: Path, summaries: dict[str, StageSummary], files: Sequence[A
     return rows
 
 
+def _copy_details(call: StageCall, folder: Path) -> None:
+    """The stages' own reports, each in a folder of its own."""
+    for name in TITLES:
+        detail = read_summary(call.result_of(name)).detail if call.has(name) else ""
+        if detail:
+            copy_tree((call.result_of(name) / detail).parent, folder / name, link=True)
+    for texture in (call.result_of(LEAVES) / ASSET_FOLDER / "maps").glob("*") if call.has(LEAVES) else ():
+        copy_tree(texture.parent, folder / "maps", link=True)  # where the leaves' report looks for it
+        break
+
+
 def _stage(call: StageCall, name: str, summary: StageSummary) -> StageReport:
     title, sentence = TITLES[name]
     state: State = "failed" if summary.failure else "warnings" if summary.warnings else "done"
@@ -200,6 +212,7 @@ def _stage(call: StageCall, name: str, summary: StageSummary) -> StageReport:
         rows=summary.rows,
         pictures=[Picture(image=folder / picture.file, caption=picture.caption) for picture in summary.pictures],
         notes=summary.notes,
+        detail_report=f"{name}/index.html" if summary.detail else "",
     )
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.build.call import BuildRequest
+from usdfoliage.jobs.build.call import BuildRequest, digest_profile
 from usdfoliage.jobs.build.dask_workers import connect_dask
 from usdfoliage.jobs.build.executors import Done, NextPlant, TaskOrder, Wanted, Workers, run_here, run_on
 from usdfoliage.jobs.build.finish import BuiltPlant, finish_plant
@@ -49,7 +49,7 @@ class ExecutorChoice:
 def plan_plant(request: BuildRequest, look: Look = "bytes") -> tuple[BuildInputs, BuildPlan]:
     """The inputs and tasks of a plant; FoliageError for inputs that cannot be used."""
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, look)
-    return inputs, plan_build(inputs, request.settings, request.name, request.only)
+    return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
 
 
 def build_plants(

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from usdfoliage import _native
 from usdfoliage.asset.provenance import package_versions
+from usdfoliage.asset.resources import resource_folder
 from usdfoliage.capture.depth_agreement import AgreementSettings
 from usdfoliage.jobs.build.inputs import BuildInputs
 from usdfoliage.jobs.build.settings import BuildSettings, TaskSettings
@@ -26,6 +27,7 @@ BRANCHES, LEAVES, CROWN, ASSET = "branches", "leaves", "crown", "asset"
 TURNTABLE, COMPARISONS, VARIANTS, REPORT = "turntable", "comparisons", "variants", "report"
 STAGES = (POSES, MATCHING, DEPTH, CLOUD, BRANCHES, LEAVES, CROWN, ASSET, TURNTABLE, COMPARISONS, VARIANTS, REPORT)
 _CODE = (".py", ".html", ".css", ".js", ".toml", ".glslfx", ".usda")
+_RESOURCES = ("schemas", "usd_plugins", "hydra_preview")
 # What poses and depth are made by: a test follows the imports.
 CODE_OF_DEPTH = ("*.py", "capture/*", "geometry/*", "jobs/capture_*.py", "jobs/build/capture_stages.py")
 
@@ -65,13 +67,17 @@ def build_code_version(stage: str) -> str:
     package = Path(__file__).parents[2]
     patterns = CODE_OF_DEPTH if stage in (POSES, MATCHING, DEPTH) else ("**/*",)
     files = {path for pattern in patterns for path in package.glob(pattern) if path.suffix in _CODE}
-    for path in (*sorted(files), Path(_native.__file__)):
-        digest.update(path.relative_to(package).as_posix().encode() if path in files else b"native")
+    folders = [] if patterns == CODE_OF_DEPTH else [resource_folder(name) for name in _RESOURCES]
+    others = [path for folder in folders for path in sorted(folder.rglob("*")) if path.suffix in _CODE]
+    for path in (*sorted(files), *others, Path(_native.__file__)):
+        digest.update(path.relative_to(package).as_posix().encode() if path in files else path.name.encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 
-def plan_build(inputs: BuildInputs, settings: BuildSettings, name: str, only: Sequence[str] = ()) -> BuildPlan:
+def plan_build(
+    inputs: BuildInputs, settings: BuildSettings, name: str, only: Sequence[str] = (), profile: str = ""
+) -> BuildPlan:
     """The tasks of a plant.
 
     Args:
@@ -79,6 +85,7 @@ def plan_build(inputs: BuildInputs, settings: BuildSettings, name: str, only: Se
         settings: Of every stage.
         name: Of the asset.
         only: Stages after which to stop; none: all.
+        profile: Digest of the studio's profile that the asset is validated by.
     """
     tasks: dict[str, Task] = {}
     megapixels = inputs.megapixels
@@ -161,7 +168,7 @@ def plan_build(inputs: BuildInputs, settings: BuildSettings, name: str, only: Se
             pictures.append(add(COMPARISONS, drawn, [poses, asset], 6.0 + 2.5 * drawn.comparisons))
         pictures.append(add(VARIANTS, drawn, [asset], 30.0))
     everything = [*([poses] if cloud else []), *has_cloud, *parts, asset, *pictures]
-    report = add(REPORT, None, everything, 8.0)
+    report = add(REPORT, profile, everything, 8.0)
     last = tuple(task.name for task in tasks.values() if task.stage in only) if only else (report,)
     return BuildPlan(tasks=tasks, last=last)
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.build.asset_stage import assemble_asset
-from usdfoliage.jobs.build.call import BuildRequest, Stage, StageCall
+from usdfoliage.jobs.build.call import BuildRequest, Stage, StageCall, digest_profile
 from usdfoliage.jobs.build.capture_stages import find_poses, finish_photographs, match_photographs
 from usdfoliage.jobs.build.cloud_stage import make_cloud
 from usdfoliage.jobs.build.executors import Done, TaskOrder
@@ -72,7 +72,7 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
         return _run(order, inputs, plan, task, progress)
     except FoliageError as error:
         return Done(name=order.name, seconds=0.0, was_run=True, error=_as_given(str(error), order.request))
-    except Exception:
+    except Exception:  # noqa: BLE001 (a farm must hear of any)
         return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
 
 
@@ -109,7 +109,7 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
 
 def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, "memory")
-    return inputs, plan_build(inputs, request.settings, request.name, request.only)
+    return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
 
 
 def _as_given(text: str, request: BuildRequest) -> str:
