@@ -45,3 +45,9 @@ def digests(asset: Path) -> dict[str, str]:
     """Of every file of an asset but the one that says how long it took."""
     files = [path for path in sorted(asset.rglob("*")) if path.is_file() and path.name != "timings.js"]
     return {path.relative_to(asset).as_posix(): sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def spawned_by(pid: int) -> list[int]:
+    """The processes that multiprocessing has started in that process."""
+    below = [each for path in Path(f"/proc/{pid}/task").glob("*/children") for each in path.read_text().split()]
+    return sorted(int(each) for each in below if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes())

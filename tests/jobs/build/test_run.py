@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from dask_clusters import dask_cluster
 from fake_builds import wait_until
-from small_builds import digests, write_quick_plan, write_small_capture
+from small_builds import digests, spawned_by, write_quick_plan, write_small_capture
 from usdfoliage.jobs.build.call import BuildRequest
 from usdfoliage.jobs.build.executors import Done, TaskOrder
 from usdfoliage.jobs.build.finish import BuiltPlant
@@ -137,12 +137,8 @@ def test_a_worker_that_is_killed_costs_its_task_only(given, tmp_path):
     killed: list[int] = []
 
     def kill_one() -> None:
-        def children() -> list[int]:
-            listed = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()
-            return [int(pid) for pid in listed if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-
         wait_until(lambda: bool(stamps(tmp_path)))
-        killed.append(children()[0])
+        killed.append(spawned_by(os.getpid())[0])
         os.kill(killed[0], signal.SIGKILL)
 
     killer = threading.Thread(target=kill_one)
@@ -163,9 +159,7 @@ def test_a_dask_worker_that_is_killed_costs_its_task_only(given, tmp_path, nanny
         def kill_one() -> None:
             wait_until(lambda: bool(stamps(tmp_path)))
             pid = cluster.workers[0].pid
-            below = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-            workers = [int(b) for b in below if b"spawn_main" in Path(f"/proc/{b}/cmdline").read_bytes()]
-            killed.append(workers[0] if nanny == "--nanny" else pid)
+            killed.append(spawned_by(pid)[0] if nanny == "--nanny" else pid)
             os.kill(killed[0], signal.SIGKILL)
 
         killer = threading.Thread(target=kill_one)
