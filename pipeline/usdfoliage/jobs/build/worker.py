@@ -34,6 +34,7 @@ from usdfoliage.jobs.build.tasks import (
     Task,
     plan_build,
 )
+from usdfoliage.jobs.capture_folder import IMAGES
 from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)
@@ -116,4 +117,6 @@ def _as_given(text: str, request: BuildRequest) -> str:
     """A message with the files of the capture as the user knows them: tasks work on links and copies in the store."""
     name = request.capture.resolve().name
     laid = rf"{re.escape(str(request.store.folder))}/(?:scratch/[^/\s]+|results/[^/\s]+/capture)/{re.escape(name)}"
+    if not (request.capture / IMAGES).is_dir():  # a plain folder of photographs
+        laid += f"(?:/{IMAGES})?"
     return re.sub(laid, lambda _: str(request.capture), text)
