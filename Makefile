@@ -43,6 +43,9 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/leaves.py
 	@$(PYTHON_VENV) tools/bench/branches.py
 	@$(PYTHON_VENV) tools/bench/hostile_input.py
+	@$(PYTHON_VENV) tools/bench/build_scaling.py --plan-only 1000 | tail -1
+	@$(PYTHON_VENV) tools/bench/build_scaling.py
+	@$(PYTHON_VENV) tools/bench/build_faults.py
 	@$(PYTHON_VENV) tools/bench/depth.py --variants ours plain
 	@captures=$$(ls -d ../shared/data/synthetic/*/images 2>/dev/null | xargs -r -n 1 dirname); \
 		[ -z "$$captures" ] || $(PYTHON_VENV) tools/bench/registration.py $$captures

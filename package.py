@@ -22,6 +22,8 @@ requires = [
     "laspy-2.7+",
     "lazrs",
     "tqdm",
+    "PyYAML",
+    "pycolmap",
 ]
 
 private_build_requires = ["scikit_build_core-1+", "nanobind-3+", "cmake", "ninja"]

@@ -56,7 +56,7 @@ def list_settings(settings: object) -> dict[str, str]:
         if dataclasses.is_dataclass(value):
             listed.update({f"{field.name}.{name}": text for name, text in list_settings(value).items()})
         else:
-            listed[field.name] = _format_value(value).strip('"')
+            listed[field.name] = format_value(value).strip('"')
     return listed
 
 
@@ -145,23 +145,23 @@ def _format_table(settings: Any, place: str, tables: list[str], documented: bool
             nested.append((f"{place}.{field.name}" if place else field.name, value))
         elif not (documented and place and field.name in _SAID_ONCE):
             comment = comments.get(field.name)
-            lines.append(f"{field.name} = {_format_value(value)}{f'  # {comment}' if comment else ''}")
+            lines.append(f"{field.name} = {format_value(value)}{f'  # {comment}' if comment else ''}")
     if len(lines) > documented:
         tables.append("\n".join(lines))
     for name, value in nested:
         _format_table(value, name, tables, documented)
 
 
-def _format_value(value: Any) -> str:
+def format_value(value: Any) -> str:
     if value is None:
         return f'"{AUTO}"'
     if isinstance(value, bool):
         return str(value).lower()
     if dataclasses.is_dataclass(value):
-        inside = (f"{field.name} = {_format_value(getattr(value, field.name))}" for field in dataclasses.fields(value))
+        inside = (f"{field.name} = {format_value(getattr(value, field.name))}" for field in dataclasses.fields(value))
         return f"{{ {', '.join(inside)} }}"
     if isinstance(value, tuple):
-        return f"[{', '.join(map(_format_value, value))}]"
+        return f"[{', '.join(map(format_value, value))}]"
     if isinstance(value, float):
         return repr(value)  # 1e-06 is TOML too
     if isinstance(value, int):

@@ -44,14 +44,14 @@ Progress = Callable[[int, int], None]
 class PictureSettings:
     """How large and how many the pictures of a plant are."""
 
-    turntable_frames: int = 24
-    turntable_px: int = 640
-    thumbnail_px: int = 512
+    turntable_frames: int = 24  # pictures of a full turn
+    turntable_px: int = 640  # width and height of each
+    thumbnail_px: int = 512  # width and height
     comparisons: int = 6  # photographs, at most
     comparison_px: int = 1100  # longer side
-    variant_px: int = 420
+    variant_px: int = 420  # width and height of the picture of each variant
     samples: int = 2  # of a pixel
-    complexity: str = "high"
+    complexity: str = "high"  # how finely Storm divides curved surfaces: low, medium, high, veryhigh
 
     def __post_init__(self) -> None:
         if self.turntable_frames < 2:
