@@ -7,11 +7,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from dask_clusters import dask_cluster
-from fake_builds import wait_until
+from fake_builds import is_alive, wait_until
 from small_builds import digests, spawned_by, write_quick_plan, write_small_capture
 from usdfoliage.jobs.build.call import BuildRequest
 from usdfoliage.jobs.build.executors import Done, TaskOrder
@@ -73,7 +74,7 @@ def stamps(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in (folder / "work" / "tasks").glob("*.json")}
 
 
-@pytest.mark.parametrize("finished", [1, 5])
+@pytest.mark.parametrize("finished", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_killed_build_goes_on_where_it_was(given, tmp_path, finished):
     process = start(given, tmp_path)
     wait_until(lambda: len(stamps(tmp_path)) >= finished or process.poll() is not None)
@@ -112,7 +113,9 @@ def damage_stamp(folder: Path) -> None:
         path.write_text(path.read_text().replace('"seconds": ', '"seconds": 1'))
 
 
-@pytest.mark.parametrize("damage", [damage_result, cut_result, cut_view, damage_stamp])
+@pytest.mark.parametrize(
+    "damage", [damage_result, pytest.param(cut_result, marks=pytest.mark.slow), cut_view, damage_stamp]
+)
 def test_damage_is_found_and_made_good(given, tmp_path, damage: Callable[[Path], None]):
     request = request_of(given, tmp_path)
     process = start(given, tmp_path, "--only", "cloud")
@@ -131,6 +134,18 @@ def test_two_builds_at_once_share_their_work(given, tmp_path):
     assert made.verdict == "built"
     assert digests(tmp_path / "plant") == digests(given / "built" / "plant")
     assert not list((tmp_path / "work" / "results").glob(".*"))
+
+
+def test_a_farm_that_ends_a_build_gets_it_ended_in_good_order(given, tmp_path):
+    process = start(given, tmp_path, "--jobs", "2")
+    wait_until(lambda: bool(stamps(tmp_path)))
+    workers = spawned_by(process.pid)
+    process.terminate()
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert errors.decode().strip().splitlines()[-1] == "error: interrupted; the same command goes on from here"
+    assert workers
+    assert not any(is_alive(pid) for pid in workers)
 
 
 def test_a_worker_that_is_killed_costs_its_task_only(given, tmp_path):
@@ -227,3 +242,31 @@ def test_results_that_vanish_while_others_are_made_are_made_again_but_not_for_ev
     lost.clear()
     most = 2
     assert build(request_of(given, tmp_path)).verdict == "built"
+
+
+def test_on_a_full_disk_nothing_is_half_there_and_with_room_the_build_goes_on(given, tmp_path, small_disk):
+    made = build(request_of(given, small_disk))
+    assert made.verdict == "failed"
+    assert "No space left on device" in made.error
+    assert "the same command goes on from here" in made.error
+    assert not (small_disk / "plant").exists()
+    subprocess.run(["mount", "-o", "remount,size=3m", str(small_disk)], check=True)
+    made = build(request_of(given, small_disk))  # leaves were found, and could not be written: they are not left out
+    assert made.verdict == "failed"
+    assert "No space left on device" in made.error
+    before = stamps(small_disk)
+    subprocess.run(["mount", "-o", "remount,size=100m", str(small_disk)], check=True)
+    assert build(request_of(given, small_disk)).verdict == "built"
+    assert {path: mark for path, mark in stamps(small_disk).items() if path in before} == before
+    assert digests(small_disk / "plant") == digests(given / "built" / "plant")
+
+
+def test_what_is_said_of_photographs_names_them_as_the_capture_does(given, tmp_path):
+    capture = write_small_capture(tmp_path / "oak")
+    (capture / "images" / "000.jpg").write_bytes(b"no photograph")
+    made = build(replace(request_of(given, tmp_path), capture=capture))
+    (warning,) = [text for text in made.warnings if "left out" in text]
+    assert "1 of 4 photographs are left out: 000.jpg: oak/images/000.jpg is not an image" in warning
+    page = (tmp_path / "plant" / "report" / "index.html").read_text()
+    assert "000.jpg" in page
+    assert str(tmp_path) not in page
