@@ -16,14 +16,6 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "pipeline" / "usdfoliage"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 OF_OTHERS = {"--install", "--leaves", "--views", "--size", "--framed", "--up", "--scales", "--scaling"}  # rez, tools/
-OF_COMING = {
-    "--step",
-    "--chunk",
-    "--template",
-    "--bundle",
-    "--no-chunking",
-    "--cores",
-}  # task, submit: in this version soon
 TABLES = tuple(field.name for field in dataclasses.fields(BuildSettings))
 LETTERS = r"(?<![\w.])[NMKXYAB](?![\w.])"  # what stands for a number or a name in a warning
 
@@ -45,7 +37,7 @@ def known_options() -> set[str]:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_options_exist(page: Path) -> None:
     named = set(re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", text_of(page)))
-    assert named <= known_options() | OF_OTHERS | OF_COMING
+    assert named <= known_options() | OF_OTHERS
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

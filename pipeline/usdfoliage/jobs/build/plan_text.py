@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 from usdfoliage.asset.publish import plan_folder
 from usdfoliage.jobs.build.call import BuildRequest
+from usdfoliage.jobs.build.inputs import BuildInputs
 from usdfoliage.jobs.build.run import ExecutorChoice, plan_plant
 from usdfoliage.jobs.build.store import Stamp
 from usdfoliage.jobs.build.tasks import BuildPlan, Task, find_wanted
@@ -24,8 +25,7 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
     photographs = len(inputs.photographs)
     lines = [
         f"capture: {request.capture}, {photographs} photographs" if photographs else f"cloud: {request.capture}",
-        f"inputs: {len(inputs.files)} files, poses {'given' if inputs.has_cameras else 'to be estimated'}, depth "
-        f"{'given' if inputs.has_depth else 'from the photographs'}",
+        *([_describe_photographs(inputs)] if photographs else []),
         *(f"note: {note}" for note in inputs.notes),
         *_table(plan, wanted, finished),
         f"estimate: {in_words(estimate_s(wanted, where))}, {where.describe()}",
@@ -33,6 +33,13 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
         would,
     ]
     return "\n".join(lines)
+
+
+def _describe_photographs(inputs: BuildInputs) -> str:
+    return (
+        f"inputs: {len(inputs.files)} files, poses {'given' if inputs.has_cameras else 'to be estimated'}, depth "
+        f"{'given' if inputs.has_depth else 'from the photographs'}"
+    )
 
 
 def estimate_s(wanted: Mapping[str, Task], where: ExecutorChoice) -> float:
