@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic.depth import NoiseSettings, SeenDepth, degrade_depth, see_depth
 from synthetic.files import write_cameras, write_depth, write_picture, write_truth
-from synthetic.scene import Scene, SceneSettings, build_scene
+from synthetic.scene import SceneSettings, build_scene
 from synthetic.shading import light_scene, photograph
 from synthetic.truth import UP_AXES, describe_leaves
 from usdfoliage.capture.view import View

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from synthetic.scene import (
     GREEN,
     PETIOLE,
@@ -37,21 +38,22 @@ Array = NDArray[np.float64]
 # Lengths in plant heights.
 STEP = 0.012  # between the vertices of an axis
 STEM, STEM_RADIUS = 0.9, (0.017, 0.0045)
-LIMBS, LIMBS_FROM = 10, (0.27, 0.93)  # along the stem
+LIMBS, LIMBS_FROM = 11, (0.27, 0.93)  # along the stem
 LIMB_LENGTH = (0.42, 0.2)  # the lowest, the highest
-TWIGS_A_LIMB, TWIGS_FROM = 3, (0.35, 0.8)
-TWIG_LENGTH = 0.55  # of what the limb has beyond it
+TWIGS_A_LIMB, TWIGS_FROM = 4, (0.28, 0.82)
+TWIG_LENGTH = 0.8  # of what the limb has beyond it
 OF_PARENT = 0.62  # radius of a branch at its base, to its parent's there
 TIP_RADIUS = 0.0022
 LEAF_LENGTH, INTERNODE, SHOOT = 0.066, 0.03, 0.3
 PETIOLE_RADIUS = 0.0011
 SIDES = 14
+HALVINGS = 24  # of the way in which the cameras' distance is looked for
 MESH = LeafMeshSettings(across=6, along=12, silhouette=24)
 GREY_BROWN = (0.16, 0.115, 0.075)  # linear
 GRAIN = 0.0009
 FOCAL = 1.15  # in the picture's longer side
 ELEVATIONS_RAD = (0.16, 0.52)
-FRAMED = 1.12  # of the plant's height and width, that a picture shows
+MARGIN = 0.04  # of a picture's sides, around the plant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,8 +209,8 @@ def _grow_leaves(
 ) -> tuple[Leaves, NDArray[np.int32], list[Tube]]:
     """Leaves that stand free of each other, evenly over the plant, the branch of each, and their petioles."""
     places = place_leaves(skeleton, _species(settings.height_m), rng, FoliageSettings(of_root=0.0))
-    matrix_y = _second_axis(places.orientation)
-    stalk_m = PETIOLE * places.length_m[:, None] * matrix_y
+    along = Rotation.from_quat(places.orientation).as_matrix()[:, :, 1]
+    stalk_m = PETIOLE * places.length_m[:, None] * along
     leaves = Leaves(
         parameters=vary_leaves(len(places), rng),
         base_m=places.base_m + stalk_m,
@@ -221,29 +223,37 @@ def _grow_leaves(
     count = min(settings.leaves, len(free))
     chosen = free[np.arange(count) * len(free) // max(count, 1)]
     radius = np.full(2, PETIOLE_RADIUS * settings.height_m)
-    petioles = [
-        Tube(points_m=np.stack([places.base_m[k], leaves.base_m[k]]), radius_m=radius) for k in chosen.tolist()
-    ]
+    petioles = [Tube(points_m=np.stack([places.base_m[k], leaves.base_m[k]]), radius_m=radius) for k in chosen.tolist()]
     return replace(leaves.take(chosen), phase=spread_phases(count)), places.branch[chosen], petioles
-
-
-def _second_axis(orientation: Array) -> Array:
-    x, y, z, w = orientation.T
-    return np.column_stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)])
 
 
 def _stand_around(points_m: Array, settings: PlantSettings) -> list[Pinhole]:
     """Cameras all around, low and high by turns, as far away as the plant needs to be seen whole."""
     size = settings.width_px, settings.height_px
     focal_px = FOCAL * max(size)
-    low, high = points_m.min(axis=0), points_m.max(axis=0)
-    target = np.array([0.0, (low[1] + high[1]) / 2, 0.0])
-    reach_m = float(np.linalg.norm(points_m[:, [0, 2]], axis=1).max())
-    rise_m = float(high[1] - low[1]) / 2
-    distance_m = focal_px * FRAMED * max(reach_m / (size[0] / 2), rise_m / (size[1] / 2)) + 0.5 * reach_m
-    cameras = []
-    for view in range(settings.views):
-        azimuth, elevation = 2 * np.pi * view / settings.views, ELEVATIONS_RAD[view % len(ELEVATIONS_RAD)]
-        away = np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
-        cameras.append(look_at(target + distance_m * away, target, focal_px, size))
-    return cameras
+    middle_m = (points_m[:, 1].min() + points_m[:, 1].max()) / 2
+    target = np.array([0.0, middle_m, 0.0])
+    near_m, far_m = 0.0, 100 * float(np.linalg.norm(points_m - target, axis=1).max())
+    for _ in range(HALVINGS):
+        distance_m = (near_m + far_m) / 2
+        cameras = [look_at(target + distance_m * away, target, focal_px, size) for away in _directions(settings.views)]
+        if all(_frames(camera, points_m) for camera in cameras):
+            far_m = distance_m
+        else:
+            near_m = distance_m
+    return [look_at(target + far_m * away, target, focal_px, size) for away in _directions(settings.views)]
+
+
+def _directions(views: int) -> list[Array]:
+    """Unit vectors (3,) to cameras from what they look at."""
+    azimuth = 2 * np.pi * np.arange(views) / views
+    elevation = np.resize(ELEVATIONS_RAD, views)
+    level = np.cos(elevation)
+    return list(np.column_stack([np.sin(azimuth) * level, np.sin(elevation), np.cos(azimuth) * level]))
+
+
+def _frames(camera: Pinhole, points_m: Array) -> bool:
+    places, depth_m = camera.project(points_m)
+    size = np.array([camera.width_px, camera.height_px])
+    inside = (places >= MARGIN * size) & (places <= (1 - MARGIN) * size)  # false for NaN, behind the camera
+    return bool((depth_m > 0).all() and inside.all())
