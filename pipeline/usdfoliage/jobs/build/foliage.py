@@ -18,7 +18,7 @@ from usdfoliage.jobs.branch_foliage import (
     grow_leaves,
 )
 from usdfoliage.jobs.build.captured_leaves import CapturedLeaves
-from usdfoliage.jobs.build.plant_stages import TracedPlant
+from usdfoliage.jobs.build.plant_stages import TracedPlant, known_species
 from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.jobs.leaf_asset import MOST_LEAVES_OF_ALL
@@ -81,7 +81,7 @@ def choose_foliage(
         raise FoliageError(f"foliage.kind is {kind}, and there are no twigs for leaves; set it to captured or auto")
     if kind == "drawn" and captured is None:
         raise FoliageError("no leaf was found to draw from; set foliage.kind to species, or auto")
-    species = load_species(settings.plant.species) if settings.plant.species else load_species(GENERIC)
+    species = known_species(settings.plant.species) or load_species(GENERIC)
     request = FoliageRequest(
         kind=FITTED if kind == "drawn" else TEMPLATE,
         species=species,

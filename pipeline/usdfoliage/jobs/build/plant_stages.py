@@ -13,7 +13,7 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings
 from usdfoliage.branch.roots import RootSettings
-from usdfoliage.branch.species import load_species
+from usdfoliage.branch.species import Species, load_species
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import CaptureError, FoliageError
@@ -42,7 +42,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     settings = call.settings.branches
     species = call.settings.plant.species
     roots, given_roots = read_roots(settings.roots)
-    known = load_species(species) if species else None
+    known = known_species(species)
     allometry = AllometrySettings(exponent=known.exponent) if known else AllometrySettings()
     request = BranchesRequest(
         cloud=PlantCloudRequest(
@@ -57,7 +57,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         settings=BranchSettings(
             internode_m=settings.internode_m, leaves=settings.cloud_leaves, radii=RadiusSettings(allometry=allometry)
         ),
-        species=species,
+        species=known.name if known else "",
         seed=call.settings.seed,
         preview=False,
         times=False,
@@ -90,15 +90,26 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         for kind, caption in (("weights", "Importance of the points"), ("distance", "Distance from cloud to surface"))
         for path in sorted(report.glob(f"*{kind}*.png"))
     ]
+    notes = list(made.notes)
+    if species and known is None:
+        notes.append(f"nothing is known of the species {species}: its twigs are those of any tree")
     summary = StageSummary(
         rows=made.measures,
-        notes=made.notes,
+        notes=notes,
         warnings=made.warnings,
         pictures=pictures,
         detail=f"{ASSET_FOLDER}/report/index.html",
     )
     write_summary(call.out, summary)
     return ()
+
+
+def known_species(name: str) -> Species | None:
+    """What is known of a species; None where its name is one for the asset alone."""
+    try:
+        return load_species(name)
+    except FoliageError:
+        return None
 
 
 def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:

@@ -31,7 +31,7 @@ STAGE_SETTINGS = (
 class PlantSettings:
     """The plant, and how its asset is written."""
 
-    species: str = ""  # written into the asset; one of the library gives allometry and leaves (branch/species.toml)
+    species: str = ""  # written into the asset; of a known one, as maple, also allometry, twigs and leaves
     representations: tuple[str, ...] | None = None  # of leaves: bezier, nurbs, subdiv, mesh; auto: by their number
     version: str = "1"  # of the asset, in its assetInfo
 

@@ -29,7 +29,7 @@ STAGES = (POSES, MATCHING, DEPTH, CLOUD, BRANCHES, LEAVES, CROWN, ASSET, TURNTAB
 _CODE = (".py", ".html", ".css", ".js", ".toml", ".glslfx", ".usda")
 _RESOURCES = ("schemas", "usd_plugins", "hydra_preview")
 # What poses and depth are made by: a test follows the imports.
-CODE_OF_DEPTH = ("*.py", "capture/*", "geometry/*", "jobs/capture_*.py", "jobs/build/capture_stages.py")
+CODE_OF_DEPTH = ("[!_]*.py", "capture/*", "geometry/*", "jobs/capture_*.py", "jobs/build/capture_stages.py")
 
 
 @dataclass(frozen=True, kw_only=True)
