@@ -61,6 +61,15 @@ class SceneSettings:
         VariationSettings(amount=self.variation)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Bark:
+    """What wood looks like from near."""
+
+    color: tuple[float, float, float]  # linear
+    grain_m: float  # of its finest furrows
+    contrast: float  # standard deviation of the logarithm to 2
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
     """Triangles: those of the leaves, leaf after leaf, then those of twigs and petioles."""
@@ -75,6 +84,7 @@ class Scene:
     triangles_a_leaf: int
     wall_z_m: float | None
     cameras: Sequence[Pinhole]
+    bark: Bark | None = None  # None: plain and dark
 
 
 def build_scene(settings: SceneSettings) -> Scene:
@@ -87,10 +97,10 @@ def build_scene(settings: SceneSettings) -> Scene:
     leaves = replace(leaves, color=vary_colors(GREEN, len(leaves), rng))
     mesh = build_leaf_mesh(leaves, MESH)
     topology = leaf_topology(MESH.across, MESH.along, MESH.silhouette or 0)
-    one_leaf = _triangulate(topology.face_counts, topology.face_vertices)
+    one_leaf = triangulate(topology.face_counts, topology.face_vertices)
     count, vertices = len(leaves), topology.vertex_count
     of_leaves = (one_leaf[None] + vertices * np.arange(count, dtype=np.int32)[:, None, None]).reshape(-1, 3)
-    wood_points, wood_normals, wood_triangles = _build_tubes(twigs)
+    wood_points, wood_normals, wood_triangles = build_tubes(twigs)
     points_m = np.concatenate([mesh.points_m.astype(np.float64), wood_points])
     return Scene(
         leaves=leaves,
@@ -109,14 +119,16 @@ def build_scene(settings: SceneSettings) -> Scene:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Tube:
+class Tube:
+    """A piece of wood."""
+
     points_m: Array  # (K, 3)
     radius_m: Array  # (K,)
 
 
 def _grow_bed(
     settings: SceneSettings, width_m: float, depth_m: float, rng: np.random.Generator
-) -> tuple[Leaves, list[_Tube]]:
+) -> tuple[Leaves, list[Tube]]:
     """Shoots until enough leaves stand free of each other; every prefix of the shoots is even on the bed."""
     shoots: list[Leaves] = []
     stems: list[Array] = []
@@ -132,7 +144,7 @@ def _grow_bed(
             stems.append(stem)
             grown += len(shoot)
         everything = _join(shoots)
-        free = np.flatnonzero(_stand_free(everything, settings.length_m))[: settings.leaves]
+        free = np.flatnonzero(stand_free(everything, settings.length_m))[: settings.leaves]
         if len(free) == settings.leaves:
             break
     last = int(np.searchsorted(np.cumsum([len(shoot) for shoot in shoots]), free[-1], side="right"))
@@ -141,12 +153,12 @@ def _grow_bed(
     shoot_of = np.repeat(np.arange(len(shoots)), [len(shoot) for shoot in shoots])[free]
     nodes = np.array([stems[shoot][node + 1] for shoot, node in zip(shoot_of, rank, strict=True)])
     tubes = [
-        _Tube(points_m=stem, radius_m=settings.length_m * np.linspace(*TWIG_RADIUS, len(stem)))
+        Tube(points_m=stem, radius_m=settings.length_m * np.linspace(*TWIG_RADIUS, len(stem)))
         for stem in stems[: last + 1]
     ]
     radius = np.full(2, settings.length_m * PETIOLE_RADIUS)
     tubes += [
-        _Tube(points_m=np.stack([node, base]), radius_m=radius) for node, base in zip(nodes, chosen.base_m, strict=True)
+        Tube(points_m=np.stack([node, base]), radius_m=radius) for node, base in zip(nodes, chosen.base_m, strict=True)
     ]
     return replace(chosen, phase=spread_phases(len(chosen))), tubes
 
@@ -189,7 +201,7 @@ def _join(parts: Sequence[Leaves]) -> Leaves:
     return Leaves(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
-def _stand_free(leaves: Leaves, length_m: float) -> NDArray[np.bool_]:
+def stand_free(leaves: Leaves, length_m: float) -> NDArray[np.bool_]:
     """Which leaves stand above the ground and apart from all before them that do: (N,)."""
     places = grid_places(np.linspace(-1, 1, 9), np.linspace(0.04, 1, 13))
     points = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf())
@@ -221,25 +233,26 @@ def _place_cameras(settings: SceneSettings, width_m: float, depth_m: float) -> l
         azimuth, elevation = share * ARC_RAD, ELEVATIONS_RAD[view % len(ELEVATIONS_RAD)]
         target = np.array([((arc + 0.5) / arcs - 0.5) * width_m, 0.42 * height_m, 0.0])
         away = np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
-        cameras.append(_look_at(target + distance_m * away, target, focal_px, settings))
+        cameras.append(look_at(target + distance_m * away, target, focal_px, (settings.width_px, settings.height_px)))
     return cameras
 
 
-def _look_at(position: Array, target: Array, focal_px: float, settings: SceneSettings) -> Pinhole:
+def look_at(position: Array, target: Array, focal_px: float, size: tuple[int, int]) -> Pinhole:
+    """A camera at a position (3,) that has a target (3,) in the middle of its picture, of this width and height."""
     forward = (target - position) / np.linalg.norm(target - position)
     right = np.cross(forward, UP)
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward])
     return Pinhole(
-        width_px=settings.width_px,
-        height_px=settings.height_px,
+        width_px=size[0],
+        height_px=size[1],
         focal_px=(focal_px, focal_px),
-        center_px=(settings.width_px / 2, settings.height_px / 2),
+        center_px=(size[0] / 2, size[1] / 2),
         cam_from_world=np.column_stack([rotation, -rotation @ position]),
     )
 
 
-def _triangulate(counts: NDArray[np.int32], vertices: NDArray[np.int32]) -> NDArray[np.int32]:
+def triangulate(counts: NDArray[np.int32], vertices: NDArray[np.int32]) -> NDArray[np.int32]:
     """Fans (F, 3) of convex faces."""
     starts = np.cumsum(counts) - counts
     fans = [
@@ -250,9 +263,9 @@ def _triangulate(counts: NDArray[np.int32], vertices: NDArray[np.int32]) -> NDAr
     return np.array(fans, np.int32)
 
 
-def _build_tubes(tubes: Sequence[_Tube]) -> tuple[Array, Array, NDArray[np.int32]]:
+def build_tubes(tubes: Sequence[Tube], sides: int = SIDES) -> tuple[Array, Array, NDArray[np.int32]]:
     """Points, normals (V, 3) and triangles (F, 3) of tubes, open at their ends."""
-    turn = np.arange(SIDES) / SIDES * 2 * np.pi
+    turn = np.arange(sides) / sides * 2 * np.pi
     points, normals, triangles, begin = [], [], [], 0
     for tube in tubes:
         along = np.gradient(tube.points_m, axis=0)
@@ -260,12 +273,12 @@ def _build_tubes(tubes: Sequence[_Tube]) -> tuple[Array, Array, NDArray[np.int32
         first = np.cross(along, np.eye(3)[np.argmin(np.abs(along).max(axis=0))])
         first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
         second = np.cross(along, first)
-        out = np.cos(turn)[:, None] * first[:, None] + np.sin(turn)[:, None] * second[:, None]  # (K, SIDES, 3)
+        out = np.cos(turn)[:, None] * first[:, None] + np.sin(turn)[:, None] * second[:, None]  # (K, sides, 3)
         points.append((tube.points_m[:, None] + tube.radius_m[:, None, None] * out).reshape(-1, 3))
         normals.append(out.reshape(-1, 3))
-        ring = np.arange(SIDES)
-        low = begin + SIDES * np.arange(len(tube.points_m) - 1)[:, None]
-        a, b = low + ring, low + (ring + 1) % SIDES
-        triangles.append(np.stack([a, b, b + SIDES, a, b + SIDES, a + SIDES], axis=-1).reshape(-1, 3))
+        ring = np.arange(sides)
+        low = begin + sides * np.arange(len(tube.points_m) - 1)[:, None]
+        a, b = low + ring, low + (ring + 1) % sides
+        triangles.append(np.stack([a, b, b + sides, a, b + sides, a + sides], axis=-1).reshape(-1, 3))
         begin += len(points[-1])
     return np.concatenate(points), np.concatenate(normals), np.concatenate(triangles).astype(np.int32)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from synthetic.raster import rasterise
-from synthetic.scene import Scene
+from synthetic.scene import Bark, Scene
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
 
@@ -140,6 +140,8 @@ def _radiance(scene: Scene, light: Light, camera: Pinhole, image: Array) -> Arra
     leaf = scene.leaf[triangle]
     on_leaf = leaf >= 0
     albedo = np.tile(BARK, (len(leaf), 1))
+    if scene.bark is not None:
+        albedo[~on_leaf] = _bark_albedo(scene.bark, light, points[~on_leaf], normals[~on_leaf])
     uv = interpolate(scene.uv)
     albedo[on_leaf] = _leaf_albedo(scene, light, leaf[on_leaf], uv[on_leaf], below[on_leaf])
     sun = light.sun.lit(points)
@@ -190,6 +192,18 @@ def _leaf_albedo(scene: Scene, light: Light, leaf: NDArray[np.int32], uv: Array,
     color = color * (1 - pale) + pale * np.array([0.24, 0.32, 0.12])
     color[below] = 0.7 * color[below] + 0.3 * np.array([0.22, 0.28, 0.16])
     return np.asarray(color)
+
+
+def _bark_albedo(bark: Bark, light: Light, points_m: Array, normals: Array) -> Array:
+    """Colours (K, 3) of furrows, longer than wide, in the solid wood: seen along x and along z, as the bark faces."""
+    x, y, z = (points_m / bark.grain_m).T
+    facing = normals[:, 0] ** 2 / np.maximum(normals[:, 0] ** 2 + normals[:, 2] ** 2, 1e-12)
+    rough = np.zeros(len(points_m))
+    for finer, share in ((1.0, 0.8), (0.3, 0.6)):
+        along_x = _sample(light.noise, np.column_stack([z + 0.37 * y, 0.45 * y]) * finer)
+        along_z = _sample(light.noise, np.column_stack([x + 0.31 * y + 171.3, 0.45 * y]) * finer)
+        rough += share * (np.sqrt(facing) * along_x + np.sqrt(1 - facing) * along_z)
+    return np.asarray(np.array(bark.color) * 2 ** (bark.contrast * rough)[:, None])
 
 
 def _backdrop(scene: Scene, light: Light, camera: Pinhole) -> Array:

@@ -69,6 +69,7 @@ def run(options: argparse.Namespace) -> int:
         if options.threads < 0:
             raise FoliageError(f"--threads must be 0 or more, not {options.threads}")
         from usdfoliage.cli.build_options import read_request
+        from usdfoliage.jobs.build import farm_steps  # noqa: F401  # all that is heavy, before interrupts are handled
 
         request = read_request(options, options.capture, options.output, options.name)
         handle_interrupts()

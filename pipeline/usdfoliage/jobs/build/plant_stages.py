@@ -16,7 +16,7 @@ from usdfoliage.branch.roots import RootSettings
 from usdfoliage.branch.species import Species, load_species
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
-from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.errors import AssetError, CaptureError, FoliageError
 from usdfoliage.jobs.branches import BranchesRequest, NoStemsError, make_branches_asset
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.capture_stages import capture_folder
@@ -253,7 +253,13 @@ def _cloud_of(call: StageCall) -> Path:
 
 
 def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[ResultFile, ...]:
-    """A part that cannot be made is left out, and the report says so first."""
+    """A part that cannot be made is left out, and the report says so first.
+
+    Raises:
+        FoliageError: It cannot be made here and now, as on a full disk; on another day it can.
+    """
+    if isinstance(error, AssetError) or isinstance(error.__cause__, OSError):
+        raise error
     logger.warning("no %s: %s", what, error)
     text = str(error).replace(str(call.store.folder), "…")
     write_summary(call.out, StageSummary(failure=text, warnings=[f"the plant has no {what}: {text}"]))

@@ -1,8 +1,8 @@
 """What a task says of its result: figures, remarks and pictures, in a file beside it."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from usdfoliage.errors import CaptureError
@@ -51,3 +51,16 @@ def read_summary(folder: Path) -> StageSummary:
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise CaptureError(f"{folder / SUMMARY} cannot be read ({error}); run the same command again") from error
+
+
+def rename_paths(folder: Path, rename: Callable[[str], str]) -> None:
+    """Let all that a summary says name files otherwise; CaptureError where it cannot be read."""
+    held = read_summary(folder)
+    renamed = replace(
+        held,
+        rows=[replace(row, value=rename(row.value), remark=rename(row.remark)) for row in held.rows],
+        notes=[rename(note) for note in held.notes],
+        warnings=[rename(warning) for warning in held.warnings],
+        failure=rename(held.failure),
+    )
+    write_summary(folder, renamed)

@@ -17,6 +17,7 @@ from usdfoliage.jobs.build.inputs import BuildInputs, find_inputs
 from usdfoliage.jobs.build.plant_stages import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.build.report_stage import compare_plant, report_plant, show_variants, turn_plant
 from usdfoliage.jobs.build.store import Stamp, fill_result, find_finished, list_files, lock_task, write_stamp
+from usdfoliage.jobs.build.summary import SUMMARY, rename_paths
 from usdfoliage.jobs.build.tasks import (
     ASSET,
     BRANCHES,
@@ -34,6 +35,7 @@ from usdfoliage.jobs.build.tasks import (
     Task,
     plan_build,
 )
+from usdfoliage.jobs.capture_folder import IMAGES
 from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)
@@ -71,7 +73,12 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
             )
         return _run(order, inputs, plan, task, progress)
     except FoliageError as error:
-        return Done(name=order.name, seconds=0.0, was_run=True, error=_as_given(str(error), order.request))
+        return Done(
+            name=order.name,
+            seconds=0.0,
+            was_run=True,
+            error=_as_given(str(error), order.request, str(order.request.capture)),
+        )
     except Exception:  # noqa: BLE001 (a farm must hear of any)
         return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
 
@@ -98,6 +105,8 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
                     progress=progress,
                 )
             )
+            if (out / SUMMARY).is_file():  # which is part of the report: the same on every machine
+                rename_paths(out, lambda text: _as_given(text, order.request, order.request.capture.resolve().name))
         seconds = time.perf_counter() - start
         files = (*list_files(store, store.result(task.key)), *others)
         stamp = Stamp(key=task.key, name=task.name, seconds=seconds, estimate_s=task.estimate_s, files=files)
@@ -112,8 +121,10 @@ def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
     return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
 
 
-def _as_given(text: str, request: BuildRequest) -> str:
-    """A message with the files of the capture as the user knows them: tasks work on links and copies in the store."""
-    name = request.capture.resolve().name
-    laid = rf"{re.escape(str(request.store.folder))}/(?:scratch/[^/\s]+|results/[^/\s]+/capture)/{re.escape(name)}"
-    return re.sub(laid, lambda _: str(request.capture), text)
+def _as_given(text: str, request: BuildRequest, source: str) -> str:
+    """A message with files of the capture as source has them: tasks work on links and copies in the work folder."""
+    name = re.escape(request.capture.resolve().name)
+    laid = rf"{re.escape(str(request.store.folder))}/(?:scratch/[^/\s]+|results/[^/\s]+/capture)/{name}"
+    if not (request.capture / IMAGES).is_dir():  # a plain folder of photographs
+        laid += f"(?:/{IMAGES})?"
+    return re.sub(f"{laid}|{re.escape(str(request.capture))}(?=/|\\s|$)", lambda _: source, text)

@@ -1,0 +1,294 @@
+#!/usr/bin/env python3
+"""What becomes of a build when its processes are killed, disks are full, and files are damaged.
+
+usage: tools/bench/build_faults.py [--kills 20] [--seed 0] [--only NAME …]
+
+Every fault happens to a build of a small synthetic capture by the command line; then the same command runs again. Asked
+each time: what it said, its exit code, whether the output is absent or whole, whether the second run makes the same
+bytes as a build that nothing happened to, and whether it did anything again that was done. Disks are small tmpfs, which
+need root; without it those are left out. Exit 1 if anything is otherwise than it should be.
+"""
+
+import argparse
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+from small_builds import digests, spawned_by, write_quick_plan, write_small_capture
+from synthetic.scene import SceneSettings
+from synthetic_foliage import CaptureSettings, make_capture, write_capture
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """What all faults happen to."""
+
+    capture: Path
+    plan: Path
+    truth: Mapping[str, str]  # digests of the asset that should come out
+    seconds: float  # that a build takes
+    rng: random.Random
+    kills: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What happened."""
+
+    good: bool
+    said: str
+
+
+def command(capture: Path, plan: Path, folder: Path, *options: str) -> list[str]:
+    words = ["build", capture, "-o", folder / "plant", "--plan", plan, "--work", folder / "work"]
+    return [sys.executable, "-m", "usdfoliage", *map(str, words), *options]
+
+
+def run(given: Given, folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command(given.capture, given.plan, folder, *options), capture_output=True, text=True, check=False
+    )
+
+
+def start(given: Given, folder: Path, *options: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        command(given.capture, given.plan, folder, *options),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def stamps(folder: Path) -> dict[Path, int]:
+    return {path: path.stat().st_mtime_ns for path in (folder / "work" / "tasks").glob("*.json")}
+
+
+def judge(given: Given, folder: Path, first: str, before: Mapping[Path, int], again: int, *, codes: str) -> Outcome:
+    """How it stands after the second run."""
+    after = stamps(folder)
+    repeated = sum(after.get(path) != mark for path, mark in before.items())
+    same = digests(folder / "plant") == given.truth
+    left = [path.name for path in (folder / "work" / "results").glob(".*")]
+    left += [path.name for path in folder.glob(".plant.*")]
+    good = again == 0 and same and not repeated and not left
+    told = f"{codes}; then exit {again}, {'same bytes' if same else 'OTHER BYTES'}, {repeated} tasks done again"
+    return Outcome(good=good, said=f"{told}{f', left: {left}' if left else ''}{f': {first}' if first else ''}")
+
+
+def kill_at_random(given: Given, folder: Path) -> Outcome:
+    """kill -9 of a build and all its processes, at random moments."""
+    bad, finished = [], []
+    for number in range(given.kills):
+        place = folder / f"{number:02d}"
+        process = start(given, place, *(["--jobs", "2"] if number % 2 else []))
+        time.sleep(given.rng.uniform(0.3, 1.1) * given.seconds)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        before = stamps(place)
+        whole = not (place / "plant").exists() or digests(place / "plant") == given.truth
+        outcome = judge(given, place, "", before, run(given, place).returncode, codes="")
+        finished.append(len(before))
+        if not (outcome.good and whole):
+            bad.append(f"{number}: {outcome.said}{'' if whole else ', HALF AN ASSET'}")
+        shutil.rmtree(place)
+    told = f"{given.kills} kills after {min(finished)} to {max(finished)} finished tasks; {len(bad)} went wrong"
+    return Outcome(good=not bad, said="; ".join([told, *bad]))
+
+
+def kill_parent(given: Given, folder: Path) -> Outcome:
+    """kill -9 of the process that has two workers: these must end too."""
+    process = start(given, folder, "--jobs", "2")
+    while not stamps(folder):
+        time.sleep(0.05)
+    workers = spawned_by(process.pid)
+    process.kill()
+    process.communicate()
+    time.sleep(2)
+    alive = [pid for pid in workers if Path(f"/proc/{pid}").exists()]
+    outcome = judge(
+        given, folder, "", stamps(folder), run(given, folder).returncode, codes=f"{len(alive)} workers left"
+    )
+    return Outcome(good=outcome.good and bool(workers) and not alive, said=outcome.said)
+
+
+def kill_worker(given: Given, folder: Path) -> Outcome:
+    """kill -9 of one of two workers."""
+    process = start(given, folder, "--jobs", "2")
+    while not stamps(folder):
+        time.sleep(0.05)
+    os.kill(spawned_by(process.pid)[0], signal.SIGKILL)
+    _, errors = process.communicate()
+    same = digests(folder / "plant") == given.truth
+    told = errors.strip().splitlines()[:1]
+    said = f"exit {process.returncode}, {'same bytes' if same else 'OTHER BYTES'}: {told}"
+    return Outcome(good=process.returncode == 0 and same, said=said)
+
+
+def fill_disk(given: Given, folder: Path) -> Outcome:
+    """A work folder on a disk that is full after each of some sizes; then it grows."""
+    disk = folder / "disk"
+    disk.mkdir(parents=True)
+    mount("-t", "tmpfs", "-o", "size=300k", "tmpfs", str(disk))
+    try:
+        codes = []
+        first = ""
+        for size in ("300k", "1500k", "4m"):
+            mount("-o", f"remount,size={size}", str(disk))
+            ended = run(given, disk)
+            codes.append(ended.returncode)
+            first = first or last_line(ended.stderr)
+            if (disk / "plant").exists():
+                return Outcome(good=False, said=f"AN ASSET ON A FULL DISK of {size}")
+        before = stamps(disk)
+        mount("-o", "remount,size=200m", str(disk))
+        outcome = judge(given, disk, first, before, run(given, disk).returncode, codes=f"exits {codes}")
+        return Outcome(good=outcome.good and set(codes) == {2}, said=outcome.said)
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def write_protect(given: Given, folder: Path) -> Outcome:
+    """An output on a disk that cannot be written; then it can."""
+    disk = folder / "disk"
+    disk.mkdir(parents=True)
+    mount("-t", "tmpfs", "-o", "size=50m,ro", "tmpfs", str(disk))
+    (folder / "plant").symlink_to(disk / "plant")
+    words = ["build", given.capture, "-o", disk / "plant", "--plan", given.plan, "--work", folder / "work"]
+    try:
+        call = [sys.executable, "-m", "usdfoliage", *map(str, words)]
+        ended = subprocess.run(call, capture_output=True, text=True, check=False)
+        before = stamps(folder)
+        mount("-o", "remount,rw", str(disk))
+        again = subprocess.run(call, capture_output=True, text=True, check=False).returncode
+        first = last_line(ended.stderr)
+        outcome = judge(given, folder, first, before, again, codes=f"exit {ended.returncode}")
+        return Outcome(good=outcome.good and ended.returncode == 2, said=outcome.said)
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def damage(given: Given, folder: Path) -> Outcome:
+    """Results that are altered by a byte, cut, and removed, and a stamp with another figure."""
+
+    def alter(path: Path) -> None:
+        held = bytearray(path.read_bytes())
+        held[len(held) // 2] ^= 1
+        path.write_bytes(held)
+
+    damages: Mapping[str, Callable[[Path], object]] = {
+        "an altered byte": alter,
+        "a cut file": lambda path: path.write_bytes(path.read_bytes()[:-10]),
+        "a removed file": lambda path: path.unlink(),
+    }
+    told, good = [], True
+    for what, spoil in damages.items():
+        for pattern in ("results/*/capture/*/cloud.ply", "results/*/asset/payload/leaves.usdc", "views/*/depth/*.npz"):
+            run(given, folder, "--only", "asset")
+            paths = sorted((folder / "work").glob(pattern))
+            spoil(given.rng.choice(paths))
+            ended = run(given, folder)
+            same = digests(folder / "plant") == given.truth
+            good &= ended.returncode == 0 and same
+            if not same or ended.returncode:
+                told.append(f"{what} of {pattern}: exit {ended.returncode}, {last_line(ended.stderr)}")
+            shutil.rmtree(folder)
+    run(given, folder, "--only", "asset")
+    for path in stamps(folder):
+        path.write_text(path.read_text().replace('"seconds": ', '"seconds": 1'))
+    same = run(given, folder).returncode == 0 and digests(folder / "plant") == given.truth
+    return Outcome(good=good and same, said="; ".join(told) or "10 damages, each found: exit 0, same bytes")
+
+
+def meet(given: Given, folder: Path) -> Outcome:
+    """Two builds at once of one asset."""
+    processes = [start(given, folder) for _ in range(2)]
+    texts = [process.communicate() for process in processes]
+    codes = [process.returncode for process in processes]
+    ran = [line for out, _ in texts for line in out.splitlines() if line.startswith("tasks:")]
+    outcome = judge(
+        given, folder, " | ".join(ran), stamps(folder), run(given, folder).returncode, codes=f"exits {codes}"
+    )
+    return Outcome(good=outcome.good and codes == [0, 0], said=outcome.said)
+
+
+def break_photographs(given: Given, folder: Path) -> Outcome:
+    """A capture of which three of ten photographs cannot be read."""
+    capture = folder / "broken"
+    scene = SceneSettings(leaves=40, views=10, width_px=320, height_px=240)
+    write_capture(capture, make_capture(CaptureSettings(scene=scene)))
+    photographs = sorted((capture / "images").iterdir())
+    photographs[1].write_bytes(b"")
+    photographs[4].write_bytes(photographs[4].read_bytes()[:400])
+    photographs[8].write_bytes(b"no photograph")
+    ended = subprocess.run(command(capture, given.plan, folder), capture_output=True, text=True, check=False)
+    warnings = [line for line in ended.stdout.splitlines() if "photographs are left out" in line]
+    good = ended.returncode == 0 and any(line.startswith("warning: 3 of 10") for line in warnings)
+    return Outcome(good=good, said=f"exit {ended.returncode}: {' '.join(warnings) or last_line(ended.stderr)}")
+
+
+FAULTS: Mapping[str, Callable[[Given, Path], Outcome]] = {
+    "random kills": kill_at_random,
+    "parent killed": kill_parent,
+    "worker killed": kill_worker,
+    "disk full": fill_disk,
+    "read-only output": write_protect,
+    "damaged results": damage,
+    "two runs at once": meet,
+    "30 % broken files": break_photographs,
+}
+NEED_ROOT = ("disk full", "read-only output")
+
+
+def mount(*arguments: str) -> None:
+    subprocess.run(["mount", *arguments], check=True)
+
+
+def last_line(text: str) -> str:
+    return (text.strip().splitlines() or [""])[-1]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", nargs="+", choices=list(FAULTS), default=list(FAULTS))
+    options = parser.parse_args()
+    good = True
+    with tempfile.TemporaryDirectory(prefix="build-faults-") as temporary:
+        folder = Path(temporary)
+        capture, plan = write_small_capture(folder / "capture"), write_quick_plan(folder / "plan.toml")
+        begin = time.perf_counter()
+        subprocess.run(command(capture, plan, folder / "truth"), check=True, stdout=subprocess.DEVNULL)
+        given = Given(
+            capture=capture,
+            plan=plan,
+            truth=digests(folder / "truth" / "plant"),
+            seconds=time.perf_counter() - begin,
+            rng=random.Random(options.seed),
+            kills=options.kills,
+        )
+        print(f"a build takes {given.seconds:.1f} s and makes {len(given.truth)} files")
+        for name in options.only:
+            if name in NEED_ROOT and os.geteuid() != 0:
+                print(f"{name:<18} left out: it needs root")
+                continue
+            outcome = FAULTS[name](given, folder / name.replace(" ", "-"))
+            good &= outcome.good
+            said = outcome.said.replace(str(folder), "…")
+            print(f"{name:<18} {'good' if outcome.good else 'BAD '}  {said}", flush=True)
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
