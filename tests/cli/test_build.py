@@ -13,7 +13,8 @@ from pxr import Usd, UsdMedia
 from synthetic_foliage import write_capture
 from usdfoliage.__main__ import main
 from usdfoliage.cli import build
-from usdfoliage.jobs.build import tasks
+from usdfoliage.errors import PreviewError
+from usdfoliage.jobs.build import asset_stage, report_stage, tasks
 
 # Quick and rough, and without pictures: what is tested here is the build and not how good its parts are.
 FAST = """
@@ -266,6 +267,34 @@ def test_a_built_plant_has_its_pictures(capture: Path, built: Path, run: Run, tm
     page = (asset / "report" / "index.html").read_text()
     assert page.count("data:image/") > 8
     assert "warning: " not in out
+
+
+def test_pictures_that_storm_did_not_draw_are_tried_again(
+    capture: Path, built: Path, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise PreviewError("Storm drew nothing in 300 s")
+
+    plan = tmp_path / "pictures.toml"
+    plan.write_text(FAST.replace("make = false", SMALL_PICTURES.replace("comparisons = 1", "comparisons = 0")))
+    shutil.copytree(built / "assets" / ".usdfoliage", tmp_path / "work")
+    command = ("build", capture, "-o", tmp_path / "fern", "--plan", plan, "--work", tmp_path / "work")
+    with monkeypatch.context() as patch:
+        for name in ("draw_turntable", "draw_variants", "draw_comparisons"):
+            patch.setattr(report_stage, name, fail)
+        patch.setattr(asset_stage, "draw_thumbnail", fail)
+        code, out, err = run(*command)
+    assert code == 0, err
+    assert "warning: there are no pictures of the asset: Storm drew nothing" in out
+    assert "preview: " not in out
+    for name in ("draw_turntable", "draw_variants", "draw_comparisons"):
+        monkeypatch.setattr(report_stage, name, lambda *_, **__: [])
+    monkeypatch.setattr(asset_stage, "draw_thumbnail", lambda *_, **__: None)
+    code, out, _ = run(*command)
+    assert code == 0
+    assert "5 done now" in out  # the asset, three kinds of pictures, the report
+    assert "no pictures" not in out
+    assert "0 done now" in run(*command)[1]
 
 
 def test_stages_of_the_command_are_those_of_the_plan() -> None:

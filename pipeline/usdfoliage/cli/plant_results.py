@@ -41,7 +41,9 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
             )
         return
     print(f"asset: {made.asset}")
-    print(f"preview: {made.request.output / 'thumbnails' / f'{name}.png'}")
+    thumbnail = made.request.output / "thumbnails" / f"{name}.png"
+    if thumbnail.is_file():  # without Storm there is none
+        print(f"preview: {thumbnail}")
     print(f"report: {made.request.output / 'report' / 'index.html'}")
 
 

@@ -81,7 +81,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         Row(name="branches", value=f"{0 if traced is None else len(traced.skeleton):,}"),
         *[row for row in chosen.rows if row.name != "leaves"],
     ]
-    write_summary(call.out, StageSummary(rows=rows, notes=chosen.notes, warnings=warnings))
+    write_summary(call.out, StageSummary(rows=rows, notes=chosen.notes, warnings=warnings, poor=bool(warnings)))
     return ()
 
 

@@ -267,7 +267,7 @@ def _draw(call: StageCall, draw: Callable[[], object]) -> tuple[ResultFile, ...]
     except PreviewError as error:
         logger.warning("no pictures: %s", error)
         warnings.append(f"there are no pictures of the asset: {str(error).replace(str(call.store.folder), '…')}")
-    write_summary(call.out, StageSummary(warnings=warnings))
+    write_summary(call.out, StageSummary(warnings=warnings, poor=bool(warnings)))
     return ()
 
 

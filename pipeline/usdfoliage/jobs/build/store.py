@@ -54,6 +54,7 @@ class Stamp:
     seconds: float  # that it took
     estimate_s: float  # that it was thought to take
     files: tuple[ResultFile, ...]
+    poor: bool = False  # it lacks what another run may find: good for this one, and done again by the next
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +110,7 @@ def write_stamp(store: Store, stamp: Stamp) -> None:
         "name": stamp.name,
         "seconds": round(stamp.seconds, 3),
         "estimate_s": round(stamp.estimate_s, 3),
+        "poor": stamp.poor,
         "files": [
             {"path": file.path, "size_bytes": file.size_bytes, "sha256": file.sha256}
             for file in sorted(stamp.files, key=lambda each: each.path)

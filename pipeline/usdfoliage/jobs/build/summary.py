@@ -29,6 +29,7 @@ class StageSummary:
     pictures: Sequence[StagePicture] = ()
     detail: str = ""  # a page of the stage's own, from the result's folder
     failure: str = ""  # why there is no result; the plant goes without
+    poor: bool = False  # made without Storm's pictures: the next run tries again
 
 
 def write_summary(folder: Path, summary: StageSummary) -> None:
@@ -48,6 +49,7 @@ def read_summary(folder: Path) -> StageSummary:
             pictures=tuple(StagePicture(**picture) for picture in held["pictures"]),
             detail=held["detail"],
             failure=held["failure"],
+            poor=held["poor"],
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise CaptureError(f"{folder / SUMMARY} cannot be read ({error}); run the same command again") from error

@@ -191,7 +191,7 @@ def find_wanted(plan: BuildPlan, store: Store, *, thorough: bool) -> tuple[dict[
         if name in wanted or name in finished:
             continue
         stamp = find_finished(store, plan.tasks[name].key, thorough=thorough)
-        if stamp is not None:
+        if stamp is not None and not stamp.poor:
             finished[name] = stamp
             continue
         wanted.add(name)

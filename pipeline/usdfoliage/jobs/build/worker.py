@@ -17,7 +17,7 @@ from usdfoliage.jobs.build.inputs import BuildInputs, find_inputs
 from usdfoliage.jobs.build.plant_stages import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.build.report_stage import compare_plant, report_plant, show_variants, turn_plant
 from usdfoliage.jobs.build.store import Stamp, fill_result, find_finished, list_files, lock_task, write_stamp
-from usdfoliage.jobs.build.summary import SUMMARY, rename_paths
+from usdfoliage.jobs.build.summary import SUMMARY, read_summary, rename_paths
 from usdfoliage.jobs.build.tasks import (
     ASSET,
     BRANCHES,
@@ -86,12 +86,16 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
 def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, progress: StepProgress | None) -> Done:
     store = order.request.store
     with lock_task(store, task.key):
-        if find_finished(store, task.key, thorough=True) is not None:
+        finished = find_finished(store, task.key, thorough=True)
+        if finished is not None and not finished.poor:
             return Done(name=task.name, seconds=0.0, was_run=False)
+        poor = False  # what is made of something poor is poor as well
         for need in task.needs:
             thorough = task.stage not in _READ_MANY
-            if find_finished(store, plan.tasks[need].key, thorough=thorough) is None:
+            stamp = find_finished(store, plan.tasks[need].key, thorough=thorough)
+            if stamp is None:
                 return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
+            poor |= stamp.poor
         start = time.perf_counter()
         with fill_result(store, task.key) as out:
             others = STAGES[task.stage](
@@ -109,8 +113,18 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
                 rename_paths(out, lambda text: _as_given(text, order.request, order.request.capture.resolve().name))
         seconds = time.perf_counter() - start
         files = (*list_files(store, store.result(task.key)), *others)
-        stamp = Stamp(key=task.key, name=task.name, seconds=seconds, estimate_s=task.estimate_s, files=files)
-        write_stamp(store, stamp)
+        poor |= read_summary(store.result(task.key)).poor
+        write_stamp(
+            store,
+            Stamp(
+                key=task.key,
+                name=task.name,
+                seconds=seconds,
+                estimate_s=task.estimate_s,
+                files=files,
+                poor=poor,
+            ),
+        )
         shutil.rmtree(store.scratch(task.key), ignore_errors=True)
     logger.info("%s: %.1f s", task.name, seconds)
     return Done(name=task.name, seconds=seconds, was_run=True)
