@@ -86,17 +86,40 @@ def test_captured_leaves_are_brought_into_the_plants_frame() -> None:
 @pytest.mark.parametrize(
     ("count", "confidence", "away_m", "kind"),
     [
-        (40, 0.9, 10.0, "drawn"),  # good ones, but of a small part of the plant
+        (40, 0.9, 10.0, "filled"),  # good ones, but of a small part of the plant
         (40, 0.2, 0.0, "species"),  # everywhere, but guessed
         (10, 0.9, 10.0, "species"),  # too few to draw from
     ],
 )
-def test_else_twigs_carry_them(count: int, confidence: float, away_m: float, kind: str) -> None:
+def test_else_the_cloud_or_the_twigs_carry_them(count: int, confidence: float, away_m: float, kind: str) -> None:
     leaves = sure_leaves(count, confidence)
     chosen = choose_foliage(captured(leaves), traced(points_on(leaves) + away_m), BuildSettings(), FRAME)
     assert chosen.kind == kind
     assert chosen.leaves is not None
     assert chosen.notes
+
+
+def test_leaves_that_cannot_be_told_in_the_cloud_are_on_the_twigs() -> None:
+    leaves = sure_leaves()
+    assert kind_of(captured(leaves), traced(points_on(leaves) + 10, knows_leaves=False)) == "drawn"
+
+
+def test_what_found_leaves_leave_bare_is_filled_with_leaves_like_them() -> None:
+    leaves = sure_leaves()
+    elsewhere_m = points_on(leaves) + 10
+    plant = traced(np.concatenate([points_on(leaves), elsewhere_m, points_on(leaves) + 20, points_on(leaves) + 30]))
+    chosen = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
+    assert chosen.kind == "filled"
+    assert chosen.leaves is not None
+    held = chosen.leaves.leaves
+    np.testing.assert_array_equal(held.base_m[:40], leaves.base_m)
+    assert held.confidence is not None
+    assert (held.confidence[40:] == 0).all()  # guessed
+    assert leaf_cover(elsewhere_m, held) > 0.6
+    assert 0.5 < (len(held) - 40) / (3 * 40) < 4  # not one for each point, nor one for all
+    again = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
+    assert again.leaves is not None
+    np.testing.assert_array_equal(again.leaves.leaves.base_m, held.base_m)
 
 
 def test_a_bare_plant_stays_bare_unless_leaves_cannot_be_told() -> None:

@@ -1,5 +1,6 @@
 """Which leaves a plant gets: those that were found, where they were found, or leaves on the twigs of its branches."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from usdfoliage.branch.foliage import FoliageSettings as GrownSettings
 from usdfoliage.branch.species import GENERIC, load_species
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branch_foliage import (
+    DRAWN_ALIKE,
     FITTED,
     TEMPLATE,
     FoliageRequest,
@@ -23,8 +25,11 @@ from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.jobs.leaf_asset import MOST_LEAVES_OF_ALL
 from usdfoliage.jobs.leaf_change import move_leaves
+from usdfoliage.leaf.fill import FillSettings, fill_places
+from usdfoliage.leaf.jitter import spread_phases
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.surface import evaluate_points, grid_places
+from usdfoliage.leaf.variation import vary_colors
 
 SURE = 0.5  # confidence of a leaf that counts
 LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
@@ -77,6 +82,8 @@ def choose_foliage(
             look=captured.fitted.look,
         )
         return ChosenFoliage(leaves=leaves, kind=kind, notes=tuple(notes), rows=())
+    if kind == "filled":
+        return _fill(captured, placed, traced, settings, notes)
     if traced is None:
         raise FoliageError(f"foliage.kind is {kind}, and there are no twigs for leaves; set it to captured or auto")
     if kind == "drawn" and captured is None:
@@ -96,14 +103,87 @@ def choose_foliage(
     return ChosenFoliage(leaves=grown.foliage, kind=kind, notes=(*notes, *grown.notes), rows=grown.rows)
 
 
-def leaf_cover(points_m: NDArray[np.float64], leaves: Leaves) -> float:
-    """Which share of points (N, 3) lies near leaves; 0 without either."""
+def _fill(
+    captured: CapturedLeaves | None,
+    placed: Leaves | None,
+    traced: TracedPlant | None,
+    settings: BuildSettings,
+    notes: list[str],
+) -> ChosenFoliage:
+    """The sure ones of the leaves that were found, and wherever the cloud has leaves besides, others like them."""
+    if captured is None or placed is None or traced is None or not (~traced.wood).any():
+        raise FoliageError("foliage.kind is filled: that takes leaves that were found, and a cloud that tells leaves")
+    rng = np.random.default_rng(settings.seed)
+    trust = np.ones(len(placed)) if placed.confidence is None else placed.confidence
+    sure = placed.take(np.flatnonzero(trust >= SURE)) if (trust >= SURE).any() else placed
+    length_m = settings.foliage.leaf_length_m or float(np.median(sure.length_m))
+    leafy_m = traced.points_m[~traced.wood]
+    bare_m = leafy_m[~near_leaves(leafy_m, sure)]
+    most = max(settings.foliage.most_leaves - len(sure), 1)
+    places = fill_places(bare_m, traced.skeleton.points_m, length_m, rng, FillSettings(most_leaves=most))
+    drawn = rng.integers(len(sure), size=len(places.base_m))
+    others = Leaves(
+        parameters=sure.parameters[drawn],
+        base_m=places.base_m,
+        orientation=places.orientation,
+        length_m=length_m * sure.length_m[drawn] / float(np.median(sure.length_m)),
+        phase=np.zeros(len(drawn)),
+        color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_ALIKE),
+    )
+    leaves = join_leaves([sure, others])
+    notes.append(f"{len(others):,} leaves were drawn beside {len(sure):,} that were found")
+    chosen = _representations(settings, len(leaves))
+    foliage = BranchLeaves(
+        leaves=leaves,
+        settings=LeafAssetSettings(representations=chosen),
+        edits=captured.fitted.edits,
+        look=captured.fitted.look,
+    )
+    rows = (Row(name="found", value=f"{len(sure):,}"), Row(name="filled in", value=f"{len(others):,}"))
+    return ChosenFoliage(leaves=foliage, kind="filled", notes=tuple(notes), rows=rows)
+
+
+def join_leaves(groups: Sequence[Leaves]) -> Leaves:
+    """Leaves of several groups as one; what is not known of a leaf is guessed: no confidence, no view."""
+    known = (
+        ("confidence", 0.0, np.float64),
+        ("residual_m", 0.0, np.float64),
+        ("view", -1, np.int32),
+    )
+    joined: dict[str, NDArray[np.generic] | None] = {}
+    for name, none, kind in known:
+        held = [getattr(group, name) for group in groups]
+        joined[name] = None
+        if any(values is not None for values in held):
+            joined[name] = np.concatenate(
+                [np.full(len(g), none, kind) if v is None else v for g, v in zip(groups, held, strict=True)]
+            )
+    colors = [group.color for group in groups]
+    count = sum(map(len, groups))
+    return Leaves(
+        parameters=np.concatenate([group.parameters for group in groups]),
+        base_m=np.concatenate([group.base_m for group in groups]),
+        orientation=np.concatenate([group.orientation for group in groups]),
+        length_m=np.concatenate([group.length_m for group in groups]),
+        phase=spread_phases(count),
+        color=np.concatenate(colors) if all(color is not None for color in colors) else None,  # type: ignore[arg-type]
+        **joined,  # type: ignore[arg-type]
+    )
+
+
+def near_leaves(points_m: NDArray[np.float64], leaves: Leaves) -> NDArray[np.bool_]:
+    """(N,), which points lie near leaves."""
     if not len(points_m) or not len(leaves):
-        return 0.0
+        return np.zeros(len(points_m), bool)
     places = grid_places(np.linspace(-1, 1, _ACROSS), np.linspace(0, 1, _ALONG))
     samples_m = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
     away_m, _ = cKDTree(samples_m).query(points_m, distance_upper_bound=_NEAR * float(np.median(leaves.length_m)))
-    return float(np.isfinite(away_m).mean())
+    return np.isfinite(away_m)
+
+
+def leaf_cover(points_m: NDArray[np.float64], leaves: Leaves) -> float:
+    """Which share of points (N, 3) lies near leaves; 0 without either."""
+    return float(near_leaves(points_m, leaves).mean()) if len(points_m) else 0.0
 
 
 def _choose(placed: Leaves | None, sure: int, traced: TracedPlant | None, settings: BuildSettings) -> tuple[str, str]:
@@ -121,6 +201,8 @@ def _choose(placed: Leaves | None, sure: int, traced: TracedPlant | None, settin
         if cover >= settings.foliage.least_cover and sure >= settings.foliage.least_sure * len(placed):
             return "captured", f"{told}: they are where they were found"
         if has_leaves and sure >= settings.foliage.least_drawn:
+            if len(leafy_m) and traced.knows_leaves:
+                return "filled", f"{told}: others, drawn from {sure} that are sure, are where the cloud has leaves"
             return "drawn", f"{told}: the leaves are on the twigs instead, drawn from {sure} that were found"
     if not has_leaves:
         return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"

@@ -12,7 +12,7 @@ from usdfoliage.jobs.leaves_settings import LeavesSettings, set_everywhere
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
 
 LeafDepth = Literal["auto", "given", "estimated"]
-FoliageKind = Literal["auto", "captured", "drawn", "species", "none"]
+FoliageKind = Literal["auto", "captured", "filled", "drawn", "species", "none"]
 MakeBranches = Literal["auto", "on", "off"]
 CloudLeaves = Literal["auto", "on", "off"]
 
@@ -73,8 +73,9 @@ class LeafStageSettings(LeavesSettings):
 class FoliageSettings:
     """Which leaves the plant has."""
 
-    # captured: those that were found, where they were found; drawn: on the twigs, drawn from those that were found;
-    # species: on the twigs, of the species; auto: captured where they cover the plant, else drawn, else species
+    # captured: those that were found, where they were found; filled: the sure ones of them, and drawn ones wherever the
+    # cloud has leaves besides; drawn: on the twigs, drawn from those that were found; species: on the twigs, of the
+    # species; auto: captured if they cover the plant, else filled if the cloud tells leaves, else drawn or species
     kind: FoliageKind = "auto"
     least_cover: float = 0.3  # share of the cloud's leaves that captured leaves must cover, for auto
     least_sure: float = 0.25  # share of captured leaves that must be sure of themselves, for auto to leave them there

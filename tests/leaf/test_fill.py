@@ -1,0 +1,83 @@
+"""Leaves that are put where a cloud has leaves."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from usdfoliage.leaf.fill import FillSettings, fill_places
+
+LENGTH_M = 0.1
+
+
+def blade(middle_m: np.ndarray, turn: Rotation, rng: np.random.Generator, count: int = 60) -> np.ndarray:
+    """Points on a flat leaf: its axis is the y of turn, its normal the z."""
+    local = np.column_stack([rng.uniform(-0.015, 0.015, count), rng.uniform(-0.045, 0.045, count), np.zeros(count)])
+    return middle_m + turn.apply(local)
+
+
+def test_a_leaf_lies_in_the_plane_of_its_points_and_points_away_from_its_twig() -> None:
+    rng = np.random.default_rng(0)
+    turn = Rotation.from_euler("xyz", [-70, 25, 10], degrees=True)
+    middle_m = np.array([0.5, 1.5, -0.2])
+    points_m = blade(middle_m, turn, rng)
+    twig_m = (middle_m - turn.apply([0, 0.06, 0]))[None]
+    places = fill_places(points_m, twig_m, LENGTH_M, np.random.default_rng(1), FillSettings(apart=1.2, around=1.2))
+    assert len(places.base_m) == 1
+    own = Rotation.from_quat(places.orientation[0])
+    normal = turn.apply([0, 0, 1]) * np.sign(turn.apply([0, 0, 1])[1])
+    assert own.apply([0, 0, 1]) @ normal > 0.999
+    assert own.apply([0, 1, 0]) @ turn.apply([0, 1, 0]) > 0.99
+    assert np.linalg.norm(places.base_m[0] + 0.5 * LENGTH_M * own.apply([0, 1, 0]) - middle_m) < 0.015
+
+
+def test_leaves_keep_apart_and_fill_all() -> None:
+    rng = np.random.default_rng(2)
+    points_m = rng.uniform(0, 0.4, (4000, 3))
+    settings = FillSettings(apart=0.8)
+    places = fill_places(points_m, np.zeros((1, 3)), LENGTH_M, np.random.default_rng(3), settings)
+    chosen_m = points_m[places.point]
+    between_m = np.linalg.norm(chosen_m[:, None] - chosen_m[None], axis=-1) + np.eye(len(chosen_m))
+    assert between_m.min() >= settings.apart * LENGTH_M
+    assert len(chosen_m) > 50
+
+
+def test_points_that_stand_alone_are_no_leaf() -> None:
+    rng = np.random.default_rng(4)
+    alone_m = np.array([[5.0, 5, 5], [5.001, 5, 5], [9, 9, 9]])
+    leaf_m = blade(np.zeros(3), Rotation.identity(), rng)
+    places = fill_places(np.concatenate([alone_m, leaf_m]), np.ones((1, 3)), LENGTH_M, np.random.default_rng(5))
+    assert len(places.point)
+    assert (places.point >= 3).all()
+
+
+def test_clumps_without_a_plane_give_leaves_that_lie_as_they_are_told_to() -> None:
+    points_m = np.random.default_rng(6).uniform(0, 0.3, (20000, 3))
+    for tilt, low, high in ((0.0, 0.999, 1.0), (0.7, 0.6, 0.9)):
+        settings = FillSettings(tilt=tilt)
+        places = fill_places(points_m, np.array([[1.0, 0, 0]]), LENGTH_M, np.random.default_rng(7), settings)
+        upward = Rotation.from_quat(places.orientation).apply([0, 0, 1])[:, 1]
+        assert low <= np.median(upward) <= high + 1e-9
+
+
+@given(st.integers(0, 40), st.integers(0, 2**31), st.floats(0.001, 10))
+def test_any_points_give_whole_leaves_and_the_same_each_time(count: int, seed: int, length_m: float) -> None:
+    points_m = np.random.default_rng(seed).normal(size=(count, 3)).round(1)  # some fall together, or on a line
+    origins_m = np.zeros((1, 3))
+    first, second = (fill_places(points_m, origins_m, length_m, np.random.default_rng(1)) for _ in range(2))
+    np.testing.assert_array_equal(first.base_m, second.base_m)
+    assert np.isfinite(first.base_m).all()
+    np.testing.assert_allclose(np.linalg.norm(first.orientation, axis=1), 1)
+
+
+def test_most_leaves_are_kept_evenly() -> None:
+    points_m = np.random.default_rng(8).uniform(0, 0.5, (5000, 3))
+    places = fill_places(points_m, np.zeros((1, 3)), LENGTH_M, np.random.default_rng(9), FillSettings(most_leaves=100))
+    assert len(places.base_m) == 100
+    assert np.abs(points_m[places.point].mean(axis=0) - 0.25).max() < 0.08
+
+
+@pytest.mark.parametrize("length_m", [0.0, -1.0, float("nan")])
+def test_a_length_that_cannot_be_is_refused(length_m: float) -> None:
+    with pytest.raises(ValueError, match="length_m"):
+        fill_places(np.zeros((4, 3)), np.zeros((1, 3)), length_m, np.random.default_rng(0))
