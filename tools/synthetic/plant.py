@@ -44,7 +44,8 @@ TWIGS_A_LIMB, TWIGS_FROM = 4, (0.28, 0.82)
 TWIG_LENGTH = 0.8  # of what the limb has beyond it
 OF_PARENT = 0.62  # radius of a branch at its base, to its parent's there
 TIP_RADIUS = 0.0022
-LEAF_LENGTH, INTERNODE, SHOOT = 0.066, 0.03, 0.3
+LEAF_LENGTH, INTERNODE, SHOOT = 0.078, 0.03, 0.3
+DROOP_RAD = 0.85  # blades that hang face outwards, to the cameras
 PETIOLE_RADIUS = 0.0011
 SIDES = 14
 HALVINGS = 24  # of the way in which the cameras' distance is looked for
@@ -52,7 +53,7 @@ MESH = LeafMeshSettings(across=6, along=12, silhouette=24)
 GREY_BROWN = (0.16, 0.115, 0.075)  # linear
 GRAIN = 0.0009
 FOCAL = 1.15  # in the picture's longer side
-ELEVATIONS_RAD = (0.16, 0.52)
+ELEVATIONS_RAD = (0.2, 0.6)
 MARGIN = 0.04  # of a picture's sides, around the plant
 
 
@@ -199,6 +200,7 @@ def _species(height_m: float) -> Species:
         load_species(GENERIC),
         internode_m=INTERNODE * height_m,
         leaf_length_m=LEAF_LENGTH * height_m,
+        droop_rad=DROOP_RAD,
         twig_radius_m=0.0062 * height_m,
         shoot_m=SHOOT * height_m,
     )
