@@ -10,11 +10,12 @@ from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from usdfoliage.asset.leaf_material import STORM_SURFACE, TEXTURE_COLOR
 from usdfoliage.asset.leaf_primvars import place
-from usdfoliage.asset.locate import REPRESENTATION, find_interface, find_plants, open_layer
+from usdfoliage.asset.locate import find_interface, find_plants, open_layer
 from usdfoliage.asset.look import Look, read_look
+from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
 from usdfoliage.asset.plant import CROWN, LEAVES
-from usdfoliage.asset.provenance import CUSTOM_DATA_KEY, Provenance
+from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API
 from usdfoliage.errors import AssetError
 

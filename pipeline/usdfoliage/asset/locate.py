@@ -6,11 +6,11 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom
 
+from usdfoliage.asset.look_layer import REPRESENTATION
 from usdfoliage.asset.schema import LEAF_API, PLANT_API
 from usdfoliage.errors import AssetError
 
 USD_SUFFIXES = (".usda", ".usdc", ".usd", ".usdz")
-REPRESENTATION = "representation"  # the variant set of a plant that chooses what its leaves are
 
 
 def usd_files_at_top(folder: Path) -> list[Path]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from pxr import Sdf
 
-CUSTOM_DATA_KEY = "usdfoliage"  # of a layer's customLayerData; an interface layer that has it is ours
+from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,125 @@
+"""What a look says and where it says it, in plain USD.
+
+Nothing but pxr is imported, not even of this package: usd_plugins/usdviewFoliage loads this file by itself, in programs
+that may have neither numpy nor the rest of usdfoliage, so that a look is made up in one place.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+EditValue = float | tuple[float, float, float]
+
+REPRESENTATION = "representation"  # the variant set of a plant that chooses what its leaves are
+BEZIER = "bezier"  # its variant that edits act on
+LOOK_OF = "lookOf"  # of a look's record: the asset's interface layer, as seen from the look
+LOOK_PRIM = "lookPrim"  # the one placement that it is for
+CUSTOM_DATA_KEY = "usdfoliage"  # of a layer's customLayerData; a layer of ours has it
+
+# Every edit, its primvar, and its neutral value. The names are those of usdfoliage.leaf.edits.LeafEdits.
+EDITS: Mapping[str, str] = {
+    "width": "leaf:edit:width",
+    "axis1": "leaf:edit:axis1",
+    "axis2": "leaf:edit:axis2",
+    "silhouette1": "leaf:edit:silhouette1",
+    "silhouette2": "leaf:edit:silhouette2",
+    "silhouette3": "leaf:edit:silhouette3",
+    "curl": "leaf:edit:curl",
+    "jitter_amplitude": "leaf:edit:jitterAmplitude",
+    "jitter_frequency": "leaf:edit:jitterFrequency",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeavesLook:
+    """What a look says of one prim of leaves."""
+
+    path: Sdf.Path  # of the leaves, below the plant
+    edits: Mapping[str, EditValue]  # as the leaves shall have them in the end
+    held: Mapping[str, EditValue]  # as they have them without the look
+
+
+def author_edit(prim: Usd.Prim, name: str, value: EditValue) -> None:
+    """One edit, by the name of its primvar (EDITS)."""
+    primvars = UsdGeom.PrimvarsAPI(prim)
+    if isinstance(value, tuple):
+        primvar = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.Float3, UsdGeom.Tokens.constant)
+        primvar.Set(Gf.Vec3f(*map(float, value)))
+    else:
+        primvars.CreatePrimvar(name, Sdf.ValueTypeNames.Float, UsdGeom.Tokens.constant).Set(float(value))
+
+
+def same_value(first: EditValue | None, second: EditValue | None) -> bool:
+    """Whether two edits are one in USD, which keeps them as float32."""
+    if first is None or second is None or isinstance(first, tuple) != isinstance(second, tuple):
+        return first is second
+    if isinstance(first, tuple):
+        return bool(Gf.Vec3f(*first) == Gf.Vec3f(*second))  # type: ignore[misc]
+    return bool(Gf.Vec2f(first, 0) == Gf.Vec2f(second, 0))
+
+
+def find_class(plant: Usd.Prim) -> Sdf.Path | None:
+    """The class that a plant inherits from outside, through which a look reaches it; None where there is none."""
+    held = plant.GetInherits().GetAllDirectInherits()
+    return next((path for path in held if not path.HasPrefix(plant.GetPath())), None)
+
+
+def placement_class(class_path: Sdf.Path, placement: Sdf.Path) -> Sdf.Path:
+    """A class for one placement: it reaches into an instance, where opinions of the placement itself do not."""
+    placements = class_path.GetParentPath().AppendChild(f"{class_path.name}_placements")
+    return placement.ReplacePrefix(Sdf.Path.absoluteRootPath, placements)
+
+
+def build_look(
+    plant: Usd.Prim,
+    class_path: Sdf.Path,
+    look_of: str,
+    leaves: Sequence[LeavesLook],
+    author_more: Callable[[Usd.Stage, int], None],
+    placement: str | None = None,
+) -> Sdf.Layer:
+    """A layer, in memory, that says of a plant's class what leaves are edited by.
+
+    Args:
+        plant: Composed, where its leaves can be edited.
+        class_path: From find_class or placement_class.
+        look_of: The asset's interface layer, as seen from where the look will lie.
+        leaves: What is said of each prim of leaves.
+        author_more: Called once for each of leaves, with the look's stage and the number of the leaves, to author the
+            extents that they need; it stands in the variant of the leaves.
+        placement: The one prim that the look is for, where class_path is a class of its own.
+    """
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.documentation = f"A look of {plant.GetName()}: sublayer it into a scene that has this asset."
+    stage = Usd.Stage.Open(layer)
+    for prefix in class_path.GetPrefixes():
+        stage.CreateClassPrim(prefix)
+    record = {LOOK_OF: look_of}
+    if placement:
+        record[LOOK_PRIM] = placement
+        stage.OverridePrim(placement).GetInherits().AddInherit(class_path)
+    layer.customLayerData = {CUSTOM_DATA_KEY: record}
+    with _variant_context(stage.GetPrimAtPath(class_path), plant):
+        for number, said in enumerate(leaves):
+            at = said.path.ReplacePrefix(plant.GetPath(), class_path)
+            for name, primvar in EDITS.items():
+                if name in said.edits and not same_value(said.edits[name], said.held.get(name)):
+                    author_edit(stage.OverridePrim(at), primvar, said.edits[name])
+            author_more(stage, number)
+    return layer
+
+
+@contextmanager
+def _variant_context(prim: Usd.Prim, plant: Usd.Prim) -> Iterator[None]:
+    """Author below prim in the variant of the leaves that have edits, if the plant has variants of them at all."""
+    if REPRESENTATION not in plant.GetVariantSets().GetNames():
+        yield
+        return
+    variants = prim.GetVariantSets().AddVariantSet(REPRESENTATION)
+    variants.AddVariant(BEZIER)
+    variants.SetVariantSelection(BEZIER)
+    with variants.GetVariantEditContext():
+        yield
+    variants.ClearVariantSelection()  # which one is shown, the scene says
