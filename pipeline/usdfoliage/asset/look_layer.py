@@ -4,6 +4,7 @@ Nothing but pxr is imported, not even of this package: usd_plugins/usdviewFoliag
 that may have neither numpy nor the rest of usdfoliage, so that a look is made up in one place.
 """
 
+import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,7 +19,15 @@ LOOK_OF = "lookOf"  # of a look's record: the asset's interface layer, as seen f
 LOOK_PRIM = "lookPrim"  # the one placement that it is for
 CUSTOM_DATA_KEY = "usdfoliage"  # of a layer's customLayerData; a layer of ours has it
 
-# Every edit, its primvar, and its neutral value. The names are those of usdfoliage.leaf.edits.LeafEdits.
+# Leaf lengths on every side of the leaves. Storm culls each leaf by the prototype's extent, and edits that add up or
+# are authored by hand move what is drawn without widening it: of two looks only the stronger one's extent stands.
+PROTOTYPE_MARGIN = 1.0
+
+_SHOWN = 2  # of extentsHint's pairs of corners, a pair a purpose: the first two, default and render, may hold leaves
+_SLACK = 1e-5  # of the size: what edits and parameters lose as float32
+_LEAST = 1.401298464324817e-45  # float32 above 0
+
+# Every edit and its primvar. The names are those of usdfoliage.leaf.edits.LeafEdits.
 EDITS: Mapping[str, str] = {
     "width": "leaf:edit:width",
     "axis1": "leaf:edit:axis1",
@@ -123,3 +132,99 @@ def _variant_context(prim: Usd.Prim, plant: Usd.Prim) -> Iterator[None]:
     with variants.GetVariantEditContext():
         yield
     variants.ClearVariantSelection()  # which one is shown, the scene says
+
+
+def widen_extents(
+    stage: Usd.Stage,
+    class_path: Sdf.Path,
+    plant: Usd.Prim,
+    instancer: Usd.Prim,
+    in_leaf_space: Gf.Range3d,
+    among_leaves: Gf.Range3d,
+) -> None:
+    """Author the extents that edited leaves outgrow: of the prototypes, of the instancer, of the plant.
+
+    None becomes smaller than the asset has it, for a renderer without our shader draws leaves without the edits. Those
+    of the prototypes get the margin that the asset gives them, for other looks may act besides this one.
+
+    Args:
+        stage: Of the look.
+        class_path: What stands in the look for the plant.
+        plant: Composed, without the look.
+        instancer: Its leaves.
+        in_leaf_space: Holds every edited leaf in leaf space.
+        among_leaves: Holds all edited leaves in the space of the instancer.
+    """
+    margin = Gf.Vec3d(PROTOTYPE_MARGIN)
+    with_margin = Gf.Range3d(in_leaf_space.min - margin, in_leaf_space.max + margin)
+    for target in UsdGeom.PointInstancer(instancer).GetPrototypesRel().GetForwardedTargets():
+        prototype = instancer.GetStage().GetPrimAtPath(target)
+        for gprim in Usd.PrimRange(prototype) if prototype else ():
+            if UsdGeom.Gprim(gprim):
+                _widen(stage, class_path, plant, UsdGeom.Gprim(gprim), in_leaf_space, with_margin)
+    _widen(stage, class_path, plant, UsdGeom.Boundable(instancer), among_leaves, among_leaves)
+    matrix, _ = UsdGeom.XformCache().ComputeRelativeTransform(instancer, plant)
+    _widen_hint(stage, class_path, plant, Gf.BBox3d(among_leaves, matrix).ComputeAlignedRange())
+
+
+def _widen(
+    stage: Usd.Stage,
+    class_path: Sdf.Path,
+    plant: Usd.Prim,
+    boundable: UsdGeom.Boundable,
+    needed: Gf.Range3d,
+    wanted: Gf.Range3d,
+) -> None:
+    """Where the extent does not hold what is needed, author one that holds what is wanted."""
+    corners = boundable.GetExtentAttr().Get()
+    extent = _range(corners) if corners else needed
+    if _contains(extent, needed):
+        return
+    over = stage.OverridePrim(boundable.GetPath().ReplacePrefix(plant.GetPath(), class_path))
+    UsdGeom.Boundable(over).CreateExtentAttr(_outward_corners(Gf.Range3d.GetUnion(extent, wanted)))
+
+
+def _widen_hint(stage: Usd.Stage, class_path: Sdf.Path, plant: Usd.Prim, needed: Gf.Range3d) -> None:
+    """The same for extentsHint, a pair of corners a purpose; an empty purpose has its corners swapped."""
+    attribute = UsdGeom.ModelAPI(plant).GetExtentsHintAttr()
+    hint = list(attribute.Get() if attribute and attribute.HasAuthoredValue() else ())
+    pairs = [hint[first : first + 2] for first in range(0, len(hint) - 1, 2)]
+    grown = [number < _SHOWN and not _range(pair).IsEmpty() for number, pair in enumerate(pairs)]
+    if all(_contains(_range(pair), needed) for pair, grows in zip(pairs, grown, strict=True) if grows):
+        return
+    wider = [
+        _outward_corners(Gf.Range3d.GetUnion(_range(pair), needed)) if grows else pair
+        for pair, grows in zip(pairs, grown, strict=True)
+    ]
+    over = stage.OverridePrim(class_path)
+    attribute = over.CreateAttribute("extentsHint", Sdf.ValueTypeNames.Float3Array, custom=False)
+    attribute.Set([corner for pair in wider for corner in pair])
+
+
+def _contains(extent: Gf.Range3d, needed: Gf.Range3d) -> bool:
+    slack = Gf.Vec3d(_SLACK * max(needed.GetSize()))
+    return bool(Gf.Range3d(extent.min - slack, extent.max + slack).Contains(needed))
+
+
+def _range(corners: Sequence[Gf.Vec3f]) -> Gf.Range3d:
+    return Gf.Range3d(Gf.Vec3d(corners[0]), Gf.Vec3d(corners[1]))
+
+
+def _outward_corners(extent: Gf.Range3d) -> list[Gf.Vec3f]:
+    """Two corners as USD wants them, rounded outwards."""
+    return [
+        Gf.Vec3f(*(_float32(number, up=False) for number in extent.min)),
+        Gf.Vec3f(*(_float32(number, up=True) for number in extent.max)),
+    ]
+
+
+def _float32(number: float, *, up: bool) -> float:
+    """The nearest float32 that is not below a number, or not above it."""
+    (near,) = struct.unpack("<f", struct.pack("<f", number))
+    if near >= number if up else near <= number:
+        return float(near)
+    if near == 0:
+        return _LEAST if up else -_LEAST
+    (bits,) = struct.unpack("<i", struct.pack("<f", near))
+    (beyond,) = struct.unpack("<f", struct.pack("<i", bits + (1 if (near > 0) == up else -1)))
+    return float(beyond)
