@@ -12,7 +12,10 @@ from collections.abc import Sequence
 from usdfoliage import __version__
 from usdfoliage.errors import FoliageError
 
-COMMANDS = ("capture", "branches", "crown", "leaves", "scatter", "edit", "bake", "info", "preview", "validate", "env")
+COMMANDS = (
+    *("capture", "branches", "crown", "leaves", "scatter", "edit", "bake"),
+    *("info", "preview", "view", "validate", "env"),
+)
 
 
 def build_parser() -> argparse.ArgumentParser:

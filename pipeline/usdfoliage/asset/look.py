@@ -38,6 +38,7 @@ from usdfoliage.asset.look_layer import (
     build_look,
     find_class,
     placement_class,
+    way_between,
 )
 from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.asset.schema import PLANT_API, require_schemas
@@ -225,8 +226,7 @@ def _read_prim_path(said: str) -> Sdf.Path:
 
 def _relative(target: Path, look: Path) -> str:
     """The way from the look's folder to target, beginning with ./ or ../."""
-    way = os.path.relpath(usd_path(target), usd_path(look.parent))
-    return way if way.startswith("..") else f"./{way}"
+    return way_between(usd_path(target), usd_path(look.parent))
 
 
 def check_look_output(path: Path, interface: Path, *, force: bool = False) -> Path:

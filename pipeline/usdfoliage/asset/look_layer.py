@@ -4,6 +4,7 @@ Nothing but pxr is imported, not even of this package: usd_plugins/usdviewFoliag
 that may have neither numpy nor the rest of usdfoliage, so that a look is made up in one place.
 """
 
+import os
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -79,6 +80,12 @@ def placement_class(class_path: Sdf.Path, placement: Sdf.Path) -> Sdf.Path:
     """A class for one placement: it reaches into an instance, where opinions of the placement itself do not."""
     placements = class_path.GetParentPath().AppendChild(f"{class_path.name}_placements")
     return placement.ReplacePrefix(Sdf.Path.absoluteRootPath, placements)
+
+
+def way_between(target: str, folder: str) -> str:
+    """The way from a look's folder to a file, beginning with ./ or ../, both absolute."""
+    way = os.path.relpath(target, folder)
+    return way if way.startswith("..") else f"./{way}"
 
 
 def build_look(
