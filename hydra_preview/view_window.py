@@ -48,7 +48,7 @@ class ViewWindow(QtWidgets.QMainWindow):
         self.setCentralWidget(self.view)
         self._look = request["look"]
         self._add_actions()
-        self.panel = FoliagePanel(ViewerHost(self, self.view, product, request["shown_file"]))
+        self.panel = FoliagePanel(ViewerHost(self, self.view, product, request["look"]))
         dock = QtWidgets.QDockWidget("Foliage")
         dock.setObjectName("foliage")
         dock.setWidget(self.panel)

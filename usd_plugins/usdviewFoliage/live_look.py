@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pxr import Sdf, Usd
+from pxr import Gf, Sdf, Usd
 
 from usdviewFoliage import plants
 from usdviewFoliage.look_layer import (
@@ -71,9 +71,13 @@ class LiveLook:
         prims = plants.find_leaves(self.base_plant)
         return _read(prims[0]) if prims else {}
 
-    def apply(self, edits: dict) -> None:
-        """Give the leaves these edits: only what differs from the asset is authored, with the extents that it needs."""
-        self.layer.TransferContent(self._build(edits, ""))  # tells the stage of what differs alone
+    def apply(self, edits: dict, bounds: list | None = None) -> None:
+        """Give the leaves these edits: only what differs from the asset is authored, with the extents that it needs.
+
+        Args:
+            bounds: What holds the edited leaves of each prim (Product.leaf_bounds); without, a wider guess.
+        """
+        self.layer.TransferContent(self._build(edits, "", bounds))  # tells the stage of what differs alone
 
     def reset(self) -> None:
         """Take all edits back."""
@@ -100,17 +104,22 @@ class LiveLook:
         if opened:
             opened.Reload(force=True)
 
-    def _build(self, edits: dict, look_of: str) -> Sdf.Layer:
+    def _build(self, edits: dict, look_of: str, bounds: list | None = None) -> Sdf.Layer:
         self._follow()
         plant = self.base_plant
         prims = plants.find_leaves(plant)
         said = [LeavesLook(path=prim.GetPath(), edits=edits, held=_read(prim)) for prim in prims]
 
         def author_more(stage: Usd.Stage, number: int) -> None:
-            held = self._range(prims[number])
-            if held is not None:
+            held = None if bounds else self._range(prims[number])
+            if bounds:
+                box, among = (Gf.Range3d(*map(Gf.Vec3d, bounds[number][name])) for name in ("leaf", "among"))
+            elif held is not None:
                 box = box_in_leaf_space(held, edits)
-                widen_extents(stage, self.class_path, plant, prims[number], box, box_among_leaves(held, box))
+                among = box_among_leaves(held, box)
+            else:  # no leaves
+                return
+            widen_extents(stage, self.class_path, plant, prims[number], box, among)
 
         return build_look(plant, self.class_path, look_of, said, author_more)
 

@@ -30,6 +30,7 @@ class FoliagePanel(QtWidgets.QWidget):
         self.host = host
         self.looks = {}  # by the asset's interface layer, made when it is first shown
         self.look = None
+        self._held = False  # a slider
         self.setWindowTitle("Foliage")
         layout = QtWidgets.QVBoxLayout(self)
         self.plant_box = QtWidgets.QComboBox()
@@ -57,7 +58,7 @@ class FoliagePanel(QtWidgets.QWidget):
         layout.addWidget(self.reason)
         self.sliders = EditSliders()
         self.sliders.changed.connect(self._edit)
-        self.sliders.dragged.connect(host.drag)
+        self.sliders.dragged.connect(self._hold)
         scroll = QtWidgets.QScrollArea()
         scroll.setWidgetResizable(True)
         scroll.setWidget(self.sliders)
@@ -185,9 +186,25 @@ class FoliagePanel(QtWidgets.QWidget):
     def _edit(self, edits: dict) -> None:
         if not self.look.is_shown():
             self.show_box.setChecked(True)
-        self.look.apply(edits)
+        self.look.apply(edits, self._bounds(edits))
         self._draw_leaf()
         self.host.redraw()
+
+    def _bounds(self, edits: dict) -> list | None:
+        """How far the leaves reach, where usdfoliage can say it; while a slider is held a wider guess will do."""
+        if self.host.product is None or self._held:
+            return None
+        try:
+            return self.host.product.leaf_bounds(self._read_file(), edits)
+        except ProductError as error:
+            self.host.say(str(error))
+            return None
+
+    def _hold(self, held: bool) -> None:
+        self._held = held
+        if not held and self.look is not None and self.look.is_shown():
+            self.look.apply(self.sliders.edits, self._bounds(self.sliders.edits))
+        self.host.drag(held)
 
     def _mute(self, shown: bool) -> None:
         edits = dict(self.sliders.edits)

@@ -41,6 +41,10 @@ class Product:
         """The curves of the average leaf under edits, with their control points."""
         return self.ask(op="leaf", asset=asset, edits=edits)["curves"]
 
+    def leaf_bounds(self, asset: str, edits: dict) -> list:
+        """What holds the edited leaves of each prim of leaves: {"leaf": corners, "among": corners}."""
+        return self.ask(op="bounds", asset=asset, edits=edits)["bounds"]
+
     def write_look(self, path: str, asset: str, edits: dict) -> None:
         """Write a look of the asset, as `usdfoliage edit` does."""
         self.ask(op="save", path=path, asset=asset, edits=edits)

@@ -3,6 +3,7 @@
 The window draws and edits; what a leaf is and how a look is written it asks here, a line of JSON each:
 
     {"op": "leaf", "asset": file, "edits": {…}}                  {"curves": [{"name", "points", "controls"}]}
+    {"op": "bounds", "asset": file, "edits": {…}}                {"bounds": [{"leaf", "among"}]}, two corners each
     {"op": "save", "asset": file, "edits": {…}, "path": file}    {"written": file}
 
 and, for what cannot be done, {"error": text}. Edits have the names of usdfoliage.leaf.edits.LeafEdits. The plug-in of
@@ -16,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -40,10 +41,11 @@ from usdfoliage.jobs.recorder import (
     recorder_environment,
     sort_complaints,
 )
+from usdfoliage.leaf.bounds import common_bounds, leaf_bounds_m
 from usdfoliage.leaf.curves import leaf_curves
 from usdfoliage.leaf.edits import LeafEdits, apply_edits
 from usdfoliage.leaf.jitter import Jitter
-from usdfoliage.leaf.model import mean_leaf
+from usdfoliage.leaf.model import Leaves, mean_leaf
 
 logger = logging.getLogger(__name__)
 
@@ -81,8 +83,8 @@ def view_asset(asset: Path, settings: ViewerSettings = ViewerSettings()) -> None
         write_dome(work / "dome.exr")
         request = {
             "usd_file": str(file_to_draw(usd_file, work).resolve()),
-            "shown_file": str(usd_file.resolve()),
             "look": str(usd_file.resolve()) if look else "",
+            "file": str(usd_file),
             "title": usd_file.name,
             "dome_texture": str(work / "dome.exr"),
             "capture": str(_capture_layer(settings.capture)) if settings.capture else "",
@@ -131,11 +133,11 @@ def _run_window(python: Path, request: Mapping[str, Any], work: Path) -> None:
         raise PreviewError(
             f"the preview interpreter has no Qt: {message}; pip install PySide6-Essentials into it ({python})"
             if kind == "qt"
-            else describe_refusal(kind, message, str(request["shown_file"]))
+            else describe_refusal(kind, message, str(request["file"]))
         )
     faults, _ = sort_complaints(text)
     if faults:
-        raise PreviewError(f"Storm could not draw all of it: {'; '.join(faults)} ({request['shown_file']})")
+        raise PreviewError(f"Storm could not draw all of it: {'; '.join(faults)} ({request['file']})")
 
 
 def answer_requests(requests: BinaryIO, replies: BinaryIO) -> None:
@@ -156,33 +158,61 @@ def _answer(request: Mapping[str, Any]) -> dict[str, Any]:
     asset, edits = Path(request["asset"]), _read_edits(request["edits"])
     if request["op"] == "leaf":
         return {"curves": average_leaf(asset, edits)}
+    if request["op"] == "bounds":
+        return {"bounds": edited_bounds(asset, edits)}
     if request["op"] == "save":
         return {"written": str(write_look_layer(Path(request["path"]), asset, edits))}
-    raise ValueError(f"nothing is known of {request['op']!r}; leaf and save are")
+    raise ValueError(f"nothing is known of {request['op']!r}; leaf, bounds and save are")
 
 
 def average_leaf(asset: Path, edits: LeafEdits) -> list[dict[str, Any]]:
     """The curves of an asset's average leaf under edits, as JSON has them."""
-    shape, wave = _average_shape(asset, _stamp(asset))
-    jitter = Jitter(amplitude=edits.jitter_amplitude, frequency=edits.jitter_frequency, map=wave)
+    held = _held_leaves(asset, _stamp(asset))
+    curves = leaf_curves(apply_edits(held[0].mean[None], edits)[0], held[0].jitter(edits))
     return [
-        {"name": curve.name, "points": curve.points.tolist(), "controls": curve.controls.tolist()}
-        for curve in leaf_curves(apply_edits(shape[None], edits)[0], jitter)
+        {"name": curve.name, "points": curve.points.tolist(), "controls": curve.controls.tolist()} for curve in curves
     ]
 
 
-@lru_cache(maxsize=16)
-def _average_shape(asset: Path, stamp: int) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """The mean leaf (7, 3) before its edits, and the wave of its jitter; stamp tells versions of a file apart."""
+def edited_bounds(asset: Path, edits: LeafEdits) -> list[dict[str, Any]]:
+    """What holds the edited leaves of each prim: one leaf in leaf space, and all in the space of the prim."""
+    found = []
+    for held in _held_leaves(asset, _stamp(asset)):
+        edited = replace(held.leaves, parameters=apply_edits(held.leaves.parameters, edits))
+        jitter = held.jitter(edits)
+        box, among = common_bounds(edited.parameters, jitter), leaf_bounds_m(edited, jitter)
+        found.append({"leaf": box.tolist(), "among": among.tolist()})
+    return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _HeldLeaves:
+    """The leaves of one prim, before their edits."""
+
+    leaves: Leaves
+    mean: NDArray[np.float64]  # (7, 3), of all prims of the asset
+    wave: NDArray[np.float64] | None  # (M,), the map of their jitter
+
+    def jitter(self, edits: LeafEdits) -> Jitter:
+        return Jitter(amplitude=edits.jitter_amplitude, frequency=edits.jitter_frequency, map=self.wave)
+
+
+@lru_cache(maxsize=4)
+def _held_leaves(asset: Path, stamp: int) -> list[_HeldLeaves]:
+    """The leaves of every prim; stamp tells versions of a file apart."""
     del stamp
     stage = open_asset(asset)
     if representations(require_plant(stage, asset)):
         select_representation(stage, BEZIER)
     held = [read_leaves(prim) for prim in require_leaves(stage, asset)]
-    parameters = np.concatenate([leaves.leaves.parameters for leaves in held])
+    parameters = np.concatenate([one.leaves.parameters for one in held])
     if not len(parameters):
         raise FoliageError(f"{asset} has no leaf to show")
-    return mean_leaf(parameters), read_jitter_map(held[0].jitter_map) if held[0].jitter_map else None
+    mean = mean_leaf(parameters)
+    return [
+        _HeldLeaves(leaves=one.leaves, mean=mean, wave=read_jitter_map(one.jitter_map) if one.jitter_map else None)
+        for one in held
+    ]
 
 
 def _stamp(asset: Path) -> int:
