@@ -12,7 +12,6 @@ from usdviewFoliage.look_layer import (
     LeavesLook,
     build_look,
     find_class,
-    same_value,
     way_between,
     widen_extents,
 )
@@ -64,12 +63,6 @@ class LiveLook:
     def values(self) -> dict:
         """The edits as the leaves have them now."""
         return _read(plants.find_leaves(self.plant)[0])
-
-    def held(self) -> dict:
-        """The edits as the leaves have them without this look; empty where there are none."""
-        self._follow()
-        prims = plants.find_leaves(self.base_plant)
-        return _read(prims[0]) if prims else {}
 
     def apply(self, edits: dict, bounds: list | None = None) -> None:
         """Give the leaves these edits: only what differs from the asset is authored, with the extents that it needs.
@@ -146,8 +139,3 @@ def _read(prim: Usd.Prim) -> dict:
         if value is not None:
             held[name] = float(value) if isinstance(value, (int, float)) else tuple(map(float, value))
     return held
-
-
-def is_same(first: dict, second: dict) -> bool:
-    """Whether two sets of edits are one."""
-    return all(same_value(first.get(name), second.get(name)) for name in EDITS)

@@ -37,6 +37,5 @@ BEZIER = _module.BEZIER
 LeavesLook = _module.LeavesLook
 build_look = _module.build_look
 find_class = _module.find_class
-same_value = _module.same_value
 way_between = _module.way_between
 widen_extents = _module.widen_extents

@@ -16,7 +16,7 @@ from usdviewFoliage import plants
 from usdviewFoliage.edit_sliders import EditSliders
 from usdviewFoliage.leaf_drawing import LeafDrawing
 from usdviewFoliage.live_look import LiveLook
-from usdviewFoliage.product import ProductError
+from usdviewFoliage.product import ProductError, ProductGoneError
 from usdviewFoliage.qt import QtWidgets
 
 NO_PRODUCT = "The average leaf is drawn by usdfoliage: put it on PATH."
@@ -101,10 +101,12 @@ class FoliagePanel(QtWidgets.QWidget):
         for name, box in self.guide_boxes.items():
             box.setEnabled(name in held)
         why_not = self.look.why_not() if self.look else "There is no plant of usdfoliage here."
-        self.reason.setText(why_not)
-        self.reason.setVisible(bool(why_not))
-        for widget in (self.sliders, self.save_button, self.reset_button, self.show_box):
-            widget.setEnabled(not why_not)
+        hidden = not why_not and not self.look.is_shown()
+        self.reason.setText("The edits are hidden; show them to change them." if hidden else why_not)
+        self.reason.setVisible(bool(why_not) or hidden)
+        for widget in (self.sliders, self.save_button, self.reset_button):
+            widget.setEnabled(not why_not and not hidden)
+        self.show_box.setEnabled(not why_not)
         if not why_not:
             self.sliders.show_edits(self.look.values())
             self._draw_leaf()
@@ -177,15 +179,17 @@ class FoliagePanel(QtWidgets.QWidget):
         """
         edits = dict(self.sliders.edits)
         if self.host.product is not None:
-            self.host.product.write_look(path, self._read_file(), edits)
-            self.host.say(f"look: {path}")
-        else:
-            self.look.write(path, edits)
-            self.host.say(f"look: {path} (without usdfoliage, so its extents are wider than they need be)")
+            try:
+                self.host.product.write_look(path, self._read_file(), edits)
+            except ProductGoneError:
+                self.host.product = None
+            else:
+                self.host.say(f"look: {path}")
+                return
+        self.look.write(path, edits)
+        self.host.say(f"look: {path} (without usdfoliage, so its extents are wider than they need be)")
 
     def _edit(self, edits: dict) -> None:
-        if not self.look.is_shown():
-            self.show_box.setChecked(True)
         self.look.apply(edits, self._bounds(edits))
         self._draw_leaf()
         self.host.redraw()
@@ -207,11 +211,8 @@ class FoliagePanel(QtWidgets.QWidget):
         self.host.drag(held)
 
     def _mute(self, shown: bool) -> None:
-        edits = dict(self.sliders.edits)
         self.look.show(shown)
-        self.host.redraw()
-        self.sliders.show_edits(edits if shown else self.look.held())
-        self._draw_leaf()
+        self.refresh()
 
     def _show_guides(self) -> None:
         shown = {name for name, box in self.guide_boxes.items() if box.isChecked()}

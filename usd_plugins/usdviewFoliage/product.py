@@ -12,7 +12,11 @@ PROGRAM = "usdfoliage"
 
 
 class ProductError(Exception):
-    """What usdfoliage said it cannot do, or that it is gone."""
+    """What usdfoliage said it cannot do."""
+
+
+class ProductGoneError(ProductError):
+    """It does not answer any more."""
 
 
 class Product:
@@ -29,9 +33,9 @@ class Product:
             self._requests.flush()
             line = self._replies.readline()
         except OSError as error:
-            raise ProductError(f"usdfoliage does not answer: {error.strerror}") from error
+            raise ProductGoneError(f"usdfoliage does not answer: {error.strerror}") from error
         if not line:
-            raise ProductError("usdfoliage has ended")
+            raise ProductGoneError("usdfoliage has ended")
         reply = json.loads(line)
         if "error" in reply:
             raise ProductError(reply["error"])
