@@ -22,6 +22,7 @@ requires = [
     "laspy-2.7+",
     "lazrs",
     "tqdm",
+    "PyYAML",
 ]
 
 private_build_requires = ["scikit_build_core-1+", "nanobind-3+", "cmake", "ninja"]

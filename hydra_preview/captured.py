@@ -10,7 +10,7 @@ COLOR = (0.9, 0.55, 0.1)
 
 
 def add_capture(stage: Usd.Stage, capture: str, plant: Usd.Prim) -> None:
-    """Lay the layer of a capture over the plant, as foliage:captureToAsset says; its guides are hidden."""
+    """Lay the layer of a capture over the plant, as foliage:captureToAsset says."""
     held = plant.GetAttribute("foliage:captureToAsset").Get()
     matrix = Gf.Matrix4d(held) if held is not None else Gf.Matrix4d(1)
     # The layer is in metres already, where the matrix brings the input's own unit to metres.
@@ -19,9 +19,9 @@ def add_capture(stage: Usd.Stage, capture: str, plant: Usd.Prim) -> None:
         root = UsdGeom.Xform.Define(stage, CAPTURE)
         root.GetPrim().GetReferences().AddReference(capture)
         root.MakeMatrixXform().Set(matrix * plant_matrix(plant))
-        for name in ("Cameras", "Cloud"):
-            guide = stage.OverridePrim(f"{CAPTURE}/geo/guide/{name}")
-            UsdGeom.Imageable(guide).CreateVisibilityAttr(UsdGeom.Tokens.invisible)
+        # In a plant's asset the scope has this purpose; a capture that is looked at alone would be blank with it.
+        guides = stage.OverridePrim(f"{CAPTURE}/geo/guide")
+        UsdGeom.Imageable(guides).CreatePurposeAttr(UsdGeom.Tokens.guide)
 
 
 def plant_matrix(plant: Usd.Prim) -> Gf.Matrix4d:

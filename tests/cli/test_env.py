@@ -174,7 +174,7 @@ def test_rez_package(tmp_path: Path) -> None:
     }
     assert set(set_folders) == {"PATH", "PYTHONPATH", "PXR_PLUGINPATH_NAME"}
     assert [path.is_dir() for path in set_folders["PYTHONPATH"]] == [True, True]
-    assert [(path / "plugInfo.json").is_file() for path in set_folders["PXR_PLUGINPATH_NAME"]] == [True, True]
+    assert [(path / "plugInfo.json").is_file() for path in set_folders["PXR_PLUGINPATH_NAME"]] == [True] * 3
 
 
 def test_rez_package_requires_what_the_project_requires() -> None:
