@@ -74,6 +74,11 @@ class StormView(QOpenGLWidget):
         self._orbit = frame_all(self._shape, self._orbit.direction, self._z_up, self.width(), self.height())
         self.update()
 
+    def show_time(self, time_code: float) -> None:
+        """Draw what moves as it is at a time code."""
+        self._time = Usd.TimeCode(time_code)
+        self.update()
+
     def hold(self, held: bool) -> None:
         """Draw coarsely while something is moved."""
         self._held = held
@@ -174,9 +179,3 @@ class StormView(QOpenGLWidget):
             self._said = True
             print(text, file=sys.stderr)
             self.failed.emit(text)
-
-    def release(self) -> None:
-        """Let Storm go while its context is there."""
-        self.makeCurrent()
-        self._engine = None
-        self.doneCurrent()

@@ -129,6 +129,7 @@ ACTIONS = {
     "frame_all": lambda window, _: window.view.frame_all(),
     "guide": _guide,
     "purpose": _purpose,
+    "frame": lambda window, frame: window.frame_box.setValue(frame),
     "show_edits": lambda window, shown: window.panel.show_box.setChecked(shown),
     "show_look": lambda window, shown: window.look_action.setChecked(shown),
     "reset": lambda window, _: window.panel.reset_button.click(),

@@ -82,6 +82,15 @@ class ViewWindow(QtWidgets.QMainWindow):
         self.look_action.setVisible(bool(self._look))
         self.look_action.toggled.connect(self.show_look)
 
+        if self.stage.HasAuthoredTimeCodeRange():
+            bar.addSeparator()
+            bar.addWidget(QtWidgets.QLabel("frame "))
+            self.frame_box = QtWidgets.QSpinBox()
+            self.frame_box.setToolTip("Of what moves: growth, sway")
+            self.frame_box.setRange(round(self.stage.GetStartTimeCode()), round(self.stage.GetEndTimeCode()))
+            self.frame_box.valueChanged.connect(self.view.show_time)
+            bar.addWidget(self.frame_box)
+
     def show_look(self, shown: bool) -> None:
         """Mute the look that was opened, or show it again; edits that were made over it stay."""
         (self.stage.UnmuteLayer if shown else self.stage.MuteLayer)(self._look)

@@ -234,6 +234,8 @@ def test_purposes_guides_and_a_capture_are_shown_when_asked(display, tmp_path) -
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.Xform.Define(stage, "/capture")
     stage.SetDefaultPrim(stage.GetPrimAtPath("/capture"))
+    for path in ("/capture/geo", "/capture/geo/guide"):
+        UsdGeom.Scope.Define(stage, path)
     cloud = UsdGeom.Points.Define(stage, "/capture/geo/guide/Cloud")
     cloud.CreatePointsAttr([Gf.Vec3f(x, y, 6) for x in range(-4, 5) for y in range(-4, 5)])
     cloud.CreateWidthsAttr([1.0])
@@ -316,6 +318,16 @@ def test_an_interpreter_without_usd_is_told(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("DISPLAY", ":4711")
     with pytest.raises(PreviewError, match="has no USD with imaging"):
         view_asset(tmp_path / "spray")
+
+
+@pytest.mark.preview
+def test_an_interpreter_without_qt_is_told(display, session, tmp_path, monkeypatch) -> None:
+    (tmp_path / "PySide6").mkdir()
+    (tmp_path / "PySide6" / "__init__.py").write_text("raise ModuleNotFoundError('PySide6 is not there')\n")
+    monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", str(find_interpreter()))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(PreviewError, match="has no Qt: PySide6 is not there; pip install PySide6-Essentials"):
+        view_asset(session[0] / "spray")
 
 
 def test_what_is_no_asset_is_told(tmp_path) -> None:

@@ -5,6 +5,7 @@ from usdviewFoliage.qt import QtCore, QtWidgets
 
 STEPS = 1000  # of a slider
 MOST = 1000.0  # that can be typed: what usdfoliage takes
+LABEL_PX = 84
 OPEN = ("Shape", "Curl", "Jitter")
 
 
@@ -28,6 +29,7 @@ class EditSliders(QtWidgets.QWidget):
             grid = QtWidgets.QGridLayout(inside)
             grid.setContentsMargins(0, 0, 0, 0)
             grid.setVerticalSpacing(2)
+            grid.setColumnMinimumWidth(0, LABEL_PX)  # sliders of all groups begin at one place
             for line, row in enumerate(row for row in ROWS if row.group == group):
                 self._add_row(grid, line, row)
             box.toggled.connect(inside.setVisible)

@@ -145,7 +145,7 @@ def answer_requests(requests: BinaryIO, replies: BinaryIO) -> None:
     for line in requests:
         try:
             reply = _answer(json.loads(line))
-        except (FoliageError, ValueError, KeyError, TypeError) as error:
+        except (FoliageError, OSError, ValueError, KeyError, TypeError) as error:
             reply = {"error": str(error)}
         try:
             replies.write(json.dumps(reply).encode() + b"\n")
