@@ -131,7 +131,9 @@ class StormView(QOpenGLWidget):
             self._engine = UsdImagingGL.Engine()
             if not self._engine.SetRendererPlugin(STORM):
                 self._fail(f"this USD has no Storm ({STORM})")
-        except Tf.ErrorException as error:
+            self._engine.SetRendererAov("color")  # with samples and colour correction; without one Storm draws plainly
+            self._engine.SetRendererSetting("domeLightCameraVisibility", False)
+        except (Tf.ErrorException, TypeError) as error:  # else Qt goes on without a picture
             self._fail(message_of(error))
 
     def paintGL(self) -> None:
@@ -147,7 +149,7 @@ class StormView(QOpenGLWidget):
         started = time.monotonic()
         try:
             self._draw()
-        except Tf.ErrorException as error:
+        except (Tf.ErrorException, TypeError) as error:
             self._fail(f"Storm failed: {message_of(error)}")
             return
         self.seconds = time.monotonic() - started
@@ -172,6 +174,7 @@ class StormView(QOpenGLWidget):
         params.showGuides = self.purposes["guide"]
         params.enableLighting = True
         params.colorCorrectionMode = "sRGB"
+        params.clearColor = Gf.ConvertDisplayToLinear(Gf.Vec4f(*BACKGROUND, 1.0))
         engine.Render(self.stage.GetPseudoRoot(), params)
 
     def _fail(self, text: str) -> None:
