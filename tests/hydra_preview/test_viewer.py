@@ -152,7 +152,8 @@ def session(display, tmp_path_factory):
 def test_variants_show_the_same_leaves_otherwise(session) -> None:
     _, pictures = session
     assert 0.05 < covered(pictures["start"]).mean() < 0.6
-    assert 0.001 < differ(pictures["start"], pictures["mesh"]) < 0.3
+    assert (pictures["start"] != pictures["mesh"]).any()
+    assert differ(pictures["start"], pictures["mesh"]) < 0.1
     assert differ(pictures["start"], pictures["nurbs"]) > 0.05  # hulls are fuller
 
 
@@ -261,7 +262,7 @@ def test_purposes_guides_and_a_capture_are_shown_when_asked(display, tmp_path) -
 
     def red(name: str) -> int:
         blue, green, red = np.moveaxis(pictures[name].astype(int), -1, 0)
-        return int(((red > 90) & (green < 50) & (blue < 50)).sum())
+        return int(((red > green + 60) & (red > blue + 60)).sum())
 
     assert red("start") == 0
     assert red("proxy") > 500
