@@ -42,6 +42,7 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/leaf_fit.py
 	@$(PYTHON_VENV) tools/bench/leaves.py
 	@$(PYTHON_VENV) tools/bench/branches.py
+	@$(PYTHON_VENV) tools/bench/hostile_input.py
 	@$(PYTHON_VENV) tools/bench/depth.py --variants ours plain
 	@captures=$$(ls -d ../shared/data/synthetic/*/images 2>/dev/null | xargs -r -n 1 dirname); \
 		[ -z "$$captures" ] || $(PYTHON_VENV) tools/bench/registration.py $$captures

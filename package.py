@@ -23,6 +23,7 @@ requires = [
     "lazrs",
     "tqdm",
     "PyYAML",
+    "pycolmap",
 ]
 
 private_build_requires = ["scikit_build_core-1+", "nanobind-3+", "cmake", "ninja"]

@@ -13,9 +13,24 @@ from usdfoliage import __version__
 from usdfoliage.errors import FoliageError
 
 COMMANDS = (
-    *("capture", "branches", "crown", "leaves", "scatter", "edit", "bake"),
-    *("info", "preview", "view", "validate", "env"),
+    "build",
+    "batch",
+    "task",
+    "submit",
+    "capture",
+    "branches",
+    "crown",
+    "leaves",
+    "scatter",
+    "edit",
+    "bake",
+    "info",
+    "preview",
+    "view",
+    "validate",
+    "env",
 )
+MOST_CHARACTERS = 1000  # of a message
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -61,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except FoliageError as error:
         if options.debug:
             raise
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {_one_line(str(error))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("error: interrupted; nothing was written", file=sys.stderr)
@@ -79,10 +94,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
             return 1
         print(
-            f"error: internal fault: {type(error).__name__}: {error}; run again with --debug and report it",
+            f"error: internal fault: {type(error).__name__}: {_one_line(str(error))}; "
+            "run again with --debug and report it",
             file=sys.stderr,
         )
         return 1
+
+
+def _one_line(message: str) -> str:
+    """A message without line breaks and, as files hold texts of any length, without its middle where it is long."""
+    line = " ".join(message.split())
+    return line if len(line) <= MOST_CHARACTERS else f"{line[: MOST_CHARACTERS // 2]} … {line[-MOST_CHARACTERS // 2 :]}"
 
 
 def _discard_stdout() -> None:

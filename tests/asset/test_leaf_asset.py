@@ -21,9 +21,9 @@ from leaf_assets import PROVENANCE, random_leaves, two_leaves, write_spray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, UsdUtils
 from usd_values import compare_with_golden, composed, hashes
 from usdfoliage.asset.contents import prototype_segments, read_leaf_look
-from usdfoliage.asset.findings import default_profile, read_profile
 from usdfoliage.asset.leaves import PROTOTYPE_MARGIN, author_leaves, leaves_prim, read_leaves
 from usdfoliage.asset.package import LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation import validate_asset
 from usdfoliage.errors import AssetError, CaptureError
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits

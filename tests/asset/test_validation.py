@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.asset import validation
-from usdfoliage.asset.findings import Acceptance, Finding, default_profile, read_profile
+from usdfoliage.asset.findings import Acceptance, Finding
 from usdfoliage.asset.locate import find_interface
+from usdfoliage.asset.studio_profile import StudioProfile, default_profile, read_profile
 from usdfoliage.asset.validation import validate_asset
 from usdfoliage.errors import AssetError
 
@@ -86,9 +87,11 @@ def test_finding_of_every_selection_names_none(asset: Path) -> None:
     def add_variants(plant: Usd.Prim) -> None:
         for name in ("lod", "season"):
             chosen = plant.GetVariantSets().AddVariantSet(name)
-            for variant in ("one", "two"):
+            for variant in ("two", "one"):
                 chosen.AddVariant(variant)
-            chosen.SetVariantSelection("one")
+                chosen.SetVariantSelection(variant)
+                with chosen.GetVariantEditContext():
+                    plant.CreateAttribute(f"userProperties:{name}", Sdf.ValueTypeNames.String).Set(variant)
         plant.GetAttribute("foliage:generator").Set("")
 
     edit(asset, add_variants)
@@ -157,7 +160,7 @@ def test_profile_accepts_warnings_and_never_errors(asset: Path) -> None:
         Acceptance(validator="usdFoliageValidators:AssetPaths", error="PathSearched", path="/o*", reason="ours"),
         Acceptance(validator="usdFoliageValidators:Plant", reason="never"),
     )
-    report = validate_asset(asset, profile)
+    report = validate_asset(asset, StudioProfile(accepted=profile))
     assert named(report.findings, "PathSearched").accepted == "ours"
     assert named(report.findings, "GeneratorMissing").accepted == ""
     assert report.open_errors == 1
@@ -165,25 +168,25 @@ def test_profile_accepts_warnings_and_never_errors(asset: Path) -> None:
     assert report.findings[-1].accepted
 
     elsewhere = Acceptance(validator="usdFoliageValidators:AssetPaths", error="PathSearched", path="/elm", reason="no")
-    assert named(validate_asset(asset, (elsewhere,)).findings, "PathSearched").accepted == ""
+    assert named(validate_asset(asset, StudioProfile(accepted=(elsewhere,))).findings, "PathSearched").accepted == ""
 
 
 def test_shipped_profile_gives_a_reason_for_each_entry() -> None:
-    profile = read_profile(default_profile())
-    assert profile
-    assert all(len(entry.reason) > 20 for entry in profile)
+    accepted = read_profile(default_profile()).accepted
+    assert accepted
+    assert all(len(entry.reason) > 20 for entry in accepted)
 
 
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
         ("accepted = [", "cannot be read"),
-        ("[other]", "nothing else"),
+        ("[other]", "other is not known"),
         ("[[accepted]]\nvalidator = 'x'", "reason must be given"),
         ("[[accepted]]\nvalidator = 'x'\nreason = ' '", "reason must be given"),
         ("[[accepted]]\nvalidator = 'x'\nreason = 'y'\nseverity = 'error'", "are known"),
         ("[[accepted]]\nvalidator = 1\nreason = 'y'", "are known"),
-        ("accepted = 1", "nothing else"),
+        ("accepted = 1", "must be"),
     ],
 )
 def test_wrong_profile(tmp_path: Path, text: str, complaint: str) -> None:
@@ -353,3 +356,14 @@ def test_parts_of_a_plant_within_an_instance_may_be_in_another_variant(asset: Pa
     stage.GetRootLayer().Save()
     findings = validate_asset(asset.parent / "shot.usda").findings
     assert not [finding for finding in findings if finding.validator == "usdFoliageValidators:Plant"]
+
+
+def test_selections_that_are_the_same_asset_are_looked_at_once(asset: Path) -> None:
+    def add_variants(plant: Usd.Prim) -> None:
+        chosen = plant.GetVariantSets().AddVariantSet("season")
+        for variant in ("spring", "summer"):
+            chosen.AddVariant(variant)
+        chosen.SetVariantSelection("summer")
+
+    edit(asset, add_variants)
+    assert validate_asset(asset).selections == ("season=spring",)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from usdfoliage.branch.strays import StraySettings, find_strays
+from usdfoliage.branch.strays import StraySettings, find_ground_remains, find_strays
 
 
 @pytest.fixture
@@ -53,3 +53,30 @@ def test_what_has_no_height_has_no_strays(points_m):
 def test_settings_that_cannot_be_are_refused(change):
     with pytest.raises(ValueError, match=next(iter(change))):
         StraySettings(**change)
+
+
+def test_low_points_far_beside_a_plant_are_remains_of_its_ground():
+    rng = np.random.default_rng(1)
+    stem_m = np.column_stack([rng.normal(0, 0.02, 500), rng.uniform(0, 2, 500), rng.normal(0, 0.02, 500)])
+    crown_m = rng.normal(0, 0.3, (2000, 3)) + np.array([0.0, 3, 0])
+    shoots_m = np.column_stack([rng.uniform(-0.8, 0.8, 200), rng.uniform(0.1, 0.4, 200), rng.uniform(-0.3, 0.3, 200)])
+    turn = 2 * np.pi * rng.random(800)
+    far_m = rng.uniform(3, 8, 800)
+    remains_m = np.column_stack([far_m * np.cos(turn), rng.uniform(0.05, 0.3, 800), far_m * np.sin(turn)])
+    points_m = np.concatenate([stem_m, crown_m, shoots_m, remains_m])
+    slope = np.array([0.1, -0.05, 0.7])  # the ground rises, and is not at zero
+    points_m[:, 1] += points_m[:, [0, 2]] @ slope[:2] + slope[2]
+    found = find_ground_remains(points_m, slope)
+    np.testing.assert_array_equal(found, np.arange(len(points_m)) >= 2700)
+
+
+def test_a_spruce_keeps_its_lowest_branches_and_a_neighbour_its_stem():
+    rng = np.random.default_rng(2)
+    height_m = rng.uniform(0, 10, 20000)
+    turn, share = 2 * np.pi * rng.random(20000), np.sqrt(rng.random(20000))
+    radius_m = (10 - height_m) / 4 * share
+    cone_m = np.column_stack([radius_m * np.cos(turn), height_m, radius_m * np.sin(turn)])
+    flat = np.zeros(3)
+    assert not find_ground_remains(cone_m, flat).any()
+    assert not find_ground_remains(np.concatenate([cone_m, cone_m + np.array([12.0, 0, 0])]), flat).any()
+    assert not find_ground_remains(np.zeros((0, 3)), flat).any()

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from usdfoliage.geometry.cube_field import blur_cubemap, solve_dirichlet, weighted_blurs
+from usdfoliage.geometry.cube_field import blur_cubemap, close_pits, limit_falloff, solve_dirichlet, weighted_blurs
 from usdfoliage.geometry.cubemap import face_directions, share_borders, texel_identity
 
 
@@ -111,3 +111,31 @@ def test_nothing_fixed_is_refused():
 def test_a_blur_must_be_positive(sigma):
     with pytest.raises(ValueError, match="sigma"):
         blur_cubemap(random_field(8), sigma)
+
+
+def test_a_closing_takes_pits_away_and_leaves_what_is_wide():
+    directions = face_directions(48)
+    angle = np.arccos(np.clip(directions @ unit([1.0, 0.8, 0.6]), -1, 1))  # near a corner of the cube
+    narrow, wide = np.where(angle < 0.05, 0.2, 1.0), np.where(angle < 0.5, 0.2, 1.0)
+
+    assert (close_pits(narrow, 0.25) == 1.0).all()
+    assert (close_pits(wide, 0.25)[angle < 0.3] == 0.2).all()
+    np.testing.assert_array_equal(close_pits(wide, 0.0), wide)
+    assert (-close_pits(-(2 - narrow), 0.25) == 1.0).all()  # a peak, opened
+
+
+def test_a_field_falls_off_no_faster_than_it_may():
+    directions = face_directions(48)
+    angle = np.arccos(np.clip(directions @ unit([0.2, 1.0, -0.9]), -1, 1))
+    peak = np.where(angle < 0.04, 2.0, 0.5)
+
+    limited = limit_falloff(peak, 1.5)
+
+    assert (limited >= peak).all()
+    # Steps go along rows and columns, so that ways are longer than angles, by at most a half and more at corners.
+    assert (limited >= np.maximum(0.5, 2.0 * np.exp(-1.5 * 1.7 * angle)) - 1e-9).all()
+    assert (limited <= np.maximum(0.5, 2.0 * np.exp(-1.5 * (angle - 0.05))) + 1e-9).all()
+
+
+def unit(direction):
+    return np.array(direction) / np.linalg.norm(direction)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from leaf_assets import random_leaves, write_spray
+from plant_assets import write_whole_plant
 from pxr import Gf, Sdf, Usd, UsdGeom
 from usdfoliage.__main__ import main
 from usdfoliage.asset.look import read_look
@@ -269,6 +270,63 @@ def test_purposes_guides_and_a_capture_are_shown_when_asked(display, tmp_path) -
     assert red("cloud") > 2000
     assert differ(pictures["cameras"], pictures["cloud"]) > 0
     assert differ(pictures["hidden"], pictures["start"]) == 0
+
+
+@pytest.fixture(scope="module")
+def plant_session(display, tmp_path_factory):
+    """One window on a whole plant; its pictures by name, and the folder of what it wrote."""
+    folder = tmp_path_factory.mktemp("a plant")
+    write_whole_plant(folder / "oak", count=40)
+
+    def picture(name: str) -> dict:
+        return {"picture": str(folder / f"{name}.png")}
+
+    play(
+        folder / "oak",
+        folder,
+        [
+            picture("start"),
+            *[{"variant": {"lod": "both"}}, {"frame_all": True}, picture("render")],
+            *[{"edit": {"width": WIDE}}, picture("wide"), {"window": str(folder / "window.png")}],
+            {"save_look": str(folder / "saved.usda")},
+            *[{"purpose": {"render": False, "proxy": True}}, picture("proxy")],
+            *[{"purpose": {"render": True, "proxy": False}}, picture("render_again")],
+            *[{"variant": {"lod": "crown"}}, picture("crown"), {"window": str(folder / "window_crown.png")}],
+            *[{"variant": {"lod": "leaves"}}, picture("wide_leaves"), {"reset": True}, picture("reset")],
+        ],
+    )
+    return folder, {path.stem: cv2.imread(str(path)) for path in folder.glob("*.png")}
+
+
+def crown_green(picture: np.ndarray) -> float:
+    """The share of a picture that is the crown's green."""
+    blue, green, red = np.moveaxis(picture.astype(int), -1, 0)
+    return float(((green > red + 20) & (green > blue + 20)).mean())
+
+
+@pytest.mark.preview
+def test_lods_and_purposes_of_a_whole_plant_are_shown(plant_session) -> None:
+    _, pictures = plant_session
+    assert covered(pictures["render"]).any()
+    assert differ(pictures["wide"], pictures["render"]) > 0.02
+    assert differ(pictures["render_again"], pictures["wide"]) == 0
+    assert crown_green(pictures["proxy"]) > 0.15
+    assert differ(pictures["crown"], pictures["proxy"]) < 0.05
+    assert differ(pictures["wide_leaves"], pictures["wide"]) < 0.01
+    assert differ(pictures["reset"], pictures["render"]) < 0.01
+
+
+@pytest.mark.preview
+def test_the_saved_look_of_a_whole_plant_is_that_of_edit(plant_session) -> None:
+    folder, _ = plant_session
+    assert main(["edit", str(folder / "oak"), "--width", str(WIDE), "-o", str(folder / "edit.usda")]) == 0
+    assert (folder / "saved.usda").read_bytes() == (folder / "edit.usda").read_bytes()
+
+
+@pytest.mark.preview
+def test_leaves_cannot_be_edited_where_the_crown_alone_is_shown(display, plant_session, tmp_path) -> None:
+    with pytest.raises(PreviewError, match="there is no slider width that can be moved"):
+        play(plant_session[0] / "oak", tmp_path, [{"variant": {"lod": "crown"}}, {"edit": {"width": WIDE}}])
 
 
 @pytest.mark.preview

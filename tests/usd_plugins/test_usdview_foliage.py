@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from leaf_assets import FLAT, random_leaves, two_leaves, write_spray
+from plant_assets import write_whole_plant
 from pxr import Gf, Sdf, Usd, UsdGeom
 from usdfoliage.asset.leaf_primvars import edit_values, read_edits
 from usdfoliage.asset.leaves import edited_leaves
@@ -285,24 +286,29 @@ def test_a_product_that_is_gone_is_told() -> None:
 
 
 def usdview_session(tmp_path: Path, path: str) -> tuple[dict, Path]:
-    """What a stand-in of usdview saw, with programs on this path."""
+    """What a stand-in of usdview saw on a spray, with programs on this path."""
+    asset = write_spray(tmp_path / "spray", two_leaves())
+    return in_usdview("session.py", asset, tmp_path, path), asset
+
+
+def in_usdview(session: str, asset: Path, folder: Path, path: str) -> dict:
+    """What a session saw."""
     try:
         python = find_interpreter()
     except PreviewError as error:
         pytest.skip(f"the preview interpreter is absent: {error}")
     if subprocess.run([str(python), "-c", "import PySide6"], capture_output=True, check=False).returncode:
         pytest.skip(f"{python} has no PySide6 (make setup installs it into .venv-preview)")
-    asset = write_spray(tmp_path / "spray", two_leaves())
-    environment = {**recorder_environment(tmp_path), "QT_QPA_PLATFORM": "offscreen", "PATH": path}
+    environment = {**recorder_environment(folder), "QT_QPA_PLATFORM": "offscreen", "PATH": path}
     outcome = subprocess.run(
-        [str(python), str(FOLDER / "session.py"), str(asset), str(tmp_path)],
+        [str(python), str(FOLDER / session), str(asset), str(folder)],
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
     assert outcome.returncode == 0, outcome.stderr
-    return json.loads(outcome.stdout.splitlines()[-1]), asset
+    return json.loads(outcome.stdout.splitlines()[-1])
 
 
 @pytest.mark.preview
@@ -311,7 +317,7 @@ def test_the_menu_and_the_panel_in_usdview_without_usdfoliage(tmp_path) -> None:
     assert list(seen["menus"]) == ["Foliage"]
     menu = seen["menus"]["Foliage"]
     assert list(menu["Representation"]) == ["bezier", "nurbs", "subdiv", "mesh"]
-    assert list(menu["Level of detail"]) == ["leaves", "both", "crown"]
+    assert list(menu["Level of detail"]) == ["leaves", "both", "crown", "auto"]
     assert {"Show skeleton", "Show cloud", "Show cameras", "Leaf edits…", "Reset edits", "Save edits as look…"} < set(
         menu
     )
@@ -340,6 +346,50 @@ def test_the_menu_and_the_panel_in_usdview_without_usdfoliage(tmp_path) -> None:
     low, high = np.array(seen["extent"])
     assert (low <= drawn[0] + 1e-6).all()
     assert (high >= drawn[1] - 1e-6).all()
+
+
+@pytest.mark.preview
+def test_a_whole_plant_in_usdview_without_usdfoliage(tmp_path) -> None:
+    asset = write_whole_plant(tmp_path / "oak")
+    seen = in_usdview("plant_session.py", asset, tmp_path, "/nowhere")
+    assert seen["lods"] == ["auto", "both", "crown", "leaves"]
+    assert seen["crown"] == [False, "The lod crown shows no leaves to edit: choose leaves or both or auto."]
+    assert seen["again"] == [True, ""]
+    assert seen["widths"] == {"leaves": 1.5, "both": 1.5, "crown": None, "auto": 1.5}
+    # What USD alone says is what usdfoliage says, but for extents, which hold as much and more.
+    write_look_layer(tmp_path / "ours.usda", asset, LeafEdits(width=1.5))
+    ours, theirs = (Sdf.Layer.FindOrOpen(str(tmp_path / name)) for name in ("ours.usda", "saved.usda"))
+    assert edits_in(theirs) == edits_in(ours)
+    assert len(edits_in(ours)) == 3
+    assert ours.customLayerData == theirs.customLayerData
+    for lod in ("leaves", "both", "auto"):
+        boxes = [hint_of(layer, asset, lod) for layer in (ours, theirs)]
+        assert all(wide.Contains(box) for box, wide in zip(*boxes, strict=True) if not box.IsEmpty())
+    assert hint_of(theirs, asset, "crown") == hint_of(ours, asset, "crown")
+
+
+def edits_in(layer: Sdf.Layer) -> dict[Sdf.Path, object]:
+    """The edits that a look says, by their paths with variants."""
+    found: dict[Sdf.Path, object] = {}
+
+    def look(path: Sdf.Path) -> None:
+        if path.IsPropertyPath() and "leaf:edit" in path.name:
+            found[path] = layer.GetAttributeAtPath(path).default
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, look)
+    return found
+
+
+def hint_of(look: Sdf.Layer, asset: Path, lod: str) -> list[Gf.Range3d]:
+    """The boxes of the purposes of a plant under a look."""
+    root = Sdf.Layer.CreateAnonymous()
+    root.subLayerPaths.append(look.identifier)
+    stage = Usd.Stage.Open(root)
+    plant = stage.DefinePrim("/oak")
+    plant.GetReferences().AddReference(str(asset))
+    plant.GetVariantSets().SetSelection("lod", lod)
+    corners = [Gf.Vec3d(corner) for corner in UsdGeom.ModelAPI(plant).GetExtentsHintAttr().Get()]
+    return [Gf.Range3d(*corners[first : first + 2]) for first in range(0, len(corners), 2)]
 
 
 @pytest.mark.preview

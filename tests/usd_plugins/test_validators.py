@@ -30,6 +30,8 @@ VALIDATORS = {
     "AssetPaths",
     "AssetBounds",
     "AssetPurposes",
+    "AssetLods",
+    "AssetCollections",
 }
 ERROR, WARN = UsdValidation.ValidationErrorType.Error, UsdValidation.ValidationErrorType.Warn
 

@@ -20,6 +20,7 @@ from usdFoliageValidators.leaf_patch import check_leaf_patch
 from usdFoliageValidators.leaf_prototype import check_leaf_prototype
 from usdFoliageValidators.leaf_shape import check_leaf_shape
 from usdFoliageValidators.lobed import check_lobed_leaf
+from usdFoliageValidators.lods import check_asset_collections, check_asset_lods
 from usdFoliageValidators.plant import check_plant
 from usdFoliageValidators.skeleton import check_skeleton
 
@@ -42,6 +43,8 @@ STAGE_VALIDATORS = {
     "AssetPaths": check_asset_paths,
     "AssetBounds": check_asset_bounds,
     "AssetPurposes": check_asset_purposes,
+    "AssetLods": check_asset_lods,
+    "AssetCollections": check_asset_collections,
 }
 
 _registry = UsdValidation.ValidationRegistry()

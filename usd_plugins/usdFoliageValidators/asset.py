@@ -4,6 +4,7 @@ They look only at a stage whose root layer is an asset: a root prim of that very
 references assets is none of theirs.
 """
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -133,7 +134,7 @@ def check_asset_purposes(stage: Usd.Stage, _time: object) -> Findings:
         if not attribute or not attribute.HasAuthoredValue():
             continue
         purpose = str(attribute.Get())
-        if prim.GetTypeName() != "Scope":
+        if prim.GetTypeName() not in ("Scope", "SkelRoot"):  # a rig makes the Scope a SkelRoot
             text = f"is authored on a {prim.GetTypeName() or 'prim without type'}; author it on the Scope above"
             findings.append(error(prim, "PurposeNotOnScope", text, "purpose"))
         elif any(UsdGeom.Imageable(below) for below in prim.GetAllChildren()):
@@ -183,7 +184,9 @@ def _authored_paths(layer: Sdf.Layer) -> list[str]:
 def _is_inside(layer: Sdf.Layer, path: str, folder: Path) -> bool:
     if not layer.realPath or Path(path).is_absolute():
         return False
-    return (Path(layer.realPath).parent / path).resolve().is_relative_to(folder.resolve())
+    # Not by Path.resolve, which refuses links that lead to themselves.
+    place = os.path.realpath(Path(layer.realPath).parent / path)
+    return Path(place).is_relative_to(os.path.realpath(folder))
 
 
 def _is_glslfx(layer: Sdf.Layer, path: str) -> bool:

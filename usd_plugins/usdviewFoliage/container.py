@@ -32,6 +32,7 @@ class FoliageContainer(PluginContainer):
                 ("leaves", "Leaves and branches"),
                 ("both", "Leaves and branches, and the crown as proxy"),
                 ("crown", "The crown alone"),
+                ("auto", "Leaves and branches near, the crown far away"),
             )
         ]
         self._guides = [

@@ -8,10 +8,13 @@ from usdviewFoliage import plants
 from usdviewFoliage.look_layer import (
     BEZIER,
     EDITS,
+    LOD,
     REPRESENTATION,
-    LeavesLook,
+    author_edits,
     build_look,
     find_class,
+    leafy_lods,
+    select_lod,
     way_between,
     widen_extents,
 )
@@ -35,9 +38,14 @@ class LiveLook:
         mask = Usd.StagePopulationMask([self.plant_path])
         self._base = Usd.Stage.OpenMasked(stage.GetRootLayer(), beside, mask)
         self._base.SetEditTarget(beside)
+        for prefix in self.plant_path.GetPrefixes():
+            if self._base.GetPrimAtPath(prefix).IsInstance():  # in one no variant can be selected
+                self._base.GetPrimAtPath(prefix).SetInstanceable(False)
         sets = self.base_plant.GetVariantSets()
         if BEZIER in sets.GetVariantSet(REPRESENTATION).GetVariantNames():
             sets.SetSelection(REPRESENTATION, BEZIER)
+        for lod in leafy_lods(self.base_plant)[:1]:
+            select_lod(self.base_plant, lod)
 
     @property
     def plant(self) -> Usd.Prim:
@@ -53,8 +61,13 @@ class LiveLook:
             return "This plant inherits no class, so no look can reach it."
         if not self.plant:
             return f"There is no <{self.plant_path}> any more."
+        if not plants.find_leaves(self.base_plant):
+            return "This plant has no leaves that can be edited."
         if not plants.find_leaves(self.plant):
             sets = plants.variants(self.plant)
+            shown, leafy = sets.get(LOD, ([], ""))[1], leafy_lods(self.plant)
+            if leafy and shown not in leafy:
+                return f"The lod {shown} shows no leaves to edit: choose {' or '.join(leafy)}."
             if sets.get(REPRESENTATION, ([], ""))[1] not in ("", BEZIER):
                 return f"Edits act on the representation {BEZIER}: choose it."
             return "No leaves are shown that can be edited."
@@ -100,21 +113,22 @@ class LiveLook:
     def _build(self, edits: dict, look_of: str, bounds: list | None = None) -> Sdf.Layer:
         self._follow()
         plant = self.base_plant
-        prims = plants.find_leaves(plant)
-        said = [LeavesLook(path=prim.GetPath(), edits=edits, held=_read(prim)) for prim in prims]
 
-        def author_more(stage: Usd.Stage, number: int) -> None:
-            held = None if bounds else self._range(prims[number])
-            if bounds:
-                box, among = (Gf.Range3d(*map(Gf.Vec3d, bounds[number][name])) for name in ("leaf", "among"))
-            elif held is not None:
-                box = box_in_leaf_space(held, edits)
-                among = box_among_leaves(held, box)
-            else:  # no leaves
-                return
-            widen_extents(stage, self.class_path, plant, prims[number], box, among)
+        def author_leaves(stage: Usd.Stage) -> None:
+            for number, prim in enumerate(plants.find_leaves(plant)):
+                at = prim.GetPath().ReplacePrefix(self.plant_path, self.class_path)
+                author_edits(stage, at, edits, _read(prim))
+                held = None if bounds else self._range(prim)
+                if bounds:
+                    box, among = (Gf.Range3d(*map(Gf.Vec3d, bounds[number][name])) for name in ("leaf", "among"))
+                elif held is not None:
+                    box = box_in_leaf_space(held, edits)
+                    among = box_among_leaves(held, box)
+                else:  # no leaves
+                    continue
+                widen_extents(stage, self.class_path, plant, prim, box, among)
 
-        return build_look(plant, self.class_path, look_of, said, author_more)
+        return build_look(plant, self.class_path, look_of, author_leaves)
 
     def _follow(self) -> None:
         """Mute what the shown stage mutes."""

@@ -21,7 +21,7 @@ def _load() -> ModuleType:
             continue
         specification = importlib.util.spec_from_file_location(name, file)
         module = importlib.util.module_from_spec(specification)
-        sys.modules[name] = module  # dataclasses look their module up
+        sys.modules[name] = module
         specification.loader.exec_module(module)
         return module
     raise ImportError(
@@ -34,8 +34,11 @@ _module = _load()
 EDITS = _module.EDITS
 REPRESENTATION = _module.REPRESENTATION
 BEZIER = _module.BEZIER
-LeavesLook = _module.LeavesLook
+LOD = _module.LOD
+author_edits = _module.author_edits
 build_look = _module.build_look
 find_class = _module.find_class
+leafy_lods = _module.leafy_lods
+select_lod = _module.select_lod
 way_between = _module.way_between
 widen_extents = _module.widen_extents

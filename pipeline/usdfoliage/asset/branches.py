@@ -14,6 +14,7 @@ from usdfoliage.asset.plant import BRANCHES, SKELETON
 from usdfoliage.asset.schema import SKELETON_API
 from usdfoliage.branch.cage import BranchCage
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.errors import AssetError
 
 _GROWTH: Mapping[str, Sdf.ValueTypeName] = {
     "internodeLength": Sdf.ValueTypeNames.Float,
@@ -77,6 +78,35 @@ def author_skeleton(stage: Usd.Stage, path: Sdf.Path, prim: SkeletonPrim) -> Usd
     for fact, value in prim.growth.items():
         held.CreateAttribute(f"foliage:growth:{fact}", _GROWTH[fact], custom=False).Set(float(value))
     return curves
+
+
+def read_skeleton(prim: Usd.Prim) -> Skeleton:
+    """The skeleton that author_skeleton wrote.
+
+    Raises:
+        AssetError: An array is missing, or they make no skeleton.
+    """
+    curves = UsdGeom.BasisCurves(prim)
+    held = {
+        "points_m": curves.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()),
+        "widths": curves.GetWidthsAttr().Get(Usd.TimeCode.EarliestTime()),
+        "counts": curves.GetCurveVertexCountsAttr().Get(),
+        **{fact: prim.GetAttribute(f"foliage:{fact}").Get() for fact in ("parentCurve", "parentVertex", "order")},
+    }
+    missing = [name for name, value in held.items() if value is None]
+    if missing:
+        raise AssetError(f"<{prim.GetPath()}> has no {', '.join(missing)}; write the asset again")
+    try:
+        return Skeleton(
+            points_m=np.array(held["points_m"], np.float64).reshape(-1, 3),
+            radius_m=np.array(held["widths"], np.float64) / 2,
+            counts=np.array(held["counts"], np.int32),
+            parent_curve=np.array(held["parentCurve"], np.int32),
+            parent_vertex=np.array(held["parentVertex"], np.int32),
+            order=np.array(held["order"], np.int32),
+        )
+    except (ValueError, IndexError) as error:
+        raise AssetError(f"<{prim.GetPath()}> is no skeleton: {error}; write the asset again") from error
 
 
 def write_branches_layer(

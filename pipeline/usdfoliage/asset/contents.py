@@ -1,5 +1,6 @@
 """What an asset holds, as its layers say it."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,14 +11,16 @@ from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from usdfoliage.asset.leaf_material import STORM_SURFACE, TEXTURE_COLOR
 from usdfoliage.asset.leaf_primvars import place
-from usdfoliage.asset.locate import find_interface, find_plants, open_layer
+from usdfoliage.asset.locate import find_interface, find_plants, first_reason, lost_layers, open_layer
 from usdfoliage.asset.look import Look, read_look
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
-from usdfoliage.asset.plant import CROWN, LEAVES
-from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API
+from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
+from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
+from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
 from usdfoliage.errors import AssetError
+
+logger = logging.getLogger(__name__)
 
 _FOLIAGE = "Foliage"  # begins the names of our schemas
 
@@ -88,6 +91,12 @@ def find_crown(plant: Usd.Prim) -> Usd.Prim | None:
     targets = held.GetForwardedTargets() if held else []
     prim = plant.GetStage().GetPrimAtPath(targets[0] if targets else plant.GetPath().AppendPath(CROWN))
     return prim if prim and prim.HasAPI(CROWN_API) else None
+
+
+def find_skeleton(plant: Usd.Prim) -> Usd.Prim | None:
+    """The prim of the branches' skeleton in the selected variants, None where the plant has none."""
+    prim = plant.GetStage().GetPrimAtPath(plant.GetPath().AppendPath(SKELETON))
+    return prim if prim and prim.HasAPI(SKELETON_API) else None
 
 
 def read_plant_facts(plant: Usd.Prim, interface: Path) -> PlantFacts:
@@ -206,10 +215,15 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
         AssetError: A layer cannot be read.
     """
     folder = interface.absolute().parent
+    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()  # USD would print what is missing, which is returned
     try:
         layers, others, missing = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(interface.absolute())))
     except Tf.ErrorException as error:
-        raise AssetError(f"{interface} cannot be read: {str(error).splitlines()[0]}") from error
+        lost = next(lost_layers(open_layer(interface)), None)
+        why = f"it needs {lost[0]}, which cannot be read ({lost[1]})" if lost else first_reason(error)
+        raise AssetError(f"{interface} cannot be read: {why}; write the asset again") from error
+    for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
+        logger.info("USD: %s", diagnostic.commentary)
     first, *rest = [_file_of(Path(layer.realPath), folder) for layer in layers] or [
         _file_of(interface.absolute(), folder)
     ]
@@ -243,15 +257,18 @@ def _read_provenance(plant: Usd.Prim, interface: Path) -> Provenance:
     """The run that made the asset; what a plant made by other means does not record is empty."""
     record = open_layer(interface).customLayerData.get(CUSTOM_DATA_KEY)
     held = record if isinstance(record, dict) else {}
-    settings = held.get("settings")
     seed = held.get("seed")
+    inputs, stages = read_provenance_file(interface.parent) if "provenance" in held else ({}, {})
     return Provenance(
         species=_text(plant, "foliage:species"),
         capture=_text(plant, "foliage:capture").replace("\\", "/").rsplit("/", 1)[-1],
         generator=_text(plant, "foliage:generator"),
         seed=seed if isinstance(seed, int) else 0,
-        settings={str(key): str(value) for key, value in settings.items()} if isinstance(settings, dict) else {},
+        settings=texts(held.get("settings")),
         input_sha256=str(held.get("inputSha256", "")),
+        inputs=inputs,
+        stages=stages,
+        versions=texts(held.get("versions")),
     )
 
 

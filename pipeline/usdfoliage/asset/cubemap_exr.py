@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from usdfoliage.errors import AssetError
@@ -21,6 +22,7 @@ logger = logging.getLogger(__name__)
 
 REC709_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # red, green, blue, white: x, y
 HALF_MAX = 65504.0
+MOST_TEXELS = 8192  # a side of a face that is read
 ATTRIBUTE_PREFIX = "foliage:"
 
 
@@ -87,6 +89,9 @@ def read_cubemap(path: Path) -> CubemapFile:
     Raises:
         AssetError: The file is missing, no OpenEXR, no cubemap, or has other channels.
     """
+    damage = _find_damage(path)  # the OpenEXR module prints on stdout about it
+    if damage:
+        raise AssetError(f"{path} cannot be read as OpenEXR: {damage}; write it again")
     try:
         with OpenEXR.File(str(path)) as file:
             header, channels = dict(file.header()), file.channels()  # the file empties its own when it is closed
@@ -105,6 +110,24 @@ def read_cubemap(path: Path) -> CubemapFile:
         pixels=pixels[0].reshape(6, width, width, *pixels[0].shape[2:]),
         attributes={k: v for k, v in header.items() if k.startswith(ATTRIBUTE_PREFIX) and isinstance(v, str)},
     )
+
+
+def _find_damage(path: Path) -> str:
+    """What is wrong with the pixels of a file, "" for nothing."""
+    if not path.is_file():
+        return "it is missing or no file"
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        return str(oiio.geterror() or "no image").splitlines()[0]
+    try:
+        spec = source.spec()
+        if spec.width > MOST_TEXELS or spec.height > 6 * MOST_TEXELS:
+            return f"it tells of {spec.width} × {spec.height} pixels, at most {MOST_TEXELS} a side are read"
+        if source.read_image("half") is None or source.has_error:
+            return str(source.geterror() or "its pixels end too early").splitlines()[0]
+    finally:
+        source.close()
+    return ""
 
 
 def _check_cubemap(cubemap: NDArray[np.floating], what: str) -> None:

@@ -1,12 +1,7 @@
 """What validators find, and what of it a studio has decided to live with."""
 
-import tomllib
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from pathlib import Path
-
-from usdfoliage.asset.resources import resource_folder
-from usdfoliage.errors import AssetError
 
 SEVERITIES = ("error", "warning", "info")
 
@@ -46,34 +41,3 @@ class Acceptance:
 def one_line(message: str, place: str) -> str:
     """A validator's message without line breaks, and without the place where it begins with that."""
     return " ".join(message.split()).removeprefix(f"<{place}> ")
-
-
-def default_profile() -> Path:
-    """The profile that is shipped with usdfoliage."""
-    return resource_folder("usd_plugins/usdFoliageValidators") / "studio_profile.toml"
-
-
-def read_profile(path: Path) -> tuple[Acceptance, ...]:
-    """Read the accepted warnings of a studio.
-
-    Raises:
-        AssetError: The file is missing, no TOML, or an entry lacks its validator or its reason.
-    """
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise AssetError(f"the profile {path} cannot be read: {error}") from error
-    entries = content.get("accepted", [])
-    if set(content) - {"accepted"} or not isinstance(entries, list):
-        raise AssetError(f"the profile {path} must hold [[accepted]] entries and nothing else")
-    profile = []
-    for number, entry in enumerate(entries, 1):
-        known = {"validator", "error", "path", "reason"}
-        if not isinstance(entry, dict) or set(entry) - known or not all(isinstance(v, str) for v in entry.values()):
-            raise AssetError(
-                f"the profile {path}, entry {number}: only texts named {', '.join(sorted(known))} are known"
-            )
-        if not entry.get("validator", "").strip() or not entry.get("reason", "").strip():
-            raise AssetError(f"the profile {path}, entry {number}: validator and reason must be given")
-        profile.append(Acceptance(**entry))
-    return tuple(profile)

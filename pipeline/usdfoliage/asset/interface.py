@@ -6,7 +6,7 @@ from pathlib import Path
 from pxr import Sdf, Usd
 
 from usdfoliage.asset.layer import author_frames, export_layer, new_layer
-from usdfoliage.asset.plant import Plant, author_plant
+from usdfoliage.asset.plant import Plant, author_lod_extents, author_plant
 from usdfoliage.asset.provenance import author_provenance
 from usdfoliage.asset.variants import VariantSet, author_variant_references, author_variant_sets
 
@@ -24,6 +24,8 @@ def write_interface_layer(path: Path, name: str, plant: Plant, variants: Sequenc
     root = Sdf.Path(f"/{name}")
     author_plant(stage, root, plant)
     author_variant_sets(stage, root, variants)
+    if plant.lods:
+        author_lod_extents(stage.GetRootLayer(), root, plant.lods)
     author_payload(stage, root, PAYLOAD)
     author_provenance(stage.GetRootLayer(), plant.provenance)
     export_layer(stage, path)

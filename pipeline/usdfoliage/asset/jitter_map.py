@@ -21,7 +21,10 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
     """
     if not path.is_file():
         raise CaptureError(f"{path} is missing; name an image whose first row is one cycle of the jitter")
-    source = oiio.ImageInput.open(str(path))
+    try:
+        source = oiio.ImageInput.open(str(path))
+    except TypeError as error:  # a name that is not valid Unicode
+        raise CaptureError(f"the file name of {path!r} is not valid Unicode; rename it") from error
     if source is None:
         reason = oiio.geterror() or "no reason given"
         raise CaptureError(f"{path} is not an image that can be read ({reason.splitlines()[0]}); use PNG, TIFF or EXR")

@@ -4,9 +4,10 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
-from usdfoliage.asset.look_layer import REPRESENTATION
+from usdfoliage.asset.look_layer import LEAFY_LODS, LOD, REPRESENTATION, leafy_lods, select_lod
 from usdfoliage.asset.schema import LEAF_API, PLANT_API
 from usdfoliage.errors import AssetError
 
@@ -24,6 +25,7 @@ def find_interface(asset: Path) -> Path:
     Raises:
         AssetError: There is nothing of that name, or it is no asset.
     """
+    check_usd_name(asset)
     if asset.is_file():
         if asset.suffix.lower() not in USD_SUFFIXES:
             raise AssetError(f"{asset} is no USD file; name an asset's folder or its .usda")
@@ -57,15 +59,24 @@ def open_layer(path: Path) -> Sdf.Layer:
 
 
 MISSING = "no such file"
+NO_FILE = "no regular file"
+MAX_DEPTH = 500  # of prims in prims in a text layer: USD's parser and its traversals go down by calling themselves
+INCOMPLETE = "prims or properties that it lists are missing"
+TOO_DEEP = f"its prims are nested more than {MAX_DEPTH} deep"
 
 
 def try_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
     """The layer, or None and the reason why it cannot be read."""
     try:
+        if path.exists() and not path.is_file():  # USD would wait for a pipe, and read a device for ever
+            return None, NO_FILE
         with path.open("rb") as file:
             if path.suffix.lower() != ".usdz" and not file.read(8).startswith(b"PXR-USDC"):
                 file.seek(0)
-                file.read().decode("utf-8")  # USD reads on where it is not, and fails where the text reaches Python
+                text = file.read()
+                text.decode("utf-8")  # USD reads on where it is not, and fails where the text reaches Python
+                if _depth(text) > MAX_DEPTH:
+                    return None, TOO_DEEP
         return Sdf.Layer.FindOrOpen(usd_path(path)), "unknown format"
     except UnicodeDecodeError as error:
         return None, f"byte {error.start} is no UTF-8"
@@ -73,6 +84,41 @@ def try_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
         return None, error.strerror or "unreadable"
     except Tf.ErrorException as error:
         return None, first_reason(error)
+
+
+def _depth(text: bytes) -> int:
+    """How deep braces stand in braces; those in texts count too."""
+    held = np.frombuffer(text, np.uint8)
+    braces = held[(held == ord("{")) | (held == ord("}"))]
+    return int(np.cumsum(np.where(braces == ord("{"), 1, -1)).max(initial=0))
+
+
+def _is_incomplete(layer: Sdf.Layer) -> bool:
+    """Whether a damaged crate lists what it does not hold: USD ends the process where that is asked for."""
+    if layer.GetFileFormat().formatId == "usda":  # what a parser made is whole
+        return False
+    missing: list[Sdf.Path] = []
+
+    def look(path: Sdf.Path) -> None:
+        holds = path.IsPrimPath() or path.IsPrimPropertyPath() or path.IsPrimVariantSelectionPath()
+        if path.isEmpty or (holds and layer.GetObjectAtPath(path) is None):
+            missing.append(path)
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, look)
+    return bool(missing)
+
+
+def check_layers(root: Sdf.Layer, path: Path) -> None:
+    """Refuse what would stop USD itself while it composes a layer; path is what the user calls that.
+
+    Raises:
+        AssetError: A layer that it needs is no file, too deep, or lists what it does not hold.
+    """
+    if _is_incomplete(root):
+        raise AssetError(f"{path} cannot be read as USD ({INCOMPLETE}); write it again")
+    for lost, reason in lost_layers(root):
+        if reason in (NO_FILE, TOO_DEEP, INCOMPLETE):
+            raise AssetError(f"{path} needs {lost}, which cannot be read as USD ({reason}); write it again")
 
 
 def lost_layers(root: Sdf.Layer) -> Iterator[tuple[Path, str]]:
@@ -85,11 +131,25 @@ def lost_layers(root: Sdf.Layer) -> Iterator[tuple[Path, str]]:
             if str(path) in seen or path.suffix.lower() not in USD_SUFFIXES:
                 continue
             seen.add(str(path))
-            opened, reason = try_layer(path) if path.is_file() else (None, MISSING)
+            opened, reason = try_layer(path) if os.path.lexists(path) else (None, MISSING)
             if opened is None:
                 yield path, reason
+            elif _is_incomplete(opened):
+                yield path, INCOMPLETE
             else:
                 waiting.append(opened)
+
+
+def check_usd_name(path: Path) -> None:
+    """Refuse a path that USD cannot name a file by, though the file system can.
+
+    Raises:
+        AssetError: It has a control character, a backslash, or bytes that are no UTF-8.
+    """
+    for character in str(path.absolute()):
+        if ord(character) < 32 or ord(character) == 127 or character == "\\" or 0xD800 <= ord(character) < 0xE000:
+            shown = ascii(str(path))[1:-1]
+            raise AssetError(f"{shown} has {character!a} in its path, which USD cannot read; rename it, or its folder")
 
 
 def usd_path(path: Path) -> str:
@@ -132,6 +192,16 @@ def require_leaves(stage: Usd.Stage, path: Path) -> list[Usd.Prim]:
         seen = f"a plant without leaves in the selected variants (<{plants[0].GetPath()}>)" if plants else "no plant"
         raise AssetError(f"{path} holds {seen}; name an asset with leaves, or choose another lod or representation")
     return leaves
+
+
+def select_leafy_lod(stage: Usd.Stage) -> None:
+    """Show the leaves of plants whose selected lod has none; in the session layer, so no file changes."""
+    for plant in find_plants(stage):
+        held = plant.GetVariantSets()
+        if LOD not in held.GetNames() or held.GetVariantSelection(LOD) in LEAFY_LODS or plant.IsInstanceProxy():
+            continue
+        for lod in leafy_lods(plant)[:1]:
+            select_lod(plant, lod)
 
 
 def select_representation(stage: Usd.Stage, name: str) -> None:

@@ -17,11 +17,13 @@ from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.asset.leaf_primvars import edit_values, read_jitter_map_path
 from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import (
+    check_layers,
     find_interface,
     find_leaves,
     find_plants,
     open_layer,
     require_leaves,
+    select_leafy_lod,
     select_representation,
     try_layer,
     usd_path,
@@ -34,7 +36,7 @@ from usdfoliage.asset.look_layer import (
     LOOK_OF,
     LOOK_PRIM,
     REPRESENTATION,
-    LeavesLook,
+    author_edits,
     build_look,
     find_class,
     placement_class,
@@ -70,7 +72,9 @@ def open_asset(asset: Path, load: Usd.Stage.InitialLoadSet = Usd.Stage.LoadAll) 
     require_schemas()
     path = find_interface(asset)
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()  # USD would print them
-    stage = Usd.Stage.Open(open_root_layer(path), load)
+    root = open_root_layer(path)
+    check_layers(root, path)
+    stage = Usd.Stage.Open(root, load)
     for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
         logger.info("USD: %s", diagnostic.commentary)
     plants = find_plants(stage)
@@ -170,21 +174,18 @@ def write_look_layer(
             jitter_map = read_jitter_map_path(require_leaves(shown, asset)[0])
     class_path = _class_path(plant, interface, prim_path)
 
-    prims = require_leaves(stage, interface)
-    held = [read_leaves(prim) for prim in prims]
+    def author_leaves(overs: Usd.Stage) -> None:
+        for leaves in require_leaves(stage, interface):
+            held = read_leaves(leaves)
+            at = leaves.GetPath().ReplacePrefix(plant.GetPath(), class_path)
+            author_edits(overs, at, edit_values(edits), edit_values(held.edits))
+            drawn_map = jitter_map or held.jitter_map
+            wave = read_jitter_map(drawn_map) if drawn_map else None
+            if jitter_map and jitter_map != held.jitter_map:
+                author_look_jitter_map(overs, class_path, plant, leaves, _relative(jitter_map, path))
+            author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
 
-    def author_more(overs: Usd.Stage, number: int) -> None:
-        drawn_map = jitter_map or held[number].jitter_map
-        wave = read_jitter_map(drawn_map) if drawn_map else None
-        if jitter_map and jitter_map != held[number].jitter_map:
-            author_look_jitter_map(overs, class_path, plant, prims[number], _relative(jitter_map, path))
-        author_wider_extents(overs, class_path, plant, prims[number], held[number], edits, wave)
-
-    said = [
-        LeavesLook(path=prim.GetPath(), edits=edit_values(edits), held=edit_values(leaves.edits))
-        for prim, leaves in zip(prims, held, strict=True)
-    ]
-    layer = build_look(plant, class_path, _relative(interface, path), said, author_more, prim_path)
+    layer = build_look(plant, class_path, _relative(interface, path), author_leaves, prim_path)
     publish_text(target, layer.ExportToString())
     return path
 
@@ -192,6 +193,7 @@ def write_look_layer(
 def _open_bezier(asset: Path) -> Usd.Stage:
     """The asset as its leaves can be edited."""
     stage = open_asset(asset)
+    select_leafy_lod(stage)
     if any(REPRESENTATION in plant.GetVariantSets().GetNames() for plant in find_plants(stage)):
         select_representation(stage, BEZIER)
     return stage

@@ -7,8 +7,6 @@ that may have neither numpy nor the rest of usdfoliage, so that a look is made u
 import os
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
 
 from pxr import Gf, Sdf, Usd, UsdGeom
 
@@ -16,6 +14,8 @@ EditValue = float | tuple[float, float, float]
 
 REPRESENTATION = "representation"  # the variant set of a plant that chooses what its leaves are
 BEZIER = "bezier"  # its variant that edits act on
+LOD = "lod"  # the one that chooses which of its parts are shown
+LEAFY_LODS = ("leaves", "both", "auto")  # those with leaves, where a plant has any
 LOOK_OF = "lookOf"  # of a look's record: the asset's interface layer, as seen from the look
 LOOK_PRIM = "lookPrim"  # the one placement that it is for
 CUSTOM_DATA_KEY = "usdfoliage"  # of a layer's customLayerData; a layer of ours has it
@@ -42,15 +42,6 @@ EDITS: Mapping[str, str] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeavesLook:
-    """What a look says of one prim of leaves."""
-
-    path: Sdf.Path  # of the leaves, below the plant
-    edits: Mapping[str, EditValue]  # as the leaves shall have them in the end
-    held: Mapping[str, EditValue]  # as they have them without the look
-
-
 def author_edit(prim: Usd.Prim, name: str, value: EditValue) -> None:
     """One edit, by the name of its primvar (EDITS)."""
     primvars = UsdGeom.PrimvarsAPI(prim)
@@ -59,6 +50,15 @@ def author_edit(prim: Usd.Prim, name: str, value: EditValue) -> None:
         primvar.Set(Gf.Vec3f(*map(float, value)))
     else:
         primvars.CreatePrimvar(name, Sdf.ValueTypeNames.Float, UsdGeom.Tokens.constant).Set(float(value))
+
+
+def author_edits(
+    stage: Usd.Stage, path: Sdf.Path, edits: Mapping[str, EditValue], held: Mapping[str, EditValue]
+) -> None:
+    """Say of leaves at path, in a look, what edits they shall have in the end, where they have others without it."""
+    for name, primvar in EDITS.items():
+        if name in edits and not same_value(edits[name], held.get(name)):
+            author_edit(stage.OverridePrim(path), primvar, edits[name])
 
 
 def same_value(first: EditValue | None, second: EditValue | None) -> bool:
@@ -92,8 +92,7 @@ def build_look(
     plant: Usd.Prim,
     class_path: Sdf.Path,
     look_of: str,
-    leaves: Sequence[LeavesLook],
-    author_more: Callable[[Usd.Stage, int], None],
+    author_leaves: Callable[[Usd.Stage], None],
     placement: str | None = None,
 ) -> Sdf.Layer:
     """A layer, in memory, that says of a plant's class what leaves are edited by.
@@ -102,9 +101,9 @@ def build_look(
         plant: Composed, where its leaves can be edited.
         class_path: From find_class or placement_class.
         look_of: The asset's interface layer, as seen from where the look will lie.
-        leaves: What is said of each prim of leaves.
-        author_more: Called once for each of leaves, with the look's stage and the number of the leaves, to author the
-            extents that they need; it stands in the variant of the leaves.
+        author_leaves: Called with the look's stage to say what the leaves that plant now has are edited by
+            (author_edits), and how far they then reach (widen_extents): once, or once in each lod that shows leaves,
+            selected on plant in its stage's session layer; what it authors lies in the variants of the leaves.
         placement: The one prim that the look is for, where class_path is a class of its own.
     """
     layer = Sdf.Layer.CreateAnonymous(".usda")
@@ -117,28 +116,52 @@ def build_look(
         record[LOOK_PRIM] = placement
         stage.OverridePrim(placement).GetInherits().AddInherit(class_path)
     layer.customLayerData = {CUSTOM_DATA_KEY: record}
-    with _variant_context(stage.GetPrimAtPath(class_path), plant):
-        for number, said in enumerate(leaves):
-            at = said.path.ReplacePrefix(plant.GetPath(), class_path)
-            for name, primvar in EDITS.items():
-                if name in said.edits and not same_value(said.edits[name], said.held.get(name)):
-                    author_edit(stage.OverridePrim(at), primvar, said.edits[name])
-            author_more(stage, number)
+    for _ in _each_leafy_lod(stage, class_path, plant):
+        if REPRESENTATION in plant.GetVariantSets().GetNames():
+            for _ in each_variant(stage, class_path, REPRESENTATION, [BEZIER]):
+                author_leaves(stage)
+        else:
+            author_leaves(stage)
     return layer
 
 
-@contextmanager
-def _variant_context(prim: Usd.Prim, plant: Usd.Prim) -> Iterator[None]:
-    """Author below prim in the variant of the leaves that have edits, if the plant has variants of them at all."""
-    if REPRESENTATION not in plant.GetVariantSets().GetNames():
+def leafy_lods(plant: Usd.Prim) -> list[str]:
+    """The lods of a plant that show leaves; none where it has nothing to choose."""
+    held = plant.GetVariantSets()
+    known = held.GetVariantSet(LOD).GetVariantNames() if LOD in held.GetNames() else []
+    return [lod for lod in LEAFY_LODS if lod in known]
+
+
+def select_lod(plant: Usd.Prim, lod: str) -> None:
+    """Show other parts of a plant; in the session layer."""
+    stage = plant.GetStage()
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        plant.GetVariantSets().SetSelection(LOD, lod)
+
+
+def _each_leafy_lod(stage: Usd.Stage, class_path: Sdf.Path, plant: Usd.Prim) -> Iterator[None]:
+    """Author in the class once, or once in each lod that shows leaves, if the plant has others besides: there they
+    are no prims, and its extentsHint is another in each."""
+    held = plant.GetVariantSets()
+    if LOD not in held.GetNames() or len(held.GetVariantSet(LOD).GetVariantNames()) < 2:
         yield
         return
-    variants = prim.GetVariantSets().AddVariantSet(REPRESENTATION)
-    variants.AddVariant(BEZIER)
-    variants.SetVariantSelection(BEZIER)
-    with variants.GetVariantEditContext():
+    for lod in each_variant(stage, class_path, LOD, leafy_lods(plant)):
+        select_lod(plant, lod)
         yield
-    variants.ClearVariantSelection()  # which one is shown, the scene says
+
+
+def each_variant(stage: Usd.Stage, path: Sdf.Path, name: str, variants: Sequence[str]) -> Iterator[str]:
+    """Go through the variants of a set of the prim at path; what is authored meanwhile lies within each. None is left
+    selected: a layer that has a set of the same name again follows the selection of who refers to it.
+    """
+    variant_set = stage.GetPrimAtPath(path).GetVariantSets().AddVariantSet(name)
+    for variant in variants:
+        variant_set.AddVariant(variant)
+        variant_set.SetVariantSelection(variant)
+        with variant_set.GetVariantEditContext():
+            yield variant
+    variant_set.ClearVariantSelection()
 
 
 def widen_extents(

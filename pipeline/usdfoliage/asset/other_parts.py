@@ -11,15 +11,18 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdMedia
 
 from usdfoliage.asset.interface import PAYLOAD
 from usdfoliage.asset.layer import save_layer
 from usdfoliage.asset.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion, read_points
-from usdfoliage.asset.locate import open_layer
+from usdfoliage.asset.locate import find_interface, find_plants, open_layer
+from usdfoliage.asset.look_layer import REPRESENTATION
 from usdfoliage.asset.materials import LEAF_MATERIAL, MATERIALS
 from usdfoliage.asset.package import (
+    CROWN_LAYER,
     LEAVES_GUIDE,
+    MATERIAL_LAYER,
     REPRESENTATIONS,
     LeafAssetSettings,
     LeafLook,
@@ -28,15 +31,14 @@ from usdfoliage.asset.package import (
     leaf_jitter,
     write_leaf_layers,
 )
-from usdfoliage.asset.plant import BRANCHES, LEAVES, SKELETON, Plant, box_around
+from usdfoliage.asset.plant import BRANCHES, COLLECTIONS, CROWN, LEAVES, SKELETON, Plant, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.model import Leaves
 
-_MATERIAL_LAYER = "materials.usda"
-_OF_LEAVES = {*REPRESENTATIONS.values(), LEAVES_GUIDE, _MATERIAL_LAYER}  # written anew
+_OF_LEAVES = {*REPRESENTATIONS.values(), LEAVES_GUIDE, MATERIAL_LAYER}  # written anew
 _MOTION = frozenset({GROWTH_LEAVES, RIG_LEAVES})  # of leaves: carried over where it fits
 _TIMES = ("startTimeCode", "endTimeCode", "timeCodesPerSecond", "framesPerSecond")
 
@@ -50,19 +52,43 @@ class OtherParts:
     shared: Sequence[str]  # layers in every variant, from the payload's folder
     sets: Sequence[VariantSet]  # but the one of the leaves; the selected variant first
     parts: Sequence[str]
-    extents_m: Sequence[NDArray[np.float64]]  # (2, 3) each
+    extents_m: Sequence[NDArray[np.float64]]  # (2, 3) each, of what is no guide
     guide_extents_m: Sequence[NDArray[np.float64]]
+    crown_m: NDArray[np.float64] | None = None  # (2, 3) around its crown, None where it has none
+    is_whole: bool = False  # it is of a whole plant (usdfoliage.asset.plant_package)
+    lod: str = ""  # the one that is selected, of a whole plant
+    thumbnail: Path | None = None
+
+    @property
+    def has_branches(self) -> bool:
+        return bool(self.parts)
+
+
+def read_other_parts(asset: Path) -> OtherParts | None:
+    """What the plant of an asset, named by its folder or its interface layer, has besides leaves.
+
+    Raises:
+        AssetError: It cannot be read, or is no asset of ours.
+    """
+    interface = find_interface(asset)
+    stage = Usd.Stage.Open(open_layer(interface))
+    plants = find_plants(stage)
+    if len(plants) != 1:
+        raise AssetError(f"{asset} holds {len(plants)} plants; name the asset of one")
+    return find_other_parts(plants[0], interface)
 
 
 def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
-    """What a plant has besides leaves, in its asset's layers; None where it has no branches.
+    """What a plant has besides leaves, in its asset's layers; None where it is none of a whole plant and has no
+    branches.
 
     Raises:
-        AssetError: The plant has branches, but interface has no payload layer as ours have.
+        AssetError: The plant has branches or a crown, but interface has no payload layer as ours have.
     """
     stage, name = plant.GetStage(), plant.GetName()
     branches, skeleton = (stage.GetPrimAtPath(plant.GetPath().AppendPath(part)) for part in (BRANCHES, SKELETON))
-    if not branches and not skeleton:
+    is_whole = any(plant.HasAPI(Usd.CollectionAPI, part) for part in COLLECTIONS)
+    if not branches and not skeleton and not is_whole:
         return None
     layer = interface.parent / PAYLOAD
     held = open_layer(layer).GetPrimAtPath(f"/{name}") if layer.is_file() else None
@@ -70,6 +96,8 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
         raise AssetError(
             f"<{plant.GetPath()}> has branches besides its leaves, and {interface} is not their asset; name its folder"
         )
+    if is_whole:
+        return _parts_of_whole(plant, interface, held)
     root = open_layer(interface).GetPrimAtPath(f"/{name}")
     selected = dict(root.variantSelections) if root else {}
     names = list(held.variantSetNameList.prependedItems)
@@ -82,6 +110,48 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
         extents_m=[*_extents(branches), *(_hint(plant) if {"rig", "growth"} & set(names) else [])],
         guide_extents_m=_extents(skeleton),
     )
+
+
+def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> OtherParts:
+    """The parts of a whole plant, whichever of its lods is selected; its sets as they are in an asset of branches."""
+    name = plant.GetName()
+    root = open_layer(interface).GetPrimAtPath(f"/{name}")
+    selected = dict(root.variantSelections) if root else {}
+    lods = {each: variant.primSpec for each, variant in held.variantSets["lod"].variants.items()}
+    near = lods.get("leaves")
+    names = list(near.variantSetNameList.prependedItems) if near is not None else []
+    sets = [_read_set(near, each, selected.get(each, "")) for each in names if each != REPRESENTATION]
+    shared = _layers(near) if near is not None else []
+    payload = interface.parent / "payload"
+    surfaces = [layer for each in sets if each.name == "branches" for some in each.variants.values() for layer in some]
+    extents = [_layer_extent(payload / layer, f"/{name}/{BRANCHES}") for layer in surfaces]
+    guides = [_layer_extent(payload / layer, f"/{name}/{SKELETON}") for layer in shared]
+    if {"rig", "growth"} & {each.name for each in sets}:  # what moves goes farther than its extents at rest
+        hint = root.variantSets["lod"].variants["leaves"].primSpec.attributes.get("extentsHint")
+        extents += [np.array(hint.default[:2], np.float64)] if hint is not None else []
+    crown = f"./{CROWN_LAYER}"
+    has_crown = any(crown in _layers(spec) for spec in lods.values())
+    thumbnail = UsdMedia.AssetPreviewsAPI(plant).GetDefaultThumbnails()
+    picture = interface.parent / thumbnail.defaultImage.path if thumbnail is not None else None
+    return OtherParts(
+        interface=interface,
+        name=name,
+        shared=shared,
+        sets=sets,
+        parts=(SKELETON,) if surfaces else (),
+        extents_m=[box for box in extents if box is not None],
+        guide_extents_m=[box for box in guides if box is not None],
+        crown_m=_layer_extent(payload / CROWN_LAYER, f"/{name}/{CROWN}") if has_crown else None,
+        is_whole=True,
+        lod=selected.get("lod", ""),
+        thumbnail=picture if picture is not None and picture.is_file() else None,
+    )
+
+
+def _layer_extent(path: Path, prim: str) -> NDArray[np.float64] | None:
+    layer = open_layer(path)
+    extent = layer.GetAttributeAtPath(f"{prim}.extent")
+    return None if extent is None or extent.default is None else np.array(extent.default, np.float64)
 
 
 def write_leaves_beside(
@@ -102,8 +172,8 @@ def write_leaves_beside(
     """
     payload = begin_asset(folder, name)
     layers = write_leaf_layers(folder, name, leaves, settings, edits, look)
-    if not _fits_motion(others, payload, name, settings.representations):
-        others = _without_motion(others)
+    if not fits_motion(others, payload, name, settings.representations):
+        others = without_motion(others)
     drawn = DrawnLeaves(
         payload=payload,
         leaves=leaves,
@@ -111,7 +181,7 @@ def write_leaves_beside(
         edits=edits,
         jitter=leaf_jitter(edits, look),
     )
-    moving = _copy_layers(others, payload, name, drawn)
+    moving = copy_layers(others, payload, name, drawn)
     guides = [*others.guide_extents_m, *([] if layers.guide_extent_m is None else [layers.guide_extent_m])]
     plant = Plant(
         provenance=provenance,
@@ -123,12 +193,12 @@ def write_leaves_beside(
     )
     # The representations lie in the lod before them; what moves has to stay before both.
     before = next((number for number, held in enumerate(others.sets) if held.name == "lod"), 0) + 1
-    shared = [f"./{_MATERIAL_LAYER}", *others.shared]
+    shared = [f"./{MATERIAL_LAYER}", *others.shared]
     interface = finish_asset(
         folder, name, plant, [*others.sets[:before], layers.variants, *others.sets[before:]], shared
     )
     for path in (interface, folder / PAYLOAD):
-        _keep_times(open_layer(others.interface), path)
+        keep_times(open_layer(others.interface), path)
     return interface
 
 
@@ -138,7 +208,7 @@ def lost_leaf_motion(others: OtherParts, folder: Path) -> bool:
     return any((source / layer).is_file() and not (folder / "payload" / layer).exists() for layer in _MOTION)
 
 
-def _fits_motion(others: OtherParts, payload: Path, name: str, representations: Sequence[str]) -> bool:
+def fits_motion(others: OtherParts, payload: Path, name: str, representations: Sequence[str]) -> bool:
     """Whether leaves that were written stand where the old ones did, and are divided alike: as those moved, they do."""
     source = others.interface.parent / "payload"
     old, new = Sdf.Path(f"/{others.name}/{LEAVES}"), Sdf.Path(f"/{name}/{LEAVES}")
@@ -162,7 +232,8 @@ def _fits_motion(others: OtherParts, payload: Path, name: str, representations: 
     return True
 
 
-def _without_motion(others: OtherParts) -> OtherParts:
+def without_motion(others: OtherParts) -> OtherParts:
+    """The same parts without the layers that move leaves."""
     sets = [
         replace(
             held,
@@ -176,8 +247,14 @@ def _without_motion(others: OtherParts) -> OtherParts:
     return replace(others, sets=sets)
 
 
-def _copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeaves) -> list[NDArray[np.float64]]:
+def copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeaves | None) -> list[NDArray[np.float64]]:
     """Copy the layers of other parts, and the pictures that they name, for the root prim /name.
+
+    Args:
+        others: What to copy; without_motion where there are no leaves.
+        payload: The folder of the new asset's payload, which has its materials layer.
+        name: Of the new root prim.
+        drawn: The new leaves.
 
     Returns:
         Boxes (2, 3) around the leaves where they move.
@@ -185,20 +262,22 @@ def _copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeave
     boxes = []
     source = others.interface.parent / "payload"
     layers = {*others.shared, *(layer for held in others.sets for each in held.variants.values() for layer in each)}
+    if others.crown_m is not None:
+        layers.add(f"./{CROWN_LAYER}")
     for layer in sorted(layers):
         copied = _open_renamed(source / layer, others.name, name)
         _copy_pictures(copied, Sdf.Path.absoluteRootPath, source, payload)
-        if layer.removeprefix("./") in _MOTION:
+        if drawn is not None and layer.removeprefix("./") in _MOTION:
             boxes += adapt_leaf_motion(copied, name, drawn)
         save_layer(copied, payload / layer)
-    old = _open_renamed(source / _MATERIAL_LAYER, others.name, name)
-    new = _open_copy(payload / _MATERIAL_LAYER)
+    old = _open_renamed(source / MATERIAL_LAYER, others.name, name)
+    new = _open_copy(payload / MATERIAL_LAYER)
     scope = old.GetPrimAtPath(f"/{name}/{MATERIALS}")
     for material in scope.nameChildren if scope else ():
-        if material.path != Sdf.Path(f"/{name}/{LEAF_MATERIAL}"):
+        if material.path != Sdf.Path(f"/{name}/{LEAF_MATERIAL}") and not new.GetPrimAtPath(material.path):
             Sdf.CopySpec(old, material.path, new, material.path)
             _copy_pictures(old, material.path, source, payload)
-    save_layer(new, payload / _MATERIAL_LAYER)
+    save_layer(new, payload / MATERIAL_LAYER)
     return boxes
 
 
@@ -265,7 +344,7 @@ def _copy_pictures(layer: Sdf.Layer, root: Sdf.Path, source: Path, target: Path)
                 raise AssetError(f"{source / name} cannot be copied into the asset: {error.strerror}") from error
 
 
-def _keep_times(old: Sdf.Layer, path: Path) -> None:
+def keep_times(old: Sdf.Layer, path: Path) -> None:
     """Give a layer the range of time that another has."""
     known = [field for field in _TIMES if old.pseudoRoot.HasInfo(field)]
     if known:

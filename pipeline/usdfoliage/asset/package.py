@@ -44,6 +44,8 @@ REPRESENTATIONS: Mapping[str, str] = {  # and the layer of each, in the payload'
     "mesh": "leaves_mesh.usdc",
 }
 LEAVES_GUIDE = "leaves_guide.usda"
+CROWN_LAYER = "crown.usdc"
+MATERIAL_LAYER = "materials.usda"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,8 +120,36 @@ def write_crown_asset(
         AssetError: A file cannot be written.
     """
     payload = begin_asset(folder, name)
+    layers = write_crown_layers(folder, name, crown, settings.crown_mesh_size)
+    plant = Plant(
+        provenance=provenance,
+        asset_from_capture=crown.asset_from_photo,
+        extent_m=layers.extent_m,
+        parts=(CROWN,),
+        version=settings.version,
+    )
+    write_materials_layer(payload / "materials.usda", name, crown=layers.material)
+    return finish_asset(folder, name, plant, [VariantSet(name="lod", variants={"crown": [f"./{CROWN_LAYER}"]})])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrownLayers:
+    """What the other layers of an asset must know of its crown."""
+
+    extent_m: NDArray[np.float64]  # (2, 3)
+    material: CrownMaterial  # for the materials layer
+
+
+def write_crown_layers(folder: Path, name: str, crown: CrownModel, mesh_size: int) -> CrownLayers:
+    """Write what a crown is in an asset, whatever else it holds, but its material: its layer, maps and shader.
+
+    Errors are those of write_crown_asset; the payload's folder exists.
+    """
     # A mesh finer than its map would show the map's texels as facets.
-    prim = crown_prim(name, crown, min(settings.crown_mesh_size, crown.radius_m.shape[1]))
+    prim = crown_prim(name, crown, min(mesh_size, crown.radius_m.shape[1]))
+    write_crown_maps(folder, name, crown)
+    copy_shaders(folder / "shaders", (CROWN_SHADER,))
+    write_crown_layer(folder / "payload" / CROWN_LAYER, name, prim)
     material = CrownMaterial(
         color_map=prim.color_map,
         radius_map=prim.radius_map,
@@ -128,18 +158,8 @@ def write_crown_asset(
         center_m=(float(prim.center_m[0]), float(prim.center_m[1]), float(prim.center_m[2])),
         radius_range_m=prim.radius_range_m,
     )
-    plant = Plant(
-        provenance=provenance,
-        asset_from_capture=crown.asset_from_photo,
-        extent_m=np.stack([prim.mesh.points_m.min(axis=0), prim.mesh.points_m.max(axis=0)]),
-        parts=(CROWN,),
-        version=settings.version,
-    )
-    write_crown_maps(folder, name, crown)
-    copy_shaders(folder / "shaders", (CROWN_SHADER,))
-    write_materials_layer(payload / "materials.usda", name, crown=material)
-    write_crown_layer(payload / "crown.usdc", name, prim)
-    return finish_asset(folder, name, plant, [VariantSet(name="lod", variants={"crown": ["./crown.usdc"]})])
+    extent_m = np.stack([prim.mesh.points_m.min(axis=0), prim.mesh.points_m.max(axis=0)])
+    return CrownLayers(extent_m=extent_m.astype(np.float64), material=material)
 
 
 def write_leaf_asset(
@@ -182,8 +202,6 @@ def write_leaf_asset(
         parts=layers.parts,
         version=settings.version,
     )
-    # With a crown besides: the lods leaves, both and crown, the representation inside the first two, and the purposes
-    # in a layer of both.
     return finish_asset(folder, name, plant, [VariantSet(name="lod", variants={"leaves": []}), layers.variants])
 
 
@@ -194,7 +212,7 @@ class LeafLayers:
     extent_m: NDArray[np.float64]  # (2, 3), in any representation
     guide_extent_m: NDArray[np.float64] | None  # (2, 3), where the leaves are a guide as well
     parts: Sequence[str]  # of the plant
-    variants: VariantSet  # inside the lod leaves
+    variants: VariantSet  # inside the lods that have leaves
 
 
 def write_leaf_layers(
@@ -205,6 +223,8 @@ def write_leaf_layers(
     edits: LeafEdits = NEUTRAL,
     look: LeafLook = LeafLook(),
     bark: BarkMaterial | None = None,
+    crown: CrownMaterial | None = None,
+    lods: Sequence[str] = ("leaves",),
 ) -> LeafLayers:
     """Write what leaves are in an asset, whatever else it holds: their layers, pictures, shaders, and the materials.
 
@@ -212,6 +232,8 @@ def write_leaf_layers(
 
     Args:
         bark: Of branches, for the materials layer.
+        crown: Of a crown, for the same.
+        lods: Those that have leaves.
     """
     check_leaves(leaves)
     payload = folder / "payload"
@@ -227,7 +249,7 @@ def write_leaf_layers(
         texture_color=look.texture_color,
         jitter_map=jitter_map or None,
     )
-    write_materials_layer(payload / "materials.usda", name, leaf=material, bark=bark)
+    write_materials_layer(payload / "materials.usda", name, leaf=material, bark=bark, crown=crown)
     chosen = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in settings.representations}
     if has_guide:
         write_leaves_guide_layer(payload / LEAVES_GUIDE, name, [*chosen["bezier"], "./materials.usda"])
@@ -237,7 +259,7 @@ def write_leaf_layers(
         extent_m=box_around(bounds),
         guide_extent_m=bounds[settings.representations.index("bezier")] if has_guide else None,
         parts=(LEAVES,) if "bezier" in settings.representations else (),  # of the others none has FoliageLeafAPI there
-        variants=VariantSet(name="representation", variants=chosen, inside=["leaves"]),
+        variants=VariantSet(name="representation", variants=chosen, inside=lods),
     )
 
 

@@ -2,11 +2,11 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdMedia, Vt
 
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.schema import PLANT_API
@@ -18,7 +18,19 @@ CROWN = "geo/proxy/Crown"
 BRANCHES = "geo/render/Branches"
 SKELETON = "geo/guide/Skeleton"
 
+COLLECTIONS: Mapping[str, str] = {"leaves": LEAVES, "branches": BRANCHES, "crown": CROWN}  # of a whole plant
+
 _RELATIONSHIPS: Mapping[str, str] = {LEAVES: "foliage:leaves", CROWN: "foliage:crown", SKELETON: "foliage:skeleton"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PurposeBoxes:
+    """Boxes (2, 3) in metres around what has each purpose; None where nothing has it."""
+
+    default: NDArray[np.float64] | None = None
+    render: NDArray[np.float64] | None = None
+    proxy: NDArray[np.float64] | None = None
+    guide: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,6 +43,11 @@ class Plant:
     guide_extent_m: NDArray[np.float64] | None = None  # (2, 3), of the guides of any variant
     parts: Sequence[str]  # what the asset holds, LEAVES, CROWN or SKELETON
     version: str  # of the asset
+    lods: Mapping[str, PurposeBoxes] = field(
+        default_factory=dict
+    )  # where several hold different things: what each does
+    collections: Sequence[str] = ()  # some of COLLECTIONS
+    thumbnail: str = ""  # picture, as a path from the interface layer
 
 
 def asset_name(text: str) -> str:
@@ -59,7 +76,12 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
     model.SetAssetIdentifier(Sdf.AssetPath(f"./{name}.usda"))
     model.SetAssetName(name)
     model.SetAssetVersion(plant.version)
-    UsdGeom.ModelAPI.Apply(prim).SetExtentsHint(_extents_hint(plant))
+    geometry = UsdGeom.ModelAPI.Apply(prim)
+    if not plant.lods:  # else an opinion here would be stronger than those of the variants
+        geometry.SetExtentsHint(_extents_hint(PurposeBoxes(default=plant.extent_m, guide=plant.guide_extent_m)))
+    if plant.thumbnail:
+        thumbnails = UsdMedia.AssetPreviewsAPI.Thumbnails(defaultImage=Sdf.AssetPath(plant.thumbnail))
+        UsdMedia.AssetPreviewsAPI.Apply(prim).SetDefaultThumbnails(thumbnails)
 
     prim.AddAppliedSchema(PLANT_API)
     facts = (
@@ -73,7 +95,18 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
         prim.CreateAttribute(attribute, value_type, custom=False).Set(value)
     for part in plant.parts:
         prim.CreateRelationship(_RELATIONSHIPS[part], custom=False).SetTargets([path.AppendPath(part)])
+    for part in plant.collections:
+        Usd.CollectionAPI.Apply(prim, part).IncludePath(path.AppendPath(COLLECTIONS[part]))
     return prim
+
+
+def author_lod_extents(layer: Sdf.Layer, path: Sdf.Path, lods: Mapping[str, PurposeBoxes]) -> None:
+    """Author an extentsHint in each variant of the set lod, which the prim at path has, so that it holds while nothing
+    is loaded."""
+    variants = layer.GetPrimAtPath(path).variantSets["lod"].variants
+    for name, boxes in lods.items():
+        hint = Sdf.AttributeSpec(variants[name].primSpec, "extentsHint", Sdf.ValueTypeNames.Float3Array)
+        hint.default = Vt.Vec3fArray(_extents_hint(boxes))
 
 
 def box_around(boxes: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -81,10 +114,10 @@ def box_around(boxes: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.stack([np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]])
 
 
-def _extents_hint(plant: Plant) -> list[Gf.Vec3f]:
+def _extents_hint(boxes: PurposeBoxes) -> list[Gf.Vec3f]:
     """A pair of corners for each of the purposes default, render, proxy and guide, to the last that has something."""
-    boxes = [plant.extent_m]
-    if plant.guide_extent_m is not None:
-        nothing = np.array([np.full(3, np.finfo(np.float32).max), np.full(3, np.finfo(np.float32).min)])
-        boxes += [nothing, nothing, plant.guide_extent_m]
-    return [Gf.Vec3f(*map(float, corner)) for box in boxes for corner in box]
+    held = [boxes.default, boxes.render, boxes.proxy, boxes.guide]
+    while held and held[-1] is None:
+        held.pop()
+    nothing = np.array([np.full(3, np.finfo(np.float32).max), np.full(3, np.finfo(np.float32).min)])
+    return [Gf.Vec3f(*map(float, corner)) for box in held for corner in (nothing if box is None else box)]

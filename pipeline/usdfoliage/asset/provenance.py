@@ -1,11 +1,29 @@
 """Where an asset comes from: what is written of it into the asset."""
 
-from collections.abc import Mapping
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path, PurePosixPath
+from typing import Any
 
 from pxr import Sdf
 
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
+from usdfoliage.errors import AssetError
+
+PROVENANCE_FILE = "report/provenance.json"  # of an asset, where there is more to tell than the interface layer should
+PACKAGES = (
+    "usdfoliage",
+    "usd-core",
+    "numpy",
+    "scipy",
+    "opencv-contrib-python-headless",
+    "pycolmap",
+    "OpenEXR",
+    "OpenImageIO",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,21 +35,103 @@ class Provenance:
     generator: str  # tool and version
     seed: int
     settings: Mapping[str, str] = field(default_factory=dict)  # for the record: option and value
-    input_sha256: str  # of the input's bytes
+    input_sha256: str  # of the input's bytes; of several inputs their combined_sha256
+    inputs: Mapping[str, str] = field(default_factory=dict)  # of several: path from the capture's folder, and SHA-256
+    stages: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # of several runs: the settings of each
+    versions: Mapping[str, str] = field(default_factory=dict)  # of the packages that took part (package_versions)
 
     def __post_init__(self) -> None:
-        if "/" in self.capture or "\\" in self.capture:
+        if self.capture and Path(self.capture).name != self.capture:
             raise ValueError(f"capture is a file name without folders, not {self.capture}")
+        for name in self.inputs:
+            if not name or "\\" in name or PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+                raise ValueError(f"an input is named by its path from the capture's folder, not {name!r}")
+
+
+def combined_sha256(inputs: Mapping[str, str]) -> str:
+    """One digest of many files: of the lines "<sha256>  <name>" in the order of the names, as sha256sum writes them."""
+    lines = "".join(f"{digest}  {name}\n" for name, digest in sorted(inputs.items()))
+    return hashlib.sha256(lines.encode()).hexdigest()
+
+
+def package_versions(names: Sequence[str] = PACKAGES) -> dict[str, str]:
+    """The versions of those of the packages that are installed."""
+    found = {}
+    for name in names:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
 
 
 def author_provenance(layer: Sdf.Layer, provenance: Provenance) -> None:
-    """Record the run in the layer's customLayerData."""
+    """Record the run in the layer's customLayerData; of many inputs and stages no more than that PROVENANCE_FILE tells
+    of them."""
     custom = dict(layer.customLayerData)
-    custom[CUSTOM_DATA_KEY] = {
+    record: dict[str, Any] = {
         "capture": provenance.capture,
         "generator": provenance.generator,
         "inputSha256": provenance.input_sha256,
         "seed": provenance.seed,
         "settings": {str(key): str(value) for key, value in sorted(provenance.settings.items())},
     }
+    if provenance.versions:
+        record["versions"] = {str(key): str(value) for key, value in sorted(provenance.versions.items())}
+    if provenance.inputs:
+        record["inputCount"] = len(provenance.inputs)
+    if needs_file(provenance):
+        record["provenance"] = PROVENANCE_FILE
+    custom[CUSTOM_DATA_KEY] = record
     layer.customLayerData = custom
+
+
+def needs_file(provenance: Provenance) -> bool:
+    """Whether there is more to tell than author_provenance writes."""
+    return bool(provenance.inputs or provenance.stages)
+
+
+def write_provenance_file(folder: Path, provenance: Provenance) -> Path:
+    """Write all that is known of the run to PROVENANCE_FILE of the asset in folder; the same run, the same bytes.
+
+    Raises:
+        AssetError: It cannot be written.
+    """
+    content = {
+        "species": provenance.species,
+        "capture": provenance.capture,
+        "generator": provenance.generator,
+        "seed": provenance.seed,
+        "settings": dict(provenance.settings),
+        "stages": {name: dict(settings) for name, settings in provenance.stages.items()},
+        "versions": dict(provenance.versions),
+        "inputSha256": provenance.input_sha256,
+        "inputs": dict(provenance.inputs),
+    }
+    path = folder / PROVENANCE_FILE
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(content, indent=2, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise AssetError(f"{path} cannot be written: {error.strerror}") from error
+    return path
+
+
+def read_provenance_file(folder: Path) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
+    """Inputs and stages in PROVENANCE_FILE of the asset in folder; none where there is no such file, or another."""
+    try:
+        content = json.loads((folder / PROVENANCE_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}, {}
+    if not isinstance(content, dict):
+        return {}, {}
+    return texts(content.get("inputs")), {
+        str(name): texts(settings)
+        for name, settings in (content.get("stages") or {}).items()
+        if isinstance(settings, dict)
+    }
+
+
+def texts(held: object) -> dict[str, str]:
+    """A dictionary of texts, empty for what is no dictionary."""
+    return {str(key): str(value) for key, value in held.items()} if isinstance(held, dict) else {}

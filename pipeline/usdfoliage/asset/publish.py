@@ -27,7 +27,7 @@ from typing import Any
 
 from pxr import Sdf, Tf, Vt
 
-from usdfoliage.asset.locate import usd_files_at_top
+from usdfoliage.asset.locate import check_usd_name, usd_files_at_top
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.errors import AssetError
 
@@ -168,6 +168,7 @@ def _record_files(folder: Path) -> None:
 
 def _resolve(out: Path) -> Path:
     """The folder that out names, behind symbolic links."""
+    check_usd_name(out)
     try:
         out.lstat()
     except FileNotFoundError:

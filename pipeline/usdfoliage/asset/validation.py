@@ -14,13 +14,16 @@ from typing import Any
 
 from pxr import Sdf, Tf, Usd, UsdUtils, UsdValidation
 
-from usdfoliage.asset.findings import SEVERITIES, Acceptance, Finding, one_line
+from usdfoliage.asset.contents import interface_of
+from usdfoliage.asset.findings import SEVERITIES, Finding, one_line
 from usdfoliage.asset.instances import iterate_prims
 from usdfoliage.asset.locate import MISSING, find_interface, first_reason, lost_layers
 from usdfoliage.asset.look import open_root_layer
 from usdfoliage.asset.nvidia_rules import nvidia_version, run_nvidia_rules
 from usdfoliage.asset.schema import PLANT_API, SCHEMAS, require_schemas
 from usdfoliage.asset.shader_parsers import without_parser
+from usdfoliage.asset.studio_profile import StudioProfile, StudioRules
+from usdfoliage.asset.studio_rules import check_composition, check_files
 from usdfoliage.errors import AssetError
 
 logger = logging.getLogger(__name__)
@@ -54,12 +57,12 @@ class ValidationReport:
         return sum(finding.severity == severity and not finding.accepted for finding in self.findings)
 
 
-def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> ValidationReport:
+def validate_asset(asset: Path, profile: StudioProfile = StudioProfile()) -> ValidationReport:
     """Run every validator on an asset, or on a scene as it is selected.
 
     Args:
         asset: Its folder or its interface layer; a look, which is validated over its asset; or a scene with plants.
-        profile: Warnings to mark as accepted.
+        profile: Warnings to mark as accepted, and a studio's own rules, for assets alone.
 
     Raises:
         AssetError: It has no plant, or it cannot be read.
@@ -74,7 +77,9 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
     selections: list[Selection] = []
     if not findings:  # with a damaged layer neither USD nor its validators get far
         selections = [()] if is_scene else _selections(root)
-        findings = _validate_scene(root, path) if is_scene else _validate_interface(root, selections)
+        findings = _validate_scene(root, path) if is_scene else _validate_interface(root, selections, profile.rules)
+        interface, _ = interface_of(path)
+        findings |= {} if is_scene else {finding: [] for finding in check_files(interface, profile.rules)}
     for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
         logger.info("USD: %s", diagnostic.commentary)
 
@@ -82,7 +87,7 @@ def validate_asset(asset: Path, profile: Sequence[Acceptance] = ()) -> Validatio
     for finding, labels in findings.items():
         shared = not labels or len([label for label in labels if label != "unloaded"]) == len(selections)
         finding = replace(finding, where="" if shared else ", ".join(dict.fromkeys(labels)))
-        reason = next((entry.reason for entry in profile if entry.accepts(finding)), "")
+        reason = next((entry.reason for entry in profile.accepted if entry.accepts(finding)), "")
         finished.append(replace(finding, accepted=reason))
     finished.sort(key=lambda f: (bool(f.accepted), SEVERITIES.index(f.severity), f.validator, f.path, f.message))
     return ValidationReport(
@@ -100,13 +105,15 @@ def _is_interface(layer: Sdf.Layer) -> bool:
     return any(held and PLANT_API in held.GetAppliedItems() for held in applied)
 
 
-def _validate_interface(root: Sdf.Layer, selections: Sequence[Selection]) -> dict[Finding, list[str]]:
+def _validate_interface(
+    root: Sdf.Layer, selections: Sequence[Selection], rules: StudioRules
+) -> dict[Finding, list[str]]:
     """What is found in every selection, and in the asset while it is unloaded, with the labels of where."""
     findings: dict[Finding, list[str]] = {}
     more: dict[Finding, list[str]] = {}
     for selection in selections:
         stage = _compose(root, selection, Usd.Stage.LoadAll)
-        for finding in _run_usd_validators(stage):
+        for finding in (*_run_usd_validators(stage), *check_composition(stage, rules)):
             findings.setdefault(finding, []).append(_label(selection))
         for finding in run_nvidia_rules(stage):
             more.setdefault(finding, []).append(_label(selection))
@@ -152,7 +159,10 @@ def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
 
 
 def _selections(root: Sdf.Layer) -> list[Selection]:
-    """Every choice of variants that the asset offers; one empty choice, as authored, where it has none."""
+    """Every choice of variants that the asset offers; one empty choice, as authored, where it has none.
+
+    Of choices that are the same asset only the first: in the lod crown there are no representations of leaves.
+    """
     stage = Usd.Stage.Open(root)
     offered = [
         [(prim.GetPath(), name, variant) for variant in prim.GetVariantSets().GetVariantSet(name).GetVariantNames()]
@@ -164,8 +174,26 @@ def _selections(root: Sdf.Layer) -> list[Selection]:
     for choices in offered:
         count *= len(choices)
     if count <= MOST_SELECTIONS:
-        return list(itertools.product(*offered))
+        different: dict[object, Selection] = {}
+        for selection in itertools.product(*offered):
+            different.setdefault(_signature(root, selection), selection)
+        return list(different.values())
     return [(), *((choice,) for choices in offered for choice in choices)]
+
+
+def _signature(root: Sdf.Layer, selection: Selection) -> object:
+    """What says whether two selections are the same asset: the layers in use, and the specs with something in them of
+    the prims whose variants they select."""
+    stage = _compose(root, selection, Usd.Stage.LoadAll)
+    layers = frozenset(layer.identifier for layer in stage.GetUsedLayers() if layer != stage.GetSessionLayer())
+    specs = [
+        (spec.layer.identifier, str(spec.path))
+        for path in dict.fromkeys(path for path, _, _ in selection)
+        if (prim := stage.GetPrimAtPath(path))
+        for spec in prim.GetPrimStack()
+        if spec.layer != stage.GetSessionLayer() and not spec.isInert
+    ]
+    return layers, tuple(specs)
 
 
 def _label(selection: Selection) -> str:

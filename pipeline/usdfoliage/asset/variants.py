@@ -1,9 +1,12 @@
 """The variant sets of an asset: declared on the interface, filled in the payload."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pxr import Sdf, Usd
+
+from usdfoliage.asset.look_layer import each_variant as each_variant  # there, for looks are authored without us
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,7 +15,7 @@ class VariantSet:
 
     name: str
     variants: Mapping[str, Sequence[str]]  # each one's layers, as paths from the payload's folder; the first is default
-    inside: Sequence[str] = ()  # variants of the set before it in which this one lies; everywhere without any
+    inside: Sequence[str] = ()  # variants in which it lies, of the last set before it that has none such
 
 
 def author_variant_sets(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[VariantSet]) -> None:
@@ -28,27 +31,14 @@ def author_variant_sets(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[Variant
 def author_variant_references(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[VariantSet]) -> None:
     """Fill the same sets with references; the selection stays to the interface, and to who refers to it.
 
-    A set inside variants of the one before it is filled within each of them, so that where they are not selected none
-    of its layers is opened.
+    A set inside variants of one before it is filled within each of them, so that where they are not selected none of
+    its layers is opened. Of the sets inside the same variant the first is strongest.
     """
     # Specs, not the stage's prims: to author in a variant these must select it, and with that open all its layers.
     prim = stage.GetEditTarget().GetLayer().GetPrimAtPath(path)
     for number, held in enumerate(sets):
         if not held.inside:
-            _fill(prim, prim, held, [inner for inner in sets[number + 1 : number + 2] if inner.inside])
-
-
-def each_variant(stage: Usd.Stage, path: Sdf.Path, name: str, variants: Sequence[str]) -> Iterator[str]:
-    """Go through the variants of a set of the prim at path; what is authored meanwhile lies within each. None is left
-    selected: a layer that has a set of the same name again follows the selection of who refers to it.
-    """
-    variant_set = stage.GetPrimAtPath(path).GetVariantSets().AddVariantSet(name)
-    for variant in variants:
-        variant_set.AddVariant(variant)
-        variant_set.SetVariantSelection(variant)
-        with variant_set.GetVariantEditContext():
-            yield variant
-    variant_set.ClearVariantSelection()
+            _fill(prim, prim, held, list(itertools.takewhile(lambda inner: inner.inside, sets[number + 1 :])))
 
 
 def _fill(

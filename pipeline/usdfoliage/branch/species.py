@@ -2,13 +2,13 @@
 
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from usdfoliage.errors import FoliageError
+from usdfoliage.toml_file import read_toml
 
 LIBRARY = Path(__file__).parent / "species.toml"
 GENERIC = "generic"  # what is not known of a species is that of this one
@@ -117,10 +117,10 @@ def _field_of(key: str) -> str:
 
 def _read_tables(path: Path) -> dict[str, dict[str, Any]]:
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = read_toml(path)
     except OSError as error:
         raise FoliageError(f"the species cannot be read: {error.strerror} ({path})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise FoliageError(f"the species are no TOML: {error} ({path})") from error
     for name, table in tables.items():
         if not isinstance(table, dict):

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from usdfoliage.geometry.point_cells import touching_parts
 
+_TOP, _EDGE = 0.999, 0.995  # shares of the points that are lower than the top, and nearer than the edge
+_FEW = 100  # points, which show no crown
+
 
 @dataclass(frozen=True, kw_only=True)
 class StraySettings:
@@ -17,10 +20,16 @@ class StraySettings:
 
     gap_of_height: float = 0.1  # without any points, around what is a piece of its own
     most_points: float = 0.05  # of those of the largest piece, that a stray has
+    low: float = 0.25  # of the height, below which points may be remains of the ground
+    wide: float = (
+        1.5  # of the reach of what is higher, beyond which they are: the lowest branches reach farther than it
+    )
 
     def __post_init__(self) -> None:
         if not (self.gap_of_height > 0 and 0 <= self.most_points < 1):
             raise ValueError(f"gap_of_height must be above 0, most_points in [0, 1), not {self}")
+        if not (0 < self.low < 1 and self.wide >= 1):
+            raise ValueError(f"low must be in (0, 1), wide at least 1, not {self}")
 
 
 def find_strays(points_m: NDArray[np.float64], settings: StraySettings = StraySettings()) -> NDArray[np.bool_]:
@@ -40,3 +49,29 @@ def find_strays(points_m: NDArray[np.float64], settings: StraySettings = StraySe
     middle_m = np.column_stack([np.bincount(piece, points_m[:, axis]) / held for axis in (0, 2)])
     outside = ((middle_m < plant.min(axis=0)) | (middle_m > plant.max(axis=0))).any(axis=1)
     return np.asarray((outside & (held < settings.most_points * held[largest]))[piece])
+
+
+def find_ground_remains(
+    points_m: NDArray[np.float64], plane: NDArray[np.float64], settings: StraySettings = StraySettings()
+) -> NDArray[np.bool_]:
+    """(N,) points low above the ground and farther from the plant than it reaches.
+
+    Far from the cameras' aim the ground is measured too roughly to lie in its plane, and what stands out of it would be
+    taken for roots.
+
+    Args:
+        points_m: (N, 3), Y up, without the ground that was found.
+        plane: (3,), y = plane . (x, z, 1), of that ground.
+        settings: What is low, and what is far.
+    """
+    if not len(points_m):
+        return np.zeros(0, bool)
+    above_m = points_m[:, 1] - points_m[:, [0, 2]] @ plane[:2] - plane[2]
+    low_m = settings.low * float(np.quantile(above_m, _TOP))
+    high = above_m > low_m
+    if high.sum() < _FEW:
+        return np.zeros(len(points_m), bool)
+    beside_m = points_m[:, [0, 2]] - np.median(points_m[high][:, [0, 2]], axis=0)
+    away_m = np.hypot(beside_m[:, 0], beside_m[:, 1])
+    reach_m = float(np.quantile(away_m[high], _EDGE))
+    return np.asarray(~high & (away_m > settings.wide * reach_m))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from usdfoliage.errors import CaptureError
+from usdfoliage.toml_file import read_toml
 
 FILE_NAME = "capture.toml"
 
@@ -101,8 +102,8 @@ def _read(path: Path) -> dict[str, Any]:
     if not path.is_file():
         return {}
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        return read_toml(path)
+    except ValueError as error:
         raise CaptureError(f"{path} is no TOML: {error}") from error
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error

@@ -25,7 +25,7 @@ class ClearSkySettings:
 
     max_texture: float = 1.5  # of 100: median standard deviation of lightness; a wall has more, and can be matched
     below_horizon_deg: float = 10.0  # that sky may be seen, since up is not known exactly
-    seed: int = 0
+    seed: int = 0  # of every random choice
 
     def __post_init__(self) -> None:
         if not 0 <= self.below_horizon_deg <= 90:

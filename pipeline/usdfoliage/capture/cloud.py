@@ -53,8 +53,8 @@ class Cloud:
 class CloudSettings:
     """How points of many views become one."""
 
-    cell_m: float | None = None  # side of the cells; None: so many footprints of a pixel of the median view
-    cell_footprints: float = 1.0
+    cell_m: float | None = None  # side of the cells, metres; auto: cell_footprints of a pixel of the median view
+    cell_footprints: float = 1.0  # side of the cells, in what a pixel covers on the plant, where cell_m is not said
     least_views: int = 1  # that a point must be seen by
 
     def __post_init__(self) -> None:

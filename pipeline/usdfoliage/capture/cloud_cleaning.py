@@ -26,7 +26,7 @@ class CleaningSettings:
     reach: float = 4.0  # of the median distance between neighbouring points
     isolation: float = 3.0  # gap around a piece, of its size, from which on it is dropped; 0 keeps them
     spacing_m: float = 0.0  # least distance between points that are left, as Poisson disks; 0 leaves them all
-    seed: int = 0
+    seed: int = 0  # of every random choice
 
     def __post_init__(self) -> None:
         if self.neighbors < 0 or not self.reach > 0 or not (np.isfinite(self.spacing_m) and self.spacing_m >= 0):

@@ -1,7 +1,6 @@
 """A point cloud that a studio hands over, in whatever file: in metres, near its own origin, and not too many points."""
 
 import logging
-import tomllib
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from usdfoliage.capture.cloud_thinning import PointThinner, ThinnedPoints
 from usdfoliage.capture.cloud_units import OVERRIDE, guess_unit
 from usdfoliage.capture.listing import named
 from usdfoliage.errors import CaptureError
+from usdfoliage.toml_file import read_toml
 
 logger = logging.getLogger(__name__)
 
@@ -164,7 +164,7 @@ def _read_stated(folder: Path) -> tuple[float | None, str | None]:
     """The unit and the axis that is up, where capture.toml says them: its defaults say nothing of a scan."""
     settings, _ = read_capture_settings(folder)
     file = folder / FILE_NAME
-    said = tomllib.loads(file.read_text(encoding="utf-8-sig")) if file.is_file() else {}
+    said = read_toml(file) if file.is_file() else {}
     return (
         settings.metres_per_unit if "metres_per_unit" in said else None,
         f"+{settings.up_axis}" if "up_axis" in said else None,

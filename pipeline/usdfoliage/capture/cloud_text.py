@@ -89,7 +89,7 @@ def _find_layout(path: Path, head: bytes) -> _Layout:
             sample = [_words(text, separator, decimal_comma) for _, text in lines[number : number + 100] if text]
             place, color, levels = _columns(names, sample)
             return _Layout(separator, decimal_comma, place, color, levels, begin, count, tuple(said))
-        if len(words) == 1 and words[0].isdigit():
+        if len(words) == 1 and _is_count(words[0]):
             count = int(words[0])
         else:
             said.append(line)
@@ -118,6 +118,10 @@ def _is_number(word: str) -> bool:
     return _NUMBER.match(word) is not None
 
 
+def _is_count(word: str) -> bool:
+    return word.isascii() and word.isdigit() and len(word) <= 18
+
+
 def _names(line: str) -> list[str] | None:
     """Names of columns, in small letters and without their units; None where the line has no x, y and z."""
     names = [re.split(r"[\[(_ ]", word.strip(" \"'").lower())[0] for word in _words(line, *_separator(line))]
@@ -141,7 +145,7 @@ def _columns(
     else:
         return (0, 1, 2), None, (255.0,)
     words = [row[column] for row in sample if len(row) == width for column in color]
-    whole = all(word.isdigit() and int(word) <= 65535 for word in words)
+    whole = all(_is_count(word) and int(word) <= 65535 for word in words)
     return (0, 1, 2), color if whole else None, (255.0, 65535.0)
 
 

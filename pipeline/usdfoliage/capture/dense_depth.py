@@ -62,10 +62,12 @@ class DenseDepthSettings:
 
     max_side_px: int = 1200  # photographs are matched at this size at most
     sources: int = 6  # photographs matched with each one
+    # one after the other over all photographs; level: how often they are halved; iterations: of spreading planes;
+    # coherent: the other photographs' depth counts; segments: planes of segments count where there is no texture
     rounds: tuple[Round, ...] = ROUNDS
     nearer: float = 0.3  # than the nearest point known: features are on the ground rather than on the trees above it
     farther: float = 25.0  # times the farthest depth believed, that is searched: what lies behind is known by it
-    seed: int = 0
+    seed: int = 0  # of every random choice
     selection: ViewSelectionSettings = field(default_factory=ViewSelectionSettings)
     segments: SegmentSettings = field(default_factory=SegmentSettings)
     segment_tolerance: float = 0.004  # of the range of inverse depth, that pixels of one plane may differ by

@@ -31,15 +31,13 @@ class AgreementSettings:
     agree_px: float = 1.5  # between a pixel and where it comes back to from the other view
     agree_share: float = 0.01  # between two depths that agree
     least_likelihood: float = 0.05  # below it a pixel had better have no depth, as far as its neighbours let it
-    smoothness: float = (
-        0.4  # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
-    )
+    # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
+    smoothness: float = 0.4
     edge: float = 30.0  # of 765: a difference of colour that divides that cost by e
     fringe_px: int = 8  # radius in which a pixel's colour is compared with what lies behind; 0: it is not
     fringe_contrast: float = 24.0  # of 765: difference of colour to what lies behind, below which nothing is told
-    fringe_nearer: float = (
-        0.4  # share of the distance to the own surface's colour: nearer to the background's is no depth
-    )
+    # share of the distance to the own surface's colour: a pixel nearer to the background's has no depth
+    fringe_nearer: float = 0.4
     fringe_passes: int = 6  # each takes what is outermost
     filter_px: int = 1  # radius of the guided filter; 0: no filter
     filter_color: float = 8.0  # of 255: differences of colour that it takes for an edge

@@ -34,7 +34,7 @@ class PlaneSweepSettings:
     max_angle_deg: float = 30.0  # above it leaves look too different
     best_share: float = 0.5  # of the neighbours at each place: the others may be hidden from it
     step_px: float = 1.5  # between planes, in the neighbour that moves most
-    max_planes: int = 400
+    max_planes: int = 400  # of a photograph; steps become longer where step_px needs more
     window_px: int = 2  # radius of the matching window
     tolerance: float = 2.0  # of 255: differences of brightness up to here are noise
     small_step_cost: int = 20  # of 127: smoothness, for one plane between pixels

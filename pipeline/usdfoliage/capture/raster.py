@@ -113,6 +113,14 @@ def _png_damage(file: BinaryIO, size_bytes: int) -> str:
         position += 12 + length
         if position > size_bytes:
             break
+        if position == len(_PNG_SIGNATURE) + 12 + length and (kind != b"IHDR" or length != 13):
+            return "damaged: it does not begin with the header of a PNG"
+        if kind == b"IHDR":
+            header = file.read(length)
+            file.seek(-length, 1)
+            damage = _png_header_damage(header)
+            if damage:
+                return damage
         if kind[:1].isupper():  # chunks that a picture cannot do without
             checksum = zlib.crc32(file.read(length), zlib.crc32(kind))
             if checksum != int.from_bytes(file.read(4), "big"):
@@ -120,6 +128,16 @@ def _png_damage(file: BinaryIO, size_bytes: int) -> str:
         if kind == b"IEND":
             return ""
     return f"truncated: {size_bytes} bytes without the end of the PNG"
+
+
+def _png_header_damage(header: bytes) -> str:
+    width, height, bits, kind, *others = struct.unpack(">IIBBBBB", header)
+    known = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}  # bits by kind of colour
+    if not (0 < width < 2**31 and 0 < height < 2**31) or bits not in known.get(kind, ()):
+        return f"damaged: its header tells of {width}×{height} pixels of {bits} bits, colour {kind}"
+    if others[:2] != [0, 0] or others[2] > 1:
+        return "damaged: its header tells of compression, filter or interlacing that no PNG has"
+    return ""
 
 
 def _read_picture(path: Path, source: Any) -> Raster:

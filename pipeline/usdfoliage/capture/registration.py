@@ -46,15 +46,15 @@ class RegistrationSettings:
     least_features: int = 1000  # with fewer, finer ones are looked for, at four times the cost
     peak_threshold: float = 0.002  # contrast of a feature; leaves before a dark wall have little
     one_camera: str = "auto"  # yes, no; auto: photographs of the same size, make, model and focal length share one
-    lens_model: str = "SIMPLE_RADIAL"
-    focal_px: float | None = None  # of all photographs, at full size; None: by EXIF, or unknown
+    lens_model: str = "SIMPLE_RADIAL"  # COLMAP's, from SIMPLE_PINHOLE to FULL_OPENCV
+    focal_px: float | None = None  # of all photographs, at full size; auto: by EXIF, or unknown
     max_ratio: float = 0.8  # of the distances to the nearest and the second nearest descriptor
     coarse_features: int = 800  # compared first, to tell which photographs are looked at further
     coarse_matches: int = 16  # of them, with which a pair is looked at in any case
     least_matches: int = 15  # of a pair that one motion explains
-    sequence_overlap: int = 8
+    sequence_overlap: int = 8  # photographs before and after each one that it is compared with, where they are in order
     neighbours: int = 12  # of each photograph that are looked at in any case, those with most in common
-    seed: int = 0
+    seed: int = 0  # of every random choice
     threads: int = 0  # 0: one per core
 
     def __post_init__(self) -> None:

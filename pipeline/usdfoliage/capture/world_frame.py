@@ -60,9 +60,9 @@ class WorldSettings:
     """What the user says of the world, and what is believed without."""
 
     times: float = 1.0  # as large as the world is without it
-    known_distance: KnownDistance | None = None
-    scale_bar: ScaleBar | None = None
-    up: str = "auto"  # or one of UPS
+    known_distance: KnownDistance | None = None  # between two cameras, metres; as in capture.toml, which is better
+    scale_bar: ScaleBar | None = None  # two marks that photographs show, metres apart; likewise
+    up: str = "auto"  # by gps, elevation, level, ground, ring, trunk or photographs; auto: the surest that tells it
     up_vector: tuple[float, float, float] | None = None  # in the world as it is without it; goes before up
     least_gps: int = 4  # photographs that must know their position
     gps_spread: float = 5.0  # how far they must lie apart, in times what they contradict each other by

@@ -1,20 +1,41 @@
-"""Make an asset of a tree's or shrub's crown from one photograph.
+"""Make an asset of the crown of a tree or shrub, from one photograph or from a capture.
 
-PHOTO shows the whole of a dense crown from the side. The asset gets a crown mesh, a radius and a colour cubemap (EXR),
-a report and, where the preview interpreter is installed, pictures. Without --mask a mask is proposed and kept in the
-asset as <name>_mask_proposal.png: look at it, correct it, and give it with --mask.
+PHOTO shows the whole of a dense crown from the side; without --mask a mask is proposed and kept in the asset as
+<name>_mask_proposal.png: look at it, correct it, and give it with --mask. CAPTURE is the folder of a capture with
+photographs, cameras and the cloud that `usdfoliage capture` makes of them: the crown then is where the points are and
+the photographs show it. The asset gets a crown mesh, a radius and a colour cubemap (EXR), a report and, where the
+preview interpreter is installed, pictures.
 """
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from usdfoliage.jobs.captured_crown import MadeCapturedCrown
+    from usdfoliage.jobs.crown_asset import MadeCrown
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("photo", metavar="PHOTO", type=Path, help="JPEG, PNG, TIFF or EXR")
-    parser.add_argument("--mask", type=Path, help="image of the same size, white = crown (proposed when absent)")
+    parser.add_argument(
+        "photo", metavar="PHOTO|CAPTURE", type=Path, help="JPEG, PNG, TIFF or EXR; or the folder of a capture"
+    )
     parser.add_argument("-o", "--output", metavar="OUT", type=Path, required=True, help="the asset's folder")
     parser.add_argument("--name", help="name of the asset (OUT's basename)")
     parser.add_argument("--size", type=int, default=256, help="texels a side of a cubemap face (%(default)s)")
+    _add_photo_options(parser.add_argument_group("of a photograph"))
+    _add_capture_options(parser.add_argument_group("of a capture"))
+    parser.add_argument("--mesh-size", type=int, default=129, help="vertices along an edge of the mesh (%(default)s)")
+    parser.add_argument("--species", default="", help="written into the asset")
+    parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
+    parser.add_argument("--threads", type=int, default=0, help="at most this many; the result is the same (all cores)")
+    parser.add_argument("--no-preview", action="store_true", help="leave the pictures out of the report")
+    parser.add_argument("--force", action="store_true", help="replace OUT though it is not an asset of ours")
+    parser.add_argument("--dry-run", action="store_true", help="check the input, say what would be done, write nothing")
+
+
+def _add_photo_options(parser: argparse._ArgumentGroup) -> None:
+    parser.add_argument("--mask", type=Path, help="image of the same size, white = crown (proposed when absent)")
     parser.add_argument(
         "--height", metavar="METRES", type=float, default=5.0, help="of the crown, seen from the front (%(default)s)"
     )
@@ -32,28 +53,54 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--copies", type=int, default=1, help="1 to 4 turned copies of the surface, for flat crowns (%(default)s)"
     )
-    parser.add_argument("--mesh-size", type=int, default=129, help="vertices along an edge of the mesh (%(default)s)")
     parser.add_argument("--color-space", help="of PHOTO, where the file does not say (sRGB; linear for floats)")
-    parser.add_argument("--species", default="", help="written into the asset")
-    parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
-    parser.add_argument("--threads", type=int, default=0, help="at most this many; the result is the same (all cores)")
-    parser.add_argument("--no-preview", action="store_true", help="leave the pictures out of the report")
-    parser.add_argument("--force", action="store_true", help="replace OUT though it is not an asset of ours")
-    parser.add_argument("--dry-run", action="store_true", help="check the input, say what would be done, write nothing")
+
+
+def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
+    parser.add_argument(
+        "--roots",
+        default="auto",
+        metavar="auto|K|X,Y,Z",
+        help="where stems come out of the ground, as for branches: the first one is the asset's origin (%(default)s)",
+    )
+    parser.add_argument("--up", default="auto", metavar="AXIS", help="axis of the cloud that is up (%(default)s)")
+    parser.add_argument("--unit", default="auto", help="of the cloud, where its file does not say it (%(default)s)")
+    parser.add_argument(
+        "--report-views", type=int, default=6, metavar="N", help="photographs that the report shows (%(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.jobs.crown_asset import CrownRequest, make_crown_asset, plan_crown_asset
 
-    handle_interrupts()
-    request = CrownRequest.from_options(options)
-    if options.dry_run:
-        print(plan_crown_asset(request))
-        return 0
-    with StepBar() as bar:
-        made = make_crown_asset(request, bar.show)
+    made: MadeCrown | MadeCapturedCrown
+    if options.photo.is_dir():
+        from usdfoliage.jobs.captured_crown import (
+            CapturedCrownRequest,
+            make_captured_crown_asset,
+            plan_captured_crown_asset,
+        )
+
+        handle_interrupts()
+        captured = CapturedCrownRequest.from_options(options)
+        if options.dry_run:
+            print(plan_captured_crown_asset(captured))
+            return 0
+        with StepBar() as bar:
+            made = make_captured_crown_asset(captured, bar.show)
+    else:
+        from usdfoliage.jobs.captured_crown import CAPTURE_OPTIONS, refuse_options
+        from usdfoliage.jobs.crown_asset import CrownRequest, make_crown_asset, plan_crown_asset
+
+        handle_interrupts()
+        refuse_options(options, CAPTURE_OPTIONS, f"{options.photo} is no folder, and taken for a photograph")
+        request = CrownRequest.from_options(options)
+        if options.dry_run:
+            print(plan_crown_asset(request))
+            return 0
+        with StepBar() as bar:
+            made = make_crown_asset(request, bar.show)
     for note in made.notes:
         print(f"note: {note}")
     for row in made.measures:

@@ -5,6 +5,7 @@ selected, with its edits, and without NVIDIA's rules and those for an asset's ow
 
 Prints one line a finding: its severity, the validator, the prim, what is wrong. The exit code is 0 without an error,
 3 with one. Warnings that the studio profile accepts are counted in the last line; -v prints them with its reason.
+The profile also holds rules of the studio: names, kinds, textures, sizes, metadata, variant sets.
 """
 
 import argparse
@@ -24,12 +25,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("asset", type=Path, metavar="ASSET", help="the asset's folder, its .usda, a look, or a scene")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
     parser.add_argument(
-        "--profile", type=Path, metavar="FILE", help="accepted warnings, TOML, instead of those shipped with usdfoliage"
+        "--profile",
+        type=Path,
+        metavar="FILE",
+        help="a studio's rules and accepted warnings, TOML, instead of those shipped with usdfoliage",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.asset.findings import default_profile, read_profile
+    from usdfoliage.asset.studio_profile import default_profile, read_profile
     from usdfoliage.asset.validation import validate_asset
 
     profile = read_profile(options.profile or default_profile())

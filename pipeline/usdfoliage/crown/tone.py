@@ -75,7 +75,7 @@ def blend_tone(
     value = _log_odds(encoded)
     share = photo[..., None].astype(np.float32)
     sigma = settings.blend * encoded.shape[1]
-    near = _blur(np.concatenate([value, value * share, share], axis=-1), sigma)
+    near = blur_colors(np.concatenate([value, value * share, share], axis=-1), sigma)
     of_all, of_photo, near_share = near[..., :3], near[..., 3:6], near[..., 6:]
     step = of_photo / np.maximum(near_share, 1e-3) - (of_all - of_photo) / np.maximum(1 - near_share, 1e-3)
     shift = np.clip(step, -_FAR, _FAR) * np.clip(2 * near_share, 0, 1)  # half of a neighbourhood where they meet
@@ -107,7 +107,7 @@ def match_statistics(
         contrast of each neighbourhood.
     """
     value = _log_odds(encoded)
-    smooth = _blur(value, settings.detail_texels)
+    smooth = blur_colors(value, settings.detail_texels)
     linear = np.empty_like(encoded)
     for channel in range(3):
         texels = _Texels(smooth[..., channel], value[..., channel] - smooth[..., channel], unseen, peak)
@@ -176,7 +176,7 @@ def _solve_increasing(
     return float(brentq(lambda x: function(x) - wanted, preferred, end, xtol=1e-3))
 
 
-def _blur(cubemap: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+def blur_colors(cubemap: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
     """Gaussian blur (standard deviation in texels) of a cubemap (6, N, N, C) across the edges of the cube."""
     size = cubemap.shape[1]
     reach = min(int(np.ceil(2.5 * sigma)), size // 2)
@@ -191,5 +191,6 @@ def _blur(cubemap: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
     window = (2 * reach + 1, 2 * reach + 1)
     out = np.empty_like(cubemap)
     for face in range(6):
-        out[face] = cv2.GaussianBlur(padded[face], window, sigma)[reach:-reach, reach:-reach]
+        blurred = cv2.GaussianBlur(padded[face], window, sigma)[reach:-reach, reach:-reach]
+        out[face] = blurred.reshape(out[face].shape)  # OpenCV drops the axis of a single channel
     return out

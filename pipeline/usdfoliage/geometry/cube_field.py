@@ -130,6 +130,47 @@ def _diffuse(field: NDArray[np.floating], sigma: float) -> NDArray[np.float64]:
     return cubemap_from_distinct(values, size)
 
 
+@lru_cache(maxsize=4)
+def _neighbors(size: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Four neighbours (M, 4) of every distinct texel, itself where it has three, and the angles between, radians."""
+    _, representative, adjacency = _graph(size)
+    degree = np.diff(adjacency.indptr)
+    neighbors = np.repeat(np.arange(len(degree))[:, None], 4, axis=1)
+    owner = np.repeat(np.arange(len(degree)), degree)
+    neighbors[owner, np.arange(len(owner)) - adjacency.indptr[owner]] = adjacency.indices
+    directions = face_directions(size).reshape(-1, 3)[representative]
+    chord = np.linalg.norm(directions[:, None] - directions[neighbors], axis=-1)
+    return neighbors, 2 * np.arcsin(chord / 2)
+
+
+def close_pits(field: NDArray[np.floating], width_rad: float) -> NDArray[np.float64]:
+    """A cubemap (6, N, N) without pits narrower than width_rad: the grey closing on the cube.
+
+    The opening, which takes peaks away, is that of the negative field, and negative.
+    """
+    size = field.shape[1]
+    neighbors, angle = _neighbors(size)
+    values = distinct_texels(field)
+    steps = round(width_rad / 2 / float(np.median(angle)))
+    for _ in range(steps):
+        values = np.maximum(values, values[neighbors].max(axis=1))
+    for _ in range(steps):
+        values = np.minimum(values, values[neighbors].min(axis=1))
+    return cubemap_from_distinct(values, size)
+
+
+def limit_falloff(field: NDArray[np.floating], rate: float) -> NDArray[np.float64]:
+    """The least cubemap (6, N, N), nowhere below a positive one, that falls by no more than exp(−rate · radian)."""
+    size = field.shape[1]
+    neighbors, angle = _neighbors(size)
+    values, left = distinct_texels(field), np.exp(-rate * angle)
+    while True:
+        raised = np.maximum(values, (values[neighbors] * left).max(axis=1))
+        if np.array_equal(raised, values):
+            return cubemap_from_distinct(values, size)
+        values = raised
+
+
 def solve_dirichlet(
     source: NDArray[np.floating], fixed: NDArray[np.bool_], value: NDArray[np.floating], tolerance: float = 1e-3
 ) -> NDArray[np.float64]:

@@ -49,6 +49,10 @@ _COARSER_ORDERS = (1, 2)  # variants of the surface
 CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
 
 
+class NoStemsError(FitError):
+    """The cloud shows neither a stem at a root nor round branches, as of a hedge or a wall of leaves."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class BranchesRequest:
     """What the user asked for, checked."""
@@ -64,6 +68,8 @@ class BranchesRequest:
     asset: BranchAssetSettings = field(default_factory=BranchAssetSettings)
     seed: int = 0
     preview: bool = True
+    times: bool = True  # whether the report says how long each step took
+    needs_stems: bool = False  # refuse a cloud that shows neither stems nor round branches
     force: bool = False
 
     @classmethod
@@ -102,7 +108,7 @@ class BranchesRequest:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MadeBranches:
     """What was written, and what the user should know of it."""
 
@@ -113,12 +119,16 @@ class MadeBranches:
     warnings: tuple[str, ...]  # what puts the asset in doubt
     measures: tuple[Row, ...]
     seconds: dict[str, float]
+    plant: PlantCloud  # as it was traced
+    traced: TracedBranches
+    lost: tuple[int, ...]  # branches that the surface lacks
 
 
 def make_branches_asset(request: BranchesRequest, progress: StepProgress | None = None) -> MadeBranches:
     """Trace the branches of a cloud and publish their asset; the old asset stays until the new one is whole.
 
     Raises:
+        NoStemsError: The request needs stems, and the cloud shows none.
         FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
     """
     seconds: dict[str, float] = {}
@@ -145,7 +155,10 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         warnings = [*plant.warnings, *doubts]
         notes = [*plant.notes, *describe_leaves(traced, request.settings), *told]
         stems = any(stands_on_stem(plant.points_m, root_m) for root_m in plant.roots_m)
-        warnings.extend(doubt_stems(float(traced.radii.believed.mean()), stems, traced.internode_m))
+        doubts_of_stems = doubt_stems(float(traced.radii.believed.mean()), stems, traced.internode_m)
+        if doubts_of_stems and request.needs_stems:
+            raise NoStemsError(doubts_of_stems[0])
+        warnings.extend(doubts_of_stems)
         made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
         notes.extend(made.notes)
         surface = made.surfaces.whole
@@ -182,7 +195,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         wood_m = plant.points_m[shown.wood]
         rows = branch_rows(shown, surface, wood_m, grown=request.regrowth.method == GROW)
         rows.extend(made.rows)
-        write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, seconds, progress)
+        times = seconds if request.times else {}
+        write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, times, progress)
     return MadeBranches(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
@@ -191,6 +205,9 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         warnings=tuple(warnings),
         measures=tuple(rows),
         seconds=seconds,
+        plant=plant,
+        traced=shown,
+        lost=tuple(branch.curve for branch in surface.dropped),
     )
 
 

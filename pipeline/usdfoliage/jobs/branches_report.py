@@ -16,7 +16,7 @@ from usdfoliage.branch.reconstruct import TracedBranches
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.capture_pictures import TURBO, VIRIDIS, color_values, write_picture
 from usdfoliage.jobs.cloud_pictures import Direction, bar_length, draw_scale_bar, draw_seen, frame_points, splat_points
-from usdfoliage.jobs.crown_report import TEMPLATES, ReportView, Row
+from usdfoliage.jobs.crown_report import TEMPLATES, ReportView, Row, list_seconds
 from usdfoliage.jobs.preview import PreviewSettings, PreviewView, render_views
 from usdfoliage.steps import StepProgress
 
@@ -168,8 +168,7 @@ def write_branches_report(
         views=views,
         pictures=pictures,
         measures=rows,
-        seconds=[Row(name=name, value=f"{value:.2f}") for name, value in seconds.items()]
-        + [Row(name="all", value=f"{sum(seconds.values()):.2f}")],
+        seconds=list_seconds(seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"

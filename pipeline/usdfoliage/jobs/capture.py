@@ -40,7 +40,14 @@ from usdfoliage.jobs.capture_folder import (
     publish,
 )
 from usdfoliage.jobs.capture_maps import KINDS, ViewMaps, forget_other_maps, write_maps
-from usdfoliage.jobs.capture_poses import REGISTERED, check_world, estimate_poses, poses_are_given, read_posed
+from usdfoliage.jobs.capture_poses import (
+    REGISTERED,
+    check_world,
+    estimate_poses,
+    observation_errors_px,
+    poses_are_given,
+    read_posed,
+)
 from usdfoliage.jobs.capture_report import CaptureReport, write_capture_report
 from usdfoliage.jobs.capture_results import (
     CLOUD,
@@ -51,7 +58,6 @@ from usdfoliage.jobs.capture_results import (
     lay_cameras,
     lay_maps,
     list_results,
-    observation_errors_px,
     shared_matches,
     write_results,
 )
@@ -84,6 +90,8 @@ class CaptureRequest:
     report: bool = True
     report_views: int = 12
     force: bool = False
+    store: Path | None = None  # where results by hash are, if several runs share them: nothing there is removed
+    times: bool = True  # whether the report says how long each step took
 
     @classmethod
     def from_options(cls, options: argparse.Namespace) -> "CaptureRequest":
@@ -141,7 +149,10 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         check_cuda()
     known = poses_are_given(given, Record(given.work), request.settings.poses)
     check_world(request.settings.world, given=known)
+    if known and not given.in_place:  # likewise
+        read_posed(given.source, request.views)
     seconds: dict[str, float] = {}
+    store = request.store or given.work
     with lock_work(given.work):
         if request.fresh:
             forget_results(given.work)
@@ -161,7 +172,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         with follow_step("photographs", seconds, progress) as tell:
             prepared = prepare_views(
                 capture,
-                given.work,
+                store,
                 request.settings.depth.max_side_px,
                 masks=request.settings.mask != "none",
                 sky=request.settings.sky if request.settings.mask == "auto" else None,
@@ -169,7 +180,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                 progress=tell,
             )
         tasks = plan_tasks(
-            prepared.views, capture.points_m, request.settings.depth, given.work, dense=request.settings.dense
+            prepared.views, capture.points_m, request.settings.depth, store, dense=request.settings.dense
         )
         missing = find_missing(tasks)
         notes += [*posed.notes, *prepared.notes, *(prepared.doubts if known else ()), *task_notes(tasks, len(missing))]
@@ -213,13 +224,13 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                     shared=shared_matches(posed, photographs),
                     errors_px=observation_errors_px(posed),
                     shown=[with_maps[k] for k in choose_shown(len(with_maps), request.report_views)],
-                    seconds=seconds,
+                    seconds=seconds if request.times else {},
                     settings=list_settings(request.settings),
                 )
                 write_capture_report(new / REPORT, report)
         with follow_step("publishing", seconds, progress):
             publish(new, given.folder, [*places, *list_results(new)], record)
-        if request.views is None:  # else the others may be asked for next
+        if request.views is None and request.store is None:  # else the others may be asked for next
             forget_others(tasks)
             forget_other_maps(tasks, maps)
     failures = () if posed.registered is None else posed.registered.failures

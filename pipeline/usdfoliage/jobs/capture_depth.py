@@ -35,6 +35,7 @@ from usdfoliage.jobs.capture_work import digest_file, explain, forget, has_resul
 logger = logging.getLogger(__name__)
 
 PHOTOS, PLANES, DEPTH, COLMAP = "photos", "planes", "depth", "colmap"  # folders in the work folder
+_ABOUT = ("size", "notes", "sharpness")  # what is kept of a photograph beside its pixels
 _MOST_IN_MEMORY = 12 + 2 * MOST_AT_ONCE  # photographs, and planes of as many
 
 Progress = Callable[[int, int], None]
@@ -148,14 +149,14 @@ def prepare_views(
         try:
             photo = digest_file(bare.views[index].photo)
             path = work / PHOTOS / f"{_picture_key(bare, bare.views[index], photo, max_side_px, sky)}.npz"
-            held = read_result(path)
+            held = read_result(path, _ABOUT)
             if held is None:
                 made = held = _read_picture(bare, index, max_side_px, sky)
         except CaptureError as error:
             return error
         if made is not None and keep:
             write_result(path, made)
-        return path, photo, {name: held[name] for name in ("size", "notes", "sharpness")}
+        return path, photo, {name: held[name] for name in _ABOUT}
 
     results = map_threaded(read, range(len(bare.views)), threads=share_cores(threads)[0])
     for index, (chosen, result) in enumerate(zip(bare.views, results, strict=True)):
@@ -283,10 +284,18 @@ def find_missing(tasks: DepthTasks) -> MissingTasks:
     return MissingTasks(planes=tuple(reversed(planes)), depth=depth)
 
 
-def run_tasks(tasks: DepthTasks, missing: MissingTasks, *, threads: int = 0, progress: Progress | None = None) -> None:
+def run_tasks(
+    tasks: DepthTasks,
+    missing: MissingTasks,
+    *,
+    threads: int = 0,
+    keep: bool = False,
+    progress: Progress | None = None,
+) -> None:
     """Match and finish what is missing; the planes of a round are removed when nothing asks for them any more.
 
-    Those of the last round stay: another setting of what is believed then costs no matching.
+    Those of the last round stay: another setting of what is believed then costs no matching. With keep all stay, for
+    other processes that work on the same photographs.
 
     Raises:
         CaptureError: The work folder cannot be written.
@@ -312,7 +321,7 @@ def run_tasks(tasks: DepthTasks, missing: MissingTasks, *, threads: int = 0, pro
 
         for _ in map_threaded(match, views, threads=at_once):
             tell()
-        if views and number:
+        if views and number and not keep:
             forget(tasks.work / PLANES / str(number - 1))
     read_last = _remembering(lambda index: _read_planes(tasks, len(tasks.planes) - 1, index))
 

@@ -66,7 +66,8 @@ def _write(tasks: DepthTasks, index: int) -> ViewMaps:
             raise ValueError(f"{prepared.name} has no sources, and no depth")
         mask = picture_of(tasks, index).mask
         has_depth = estimate.depth_m > 0
-        coverage = float(np.mean(has_depth if mask is None else has_depth[mask > 0]))
+        wanted = has_depth if mask is None else has_depth[mask > 0]
+        coverage = float(np.mean(wanted)) if wanted.size else 0.0  # a mask may be all black
         middle_m = float(np.median(estimate.depth_m[has_depth])) if has_depth.any() else np.nan
         measured = coverage, middle_m / float(np.sqrt(np.prod(estimate.camera.focal_px)))
         full = enlarge_depth(estimate, prepared.camera)

@@ -161,6 +161,13 @@ def failures_of(posed: PosedCapture, dropped: Sequence[tuple[str, str]]) -> dict
     return reasons
 
 
+def observation_errors_px(posed: PosedCapture) -> NDArray[np.float64] | None:
+    """(M,), reprojection error of the point of each observation; None where poses were given."""
+    if posed.registered is None:
+        return None
+    return np.repeat(posed.registered.error_px, np.diff(posed.registered.track_starts))
+
+
 def _with_hints(settings: WorldSettings, folder: Path) -> WorldSettings:
     """What the user says with the command goes before what capture.toml says."""
     if settings.known_distance is not None or settings.scale_bar is not None:

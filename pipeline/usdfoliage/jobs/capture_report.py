@@ -41,7 +41,7 @@ from usdfoliage.jobs.cloud_pictures import (
     splat_points,
     thin_cloud,
 )
-from usdfoliage.jobs.crown_report import TEMPLATES, Row
+from usdfoliage.jobs.crown_report import TEMPLATES, Row, list_seconds
 from usdfoliage.jobs.leaves_pictures import pick_pixels, shrink_camera, shrink_to, shrunk_size
 from usdfoliage.jobs.leaves_report import Histogram
 
@@ -142,8 +142,7 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
         histograms=error_histograms(report),
         left_out=_left_out(report),
         views=[_write_view(folder, report, number) for number in report.shown],
-        seconds=[Row(name=name, value=f"{value:.2f}") for name, value in report.seconds.items()]
-        + [Row(name="all", value=f"{sum(report.seconds.values()):.2f}")],
+        seconds=list_seconds(report.seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"

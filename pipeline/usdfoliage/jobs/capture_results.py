@@ -125,13 +125,6 @@ def shared_matches(posed: PosedCapture, photographs: Sequence[CapturePhotograph]
     return np.asarray(padded[np.ix_(listed, listed)], np.float64)
 
 
-def observation_errors_px(posed: PosedCapture) -> NDArray[np.float64] | None:
-    """(M,), reprojection error of the point of each observation; None where poses were given."""
-    if posed.registered is None:
-        return None
-    return np.repeat(posed.registered.error_px, np.diff(posed.registered.track_starts))
-
-
 def _show(tasks: DepthTasks, index: int) -> ShownMaps:
     """The maps of one photograph as they were found."""
     estimate = read_estimate(tasks, index)

@@ -123,11 +123,11 @@ def write_result(path: Path, arrays: Mapping[str, NDArray[np.generic]], *, compr
     write_whole(path, packed.getbuffer())
 
 
-def read_result(path: Path) -> dict[str, NDArray[np.generic]] | None:
-    """The arrays of a result; None where there is none, or it is damaged."""
+def read_result(path: Path, names: Iterable[str] | None = None) -> dict[str, NDArray[np.generic]] | None:
+    """The arrays of a result, or those of these names; None where there is none, or what is read is damaged."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as held:  # numpy leaves a damaged one open
-            return {name: held[name] for name in held.files}
+            return {name: held[name] for name in (held.files if names is None else names)}
     except FileNotFoundError:
         return None
     except (*DAMAGED, KeyError) as error:

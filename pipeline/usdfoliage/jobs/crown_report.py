@@ -59,6 +59,12 @@ class CrownReport:
     seconds: Mapping[str, float]
 
 
+def list_seconds(seconds: Mapping[str, float]) -> list[Row]:
+    """Seconds by step and of all of them; nothing without steps."""
+    rows = [Row(name=name, value=f"{value:.2f}") for name, value in seconds.items()]
+    return [*rows, Row(name="all", value=f"{sum(seconds.values()):.2f}")] if rows else []
+
+
 def write_crown_report(
     folder: Path,
     report: CrownReport,
@@ -77,12 +83,9 @@ def write_crown_report(
         color: (H, W, 3), the photograph, linear Rec.709.
         mask: (H, W), as used.
     """
-    _write_image(folder / "input.jpg", draw_overlay(color, mask, measures))
-    _write_image(folder / "mask.png", mask.astype(np.uint8) * 255)
-    _write_image(folder / "color_faces.jpg", _unfold(_display(model.color)))
-    low, high = float(model.radius_m.min()), float(model.radius_m.max())
-    grey = np.rint((model.radius_m - low) / max(high - low, 1e-9) * 255).astype(np.uint8)
-    _write_image(folder / "radius_faces.png", _unfold(np.repeat(grey[..., None], 3, axis=-1)))
+    write_picture(folder / "input.jpg", draw_overlay(color, mask, measures))
+    write_picture(folder / "mask.png", mask.astype(np.uint8) * 255)
+    low, high = write_map_pictures(folder, model)
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
     )
@@ -95,13 +98,21 @@ def write_crown_report(
         measures=measure_rows(model, measures),
         radius_low=f"{low:.2f}",
         radius_high=f"{high:.2f}",
-        seconds=[Row(name=name, value=f"{value:.2f}") for name, value in report.seconds.items()]
-        + [Row(name="all", value=f"{sum(report.seconds.values()):.2f}")],
+        seconds=list_seconds(report.seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
     return index
+
+
+def write_map_pictures(folder: Path, model: CrownModel) -> tuple[float, float]:
+    """Write the unfolded cubemaps, color_faces.jpg and radius_faces.png; returns the radii that are black and white."""
+    write_picture(folder / "color_faces.jpg", _unfold(_display(model.color)))
+    low, high = float(model.radius_m.min()), float(model.radius_m.max())
+    grey = np.rint((model.radius_m - low) / max(high - low, 1e-9) * 255).astype(np.uint8)
+    write_picture(folder / "radius_faces.png", _unfold(np.repeat(grey[..., None], 3, axis=-1)))
+    return low, high
 
 
 def measure_rows(model: CrownModel, measures: CrownMeasures) -> list[Row]:
@@ -161,7 +172,8 @@ def _unfold(faces: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return cross
 
 
-def _write_image(path: Path, pixels: NDArray[np.uint8]) -> None:
+def write_picture(path: Path, pixels: NDArray[np.uint8]) -> None:
+    """Write a picture (H, W) or (H, W, 3), red, green, blue; AssetError where it cannot be encoded."""
     bgr = pixels[..., ::-1] if pixels.ndim == 3 else pixels
     good, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(bgr))
     if not good:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from usdfoliage import __version__
+from usdfoliage.asset.branch_package import BranchLeaves
 from usdfoliage.asset.contents import (
     PlantFacts,
     count_changed_patches,
@@ -23,11 +24,13 @@ from usdfoliage.asset.contents import (
 from usdfoliage.asset.hero_leaf import read_hero_leaf
 from usdfoliage.asset.leaf_primvars import animated_edits, read_leaf_primvars
 from usdfoliage.asset.leaves import ReadLeaves, read_leaves
-from usdfoliage.asset.locate import find_leaves, require_leaves, select_representation
+from usdfoliage.asset.locate import find_leaves, require_leaves, select_leafy_lod, select_representation
 from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.other_parts import OtherParts, find_other_parts, lost_leaf_motion, write_leaves_beside
 from usdfoliage.asset.package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.plant_package import PlantAssetSettings, write_plant_asset
+from usdfoliage.asset.provenance import package_versions
 from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.jobs.leaf_change import bake_leaves, join_leaves, move_leaves, remaining_edits
@@ -112,9 +115,22 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
             given.plant.provenance,
             generator=f"usdfoliage {__version__}",
             settings={**given.plant.provenance.settings, **describe_settings(request, given)},
+            versions=package_versions(tuple(given.plant.provenance.versions)),
         )
         rest = (given.settings, remaining_edits(given.edits), given.look, given.plant.asset_from_capture)
-        if given.others is None:
+        if given.others is not None and given.others.is_whole:
+            foliage = BranchLeaves(leaves=leaves, settings=given.settings, edits=rest[1], look=given.look)
+            interface = write_plant_asset(
+                folder,
+                given.name,
+                provenance=provenance,
+                asset_from_capture=given.plant.asset_from_capture,
+                branches=given.others,
+                foliage=foliage,
+                settings=PlantAssetSettings(version=given.settings.version),
+                thumbnail=given.others.thumbnail,
+            )
+        elif given.others is None:
             interface = write_leaf_asset(folder, given.name, leaves, provenance, *rest)
         else:
             interface = write_leaves_beside(folder, given.name, leaves, given.others, provenance, *rest)
@@ -146,17 +162,18 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
     stage = open_asset(request.asset)
     plant = require_plant(stage, request.asset)
     facts = read_plant_facts(plant, interface)
-    if find_crown(plant) is not None:
+    others = find_other_parts(plant, interface)
+    if find_crown(plant) is not None and not (others is not None and others.is_whole):
         raise AssetError(
             f"{request.asset} has a crown besides its leaves, which bake would lose; bake the leaves' asset"
         )
     held = representations(plant)
     notes = _patch_notes(plant, request.source)
+    select_leafy_lod(stage)
     if held:
         select_representation(stage, "bezier")
     prim = require_leaves(stage, request.asset)[0]
     read = read_leaves(prim)
-    others = find_other_parts(plant, interface)
     leaf_look = read_leaf_look(prim, read.jitter_map)
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:

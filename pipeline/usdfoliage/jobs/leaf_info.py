@@ -1,16 +1,18 @@
 """What an asset holds, in numbers: counts, sizes, ranges, edits, layers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.asset.branches import read_skeleton
 from usdfoliage.asset.contents import (
     AssetFile,
     CrownFacts,
     find_crown,
+    find_skeleton,
     interface_of,
     list_files,
     read_crown_facts,
@@ -22,6 +24,8 @@ from usdfoliage.asset.cubemap_exr import read_cubemap
 from usdfoliage.asset.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.locate import find_leaves, select_representation
 from usdfoliage.asset.look import open_asset
+from usdfoliage.asset.look_layer import LOD, select_lod
+from usdfoliage.jobs.branch_info import BranchInfo, branch_rows, measure_branches
 from usdfoliage.jobs.leaf_edit import Value, changed_edits, show_value
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits
 from usdfoliage.leaf.measures import leaf_area
@@ -98,10 +102,11 @@ class AssetInfo:
     missing: tuple[str, ...]
     leaves: LeafInfo | None
     crown: CrownInfo | None
+    branches: BranchInfo | None = None
 
 
 def describe_asset(asset: Path) -> AssetInfo:
-    """Read an asset's folder, its interface layer or a look, and measure what it holds.
+    """Read an asset's folder, its interface layer or a look, and measure what it holds, whichever lod is selected.
 
     Raises:
         AssetError: It cannot be read, is not ours, or holds several plants; an array of the leaves is damaged.
@@ -111,7 +116,11 @@ def describe_asset(asset: Path) -> AssetInfo:
     plant = require_plant(stage, asset)
     facts = read_plant_facts(plant, interface)
     layers, files, missing = list_files(interface)
+    if "both" in facts.variants.get(LOD, ()):
+        select_lod(plant, "both")  # so that every part is there
+        facts = replace(read_plant_facts(plant, interface), selections=facts.selections, extent=facts.extent)
     crown = find_crown(plant)
+    skeleton = find_skeleton(plant)
     held = representations(plant)
     if held:
         select_representation(stage, "bezier")
@@ -135,6 +144,7 @@ def describe_asset(asset: Path) -> AssetInfo:
         missing=tuple(missing),
         leaves=_measure(read_leaves(prims[0])) if prims else None,
         crown=_measure_crown(read_crown_facts(crown)) if crown is not None else None,
+        branches=measure_branches(read_skeleton(skeleton)) if skeleton is not None else None,
     )
 
 
@@ -217,6 +227,8 @@ def format_info(info: AssetInfo) -> str:
     rows += [("schema", f"{', '.join(schemas)} on {path}") for path, schemas in info.schemas.items()]
     if info.leaves is not None:
         rows += _leaf_rows(info.leaves)
+    if info.branches is not None:
+        rows += branch_rows(info.branches)
     if info.crown is not None:
         rows += _crown_rows(info.crown)
     rows += [("layer", f"{file.path}, {_size(file.size_bytes)}") for file in info.layers]

@@ -70,7 +70,10 @@ def check_texture(path: Path) -> None:
 
     if not path.is_file():
         raise CaptureError(f"{path} does not exist; name a picture of a leaf")
-    source = oiio.ImageInput.open(str(path))
+    try:
+        source = oiio.ImageInput.open(str(path))
+    except TypeError as error:  # a name that is not valid Unicode
+        raise CaptureError(f"the file name of {path!r} is not valid Unicode; rename it") from error
     if source is None:
         reason = (oiio.geterror() or "no reason given").splitlines()[0]
         raise CaptureError(f"{path} is no image that can be read ({reason}); use PNG, JPEG, TIFF or EXR")

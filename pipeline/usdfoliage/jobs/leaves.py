@@ -61,6 +61,7 @@ class LeavesRequest:
     seed: int = 0
     report_views: int = 12
     preview: bool = True
+    times: bool = True  # whether the report says how long each step took
     force: bool = False
 
     @classmethod
@@ -159,7 +160,7 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
             generator=f"usdfoliage {__version__}",
             notes=notes,
             settings=describe_settings(request),
-            seconds=seconds,
+            seconds=seconds if request.times else {},
             shown=shown,
             numbers=given.numbers.tolist(),
             texture=f"../maps/{texture[0].name}" if texture else "",

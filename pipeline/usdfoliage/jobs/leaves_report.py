@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
 from usdfoliage.errors import AssetError
-from usdfoliage.jobs.crown_report import TEMPLATES, Row
+from usdfoliage.jobs.crown_report import TEMPLATES, Row, list_seconds
 from usdfoliage.jobs.leaves_pictures import (
     SURE,
     DrawnPoints,
@@ -156,8 +156,7 @@ def write_leaves_report(
         texture=texture,
         left_out=left_out,
         views=photographs,
-        seconds=[Row(name=name, value=f"{value:.2f}") for name, value in report.seconds.items()]
-        + [Row(name="all", value=f"{sum(report.seconds.values()):.2f}")],
+        seconds=list_seconds(report.seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"

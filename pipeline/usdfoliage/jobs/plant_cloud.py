@@ -14,7 +14,7 @@ from usdfoliage.branch.ground import find_ground
 from usdfoliage.branch.other_trees import find_other_trees
 from usdfoliage.branch.reconstruct import BranchSettings, point_spacing
 from usdfoliage.branch.roots import RootSettings, find_roots
-from usdfoliage.branch.strays import find_strays
+from usdfoliage.branch.strays import find_ground_remains, find_strays
 from usdfoliage.capture.cloud_input import CloudInput, CloudInputSettings, read_cloud_input
 from usdfoliage.capture.cloud_thinning import PointThinner
 from usdfoliage.capture.cloud_units import UNITS
@@ -146,6 +146,12 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         notes.append(f"{int(ground.points.sum()):,} points are ground and left out")
     points_m = points_m[~ground.points]
     colors = None if source.colors is None else source.colors[~ground.points].astype(np.float64)
+    if ground.plane is not None:
+        remains = find_ground_remains(points_m, ground.plane)
+        if remains.any():
+            notes.append(f"{int(remains.sum()):,} points low and far beside the plant are ground too and left out")
+            points_m = points_m[~remains]
+            colors = None if colors is None else colors[~remains]
     strays = find_strays(points_m)
     if strays.any():
         notes.append(f"{int(strays.sum()):,} points are far beside the plant and left out")

@@ -6,7 +6,6 @@ A setting that may be None is written as "auto".
 import dataclasses
 import json
 import math
-import tomllib
 import types
 import typing
 from collections.abc import Mapping
@@ -14,8 +13,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.field_comments import field_comments
+from usdfoliage.toml_file import read_toml
 
 AUTO = "auto"
+_SAID_ONCE = ("seed", "threads")  # for all tables at once, at the top or by an option
 
 Settings = TypeVar("Settings")
 
@@ -31,18 +33,18 @@ def read_settings_file(path: Path, defaults: Settings) -> Settings:
         FoliageError: There is no such file, it is no TOML, or it has an unknown setting or a value that cannot be.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
     except OSError as error:
         raise FoliageError(f"the settings cannot be read: {error.strerror} ({path})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise FoliageError(f"the settings are no TOML: {error} ({path}); --print-settings shows the form") from error
     return _replace(defaults, table, "", path)
 
 
-def format_settings(settings: object) -> str:
-    """Settings as TOML that read_settings_file takes."""
+def format_settings(settings: object, *, documented: bool = False) -> str:
+    """Settings as TOML that read_settings_file takes; documented says of each what it means, and of each table."""
     tables: list[str] = []
-    _format_table(settings, "", tables)
+    _format_table(settings, "", tables, documented)
     return "\n\n".join(tables) + "\n"
 
 
@@ -54,7 +56,7 @@ def list_settings(settings: object) -> dict[str, str]:
         if dataclasses.is_dataclass(value):
             listed.update({f"{field.name}.{name}": text for name, text in list_settings(value).items()})
         else:
-            listed[field.name] = _format_value(value).strip('"')
+            listed[field.name] = format_value(value).strip('"')
     return listed
 
 
@@ -131,31 +133,35 @@ def _describe(kind: type) -> str:
     return {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}.get(kind, "a table")
 
 
-def _format_table(settings: Any, place: str, tables: list[str]) -> None:
+def _format_table(settings: Any, place: str, tables: list[str], documented: bool) -> None:
     lines = [f"[{place}]"] if place else []
+    comments = field_comments(type(settings)) if documented else {}  # type: ignore[arg-type]
+    if documented:
+        lines.insert(0, f"# {(type(settings).__doc__ or '').splitlines()[0]}")
     nested = []
     for field in dataclasses.fields(settings):
         value = getattr(settings, field.name)
         if dataclasses.is_dataclass(value):
             nested.append((f"{place}.{field.name}" if place else field.name, value))
-        else:
-            lines.append(f"{field.name} = {_format_value(value)}")
-    if lines:
+        elif not (documented and place and field.name in _SAID_ONCE):
+            comment = comments.get(field.name)
+            lines.append(f"{field.name} = {format_value(value)}{f'  # {comment}' if comment else ''}")
+    if len(lines) > documented:
         tables.append("\n".join(lines))
     for name, value in nested:
-        _format_table(value, name, tables)
+        _format_table(value, name, tables, documented)
 
 
-def _format_value(value: Any) -> str:
+def format_value(value: Any) -> str:
     if value is None:
         return f'"{AUTO}"'
     if isinstance(value, bool):
         return str(value).lower()
     if dataclasses.is_dataclass(value):
-        inside = (f"{field.name} = {_format_value(getattr(value, field.name))}" for field in dataclasses.fields(value))
+        inside = (f"{field.name} = {format_value(getattr(value, field.name))}" for field in dataclasses.fields(value))
         return f"{{ {', '.join(inside)} }}"
     if isinstance(value, tuple):
-        return f"[{', '.join(map(_format_value, value))}]"
+        return f"[{', '.join(map(format_value, value))}]"
     if isinstance(value, float):
         return repr(value)  # 1e-06 is TOML too
     if isinstance(value, int):

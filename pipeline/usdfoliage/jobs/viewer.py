@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from usdfoliage.asset.contents import representations, require_plant
 from usdfoliage.asset.jitter_map import read_jitter_map
 from usdfoliage.asset.leaves import read_leaves
-from usdfoliage.asset.locate import find_interface, require_leaves, select_representation, try_layer
+from usdfoliage.asset.locate import find_interface, require_leaves, select_leafy_lod, select_representation, try_layer
 from usdfoliage.asset.look import open_asset, read_look, write_look_layer
 from usdfoliage.asset.look_layer import BEZIER
 from usdfoliage.asset.resources import resource_folder
@@ -202,6 +202,7 @@ def _held_leaves(asset: Path, stamp: int) -> list[_HeldLeaves]:
     """The leaves of every prim; stamp tells versions of a file apart."""
     del stamp
     stage = open_asset(asset)
+    select_leafy_lod(stage)
     if representations(require_plant(stage, asset)):
         select_representation(stage, BEZIER)
     held = [read_leaves(prim) for prim in require_leaves(stage, asset)]

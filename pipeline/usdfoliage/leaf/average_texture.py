@@ -52,8 +52,8 @@ OCTAVES_TO_BYTES = 100.0  # of the pictures that optical flow compares
 class AverageTextureSettings:
     """Size of the picture, and what goes into it."""
 
-    width_px: int = 128
-    height_px: int = 256
+    width_px: int = 128  # of the picture, from silhouette to silhouette
+    height_px: int = 256  # from base to apex
     most_pictures: int = 64  # unwrapped leaves, those seen largest first
     vein_pictures: int = 3  # of them, those that veins come from; 0 for none
     edge: tuple[float, float] = (0.25, 0.75)  # shares of leaves that reach a place, from opacity 0 to opacity 1

@@ -33,9 +33,8 @@ CLEAREST = 0.95  # of the variance: that much at most may direction explain
 class DirectionSettings:
     """How evidence is weighed."""
 
-    stalk: float = (
-        0.6  # how far stalks are expected towards bases, of the root mean square, before leaves are looked at
-    )
+    # how far stalks are expected towards bases, of the root mean square, before leaves are looked at
+    stalk: float = 0.6
     inwards: float = 0.2  # likewise, that bases lie further inside the plant and nearer to each other than apices
     prior_leaves: float = 10.0  # how many leaves that expectation is worth
     turns: int = 20  # of expectation maximisation

@@ -27,9 +27,9 @@ class PhotoColorSettings:
     """Where colours are read."""
 
     across: int = 7  # places from silhouette to silhouette
-    along: int = 13
+    along: int = 13  # places from base to apex
     border: float = 0.15  # of the half width, and of the length at base and apex: what is left out
-    equalize_exposure: bool = True
+    equalize_exposure: bool = True  # photographs that show the same leaves lighter or darker are matched
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 
     def __post_init__(self) -> None:

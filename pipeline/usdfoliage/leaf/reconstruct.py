@@ -38,7 +38,7 @@ SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one sil
 class ReconstructionSettings:
     """Everything that decides which leaves are found and what they become."""
 
-    method: Literal["dense", "paper"] = "dense"
+    method: Literal["dense", "paper"] = "dense"  # dense: ours; paper: as published, to compare
     min_confidence: float = 0.0  # leaves below it are dropped
     threads: int = 0  # 0: one per core; the result is the same
     dense: DenseSegmentationSettings = field(default_factory=DenseSegmentationSettings)

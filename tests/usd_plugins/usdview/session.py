@@ -133,4 +133,5 @@ def main(asset, folder):
     os._exit(0)  # Blender's clean-up may crash
 
 
-main(*sys.argv[1:3])
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

@@ -34,7 +34,7 @@ class AlternatingFitSettings:
 
     min_points: int = 20  # a leaf has 21 parameters, and three numbers a point
     scanlines: int = 32  # at most; a leaf of few points has fewer, so that each line meets some
-    max_iterations: int = 15
+    max_iterations: int = 15  # of the two steps in turn: where points lie on the surface, and the surface through them
     tolerance: float = 1e-3  # leaf lengths; iterations end when the surface moves by no more, root mean square
     robustness: Robustness = "tukey"  # what points off the surface count; "none" is the paper's
     isolation: float = 4.0  # points whose neighbours are this many times farther than usual are left out, unless "none"

@@ -25,7 +25,7 @@ _GRAZING = 0.1  # cosine below which a surface is seen too flat for its area to 
 class CandidateSettings:
     """Which components are candidates."""
 
-    min_superpixels: int = 2
+    min_superpixels: int = 2  # of a component; one of fewer is no candidate
     max_share: float = 0.25  # of the picture; larger ones are walls and ground
 
     def __post_init__(self) -> None:

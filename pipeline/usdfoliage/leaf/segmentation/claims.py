@@ -34,7 +34,7 @@ class ClaimSettings:
     beyond_end: float = 0.05  # and beyond base and apex, in v
     penalty: float = 0.6  # tolerances by which a place beyond counts as farther
     columns: int = 11  # of the grid that stands for a leaf, without what lies beyond
-    rows: int = 13
+    rows: int = 13  # of the grid, from base to apex
     least_cosine: float = 0.15  # at which a leaf is taken to be seen, for its distance along the ray
 
     def __post_init__(self) -> None:
@@ -50,7 +50,7 @@ class ClaimSettings:
 class PointSettings:
     """Which points are kept of claimed pixels."""
 
-    most_per_leaf: int = 4000
+    most_per_leaf: int = 4000  # points; of more an even choice is kept
     edge: float = 3.0  # footprints that what is seen beside an edge lies farther or nearer
     edge_noises: float = 0.0  # standard deviations of the depth, besides
     beside_px: int = 4  # within which what is behind an edge shows where the leaf ends, half way

@@ -71,7 +71,7 @@ class PassSettings:
 class DenseSegmentationSettings:
     """How leaves are found. Distances are in pixel footprints, noises of the depth and usual leaf lengths."""
 
-    plane_threshold_m: float | None = None  # between a leaf and its points; None: from noise and footprints
+    plane_threshold_m: float | None = None  # between a leaf and its points; auto: from noise and footprints
     coherence: CoherenceSettings = field(default_factory=CoherenceSettings)
     patches: PatchSettings = field(default_factory=PatchSettings)
     evidence: EvidenceSettings = field(default_factory=EvidenceSettings)

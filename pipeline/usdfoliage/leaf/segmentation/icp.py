@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 class IcpSettings:
     """When the iteration ends."""
 
-    iterations: int = 300
+    iterations: int = 300  # at most
     still: float = 5e-3  # of the correspondence distance: less motion than this ends it
 
     def __post_init__(self) -> None:

@@ -29,7 +29,7 @@ logger = logging.getLogger(__name__)
 class PaperSegmentationSettings:
     """Settings of every step of section 4."""
 
-    plane_threshold_m: float | None = None  # δ_plane; None takes it from the data
+    plane_threshold_m: float | None = None  # δ_plane; auto: from the data
     seed: int = 0  # of RANSAC
     superpixels: SuperpixelSettings = field(default_factory=SuperpixelSettings)
     planes: PlaneSettings = field(default_factory=PlaneSettings)

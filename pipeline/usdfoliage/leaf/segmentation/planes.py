@@ -21,12 +21,12 @@ class PlaneSettings:
 
     hypotheses: int = 24  # planes through three points that are tried
     scored_points: int = 48  # of a superpixel, to score a hypothesis
-    min_points: int = 12
+    min_points: int = 12  # with depth, of a superpixel; one with fewer has no plane
     min_inliers: float = 0.5  # share of a superpixel's points that must lie near its plane
     max_spread: float = 3.0  # distance from the mean, in medians of it, beyond which a point is dropped
     trim_sigmas: float = 3.0  # of the points' own scatter, beyond which a point is no inlier
     trim_floor: float = 0.25  # share of the threshold within which it always is: leaves bend, depth is rounded
-    refinements: int = 3
+    refinements: int = 3  # of a plane, by least squares through its inliers
 
     def __post_init__(self) -> None:
         if min(self.hypotheses, self.refinements) < 1 or min(self.scored_points, self.min_points) < 3:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 class SuperpixelSettings:
     """How fine a picture is divided."""
 
-    size_px: int | None = None  # side of a superpixel; None takes it from the picture
-    finest: int = 120  # superpixels along the picture's longer side where size_px is None
+    size_px: int | None = None  # side of a superpixel; auto: from the picture
+    finest: int = 120  # superpixels along the picture's longer side where size_px is auto
     ruler: float = 12.0  # Lab units worth one superpixel's side: more gives rounder ones, less follows colours
-    iterations: int = 8
+    iterations: int = 8  # of the clustering of pixels
     smallest: float = 0.15  # share of size_px² below which one is merged with its neighbour
 
     def __post_init__(self) -> None:

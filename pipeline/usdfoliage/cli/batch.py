@@ -1,0 +1,142 @@
+"""Build a library: every plant of a list, or of a folder of captures, with an index page.
+
+LIST is a folder, whose sub-folders of photographs, captures and point clouds are plants; or a text file with a capture
+a line, after tabs its name and its plan (TOML) if need be; or a CSV file with the columns capture, name, plan. Paths in
+a list are as seen from it. Plants share the work folder and the workers. One that fails does not stop the others, and a
+second run does only what is new or has changed. DIR/index.html shows all plants, while they are built too.
+
+The exit code is 0 when all plants stand, 2 when some could not be built, 3 when validation finds errors in some.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from usdfoliage.cli.build_options import add_ending, add_plan, add_where
+
+if TYPE_CHECKING:
+    from usdfoliage.jobs.build.call import BuildRequest
+    from usdfoliage.jobs.build.finish import BuiltPlant
+    from usdfoliage.jobs.build.library import LibraryList
+    from usdfoliage.jobs.build.library_page import LibraryPlant
+
+_ROW = "{:<24}  {:<8}  {:>7}  {:>7}  {:>9}  {}"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("list", metavar="LIST", type=Path, help="a list of captures, or a folder of them")
+    parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="the library: a folder a plant")
+    add_plan(parser)
+    add_where(parser)
+    add_ending(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.build_options import read_where
+    from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.plant_progress import PlantBar
+    from usdfoliage.cli.plant_results import EXIT_CODES
+    from usdfoliage.jobs.build.library import LibraryIndex, describe_built, read_library
+    from usdfoliage.jobs.build.run import build_plants
+
+    handle_interrupts()
+    where = read_where(options)
+    listed = read_library(options.list)
+    requests, failed = _read_requests(options, listed)
+    if options.dry_run:
+        return _print_plans(requests, failed)
+    folder = options.output.absolute()
+    index = LibraryIndex(folder=folder, plants=len(listed.entries), skipped=listed.skipped)
+    for plant in failed:
+        index.add(plant)
+    print(_ROW.format("plant", "", "seconds", "leaves", "size", ""))
+    codes = {EXIT_CODES["failed"]} if failed else set()
+    for plant in (*failed, *listed.skipped):
+        print(_ROW.format(plant.name, plant.state, "", "", "", f"{plant.message}; {plant.advice}"))
+    counts: dict[str, int] = {"failed": len(failed)} if failed else {}
+    try:
+        with PlantBar() as bar:
+            for _, made in build_plants(requests, where, bar.show):
+                plant = describe_built(made, folder)
+                bar.write(_describe(made, plant))
+                index.add(plant)
+                codes.add(EXIT_CODES[made.verdict])
+                counts[made.verdict] = counts.get(made.verdict, 0) + 1
+                if made.is_fault and options.debug:
+                    print(made.error, file=sys.stderr)
+    except KeyboardInterrupt:
+        index.write()
+        print("error: interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    page = index.write()
+    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    print(f"{len(listed.entries)} plants: {told}{f', {len(listed.skipped)} skipped' if listed.skipped else ''}")
+    print(f"index: {page}")
+    return next((code for code in (1, 2, 3) if code in codes), 0)
+
+
+def _read_requests(
+    options: argparse.Namespace, listed: "LibraryList"
+) -> "tuple[list[BuildRequest], list[LibraryPlant]]":
+    """What can be asked for; and what not, since its plan cannot be read."""
+    from dataclasses import replace
+
+    from usdfoliage.cli.build_options import read_request, read_settings
+    from usdfoliage.errors import FoliageError
+    from usdfoliage.jobs.build.library import describe_failed, explain_entry
+    from usdfoliage.jobs.build.settings import with_seed
+    from usdfoliage.jobs.settings_file import read_settings_file
+
+    settings = read_settings(options)  # once: a fault in it is one of all plants
+    first = read_request(options, listed.entries[0].capture, options.output / "plant", None)
+    requests, failed = [], []
+    for entry in listed.entries:
+        try:
+            own = settings
+            if entry.plan is not None:
+                own = read_settings_file(entry.plan, settings)
+                own = with_seed(own, own.seed)
+        except FoliageError as error:
+            failed.append(describe_failed(entry.name, entry.capture.name, explain_entry(entry, error)))
+            continue
+        output = options.output.absolute() / entry.name
+        requests.append(replace(first, capture=entry.capture.absolute(), output=output, name=entry.name, settings=own))
+    return requests, failed
+
+
+def _describe(made: "BuiltPlant", plant: "LibraryPlant") -> str:
+    seconds = sum((made.seconds or {}).values())
+    size = "" if plant.size_bytes is None else f"{plant.size_bytes / 1e6:.1f} MB"
+    leaves = "" if plant.leaves is None else f"{plant.leaves:,}"
+    told = f"{plant.message}{f'; {plant.advice}' if plant.advice else ''}"
+    if made.verdict == "built" and not made.seconds:
+        told = f"nothing to do{f'; {told}' if told else ''}"
+    return _ROW.format(made.request.name, made.verdict, f"{seconds:.1f}", leaves, size, told).rstrip()
+
+
+def _print_plans(requests: "list[BuildRequest]", failed: "list[LibraryPlant]") -> int:
+    from usdfoliage.errors import FoliageError
+    from usdfoliage.jobs.build.plan_text import in_words
+    from usdfoliage.jobs.build.run import plan_plant
+    from usdfoliage.jobs.build.tasks import find_wanted
+
+    row = "{:<24}  {:>11}  {:>5}  {:>5}  {:>7}  {}"
+    print(row.format("plant", "photographs", "tasks", "to do", "seconds", ""))
+    total_s, bad = 0.0, len(failed)
+    for plant in failed:
+        print(row.format(plant.name, "", "", "", "", f"{plant.message}; {plant.advice}"))
+    for request in requests:
+        try:
+            inputs, plan = plan_plant(request, "names")
+            wanted, _ = find_wanted(plan, request.store, thorough=False)
+        except FoliageError as error:
+            bad += 1
+            print(row.format(request.name, "", "", "", "", f"error: {error}"))
+            continue
+        seconds = sum(task.estimate_s for task in wanted.values())
+        total_s += seconds
+        counts = (len(inputs.photographs), len(plan.tasks), len(wanted))
+        print(row.format(request.name, *counts, f"{seconds:.0f}", "").rstrip())
+    print(f"{len(requests) + len(failed)} plants, {bad} of them cannot be built; {in_words(total_s)} on two cores")
+    return 2 if bad else 0

@@ -1,0 +1,51 @@
+"""What is printed of a plant that was built."""
+
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from usdfoliage.jobs.build.finish import BuiltPlant
+
+EXIT_CODES: Mapping[str, int] = {"built": 0, "failed": 2, "invalid": 3, "fault": 1}
+
+
+def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
+    """Where the asset is, and what the user should know; on stderr why there is none."""
+    name = made.request.name
+    if made.verdict in ("failed", "fault"):
+        if made.is_fault:
+            print(
+                tell_fault(made.error, f"{made.failed} of {name}" if made.failed else name, debug=debug),
+                file=sys.stderr,
+            )
+        else:
+            print(f"error: {made.error}", file=sys.stderr)
+        return
+    for warning in made.warnings:
+        print(f"warning: {warning}")
+    for row in made.facts:
+        print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
+    ran = len(made.seconds or {})
+    print(f"tasks: {made.tasks}, {made.cached} of them done by an earlier run, {ran} done now")
+    if made.seconds:
+        print(f"seconds: {', '.join(f'{stage} {seconds:.1f}' for stage, seconds in made.seconds_by_stage().items())}")
+    if made.asset is None:
+        print(f"result: {made.result}")
+        if made.errors:
+            told = f"{made.errors} error{'s' if made.errors != 1 else ''}"
+            print(
+                f"error: validation finds {told}, and {made.request.output} was not written; see "
+                f"{made.result}/report/index.html, or put it there nevertheless with --keep-invalid",
+                file=sys.stderr,
+            )
+        return
+    print(f"asset: {made.asset}")
+    print(f"preview: {made.request.output / 'thumbnails' / f'{name}.png'}")
+    print(f"report: {made.request.output / 'report' / 'index.html'}")
+
+
+def tell_fault(trace: str, where: str, *, debug: bool) -> str:
+    """What is printed of a fault of ours."""
+    told = trace if debug else trace.strip().splitlines()[-1]
+    return f"error: internal fault in {where}: {told}; run again with --debug and report it"

@@ -1,0 +1,153 @@
+"""Run one step of a build, or some of its chunks, as a render farm does.
+
+The steps of a plant are those of `--step list`, in their order; each may run when those that it needs are done. The
+first, plan, reads the input; the last, publish, puts the asset in its place. Whatever wraps commands can run a build:
+a job of Open Job Description, as usdfoliage submit writes it, or a task each in Tractor, OpenCue or Deadline. A step
+whose results are there does nothing, so a farm may run one again whenever it likes.
+
+The exit code is 0 when the step is done, 2 for input that cannot be used, or where what the step needs is not done, 3
+when validation finds errors in the asset that is to be published.
+"""
+
+import argparse
+import json
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from usdfoliage.cli.build_options import add_plan, add_publishing
+
+if TYPE_CHECKING:
+    from usdfoliage.cli.openjd_lines import OpenjdLines
+    from usdfoliage.jobs.build.call import BuildRequest
+
+LIST, PLAN, PUBLISH = "list", "plan", "publish"
+
+
+def read_chunk(text: str) -> tuple[range, int]:
+    """The chunk of K/N."""
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if not found or not 1 <= int(found[1]) <= int(found[2]):
+        raise argparse.ArgumentTypeError(f"{text!r} is not K/N, a chunk and how many there are, as in 3/10")
+    return range(int(found[1]), int(found[1]) + 1), int(found[2])
+
+
+def read_chunks(text: str) -> range:
+    """The chunks of A-B, or A."""
+    found = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
+    first, last = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
+    if not 1 <= first <= last:
+        raise argparse.ArgumentTypeError(f"{text!r} is not A-B, the first and the last chunk from 1, as in 3-5")
+    return range(first, last + 1)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("capture", metavar="CAPTURE", type=Path, help="photographs, a capture, or a cloud")
+    parser.add_argument("-o", "--output", metavar="ASSET", type=Path, required=True, help="the asset's folder")
+    parser.add_argument("--name", help="name of the asset (ASSET's basename)")
+    parser.add_argument("--step", required=True, metavar="STEP", help="the step; list prints them, with their chunks")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--chunk", type=read_chunk, metavar="K/N", help="one chunk of N (all)")
+    which.add_argument("--chunks", type=read_chunks, metavar="A-B", help="some chunks, from 1 (all)")
+    parser.add_argument("--json", action="store_true", help="the list as JSON")
+    parser.add_argument(
+        "--openjd", action="store_true", help="print progress and errors as Open Job Description has them"
+    )
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="the result is the same (all cores)")
+    add_plan(parser)
+    add_publishing(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.openjd_lines import OpenjdLines
+    from usdfoliage.errors import FoliageError
+
+    lines = OpenjdLines(enabled=options.openjd)
+    try:
+        if options.threads < 0:
+            raise FoliageError(f"--threads must be 0 or more, not {options.threads}")
+        from usdfoliage.cli.build_options import read_request
+        from usdfoliage.jobs.build import farm_steps  # noqa: F401  # all that is heavy, before interrupts are handled
+
+        request = read_request(options, options.capture, options.output, options.name)
+        handle_interrupts()
+        if options.step in (LIST, PLAN, PUBLISH):
+            if options.chunk or options.chunks:
+                raise FoliageError(f"{options.step} has no chunks; leave --chunk and --chunks out")
+            return _publish(request, options, lines) if options.step == PUBLISH else _plan(request, options, lines)
+        return _run_chunks(request, options, lines)
+    except FoliageError as error:
+        lines.fail(str(error))
+        raise
+    except KeyboardInterrupt:
+        lines.fail("interrupted; the same command goes on from here")
+        print("error: interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+
+
+def _plan(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLines") -> int:
+    from usdfoliage.jobs.build.farm_steps import list_steps, plan_step
+    from usdfoliage.jobs.build.run import plan_plant
+
+    if options.step == LIST:
+        steps = list_steps(plan_plant(request, "names")[1])
+    else:
+        lines.begin(f"{request.name}: reading the input")
+        steps = plan_step(request)
+    if options.json:
+        listed = [
+            {"step": step.name, "chunks": step.chunks, "needs": step.needs, "estimate_s": round(step.estimate_s, 1)}
+            for step in steps
+        ]
+        print(json.dumps(listed, indent=1))
+    else:
+        rows = [("step", "chunks", "needs"), *((s.name, str(s.chunks), ", ".join(s.needs)) for s in steps)]
+        wide = max(len(row[0]) for row in rows)
+        for name, chunks, needs in rows:
+            print(f"{name:<{wide}}  {chunks:>6}  {needs}".rstrip())
+    if options.step == PLAN:
+        lines.progress(1.0)
+    return 0
+
+
+def _run_chunks(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLines") -> int:
+    from usdfoliage.cli.plant_results import tell_fault
+    from usdfoliage.errors import FoliageError
+    from usdfoliage.jobs.build.farm_steps import find_chunks, run_chunk
+
+    asked, of = options.chunk or (options.chunks, None)
+    lines.begin(f"{request.name}: {options.step}")
+    chunks = find_chunks(request, options.step, asked, of, options.threads)
+    for number, chunk in enumerate(chunks):
+        name = chunk.order.name
+
+        def show(step: str, share: float, number: int = number, name: str = name) -> None:
+            lines.status(f"{request.name}: {name}" if step == name else f"{request.name}: {name}, {step}")
+            if step == name:  # others follow each other, and each counts from 0
+                lines.progress((number + share) / len(chunks))
+
+        done = run_chunk(chunk, show)
+        if done.error:
+            raise FoliageError(done.error)
+        if done.fault:
+            lines.fail(f"internal fault in {name}")
+            print(tell_fault(done.fault, f"{name} of {request.name}", debug=options.debug), file=sys.stderr)
+            return 1
+        print(f"{name}: {f'{done.seconds:.1f} s' if done.was_run else 'was done before'}", flush=True)
+        lines.progress((number + 1) / len(chunks))
+    return 0
+
+
+def _publish(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLines") -> int:
+    from usdfoliage.cli.plant_results import EXIT_CODES, print_plant
+    from usdfoliage.jobs.build.farm_steps import publish_step
+
+    lines.begin(f"{request.name}: publishing")
+    made = publish_step(request)
+    print_plant(made, debug=options.debug)
+    if made.errors:
+        lines.fail(f"validation finds {made.errors} errors; see {made.result}/report/index.html")
+    lines.progress(1.0)
+    return EXIT_CODES[made.verdict]

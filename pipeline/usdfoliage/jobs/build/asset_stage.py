@@ -1,0 +1,128 @@
+"""The task that makes one asset of a plant's parts, in one frame."""
+
+import logging
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage import __version__
+from usdfoliage.asset.contents import interface_of, require_plant
+from usdfoliage.asset.look import open_asset
+from usdfoliage.asset.other_parts import OtherParts, find_other_parts
+from usdfoliage.asset.plant_package import PlantAssetSettings, write_plant_asset
+from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
+from usdfoliage.errors import FitError, PreviewError
+from usdfoliage.jobs.build.call import StageCall
+from usdfoliage.jobs.build.captured_leaves import CapturedLeaves, read_captured_leaves
+from usdfoliage.jobs.build.foliage import choose_foliage
+from usdfoliage.jobs.build.pictures import draw_thumbnail
+from usdfoliage.jobs.build.plant_stages import ASSET_FOLDER, TracedPlant, read_crown, read_traced_plant
+from usdfoliage.jobs.build.settings import STAGE_SETTINGS
+from usdfoliage.jobs.build.store import ResultFile
+from usdfoliage.jobs.build.summary import StageSummary, write_summary
+from usdfoliage.jobs.build.tasks import BRANCHES, CROWN, LEAVES
+from usdfoliage.jobs.crown_report import Row
+from usdfoliage.jobs.settings_file import list_settings
+
+logger = logging.getLogger(__name__)
+
+
+def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
+    """One asset of the branches, leaves and crown that were made.
+
+    Raises:
+        FitError: None was.
+        FoliageError: Leaves are wanted that there are none of.
+    """
+    traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
+    captured = read_captured_leaves(call.result_of(LEAVES) / ASSET_FOLDER) if call.has(LEAVES) else None
+    crown = read_crown(call.result_of(CROWN)) if call.has(CROWN) else None
+    plant_from_capture = plant_frame(traced, captured, crown.asset_from_photo if crown is not None else None)
+    chosen = choose_foliage(captured, traced, call.settings, plant_from_capture)
+    branches = _branches_of(call) if traced is not None else None
+    if branches is None and chosen.leaves is None and crown is None:
+        raise FitError(
+            f"neither branches nor leaves nor a crown could be made of {call.request.capture}; the warnings of each "
+            "stage say why"
+        )
+
+    def write(folder: Path, thumbnail: Path | None) -> Path:
+        folder.mkdir()
+        return write_plant_asset(
+            folder,
+            call.request.name,
+            provenance=provenance_of(call),
+            asset_from_capture=plant_from_capture,
+            branches=branches,
+            foliage=chosen.leaves,
+            crown=crown,
+            settings=PlantAssetSettings(
+                crown_mesh_size=call.settings.crown.mesh_size, version=call.settings.plant.version
+            ),
+            thumbnail=thumbnail,
+        )
+
+    warnings = []
+    if call.settings.pictures.make:
+        with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
+            bare = write(Path(work) / ASSET_FOLDER, None)
+            try:
+                thumbnail = draw_thumbnail(bare, Path(work), call.settings.pictures)
+            except PreviewError as error:
+                warnings.append(f"the asset has no thumbnail: {error}")
+                thumbnail = None
+            write(call.out / ASSET_FOLDER, thumbnail)
+    else:
+        write(call.out / ASSET_FOLDER, None)
+    rows = [
+        Row(name="leaves", value=f"{0 if chosen.leaves is None else len(chosen.leaves.leaves):,}", remark=chosen.kind),
+        Row(name="branches", value=f"{0 if traced is None else len(traced.skeleton):,}"),
+        *[row for row in chosen.rows if row.name != "leaves"],
+    ]
+    write_summary(call.out, StageSummary(rows=rows, notes=chosen.notes, warnings=warnings))
+    return ()
+
+
+def plant_frame(
+    traced: TracedPlant | None, captured: CapturedLeaves | None, crown_from_capture: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Where the plant stands, (4, 4) for column vectors from the capture's coordinates: as the first part that is there
+    has it, branches before leaves before the crown."""
+    if traced is not None:
+        return traced.plant_from_capture
+    if captured is not None:
+        return captured.own_from_capture
+    return np.eye(4) if crown_from_capture is None else crown_from_capture
+
+
+def provenance_of(call: StageCall) -> Provenance:
+    """What is recorded of the run: every setting, every version, every input file."""
+    stages = {
+        name: {key: text for key, text in list_settings(getattr(call.settings, name)).items() if _decides(key)}
+        for name in STAGE_SETTINGS
+    }
+    inputs = dict(call.inputs.digests)
+    return Provenance(
+        species=call.settings.plant.species,
+        capture=call.inputs.source.resolve().name,
+        generator=f"usdfoliage {__version__}",
+        seed=call.settings.seed,
+        input_sha256=combined_sha256(inputs),
+        inputs=inputs,
+        stages=stages,
+        versions=package_versions(),
+    )
+
+
+def _decides(key: str) -> bool:
+    """Whether a setting decides anything: how many threads there are does not, and seeds are said once."""
+    return key.rsplit(".", 1)[-1] not in ("threads", "seed")
+
+
+def _branches_of(call: StageCall) -> OtherParts | None:
+    asset = call.result_of(BRANCHES) / ASSET_FOLDER
+    interface, _ = interface_of(asset)
+    stage = open_asset(asset)  # which prims do not keep
+    return find_other_parts(require_plant(stage, asset), interface)

@@ -1,0 +1,154 @@
+"""What a user says of a build: every stage's settings, one table each."""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
+
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branch_foliage import FoliageRequest
+from usdfoliage.jobs.build.pictures import PictureSettings
+from usdfoliage.jobs.capture_settings import CaptureRunSettings
+from usdfoliage.jobs.leaf_asset import LENGTHS_M, MOST_LEAVES
+from usdfoliage.jobs.leaves_settings import LeavesSettings, set_everywhere
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
+
+LeafDepth = Literal["auto", "given", "estimated"]
+FoliageKind = Literal["auto", "captured", "drawn", "species", "none"]
+MakeBranches = Literal["auto", "on", "off"]
+CloudLeaves = Literal["auto", "on", "off"]
+
+STAGE_SETTINGS = (
+    "plant",
+    "capture",
+    "branches",
+    "leaves",
+    "foliage",
+    "crown",
+    "pictures",
+)  # tables that decide a result
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantSettings:
+    """The plant, and how its asset is written."""
+
+    species: str = ""  # written into the asset; of a known one, as maple, also allometry, twigs and leaves
+    representations: tuple[str, ...] | None = None  # of leaves: bezier, nurbs, subdiv, mesh; auto: by their number
+    version: str = "1"  # of the asset, in its assetInfo
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchStageSettings:
+    """How branches are traced through the cloud."""
+
+    make: MakeBranches = "auto"  # auto: where the cloud shows stems or branches; on: whatever it shows; off: none
+    roots: str = "auto"  # where stems come out of the ground: auto, a number, or x,y,z in the capture's coordinates
+    internode_m: float | None = None  # length of an internode; auto: 0.005 of the plant's height
+    cloud_leaves: CloudLeaves = "auto"  # whether the cloud has leaves, which are then left out
+    most_points: int = PlantCloudRequest.most_points  # that branches are traced through
+
+    def __post_init__(self) -> None:
+        if self.internode_m is not None and not self.internode_m > 0:
+            raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
+        if self.make not in get_args(MakeBranches):
+            raise ValueError(f"make must be one of {', '.join(get_args(MakeBranches))}, not {self.make!r}")
+        if self.cloud_leaves not in get_args(CloudLeaves):
+            raise ValueError(f"cloud_leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.cloud_leaves}")
+        if self.most_points < 50:
+            raise ValueError(f"most_points must be at least 50, not {self.most_points}")
+        try:
+            read_roots(self.roots)
+        except FoliageError as error:
+            raise ValueError(str(error).replace("--roots", "roots")) from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafStageSettings(LeavesSettings):
+    """How single leaves are found in the photographs."""
+
+    make: bool = True  # false: no leaf is looked for
+    depth: LeafDepth = "auto"  # given: the capture's own depth/; estimated: by the stage capture; auto: given if there
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoliageSettings:
+    """Which leaves the plant has."""
+
+    # captured: those that were found, where they were found; drawn: on the twigs, drawn from those that were found;
+    # species: on the twigs, of the species; auto: captured where they cover the plant, else drawn, else species
+    kind: FoliageKind = "auto"
+    least_cover: float = 0.3  # share of the cloud's leaves that captured leaves must cover, for auto
+    least_sure: float = 0.25  # share of captured leaves that must be sure of themselves, for auto to leave them there
+    least_drawn: int = 20  # captured leaves to draw from, for auto
+    leaf_length_m: float | None = None  # of a leaf on a twig; auto: the species', or the captured leaves'
+    most_leaves: int = FoliageRequest().settings.most_leaves  # on twigs
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(FoliageKind):
+            raise ValueError(f"kind must be one of {', '.join(get_args(FoliageKind))}, not {self.kind!r}")
+        for name, share in (("least_cover", self.least_cover), ("least_sure", self.least_sure)):
+            if not 0 <= share <= 1:
+                raise ValueError(f"{name} must be 0 to 1, not {share:g}")
+        shortest_m, longest_m = LENGTHS_M
+        if self.leaf_length_m is not None and not shortest_m <= self.leaf_length_m <= longest_m:
+            raise ValueError(f"leaf_length_m must be {shortest_m:g} to {longest_m:g}, not {self.leaf_length_m:g}")
+        if not 1 <= self.most_leaves <= MOST_LEAVES:
+            raise ValueError(f"most_leaves must be 1 to {MOST_LEAVES}, not {self.most_leaves}")
+        if self.least_drawn < 1:
+            raise ValueError(f"least_drawn must be at least 1, not {self.least_drawn}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrownStageSettings:
+    """How the crown is made of cloud and photographs."""
+
+    make: bool = True  # false: the plant has no crown
+    size: int = 256  # texels a side of a cubemap face
+    mesh_size: int = 65  # vertices along an edge of the crown's mesh
+
+    def __post_init__(self) -> None:
+        if not 32 <= self.size <= 4096:
+            raise ValueError(f"size must be 32 to 4096 texels, not {self.size}")
+        if not 2 <= self.mesh_size <= 4097:
+            raise ValueError(f"mesh_size must be 2 to 4097, not {self.mesh_size}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureStageSettings(PictureSettings):
+    """What is drawn of the finished asset; without the preview interpreter nothing is."""
+
+    make: bool = True  # false: no pictures, no turntable, no thumbnail
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskSettings:
+    """How the work is cut; it changes no result."""
+
+    photographs_a_task: int = 4  # whose depth is found by one task
+
+    def __post_init__(self) -> None:
+        if self.photographs_a_task < 1:
+            raise ValueError(f"photographs_a_task must be at least 1, not {self.photographs_a_task}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildSettings:
+    """Everything that decides a plant's asset."""
+
+    seed: int = 0  # of every random choice, in every stage
+    plant: PlantSettings = field(default_factory=PlantSettings)
+    capture: CaptureRunSettings = field(default_factory=CaptureRunSettings)
+    branches: BranchStageSettings = field(default_factory=BranchStageSettings)
+    leaves: LeafStageSettings = field(default_factory=LeafStageSettings)
+    foliage: FoliageSettings = field(default_factory=FoliageSettings)
+    crown: CrownStageSettings = field(default_factory=CrownStageSettings)
+    pictures: PictureStageSettings = field(default_factory=PictureStageSettings)
+    tasks: TaskSettings = field(default_factory=TaskSettings)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.seed < 2**31:
+            raise ValueError(f"seed must be 0 or more and below 2^31, not {self.seed}")
+
+
+def with_seed(settings: BuildSettings, seed: int) -> BuildSettings:
+    """The same settings with this seed in every stage; ValueError for one that cannot be."""
+    return set_everywhere(replace(settings, seed=seed), "seed", seed)

@@ -1,0 +1,266 @@
+"""The work folder of builds: results of tasks by the hash of what they are made of, and how they are told from damage.
+
+::
+
+    tasks/KEY.json     the stamp of a finished task: every file of its result, with size and SHA-256, and its seconds
+    tasks/KEY.lock     held (flock) while the task runs, so that two runs do not do it twice
+    results/KEY/       its files
+    scratch/KEY/       what a task that was killed may go on from
+    views/KEY/         pictures and depth that the tasks of one set of photographs share, each file by its own hash
+    published/KEY.json which result was put where, and the digests of its files there
+    digests/KEY.json   digests of input files, by path, size and time
+
+A stamp is written last, when the files are in their places. Nothing is taken for a result because it is there: a file
+that is missing, cut short or altered makes its task undone. The folder may be deleted whenever no run uses it.
+"""
+
+import errno
+import fcntl
+import hashlib
+import json
+import logging
+import os
+import re
+import shutil
+import uuid
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.capture_work import digest_file, explain, task_key, write_whole
+
+logger = logging.getLogger(__name__)
+
+_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultFile:
+    """A file of a result."""
+
+    path: str  # from the work folder
+    size_bytes: int
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stamp:
+    """What is known of a finished task."""
+
+    key: str
+    name: str
+    seconds: float  # that it took
+    estimate_s: float  # that it was thought to take
+    files: tuple[ResultFile, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Store:
+    """The places in a work folder."""
+
+    folder: Path
+
+    def result(self, key: str) -> Path:
+        return self.folder / "results" / key
+
+    def scratch(self, key: str) -> Path:
+        return self.folder / "scratch" / key
+
+    def views(self, key: str) -> Path:
+        return self.folder / "views" / key
+
+    def published(self, output: Path) -> Path:
+        return self.folder / "published" / f"{task_key(str(output.resolve()))}.json"
+
+    def stamp(self, key: str) -> Path:
+        return self.folder / "tasks" / f"{key}.json"
+
+    def lock(self, key: str) -> Path:
+        return self.folder / "tasks" / f"{key}.lock"
+
+
+def read_stamp(store: Store, key: str) -> Stamp | None:
+    """The stamp of a task; None where there is none, or it is damaged."""
+    path = store.stamp(key)
+    try:
+        held = json.loads(path.read_bytes())
+        body, seal = json.dumps(held["stamp"], sort_keys=True), held["seal"]
+        if hashlib.sha256(body.encode()).hexdigest() != seal:
+            raise ValueError("its seal does not match")
+        stamp = held["stamp"]
+        files = tuple(ResultFile(**each) for each in stamp.pop("files"))
+        found = Stamp(files=files, **stamp)
+        if found.key != key:
+            raise ValueError("it is of another task")
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        logger.warning("%s is damaged (%s): the task is done again", path, error)
+        return None
+    return found
+
+
+def write_stamp(store: Store, stamp: Stamp) -> None:
+    """Say that a task is finished; CaptureError where it cannot be written."""
+    held = {
+        "key": stamp.key,
+        "name": stamp.name,
+        "seconds": round(stamp.seconds, 3),
+        "estimate_s": round(stamp.estimate_s, 3),
+        "files": [
+            {"path": file.path, "size_bytes": file.size_bytes, "sha256": file.sha256}
+            for file in sorted(stamp.files, key=lambda each: each.path)
+        ],
+    }
+    seal = hashlib.sha256(json.dumps(held, sort_keys=True).encode()).hexdigest()
+    write_whole(store.stamp(stamp.key), json.dumps({"stamp": held, "seal": seal}, indent=1).encode())
+
+
+def find_finished(store: Store, key: str, *, thorough: bool) -> Stamp | None:
+    """The stamp of a task whose files are all there; else None.
+
+    Args:
+        store: Where.
+        key: Of the task.
+        thorough: Whether every byte is looked at, else only the sizes.
+    """
+    stamp = read_stamp(store, key)
+    if stamp is None:
+        return None
+    for file in stamp.files:
+        path = store.folder / file.path
+        try:
+            good = path.stat().st_size == file.size_bytes and (not thorough or _digest(path) == file.sha256)
+            reason = "altered"
+        except OSError as error:
+            good, reason = False, "gone" if isinstance(error, FileNotFoundError) else f"unreadable, {error.strerror}"
+        if not good:
+            logger.warning("%s is %s: %s is done again", path, reason, stamp.name)
+            return None
+    return stamp
+
+
+def list_files(store: Store, folder: Path) -> tuple[ResultFile, ...]:
+    """The files below a folder of the work folder, with what tells them from altered ones.
+
+    Raises:
+        CaptureError: One cannot be read.
+    """
+    return describe_files(store, sorted(path for path in folder.rglob("*") if path.is_file()))
+
+
+def describe_files(store: Store, paths: Iterable[Path]) -> tuple[ResultFile, ...]:
+    """The same of these files; CaptureError for one that cannot be read."""
+    return tuple(
+        ResultFile(
+            path=path.relative_to(store.folder).as_posix(), size_bytes=path.stat().st_size, sha256=digest_file(path)
+        )
+        for path in paths
+    )
+
+
+@contextmanager
+def fill_result(store: Store, key: str) -> Iterator[Path]:
+    """An empty folder that becomes the result of a task when the body ends well, and goes when it does not.
+
+    Raises:
+        FoliageError: It cannot be written.
+    """
+    there = store.result(key)
+    new = there.with_name(f".{key}.{uuid.uuid4().hex[:12]}.new")
+    try:
+        new.mkdir(parents=True)
+        try:
+            yield new
+            _remove(there)
+            new.rename(there)
+        finally:
+            _remove(new)
+    except OSError as error:
+        raise FoliageError(explain(there, error)) from error
+
+
+@contextmanager
+def lock_task(store: Store, key: str) -> Iterator[None]:
+    """Have a task for oneself: waits until no other run has it.
+
+    Raises:
+        FoliageError: The work folder cannot be written.
+    """
+    path = store.lock(key)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
+    except OSError as error:
+        raise FoliageError(f"{path} cannot be written: {error.strerror}; name another work folder, --work") from error
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise FoliageError(f"{path} cannot be locked: {error.strerror}; name another folder, --work") from error
+            # Without locks two runs may do a task twice; each result still appears whole.
+            logger.info("%s: the file system has no locks", path)
+        yield
+    finally:
+        os.close(lock)
+
+
+def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
+    """A copy of a folder's files, or links to them where the disk allows: for what nobody changes in place.
+
+    Raises:
+        FoliageError: It cannot be written.
+    """
+    for path in sorted(source.rglob("*")):
+        there = target / path.relative_to(source)
+        try:
+            if path.is_dir():
+                there.mkdir(parents=True, exist_ok=True)
+                continue
+            there.parent.mkdir(parents=True, exist_ok=True)
+            if link:
+                try:
+                    os.link(path, there)
+                    continue
+                except OSError as error:
+                    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                        raise
+            shutil.copyfile(path, there)
+        except OSError as error:
+            raise FoliageError(explain(there, error)) from error
+
+
+def remove_leftovers(store: Store) -> None:
+    """Remove what killed runs left of results; who still writes one has its lock."""
+    for path in store.folder.glob("results/.*"):
+        key = re.search(r"[0-9a-f]{32}", path.name)
+        try:
+            lock = os.open(store.lock(key.group() if key else "none"), os.O_RDWR)
+        except OSError:
+            continue  # not ours, or another run was faster
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(path, ignore_errors=True)
+        except OSError:
+            continue  # that run lives, or the file system cannot tell
+        finally:
+            os.close(lock)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _remove(folder: Path) -> None:
+    """A folder and what is in it; what cannot go is left to the next run."""
+    if folder.exists():
+        aside = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:12]}.old")
+        try:
+            folder.rename(aside)  # at once, so that nobody reads half of it
+        except OSError:
+            aside = folder
+        shutil.rmtree(aside, ignore_errors=True)

@@ -1,0 +1,53 @@
+"""What a task says of its result: figures, remarks and pictures, in a file beside it."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from usdfoliage.errors import CaptureError
+from usdfoliage.jobs.crown_report import Row
+
+SUMMARY = "summary.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StagePicture:
+    """A picture of a result."""
+
+    file: str  # from the result's folder
+    caption: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageSummary:
+    """What the report says of a stage."""
+
+    rows: Sequence[Row] = ()
+    notes: Sequence[str] = ()
+    warnings: Sequence[str] = ()  # what puts the result in doubt
+    pictures: Sequence[StagePicture] = ()
+    detail: str = ""  # a page of the stage's own, from the result's folder
+    failure: str = ""  # why there is no result; the plant goes without
+
+
+def write_summary(folder: Path, summary: StageSummary) -> None:
+    """Put it into the folder of the result."""
+    text = json.dumps(asdict(summary), indent=1, ensure_ascii=True)
+    (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
+
+
+def read_summary(folder: Path) -> StageSummary:
+    """The summary of a result; CaptureError where it cannot be read."""
+    try:
+        held = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        return StageSummary(
+            rows=tuple(Row(**row) for row in held["rows"]),
+            notes=tuple(held["notes"]),
+            warnings=tuple(held["warnings"]),
+            pictures=tuple(StagePicture(**picture) for picture in held["pictures"]),
+            detail=held["detail"],
+            failure=held["failure"],
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise CaptureError(f"{folder / SUMMARY} cannot be read ({error}); run the same command again") from error

@@ -1,0 +1,122 @@
+"""One task of a build, as every executor runs it: planned again from the files, done unless it is done, and stamped."""
+
+import logging
+import re
+import shutil
+import time
+import traceback
+from collections.abc import Mapping
+
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.build.asset_stage import assemble_asset
+from usdfoliage.jobs.build.call import BuildRequest, Stage, StageCall, digest_profile
+from usdfoliage.jobs.build.capture_stages import find_poses, finish_photographs, match_photographs
+from usdfoliage.jobs.build.cloud_stage import make_cloud
+from usdfoliage.jobs.build.executors import Done, TaskOrder
+from usdfoliage.jobs.build.inputs import BuildInputs, find_inputs
+from usdfoliage.jobs.build.plant_stages import find_leaves, make_crown, trace_branches
+from usdfoliage.jobs.build.report_stage import compare_plant, report_plant, show_variants, turn_plant
+from usdfoliage.jobs.build.store import Stamp, fill_result, find_finished, list_files, lock_task, write_stamp
+from usdfoliage.jobs.build.tasks import (
+    ASSET,
+    BRANCHES,
+    CLOUD,
+    COMPARISONS,
+    CROWN,
+    DEPTH,
+    LEAVES,
+    MATCHING,
+    POSES,
+    REPORT,
+    TURNTABLE,
+    VARIANTS,
+    BuildPlan,
+    Task,
+    plan_build,
+)
+from usdfoliage.jobs.capture_folder import IMAGES
+from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
+
+STAGES: Mapping[str, Stage] = {
+    POSES: find_poses,
+    MATCHING: match_photographs,
+    DEPTH: finish_photographs,
+    CLOUD: make_cloud,
+    BRANCHES: trace_branches,
+    LEAVES: find_leaves,
+    CROWN: make_crown,
+    ASSET: assemble_asset,
+    TURNTABLE: turn_plant,
+    COMPARISONS: compare_plant,
+    VARIANTS: show_variants,
+    REPORT: report_plant,
+}
+# These read many files of others, each of which tells its own damage.
+_READ_MANY = (MATCHING, DEPTH)
+
+
+def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Done:
+    """Do one task, unless another run has done it meanwhile.
+
+    What goes wrong is returned, not raised: a farm's worker goes on with the next.
+    """
+    try:
+        inputs, plan = _plan(order.request)
+        task = plan.tasks.get(order.name)
+        if task is None or task.key != order.key:
+            raise FoliageError(
+                f"{order.name} is planned otherwise here than where the build was started: {order.request.capture} "
+                "has changed meanwhile, or this worker has another version of usdfoliage or its libraries"
+            )
+        return _run(order, inputs, plan, task, progress)
+    except FoliageError as error:
+        return Done(name=order.name, seconds=0.0, was_run=True, error=_as_given(str(error), order.request))
+    except Exception:  # noqa: BLE001 (a farm must hear of any)
+        return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
+
+
+def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, progress: StepProgress | None) -> Done:
+    store = order.request.store
+    with lock_task(store, task.key):
+        if find_finished(store, task.key, thorough=True) is not None:
+            return Done(name=task.name, seconds=0.0, was_run=False)
+        for need in task.needs:
+            thorough = task.stage not in _READ_MANY
+            if find_finished(store, plan.tasks[need].key, thorough=thorough) is None:
+                return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
+        start = time.perf_counter()
+        with fill_result(store, task.key) as out:
+            others = STAGES[task.stage](
+                StageCall(
+                    request=order.request,
+                    inputs=inputs,
+                    plan=plan,
+                    task=task,
+                    out=out,
+                    threads=order.threads,
+                    progress=progress,
+                )
+            )
+        seconds = time.perf_counter() - start
+        files = (*list_files(store, store.result(task.key)), *others)
+        stamp = Stamp(key=task.key, name=task.name, seconds=seconds, estimate_s=task.estimate_s, files=files)
+        write_stamp(store, stamp)
+        shutil.rmtree(store.scratch(task.key), ignore_errors=True)
+    logger.info("%s: %.1f s", task.name, seconds)
+    return Done(name=task.name, seconds=seconds, was_run=True)
+
+
+def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
+    inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, "memory")
+    return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
+
+
+def _as_given(text: str, request: BuildRequest) -> str:
+    """A message with the files of the capture as the user knows them: tasks work on links and copies in the store."""
+    name = request.capture.resolve().name
+    laid = rf"{re.escape(str(request.store.folder))}/(?:scratch/[^/\s]+|results/[^/\s]+/capture)/{re.escape(name)}"
+    if not (request.capture / IMAGES).is_dir():  # a plain folder of photographs
+        laid += f"(?:/{IMAGES})?"
+    return re.sub(laid, lambda _: str(request.capture), text)

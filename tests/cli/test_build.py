@@ -1,0 +1,272 @@
+"""One plant of one capture, by the command line."""
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+from leaf_captures import known_foliage
+from pxr import Usd, UsdMedia
+from synthetic_foliage import write_capture
+from usdfoliage.__main__ import main
+from usdfoliage.cli import build
+from usdfoliage.jobs.build import tasks
+
+# Quick and rough, and without pictures: what is tested here is the build and not how good its parts are.
+FAST = """
+[capture.depth]
+max_side_px = 320
+rounds = [{ level = 1, iterations = 3, coherent = false, segments = false },
+          { level = 0, iterations = 2, coherent = true, segments = false }]
+[crown]
+size = 32
+mesh_size = 9
+[leaves]
+depth = "estimated"
+[pictures]
+make = false
+"""
+
+SMALL_PICTURES = """
+samples = 1
+turntable_frames = 2
+turntable_px = 64
+thumbnail_px = 64
+comparisons = 1
+comparison_px = 96
+variant_px = 64
+"""
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("captures of today") / "a fern"
+    write_capture(folder, known_foliage(leaves=20, views=5, size=(320, 240), up_axis="Z").capture)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("plans") / "fast plan.toml"
+    path.write_text(FAST)
+    return path
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def built(capture: Path, plan: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which assets/fern was built."""
+    folder = tmp_path_factory.mktemp("built")
+    assert main(["build", str(capture), "-o", str(folder / "assets" / "fern"), "--plan", str(plan)]) == 0
+    return folder
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """Of every file but the one that says how long it took."""
+    return {
+        path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != "timings.js"
+    }
+
+
+def test_a_capture_becomes_a_whole_plant(built: Path) -> None:
+    asset = built / "assets" / "fern"
+    stage = Usd.Stage.Open(str(asset / "fern.usda"))
+    root = stage.GetDefaultPrim()
+    assert root.GetVariantSets().GetNames() == ["lod", "representation"]
+    assert set(root.GetVariantSet("lod").GetVariantNames()) == {"leaves", "both", "crown", "auto"}
+    assert set(root.GetVariantSet("representation").GetVariantNames()) == {"bezier", "nurbs", "subdiv", "mesh"}
+    leaves = stage.GetPrimAtPath("/fern/geo/render/Leaves")
+    assert len(leaves.GetAttribute("positions").Get()) >= 10  # of 20
+    root.GetVariantSet("lod").SetVariantSelection("crown")
+    assert stage.GetPrimAtPath("/fern/geo/proxy/Crown").IsValid()
+
+
+def test_leaves_and_crown_are_in_one_frame(built: Path) -> None:
+    stage = Usd.Stage.Open(str(built / "assets" / "fern" / "fern.usda"))
+    bounds = {}
+    for lod in ("leaves", "crown"):
+        stage.GetDefaultPrim().GetVariantSet("lod").SetVariantSelection(lod)
+        box = stage.GetDefaultPrim().GetAttribute("extentsHint").Get()
+        bounds[lod] = box[0], box[1]
+    (low, high), (crown_low, crown_high) = bounds["leaves"], bounds["crown"]
+    for axis in range(3):
+        wide = high[axis] - low[axis]
+        assert abs((crown_low[axis] + crown_high[axis]) - (low[axis] + high[axis])) < 0.8 * wide
+
+
+def test_the_report_says_what_was_done_by_which_settings_and_versions(built: Path) -> None:
+    report = built / "assets" / "fern" / "report"
+    page = (report / "index.html").read_text()
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert "https://" not in page
+    held = json.loads((report / "provenance.json").read_text())
+    assert held["stages"]["crown"]["size"] == "32"
+    assert {"usdfoliage", "usd-core", "numpy"} <= set(held["versions"])
+    assert "images/000.jpg" in held["inputs"]
+    assert str(built) not in (report / "provenance.json").read_text()
+    assert "usdfoliageTimings" in (report / "timings.js").read_text()
+
+
+def test_the_work_folder_is_in_nothing_that_is_published(built: Path) -> None:
+    """Else the same capture built elsewhere would have other bytes."""
+    for path in (built / "assets" / "fern").rglob("*"):
+        if path.is_file() and path.name != "timings.js":
+            assert str(built).encode() not in path.read_bytes(), path
+
+
+def test_a_second_run_does_nothing_and_changes_nothing(built: Path, capture: Path, plan: Path, run: Run) -> None:
+    before = digests(built / "assets" / "fern")
+    code, out, _ = run("build", capture, "-o", built / "assets" / "fern", "--plan", plan)
+    assert code == 0
+    assert "0 done now" in out
+    assert digests(built / "assets" / "fern") == before
+
+
+def test_another_work_folder_gives_the_same_bytes(
+    built: Path, capture: Path, plan: Path, run: Run, tmp_path: Path
+) -> None:
+    copy = tmp_path / "elsewhere" / capture.name
+    shutil.copytree(capture, copy)
+    code, _, err = run("build", copy, "-o", tmp_path / "out" / "fern", "--plan", plan, "--threads", 1)
+    assert code == 0, err
+    assert digests(tmp_path / "out" / "fern") == digests(built / "assets" / "fern")
+
+
+def test_an_altered_result_is_found_and_made_again(
+    built: Path, capture: Path, plan: Path, run: Run, tmp_path: Path
+) -> None:
+    shutil.copytree(built / "assets" / ".usdfoliage", tmp_path / "work")
+    folder = next((tmp_path / "work" / "results").glob("*/capture/*/cloud.ply"))
+    data = bytearray(folder.read_bytes())
+    data[len(data) // 2] ^= 1
+    folder.write_bytes(data)
+    for stamp in (tmp_path / "work" / "tasks").glob("*.json"):  # so that the cloud is asked for
+        if json.loads(stamp.read_text())["stamp"]["name"] in ("report", "asset", "leaves", "branches", "crown"):
+            stamp.unlink()
+    code, out, err = run("build", capture, "-o", tmp_path / "out" / "fern", "--plan", plan, "--work", tmp_path / "work")
+    assert code == 0, err
+    assert re.search(r"tasks: \d+, \d+ of them done by an earlier run, 6 done now", out), out
+    assert digests(tmp_path / "out" / "fern") == digests(built / "assets" / "fern")
+
+
+def test_a_dry_run_says_what_is_done_and_writes_nothing(
+    built: Path, capture: Path, plan: Path, run: Run, tmp_path: Path
+) -> None:
+    before = sorted(path for path in built.rglob("*"))
+    code, out, _ = run("build", capture, "-o", built / "assets" / "fern", "--plan", plan, "--dry-run")
+    assert code == 0
+    assert re.search(r"^leaves +1 +1 +0 +0$", out, re.MULTILINE)
+    assert "would replace" in out
+    code, out, _ = run("build", capture, "-o", tmp_path / "new" / "fern", "--plan", plan, "--dry-run")
+    assert re.search(r"^matching-1 +2 +0 +2 +\d+$", out, re.MULTILINE)
+    assert re.search(r"^estimate: about \d+ ", out, re.MULTILINE)
+    assert sorted(path for path in built.rglob("*")) == before
+    assert not list(tmp_path.iterdir())
+
+
+def test_only_a_stage_leaves_the_asset_alone(capture: Path, plan: Path, run: Run, tmp_path: Path) -> None:
+    code, out, err = run("build", capture, "-o", tmp_path / "fern", "--plan", plan, "--only", "poses")
+    assert code == 0, err
+    assert not (tmp_path / "fern").exists()
+    folder = Path(re.findall(r"^result: (.*)$", out, re.MULTILINE)[0])
+    assert (folder / "capture" / capture.name / "cameras").is_dir()
+
+
+def test_the_printed_plan_is_read_back_and_says_what_it_means(run: Run, tmp_path: Path, plan: Path) -> None:
+    code, out, _ = run("build", "--print-plan", "--plan", plan)
+    assert code == 0
+    assert "max_side_px = 320  # " in out
+    (tmp_path / "again.toml").write_text(out)
+    assert run("build", "--print-plan", "--plan", tmp_path / "again.toml")[1] == out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["nowhere", "-o", "fern"], "nowhere does not exist"),
+        (["CAPTURE"], "-o ASSET"),
+        (["CAPTURE", "-o", "fern", "--jobs", "0"], "jobs must be at least 1"),
+        (["CAPTURE", "-o", "fern", "--jobs", "2", "--scheduler", "tcp://127.0.0.1:1"], "name one of them"),
+        (["CAPTURE", "-o", "fern", "--plan", "absent.toml"], "absent.toml"),
+        (["CAPTURE", "-o", "fern", "--seed", "-1"], "seed must be 0 or more"),
+        (["PLAN", "-o", "fern"], "neither a folder nor a point cloud"),
+    ],
+)
+def test_what_cannot_be_is_told_in_a_line(
+    arguments: list[str],
+    told: str,
+    capture: Path,
+    plan: Path,
+    run: Run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    known = {"CAPTURE": str(capture), "PLAN": str(plan)}
+    code, _, err = run("build", *(known.get(each, each) for each in arguments))
+    assert code == 2
+    assert told in err
+    assert len(err.strip().splitlines()) == 1
+    assert err.startswith("error: ")
+    assert not (tmp_path / "fern").exists()
+
+
+def test_an_unknown_setting_names_its_file(capture: Path, run: Run, tmp_path: Path) -> None:
+    (tmp_path / "plan.toml").write_text("[crown]\nsizes = 12\n")
+    code, _, err = run("build", capture, "-o", tmp_path / "fern", "--plan", tmp_path / "plan.toml")
+    assert code == 2
+    assert "crown.sizes" in err
+    assert "plan.toml" in err
+
+
+def test_an_asset_with_errors_is_not_put_in_its_place(
+    built: Path, capture: Path, plan: Path, run: Run, tmp_path: Path
+) -> None:
+    profile = tmp_path / "strict.toml"
+    profile.write_text('[naming]\nasset = "^oak.*"\n')
+    work = built / "assets" / ".usdfoliage"
+    before = digests(built / "assets" / "fern")
+    strict = ("--plan", plan, "--work", work, "--profile", profile)
+    code, _, err = run("build", capture, "-o", built / "assets" / "fern", *strict)
+    assert code == 3
+    assert "validation finds 1 error" in err
+    assert digests(built / "assets" / "fern") == before
+    code, _, _ = run("build", capture, "-o", tmp_path / "fern", *strict, "--keep-invalid")
+    assert code == 3
+    assert (tmp_path / "fern" / "fern.usda").is_file()
+
+
+@pytest.mark.preview
+def test_a_built_plant_has_its_pictures(capture: Path, built: Path, run: Run, tmp_path: Path) -> None:
+    plan = tmp_path / "pictures.toml"
+    plan.write_text(FAST.replace("make = false", SMALL_PICTURES))
+    work = built / "assets" / ".usdfoliage"
+    code, out, err = run("build", capture, "-o", tmp_path / "fern", "--plan", plan, "--work", work)
+    assert code == 0, err
+    asset = tmp_path / "fern"
+    stage = Usd.Stage.Open(str(asset / "fern.usda"))
+    thumbnails = UsdMedia.AssetPreviewsAPI(stage.GetDefaultPrim()).GetDefaultThumbnails()
+    assert (asset / thumbnails.defaultImage.path).is_file()
+    page = (asset / "report" / "index.html").read_text()
+    assert page.count("data:image/") > 8
+    assert "warning: " not in out
+
+
+def test_stages_of_the_command_are_those_of_the_plan() -> None:
+    assert build.STAGES == tasks.STAGES

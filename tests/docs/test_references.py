@@ -1,0 +1,90 @@
+"""The pages that are made from the code say what the code says."""
+
+import ast
+import dataclasses
+import sys
+from pathlib import Path
+
+import pytest
+from usdfoliage.jobs.build.settings import BuildSettings
+from usdfoliage.jobs.field_comments import field_comments
+from usdfoliage.jobs.settings_file import format_settings
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "tools"))
+
+from schema_reference import SCHEMA_PAGE, schema_page, split_doc  # noqa: E402
+from settings_reference import ONCE, SETTINGS_PAGE, settings_page, walk_settings  # noqa: E402
+
+
+def test_every_setting_of_a_build_says_what_it_is():
+    bare = [
+        f"{place}.{field.name}"
+        for place, settings in walk_settings(BuildSettings())
+        for field in dataclasses.fields(settings)
+        if not dataclasses.is_dataclass(getattr(settings, field.name))
+        if not (place and field.name in ONCE)
+        if not field_comments(type(settings)).get(field.name)
+    ]
+    assert not bare, f"say what it is in a comment beside the field: {', '.join(bare)}"
+
+
+def test_every_table_of_settings_says_what_it_is():
+    # The doc that a dataclass without one gets begins with its name.
+    bare = [
+        place
+        for place, settings in walk_settings(BuildSettings())
+        if not settings.__doc__ or settings.__doc__.startswith(f"{type(settings).__name__}(")
+    ]
+    assert not bare
+
+
+def test_the_printed_plan_says_it_of_every_setting():
+    lines = [line for line in format_settings(BuildSettings(), documented=True).splitlines() if " = " in line]
+    assert len(lines) > 200
+    assert not [line for line in lines if "  # " not in line]
+
+
+def test_the_page_of_settings_is_what_the_code_says():
+    assert SETTINGS_PAGE.read_text(encoding="utf-8") == settings_page(), "run tools/settings_reference.py"
+
+
+def test_the_page_of_schemas_is_what_their_source_says():
+    assert SCHEMA_PAGE.read_text(encoding="utf-8") == schema_page(), "run tools/schema_reference.py"
+
+
+@pytest.mark.parametrize(
+    ("doc", "parts"),
+    [
+        ("Length; unit: metres; range: above 0.", {"meaning": "Length", "unit": "metres", "range": "above 0"}),
+        ("Name; never a path; unit: none.", {"meaning": "Name; never a path", "unit": "none"}),
+        (
+            "Keys: (u, v); unit: none; range: 0 to 1; rising; length: 2.",
+            {"meaning": "Keys: (u, v)", "unit": "none", "range": "0 to 1; rising", "length": "2"},
+        ),
+    ],
+)
+def test_a_doc_is_split_at_its_parts(doc: str, parts: dict[str, str]):
+    assert split_doc(doc) == parts
+
+
+def test_the_rez_package_needs_what_the_product_needs():
+    said: dict[str, object] = {}
+    for node in ast.parse((ROOT / "package.py").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            said[node.targets[0].id] = ast.literal_eval(node.value)
+    requires = said["requires"]
+    assert isinstance(requires, list)
+    held = {_plain(text) for text in requires}
+    lines = (ROOT / "requirements" / "product.in").read_text(encoding="utf-8").splitlines()
+    needed = {_plain(line) for line in lines if line and not line.startswith("#")}
+    assert needed <= held, f"package.py lacks {needed - held}"
+
+
+def _plain(requirement: str) -> str:
+    """The name of a requirement, of pip (opencv-contrib>=3) or of rez (opencv_contrib-3+)."""
+    name = requirement.split(">=")[0].split("==")[0].strip()
+    head, _, version = name.rpartition("-")
+    if head and version.rstrip("+").replace(".", "").isdigit():
+        name = head
+    return name.replace("-", "_").lower()

@@ -1,0 +1,120 @@
+"""Which leaves a plant gets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from branch_shapes import random_tree
+from leaf_assets import random_leaves
+from usdfoliage.asset.package import LeafLook
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branch_foliage import FittedLeaves
+from usdfoliage.jobs.build.captured_leaves import CapturedLeaves
+from usdfoliage.jobs.build.foliage import choose_foliage, leaf_cover
+from usdfoliage.jobs.build.plant_stages import TracedPlant, known_species
+from usdfoliage.jobs.build.settings import BuildSettings, FoliageSettings
+from usdfoliage.leaf.edits import NEUTRAL
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.surface import evaluate_points, grid_places
+
+FRAME = np.eye(4)
+
+
+def points_on(leaves: Leaves) -> np.ndarray:
+    places = grid_places(np.linspace(-0.9, 0.9, 7), np.linspace(0.05, 0.95, 9))
+    return evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
+
+
+def sure_leaves(count: int = 40, confidence: float = 0.9) -> Leaves:
+    rng = np.random.default_rng(5)
+    leaves = random_leaves(count, seed=5)
+    return replace(
+        leaves,
+        base_m=rng.uniform(0, 3, (count, 3)),
+        length_m=np.full(count, 0.1),
+        confidence=np.full(count, confidence),
+    )
+
+
+def captured(leaves: Leaves, own_from_capture: np.ndarray = FRAME) -> CapturedLeaves:
+    fitted = FittedLeaves(leaves=leaves, edits=NEUTRAL, look=LeafLook())
+    return CapturedLeaves(fitted=fitted, own_from_capture=own_from_capture)
+
+
+def traced(leafy_m: np.ndarray, *, knows_leaves: bool = True) -> TracedPlant:
+    wood_m = np.random.default_rng(6).uniform(0, 3, (200, 3))
+    return TracedPlant(
+        points_m=np.concatenate([wood_m, leafy_m]),
+        wood=np.arange(200 + len(leafy_m)) < 200,
+        knows_leaves=knows_leaves,
+        plant_from_capture=FRAME,
+        skeleton=random_tree(3),
+        lost=np.zeros(0, np.int32),
+    )
+
+
+def kind_of(found: CapturedLeaves | None, plant: TracedPlant | None) -> str:
+    return choose_foliage(found, plant, BuildSettings(), FRAME).kind
+
+
+def test_points_on_leaves_are_covered_and_those_elsewhere_are_not() -> None:
+    leaves = sure_leaves()
+    on_m = points_on(leaves)
+    assert leaf_cover(on_m, leaves) == 1
+    assert leaf_cover(on_m + 10, leaves) == 0
+    assert leaf_cover(np.concatenate([on_m, on_m + 10]), leaves) == pytest.approx(0.5)
+    assert leaf_cover(np.zeros((0, 3)), leaves) == leaf_cover(on_m, leaves.take(np.zeros(0, int))) == 0
+
+
+def test_leaves_that_cover_the_plant_stay_where_they_were_found() -> None:
+    leaves = sure_leaves()
+    chosen = choose_foliage(captured(leaves), traced(points_on(leaves)), BuildSettings(), FRAME)
+    assert chosen.kind == "captured"
+    assert chosen.leaves is not None
+    np.testing.assert_array_equal(chosen.leaves.leaves.base_m, leaves.base_m)
+
+
+def test_captured_leaves_are_brought_into_the_plants_frame() -> None:
+    leaves = sure_leaves()
+    own, plant = np.eye(4), np.eye(4)
+    own[:3, 3], plant[:3, 3] = (1, 2, 3), (5, 5, 5)
+    chosen = choose_foliage(captured(leaves, own), None, BuildSettings(), plant)
+    assert chosen.leaves is not None
+    np.testing.assert_allclose(chosen.leaves.leaves.base_m, leaves.base_m + np.array([4.0, 3, 2]))
+
+
+@pytest.mark.parametrize(
+    ("count", "confidence", "away_m", "kind"),
+    [
+        (40, 0.9, 10.0, "drawn"),  # good ones, but of a small part of the plant
+        (40, 0.2, 0.0, "species"),  # everywhere, but guessed
+        (10, 0.9, 10.0, "species"),  # too few to draw from
+    ],
+)
+def test_else_twigs_carry_them(count: int, confidence: float, away_m: float, kind: str) -> None:
+    leaves = sure_leaves(count, confidence)
+    chosen = choose_foliage(captured(leaves), traced(points_on(leaves) + away_m), BuildSettings(), FRAME)
+    assert chosen.kind == kind
+    assert chosen.leaves is not None
+    assert chosen.notes
+
+
+def test_a_bare_plant_stays_bare_unless_leaves_cannot_be_told() -> None:
+    none_m = np.zeros((0, 3))
+    assert kind_of(None, traced(none_m)) == "none"
+    assert kind_of(None, traced(none_m, knows_leaves=False)) == "species"
+    assert kind_of(None, None) == "none"
+    assert kind_of(captured(sure_leaves()), None) == "captured"
+
+
+@pytest.mark.parametrize("kind", ["captured", "drawn", "species"])
+def test_leaves_that_cannot_be_had_are_told(kind: str) -> None:
+    settings = replace(BuildSettings(), foliage=FoliageSettings(kind=kind))  # type: ignore[arg-type]
+    with pytest.raises(FoliageError, match=r"foliage\.kind"):
+        choose_foliage(None, None, settings, FRAME)
+
+
+def test_a_species_may_be_a_name_alone() -> None:
+    assert known_species("Maple") is not None
+    assert known_species("Acer pseudoplatanus L.") is None
+    assert known_species("") is None

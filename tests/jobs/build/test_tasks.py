@@ -1,0 +1,189 @@
+"""The plan of a build: which tasks there are, and which settings and files touch which."""
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import usdfoliage
+from usdfoliage.jobs.build.inputs import BuildInputs
+from usdfoliage.jobs.build.settings import BuildSettings, TaskSettings, with_seed
+from usdfoliage.jobs.build.store import Stamp, Store, fill_result, list_files, write_stamp
+from usdfoliage.jobs.build.tasks import CODE_OF_DEPTH, STAGES, BuildPlan, find_wanted, plan_build
+
+PHOTOGRAPHS = 9
+
+
+def make_inputs(changed: str = "") -> BuildInputs:
+    photographs = {f"{number}.jpg": Path(f"/captures/fern/images/{number}.jpg") for number in range(PHOTOGRAPHS)}
+    files = {f"images/{name}": path for name, path in photographs.items()}
+    digests = tuple((name, f"digest {'changed ' if name == changed else ''}of {name}") for name in sorted(files))
+    return BuildInputs(
+        source=Path("/captures/fern"),
+        name="fern",
+        photographs=photographs,
+        has_cameras=True,
+        has_depth=False,
+        files=files,
+        digests=digests,
+        megapixels=2.0,
+    )
+
+
+def stages_that_change(first: BuildPlan, second: BuildPlan) -> set[str]:
+    assert first.tasks.keys() == second.tasks.keys()
+    return {task.stage for name, task in first.tasks.items() if task.key != second.tasks[name].key}
+
+
+def changed(**tables: Any) -> BuildSettings:
+    """The default settings with other values in some tables."""
+    settings = BuildSettings()
+    return replace(settings, **{name: replace(getattr(settings, name), **values) for name, values in tables.items()})
+
+
+PLAN = plan_build(make_inputs(), BuildSettings(), "fern")
+AFTER_PARTS = {"asset", "turntable", "comparisons", "variants", "report"}
+AFTER_CLOUD = {"branches", "leaves", "crown", *AFTER_PARTS}
+
+
+def test_every_task_comes_after_those_that_it_needs() -> None:
+    seen: set[str] = set()
+    for name, task in PLAN.tasks.items():
+        assert set(task.needs) <= seen
+        seen.add(name)
+    assert {task.stage for task in PLAN.tasks.values()} == set(STAGES)
+    assert len({task.key for task in PLAN.tasks.values()}) == len(PLAN.tasks)
+    assert PLAN.last == ("report",)
+
+
+def test_depth_is_cut_into_chunks_of_photographs() -> None:
+    rounds = len(BuildSettings().capture.depth.rounds)
+    assert sum(task.stage == "matching" for task in PLAN.tasks.values()) == rounds * 3  # of 9 photographs, 4 each
+    assert sum(task.stage == "depth" for task in PLAN.tasks.values()) == 3
+
+
+@pytest.mark.parametrize(
+    ("tables", "expected"),
+    [
+        ({"pictures": {"comparisons": 2}}, AFTER_PARTS),
+        ({"foliage": {"most_leaves": 17}}, AFTER_PARTS),
+        ({"crown": {"size": 64}}, {"crown", *AFTER_PARTS}),
+        ({"leaves": {"min_confidence": 0.3}}, {"leaves", "crown", *AFTER_PARTS}),
+        ({"branches": {"most_points": 1000}}, {"branches", "crown", *AFTER_PARTS}),
+        ({"plant": {"species": "oak"}}, {"branches", "leaves", "crown", *AFTER_PARTS}),
+    ],
+)
+def test_a_setting_touches_what_it_decides_and_nothing_else(tables: Any, expected: set[str]) -> None:
+    touched = stages_that_change(PLAN, plan_build(make_inputs(), changed(**tables), "fern"))
+    assert touched <= expected
+    assert touched >= AFTER_PARTS
+
+
+def test_what_is_believed_of_depth_costs_no_matching() -> None:
+    settings = BuildSettings()
+    agreement = replace(settings.capture.depth.agreement, **_other(settings.capture.depth.agreement))
+    depth = replace(settings.capture.depth, agreement=agreement)
+    other = replace(settings, capture=replace(settings.capture, depth=depth))
+    assert stages_that_change(PLAN, plan_build(make_inputs(), other, "fern")) == {"depth", "cloud", *AFTER_CLOUD}
+
+
+def _other(settings: Any) -> dict[str, Any]:
+    """Another value of some number among settings."""
+    name, value = next((n, v) for n, v in vars(settings).items() if isinstance(v, float))
+    return {name: value * 1.01}
+
+
+def test_a_seed_or_a_photograph_touches_everything() -> None:
+    everything = set(STAGES)
+    assert stages_that_change(PLAN, plan_build(make_inputs(), with_seed(BuildSettings(), 3), "fern")) == everything
+    assert stages_that_change(PLAN, plan_build(make_inputs("images/4.jpg"), BuildSettings(), "fern")) == everything
+
+
+def test_threads_and_the_size_of_tasks_decide_nothing() -> None:
+    asset = plan_build(make_inputs(), replace(BuildSettings(), tasks=TaskSettings(photographs_a_task=2)), "fern")
+    assert asset.tasks["poses"].key == PLAN.tasks["poses"].key
+    settings = BuildSettings()
+    threaded = replace(
+        settings, capture=replace(settings.capture, registration=replace(settings.capture.registration, threads=7))
+    )
+    assert stages_that_change(PLAN, plan_build(make_inputs(), threaded, "fern")) == set()
+
+
+def test_stages_that_are_switched_off_are_not_planned() -> None:
+    settings = changed(
+        branches={"make": "off"}, leaves={"make": False}, crown={"make": False}, pictures={"make": False}
+    )
+    stages = {task.stage for task in plan_build(make_inputs(), settings, "fern").tasks.values()}
+    assert stages == {"poses", "matching", "depth", "cloud", "asset", "report"}
+
+
+def test_a_cloud_needs_no_capture() -> None:
+    cloud = replace(make_inputs(), photographs={}, files={"fern.ply": Path("/fern.ply")}, digests=(("fern.ply", "d"),))
+    stages = {task.stage for task in plan_build(cloud, BuildSettings(), "fern").tasks.values()}
+    assert stages.isdisjoint({"poses", "matching", "depth", "cloud", "leaves", "comparisons"})
+    assert "branches" in stages
+
+
+def finish(plan: BuildPlan, store: Store, *names: str) -> None:
+    for name in names:
+        key = plan.tasks[name].key
+        with fill_result(store, key) as folder:
+            (folder / "result.txt").write_text(name)
+        files = list_files(store, store.result(key))
+        write_stamp(store, Stamp(key=key, name=name, seconds=1, estimate_s=1, files=files))
+
+
+def test_what_only_finished_tasks_need_is_not_wanted(tmp_path: Path) -> None:
+    store = Store(folder=tmp_path)
+    wanted, finished = find_wanted(PLAN, store, thorough=True)
+    assert wanted.keys() == PLAN.tasks.keys()
+    assert not finished
+    finish(PLAN, store, "cloud")
+    wanted, finished = find_wanted(PLAN, store, thorough=True)
+    assert {task.stage for task in wanted.values()} == {"poses", *AFTER_CLOUD}  # comparisons look through cameras
+    assert finished.keys() == {"cloud"}
+    finish(PLAN, store, "report")
+    assert find_wanted(PLAN, store, thorough=True)[0] == {}
+
+
+def test_a_build_can_stop_at_a_stage(tmp_path: Path) -> None:
+    plan = plan_build(make_inputs(), BuildSettings(), "fern", ["cloud", "branches"])
+    wanted, _ = find_wanted(plan, Store(folder=tmp_path), thorough=True)
+    assert {task.stage for task in wanted.values()} == {"poses", "matching", "depth", "cloud", "branches"}
+
+
+def test_the_code_that_finds_depth_is_in_its_version() -> None:
+    """Else a result of other code would be taken for one of this."""
+    package = Path(usdfoliage.__file__).parent
+    counted = {path for pattern in CODE_OF_DEPTH for path in package.glob(pattern)}
+    # What plans and keeps tasks makes nothing of them; what capture_stages asks of these is in its own text.
+    planning = {package / "jobs" / "build" / f"{name}.py" for name in ("call", "store", "summary", "tasks")}
+    planning.add(package / "jobs" / "crown_report.py")  # rows of tables
+    seen: set[Path] = set()
+    ahead = [package / "jobs" / "build" / "capture_stages.py"]
+    while ahead:
+        path = ahead.pop()
+        if path in seen or path in planning:
+            continue
+        seen.add(path)
+        ahead.extend(_imports(package, path))
+    assert len(seen) > 30
+    uncounted = {str(path.relative_to(package)) for path in seen - counted}
+    assert uncounted <= {"jobs/settings_file.py", "jobs/field_comments.py", "jobs/leaves_settings.py"} | {
+        name for name in uncounted if name.startswith("leaf/")
+    }
+
+
+def _imports(package: Path, path: Path) -> list[Path]:
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        for name in names:
+            if name.startswith("usdfoliage."):
+                file = package.joinpath(*name.split(".")[1:]).with_suffix(".py")
+                if file.is_file():
+                    found.append(file)
+    return found

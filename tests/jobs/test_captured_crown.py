@@ -1,0 +1,155 @@
+"""From a capture folder to a crown's asset."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from captured_crowns import CENTER_M, photograph, ring, sphere, surface_points
+from pxr import Usd
+from usdfoliage.__main__ import main
+from usdfoliage.asset.cubemap_exr import read_cubemap
+from usdfoliage.branch.roots import RootSettings
+from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.crown_capture import PlantPoints, move_camera, read_crown_capture
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest
+
+SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview", "--report-views", "2")
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    """A ball on a stem, green, in a world with Z up: photographs, masks, cameras and cloud."""
+    folder = tmp_path_factory.mktemp("my capture") / "ball"
+    for name in ("images", "masks", "cameras"):
+        (folder / name).mkdir(parents=True)
+    z_up_from_y_up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    images = []
+    for number, camera in enumerate(ring(8)):
+        srgb, mask, _ = photograph(camera, sphere)
+        cv2.imwrite(str(folder / "images" / f"{number}.png"), srgb[..., ::-1])
+        cv2.imwrite(str(folder / "masks" / f"{number}.png"), mask.astype(np.uint8) * 255)
+        rotation = camera.cam_from_world[:, :3] @ z_up_from_y_up.T
+        w, x, y, z = _quaternion(rotation)
+        tx, ty, tz = camera.cam_from_world[:, 3]
+        images.append(f"{number + 1} {w} {x} {y} {z} {tx} {ty} {tz} 1 {number}.png\n\n")
+    (folder / "cameras" / "cameras.txt").write_text(
+        f"1 PINHOLE {camera.width_px} {camera.height_px} {camera.focal_px[0]} {camera.focal_px[1]} "
+        f"{camera.center_px[0]} {camera.center_px[1]}\n"
+    )
+    (folder / "cameras" / "images.txt").write_text("".join(images))
+    (folder / "cameras" / "points3D.txt").write_text("")
+    (folder / "capture.toml").write_text('up_axis = "Z"\nmetres_per_unit = 1.0\n')
+    points_m = np.concatenate([surface_points(sphere, 6000), _stem()]) @ z_up_from_y_up.T
+    rows = "\n".join(f"{x:.5f} {y:.5f} {z:.5f} 60 120 40" for x, y, z in points_m)
+    header = "ply\nformat ascii 1.0\nelement vertex {}\n{}\nend_header\n".format(
+        len(points_m),
+        "\n".join(
+            f"property {kind}" for kind in ("float x", "float y", "float z", "uchar red", "uchar green", "uchar blue")
+        ),
+    )
+    (folder / "cloud.ply").write_text(header + rows + "\n")
+    return folder
+
+
+def _stem():
+    rng = np.random.default_rng(4)
+    angle = rng.uniform(0, 2 * np.pi, 1500)
+    return np.column_stack(
+        [CENTER_M[0] + 0.07 * np.cos(angle), rng.uniform(0, 1.0, 1500), CENTER_M[2] + 0.07 * np.sin(angle)]
+    )
+
+
+def _quaternion(rotation):
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+    return w, x, y, z
+
+
+def refused(capsys, *arguments):
+    assert main(["crown", *map(str, arguments)]) == 2
+    return capsys.readouterr().err.strip().splitlines()[-1]
+
+
+def test_a_capture_becomes_an_asset_with_report(capture, tmp_path, capsys):
+    out = tmp_path / "ball"
+
+    assert main(["crown", str(capture), "-o", str(out), *SMALL]) == 0
+
+    printed = capsys.readouterr().out
+    assert "silhouette IoU with the masks: 0.9" in printed
+    radius_m = read_cubemap(out / "maps" / "ball_crown_radius.exr").pixels[..., 0]
+    assert np.median(radius_m) == pytest.approx(1.0, abs=0.03)
+    stage = Usd.Stage.Open(str(out / "ball.usda"))
+    center = stage.GetPrimAtPath("/ball/geo/proxy/Crown").GetAttribute("foliage:crown:center").Get()
+    assert center[1] == pytest.approx(CENTER_M[1], abs=0.15)
+    moved = np.array(stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get()).T
+    in_capture = moved[:3, :3].T @ (np.array(center) - moved[:3, 3])
+    assert in_capture == pytest.approx([CENTER_M[0], -CENTER_M[2], CENTER_M[1]], abs=0.1)
+    page = (out / "report" / "index.html").read_text()
+    for picture in ("view_0.jpg", "view_1.jpg", "color_faces.jpg", "radius_faces.png"):
+        assert f'src="{picture}"' in page
+        assert cv2.imread(str(out / "report" / picture)) is not None
+    assert main(["validate", str(out)]) == 0
+
+
+def test_a_dry_run_writes_nothing(capture, tmp_path, capsys):
+    assert main(["crown", str(capture), "-o", str(tmp_path / "out"), "--dry-run"]) == 0
+
+    printed = capsys.readouterr().out
+    assert "8 photographs with cameras, 8 with masks, 0 with depth" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_options_of_photographs_are_refused_for_captures_and_the_other_way_round(capture, tmp_path, capsys):
+    out = tmp_path / "out"
+
+    told = refused(capsys, capture, "-o", out, "--height", "3", "--laplacian")
+    assert "--height, --laplacian have no meaning there" in told
+    told = refused(capsys, capture / "images" / "0.png", "-o", out, "--up", "Z")
+    assert "--up has no meaning there" in told
+    assert not out.exists()
+
+
+def test_a_folder_without_a_cloud_is_refused(capture, tmp_path, capsys):
+    (tmp_path / "bare").mkdir()
+    for name in ("images", "cameras"):
+        (tmp_path / "bare" / name).symlink_to(capture / name)
+
+    assert "has no cloud" in refused(capsys, tmp_path / "bare", "-o", tmp_path / "out")
+
+
+def test_a_given_frame_and_given_points_are_kept(capture):
+    request = PlantCloudRequest(path=capture, roots=RootSettings())
+    own = read_crown_capture(request)
+    shift = np.eye(4)
+    shift[:3, 3] = 5.0, 1.0, -2.0
+    frame = shift @ own.plant.asset_from_capture
+
+    moved = read_crown_capture(request, asset_from_capture=frame)
+    given = read_crown_capture(request, PlantPoints(points_m=np.ones((5, 3)), foliage=None, asset_from_capture=frame))
+
+    assert moved.plant.points_m == pytest.approx(own.plant.points_m + shift[:3, 3], abs=1e-9)
+    assert len(given.plant.points_m) == 5
+    place, depth_m = own.views[0].camera.project(own.plant.points_m[:50])
+    for other in (moved, given):
+        again, as_deep = other.views[0].camera.project(own.plant.points_m[:50] + shift[:3, 3])
+        assert again == pytest.approx(place, abs=1e-6)
+        assert as_deep == pytest.approx(depth_m, abs=1e-9)
+
+
+def test_a_camera_in_a_larger_frame_sees_the_same():
+    camera = ring(3)[1]
+    frame = np.diag([2.5, 2.5, 2.5, 1.0])
+    frame[:3, 3] = 1, 2, 3
+    points_m = surface_points(sphere, 20)
+
+    moved = move_camera(camera, frame)
+
+    assert isinstance(moved, Pinhole)
+    place, depth_m = camera.project(points_m)
+    again, deeper_m = moved.project(2.5 * points_m + frame[:3, 3])
+    assert again == pytest.approx(place, abs=1e-9)
+    assert deeper_m == pytest.approx(2.5 * depth_m)
+    assert replace(moved, cam_from_world=camera.cam_from_world).position_m == pytest.approx(camera.position_m)

@@ -1,0 +1,103 @@
+"""Commands run in processes of their own, forked so that importing costs nothing, with limits of time and memory."""
+
+import importlib
+import os
+import resource
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from usdfoliage.__main__ import COMMANDS, main
+
+JOBS = tuple(f"jobs.{name}" for name in ("branches", "capture", "crown_asset", "leaf_asset", "leaf_bake"))
+JOBS += tuple(f"jobs.{name}" for name in ("leaf_edit", "leaf_info", "leaves", "preview"))
+TIME_LIMIT_S = 10.0  # of the processor
+WAITING_LIMIT_S = 40.0  # by the clock: other work of the machine may take most of it
+MEMORY_LIMIT_BYTES = 6 * 2**30
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ended:
+    """How a command ended."""
+
+    code: int  # of exit; a signal as its negative number
+    seconds: float  # of the processor
+    waited_s: float  # by the clock
+    timed_out: bool
+    stdout: str
+    stderr: str
+    most_bytes: int  # of memory that it had at once
+
+
+@dataclass(frozen=True, kw_only=True)
+class Running:
+    """A command that runs."""
+
+    pid: int
+    started: float
+    streams: Path
+
+
+def import_commands() -> None:
+    """Import what the commands import, once, before processes are forked."""
+    for module in (*map("cli.{}".format, COMMANDS), *JOBS, "asset.validation", "asset.findings", "asset.locate"):
+        importlib.import_module(f"usdfoliage.{module}")
+
+
+def start_command(words: Sequence[str], folder: Path, streams: Path) -> Running:
+    """Run a command of usdfoliage in a folder; what it prints goes to files beside streams."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    started = time.monotonic()
+    pid = os.fork()
+    if pid:
+        return Running(pid=pid, started=started, streams=streams)
+    code = 70
+    try:
+        os.setsid()
+        for stream, suffix in ((1, ".out"), (2, ".err")):
+            os.dup2(os.open(f"{streams}{suffix}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        os.chdir(folder)
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT_BYTES, MEMORY_LIMIT_BYTES))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        code = main(list(words))
+    except SystemExit as error:  # of argparse
+        code = error.code if isinstance(error.code, int) else 1
+    except BaseException:  # noqa: BLE001  # a fault of the command must not run the loop of the parent
+        import traceback
+
+        traceback.print_exc()
+        code = 1
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def poll_command(running: Running, time_limit_s: float = WAITING_LIMIT_S) -> Ended | None:
+    """How it ended, None while it runs; past the limit it is killed, with its children."""
+    pid, status, used = os.wait4(running.pid, os.WNOHANG)
+    timed_out = not pid and time.monotonic() - running.started > time_limit_s
+    if not pid and not timed_out:
+        return None
+    seconds = time.monotonic() - running.started
+    if timed_out:
+        os.killpg(running.pid, signal.SIGKILL)
+        _, status, used = os.wait4(running.pid, 0)
+    return Ended(
+        code=os.waitstatus_to_exitcode(status),
+        seconds=used.ru_utime + used.ru_stime,
+        waited_s=seconds,
+        timed_out=timed_out,
+        stdout=_text(Path(f"{running.streams}.out")),
+        stderr=_text(Path(f"{running.streams}.err")),
+        most_bytes=used.ru_maxrss * 1024,
+    )
+
+
+def _text(path: Path) -> str:
+    return path.read_bytes().decode(errors="replace") if path.exists() else ""

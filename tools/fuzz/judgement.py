@@ -1,0 +1,72 @@
+"""What a command may do with files that somebody damaged: work, or refuse them in one line, and nothing else."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from fuzz.cases import Case
+from fuzz.isolation import TIME_LIMIT_S, Ended
+
+_LEFT = re.compile(r"usdfoliage-(?:new|old|lock)|\.tmp$")  # names of what is not yet whole
+
+# A run of capture that stopped keeps links to its input and what it has done, to go on; these come last.
+_RESULTS = {f"out/{name}" for name in ("depth", "normals", "confidence", "cloud.ply", "capture.usda")}
+# libpng tells of what it unpacks on stderr, and cannot be told not to.
+_TOLERATED = ("WARNING: ", "libpng error: ", "libpng warning: ")
+
+State = Mapping[str, tuple[int, int, int]]
+
+
+def folder_state(folder: Path) -> State:
+    """Mode, size and time of everything below a folder; nothing is opened, as that may be a pipe."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        held = path.lstat()
+        found[path.relative_to(folder).as_posix()] = (held.st_mode, held.st_size, held.st_mtime_ns)
+    return found
+
+
+def find_faults(case: Case, ended: Ended, before: State, after: State) -> list[str]:
+    """What a command did wrong, none for nothing."""
+    if ended.timed_out:
+        return [f"hang: no end after {ended.waited_s:.0f} s"]
+    faults = [f"slow: {ended.seconds:.0f} s"] if ended.seconds > TIME_LIMIT_S else []
+    allowed = (0, 2, 3) if case.words[0] == "validate" else (0, 2)
+    if ended.code < 0:
+        faults.append(f"crash: signal {-ended.code}")
+    elif ended.code not in allowed:
+        faults.append(f"exit code {ended.code}")
+    for word in ("Traceback", "internal fault"):
+        if word in ended.stderr:
+            faults.append(word)
+    faults += _message_faults(case, ended) if ended.code in allowed else []
+    changed = [name for name, state in before.items() if after.get(name, (0, 0, 0))[:2] != state[:2]]
+    if changed:
+        faults.append(f"input changed: {changed[0]}")
+    new = [name for name in after if name not in before]
+    left = [name for name in new if _LEFT.search(name)]
+    if left:
+        faults.append(f"left behind: {left[0]}")
+    elif ended.code in (1, 2) and (case.words[0] != "capture" or _RESULTS & set(new)) and new:
+        faults.append(f"partial output: {new[0]}")
+    elif any(not name.startswith("out") for name in new):
+        faults.append("output elsewhere: " + next(name for name in new if not name.startswith("out")))
+    return faults
+
+
+def _message_faults(case: Case, ended: Ended) -> list[str]:
+    lines = [line for line in ended.stderr.splitlines() if line.strip() and not line.startswith(_TOLERATED)]
+    if ended.code != 2:
+        return [f"noise: {lines[0][:100]}"] if lines else []
+    errors = [line for line in lines if line.startswith("error: ")]
+    if len(errors) != 1:
+        return [f"{len(errors)} messages"]
+    faults = [f"noise: {line[:100]}" for line in lines if line not in errors][:1]
+    if ended.stdout:
+        faults.append("output on stdout as well")
+    if len(errors[0]) > 1500:
+        faults.append(f"message of {len(errors[0])} characters")
+    # A folder may be what is told of: it lacks the file.
+    if case.names_file and not any(part in errors[0] for part in Path(case.target).parts):
+        faults.append("the file is not named")
+    return faults
