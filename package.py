@@ -41,5 +41,6 @@ def commands():
     env.PATH.prepend("{root}/python/bin")  # noqa: F821  rez provides env
     env.PYTHONPATH.prepend("{root}/python")  # noqa: F821
     env.PYTHONPATH.prepend("{root}/python/usdfoliage/share/usd_plugins")  # noqa: F821
+    env.PXR_PLUGINPATH_NAME.prepend("{root}/python/usdfoliage/share/usd_plugins/usdviewFoliage")  # noqa: F821
     env.PXR_PLUGINPATH_NAME.prepend("{root}/python/usdfoliage/share/usd_plugins/usdFoliageValidators")  # noqa: F821
     env.PXR_PLUGINPATH_NAME.prepend("{root}/python/usdfoliage/share/schemas/usdFoliage")  # noqa: F821

@@ -11,14 +11,6 @@ import os
 import sys
 from pathlib import Path
 
-PREVIEW_ROOT = "/UsdfoliagePreview"
-
-# Chosen so that white that faces the key light comes out just below 1 and is not below 0.2 anywhere. (Storm scales a
-# distant light's intensity down by some thousands.)
-KEY_INTENSITY = 1000.0
-KEY_ELEVATION_DEG = 35.0  # above and to the left of the camera's view
-KEY_AZIMUTH_DEG = 35.0
-
 # How far a shader may displace what an instancer repeats: a part of its size, and so many times how far the instancer's
 # extent reaches beyond what is not displaced, for along a slant less of a displacement shows.
 GROWTH = 0.25
@@ -295,28 +287,6 @@ def unresolved_assets(stage) -> list[str]:
     return missing
 
 
-def has_lights(stage) -> bool:
-    from pxr import UsdLux
-
-    return any(prim.HasAPI(UsdLux.LightAPI) for prim in stage.Traverse())
-
-
-def author_lights(stage, camera, z_up: bool, dome_texture: str) -> None:
-    """A soft sky and one key light over the camera's left shoulder, as if the asset turned before a fixed camera."""
-    from pxr import Gf, Sdf, UsdLux
-
-    dome = UsdLux.DomeLight.Define(stage, Sdf.Path(PREVIEW_ROOT).AppendChild("Dome"))
-    dome.CreateTextureFileAttr(dome_texture)
-    dome.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
-    dome.CreateIntensityAttr(1.0)
-    dome.MakeMatrixXform().Set(Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d.XAxis(), 90.0 if z_up else 0.0)))
-    key = UsdLux.DistantLight.Define(stage, Sdf.Path(PREVIEW_ROOT).AppendChild("Key"))
-    key.CreateIntensityAttr(KEY_INTENSITY)
-    key.CreateAngleAttr(2.0)
-    turn = Gf.Rotation(Gf.Vec3d.XAxis(), -KEY_ELEVATION_DEG) * Gf.Rotation(Gf.Vec3d.YAxis(), -KEY_AZIMUTH_DEG)
-    key.MakeMatrixXform().Set(Gf.Matrix4d().SetRotate(turn) * camera.transform.RemoveScaleShear())
-
-
 def view_cameras(stage, time, request: dict) -> list:
     """The camera of every view, in order."""
     from framing import (
@@ -364,6 +334,7 @@ def view_cameras(stage, time, request: dict) -> list:
 
 def record_views(request: dict) -> dict:
     """Draw every view to its EXR (linear, premultiplied alpha); returns the result but for the versions."""
+    from lighting import PREVIEW_ROOT, author_lights, has_lights
     from pxr import Sdf, Tf, Usd, UsdAppUtils, UsdGeom
 
     stage = open_stage(request["usd_file"], request.get("muted", []), request.get("variants", {}))

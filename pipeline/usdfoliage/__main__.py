@@ -26,6 +26,7 @@ COMMANDS = (
     "bake",
     "info",
     "preview",
+    "view",
     "validate",
     "env",
 )

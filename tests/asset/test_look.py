@@ -10,10 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 from usdfoliage.asset import publish_file
-from usdfoliage.asset.leaf_primvars import EDITS, read_edits
+from usdfoliage.asset.leaf_primvars import read_edits
 from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import find_leaves, find_plants, require_leaves, select_representation
 from usdfoliage.asset.look import open_asset, read_look, write_look_layer
+from usdfoliage.asset.look_layer import EDITS
 from usdfoliage.asset.package import LeafAssetSettings, write_leaf_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation import validate_asset

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from pxr import Sdf
 from usdfoliage.asset import publish
-from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
+from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
 from usdfoliage.errors import AssetError
 

@@ -15,7 +15,10 @@ from usdfoliage.asset import resources
 from usdfoliage.cli import env
 
 ROOT = Path(__file__).parents[2]
-PLUGINS = [str(ROOT / "schemas" / "usdFoliage"), str(ROOT / "usd_plugins" / "usdFoliageValidators")]
+PLUGINS = [
+    str(ROOT / folder)
+    for folder in ("schemas/usdFoliage", "usd_plugins/usdFoliageValidators", "usd_plugins/usdviewFoliage")
+]
 MODULES = [str(ROOT / "usd_plugins"), str(ROOT / "pipeline")]
 AWKWARD = ["/a folder/with 'quotes'", '/and "these" $HOME']
 
@@ -102,7 +105,28 @@ def test_installed_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(resources, "_PLACES", (package.parents[1], package / "share"))
     share = package / "share"
     assert resources.plugin_folders() == (share / "schemas/usdFoliage", share / "usd_plugins/usdFoliageValidators")
+    assert resources.plugin_path_folders() == (*resources.plugin_folders(), share / "usd_plugins/usdviewFoliage")
     assert resources.python_folders() == (share / "usd_plugins",)
+
+
+def test_usdviews_plugin_finds_how_looks_are_written_in_an_installed_package(tmp_path: Path) -> None:
+    package = installed(tmp_path)
+    program = "from usdviewFoliage import look_layer; print(look_layer._module.__file__)"
+
+    def load() -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-c", program],
+            env={**os.environ, "PYTHONPATH": str(package / "share" / "usd_plugins")},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    assert "leave usd_plugins where usdfoliage was installed" in load().stderr
+    (package / "asset").mkdir()
+    wanted = package / "asset" / "look_layer.py"
+    shutil.copy(Path(usdfoliage.__file__).parent / "asset" / "look_layer.py", wanted)
+    assert load().stdout.strip() == str(wanted)
 
 
 def test_broken_installation_is_told(
@@ -150,7 +174,7 @@ def test_rez_package(tmp_path: Path) -> None:
     }
     assert set(set_folders) == {"PATH", "PYTHONPATH", "PXR_PLUGINPATH_NAME"}
     assert [path.is_dir() for path in set_folders["PYTHONPATH"]] == [True, True]
-    assert [(path / "plugInfo.json").is_file() for path in set_folders["PXR_PLUGINPATH_NAME"]] == [True, True]
+    assert [(path / "plugInfo.json").is_file() for path in set_folders["PXR_PLUGINPATH_NAME"]] == [True] * 3
 
 
 def test_rez_package_requires_what_the_project_requires() -> None:

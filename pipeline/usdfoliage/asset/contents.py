@@ -11,11 +11,12 @@ from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from usdfoliage.asset.leaf_material import STORM_SURFACE, TEXTURE_COLOR
 from usdfoliage.asset.leaf_primvars import place
-from usdfoliage.asset.locate import REPRESENTATION, find_interface, find_plants, first_reason, lost_layers, open_layer
+from usdfoliage.asset.locate import find_interface, find_plants, first_reason, lost_layers, open_layer
 from usdfoliage.asset.look import Look, read_look
+from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
 from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
-from usdfoliage.asset.provenance import CUSTOM_DATA_KEY, Provenance, read_provenance_file, texts
+from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
 from usdfoliage.errors import AssetError
 

@@ -3,7 +3,6 @@
 What they mean is said in schemas/usdFoliage/schema.usda.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
+from usdfoliage.asset.look_layer import EDITS, EditValue, author_edit
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import LeafEdits
 from usdfoliage.leaf.model import PARAMETERS, Leaves
@@ -18,19 +18,6 @@ from usdfoliage.leaf.model import PARAMETERS, Leaves
 JITTER_MAP = "foliage:leaf:jitterMap"
 
 DISPLAY_COLOR = "displayColor"
-
-# What LeafEdits calls an edit, and its primvar.
-EDITS: Mapping[str, str] = {
-    "width": "leaf:edit:width",
-    "axis1": "leaf:edit:axis1",
-    "axis2": "leaf:edit:axis2",
-    "silhouette1": "leaf:edit:silhouette1",
-    "silhouette2": "leaf:edit:silhouette2",
-    "silhouette3": "leaf:edit:silhouette3",
-    "curl": "leaf:edit:curl",
-    "jitter_amplitude": "leaf:edit:jitterAmplitude",
-    "jitter_frequency": "leaf:edit:jitterFrequency",
-}
 
 # What else may be known of each leaf: field of Leaves, primvar.
 _FACTS = (
@@ -76,12 +63,9 @@ def author_edits(prim: Usd.Prim, edits: LeafEdits) -> None:
         author_edit(prim, name, getattr(edits, field))
 
 
-def author_edit(prim: Usd.Prim, name: str, value: float | tuple[float, float, float]) -> None:
-    """One edit, by the name of its primvar (EDITS)."""
-    if isinstance(value, tuple):
-        _author(prim, name, Sdf.ValueTypeNames.Float3, Gf.Vec3f(*map(float, value)), UsdGeom.Tokens.constant)
-    else:
-        _author(prim, name, Sdf.ValueTypeNames.Float, float(value), UsdGeom.Tokens.constant)
+def edit_values(edits: LeafEdits) -> dict[str, EditValue]:
+    """Every edit by its name."""
+    return {field: getattr(edits, field) for field in EDITS}
 
 
 def author_jitter_map(prim: Usd.Prim, path: str) -> None:

@@ -22,6 +22,7 @@ from usdfoliage.asset.leaf_primvars import (
     read_leaf_primvars,
     time_of,
 )
+from usdfoliage.asset.look_layer import PROTOTYPE_MARGIN
 from usdfoliage.asset.materials import LEAF_MATERIAL
 from usdfoliage.asset.plant import LEAVES, LEAVES_GUIDE
 from usdfoliage.asset.schema import LEAF_API
@@ -34,9 +35,6 @@ from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.variation import default_leaf
 
 PROTOTYPE = "Prototypes/Leaf"  # below the instancer
-# Leaf lengths on every side of the leaves. Storm culls each leaf by the prototype's extent, and edits that add up or
-# are authored by hand move what is drawn without widening it: of two looks only the stronger one's extent stands.
-PROTOTYPE_MARGIN = 1.0
 PLACE = ("base_m", "length_m", "orientation")  # fields of Leaves that say where a leaf is
 _UNIT = 1e-6  # a quaternion this near to length 1 is written as it is
 

@@ -7,13 +7,11 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
+from usdfoliage.asset.look_layer import LEAFY_LODS, LOD, REPRESENTATION, leafy_lods, select_lod
 from usdfoliage.asset.schema import LEAF_API, PLANT_API
 from usdfoliage.errors import AssetError
 
 USD_SUFFIXES = (".usda", ".usdc", ".usd", ".usdz")
-REPRESENTATION = "representation"  # the variant set of a plant that chooses what its leaves are
-LOD = "lod"  # the one that chooses which of its parts are shown
-LEAFY_LODS = ("leaves", "both", "auto")  # those with leaves, where a plant has any
 
 
 def usd_files_at_top(folder: Path) -> list[Path]:
@@ -202,16 +200,8 @@ def select_leafy_lod(stage: Usd.Stage) -> None:
         held = plant.GetVariantSets()
         if LOD not in held.GetNames() or held.GetVariantSelection(LOD) in LEAFY_LODS or plant.IsInstanceProxy():
             continue
-        known = held.GetVariantSet(LOD).GetVariantNames()
-        for lod in [lod for lod in LEAFY_LODS if lod in known][:1]:
+        for lod in leafy_lods(plant)[:1]:
             select_lod(plant, lod)
-
-
-def select_lod(plant: Usd.Prim, lod: str) -> None:
-    """Show other parts of a plant; in the session layer."""
-    stage = plant.GetStage()
-    with Usd.EditContext(stage, stage.GetSessionLayer()):
-        plant.GetVariantSets().SetSelection(LOD, lod)
 
 
 def select_representation(stage: Usd.Stage, name: str) -> None:

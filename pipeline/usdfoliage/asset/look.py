@@ -8,21 +8,15 @@ representation, for the other representations have other prims at the same paths
 
 import logging
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from pxr import Kind, Sdf, Usd, UsdGeom, UsdUtils
 
 from usdfoliage.asset.jitter_map import read_jitter_map
-from usdfoliage.asset.leaf_primvars import EDITS, author_edit, read_jitter_map_path
+from usdfoliage.asset.leaf_primvars import edit_values, read_jitter_map_path
 from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import (
-    LEAFY_LODS,
-    LOD,
-    REPRESENTATION,
     check_layers,
     find_interface,
     find_leaves,
@@ -30,25 +24,30 @@ from usdfoliage.asset.locate import (
     open_layer,
     require_leaves,
     select_leafy_lod,
-    select_lod,
     select_representation,
     try_layer,
     usd_path,
 )
 from usdfoliage.asset.look_extents import author_wider_extents
 from usdfoliage.asset.look_jitter import author_look_jitter_map
-from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
+from usdfoliage.asset.look_layer import (
+    BEZIER,
+    CUSTOM_DATA_KEY,
+    LOOK_OF,
+    LOOK_PRIM,
+    REPRESENTATION,
+    author_edits,
+    build_look,
+    find_class,
+    placement_class,
+    way_between,
+)
 from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.asset.schema import PLANT_API, require_schemas
-from usdfoliage.asset.variants import each_variant
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import LeafEdits
 
 logger = logging.getLogger(__name__)
-
-BEZIER = "bezier"
-_LOOK_OF = "lookOf"  # of a look's record: the asset's interface layer, as seen from the look
-_LOOK_PRIM = "lookPrim"  # the one placement that it is for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,13 +121,13 @@ def read_look(layer: Sdf.Layer) -> Look | None:
         AssetError: Its asset is missing.
     """
     record = layer.customLayerData.get(CUSTOM_DATA_KEY)
-    if not isinstance(record, dict) or _LOOK_OF not in record:
+    if not isinstance(record, dict) or LOOK_OF not in record:
         return None
-    path, said = Path(layer.realPath), str(record[_LOOK_OF])
+    path, said = Path(layer.realPath), str(record[LOOK_OF])
     for folder in (path.parent, path.resolve().parent):
         asset = Path(os.path.normpath(folder / said))
         if asset.is_file():
-            return Look(path=path, asset=asset, prim_path=str(record.get(_LOOK_PRIM, "")))
+            return Look(path=path, asset=asset, prim_path=str(record.get(LOOK_PRIM, "")))
     raise AssetError(f"{path} is a look of {said}, which is not there; put the asset there or write the look again")
 
 
@@ -175,19 +174,19 @@ def write_look_layer(
             jitter_map = read_jitter_map_path(require_leaves(shown, asset)[0])
     class_path = _class_path(plant, interface, prim_path)
 
-    overs = _new_look(plant, class_path, _relative(interface, path), prim_path)
-    for _ in _each_leafy_lod(overs, class_path, plant):
-        with _variant_context(overs.GetPrimAtPath(class_path), plant):
-            for leaves in require_leaves(stage, interface):
-                at = leaves.GetPath().ReplacePrefix(plant.GetPath(), class_path)
-                held = read_leaves(leaves)
-                _author_edits(overs, at, edits, held.edits)
-                drawn_map = jitter_map or held.jitter_map
-                wave = read_jitter_map(drawn_map) if drawn_map else None
-                if jitter_map and jitter_map != held.jitter_map:
-                    author_look_jitter_map(overs, class_path, plant, leaves, _relative(jitter_map, path))
-                author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
-    publish_text(target, overs.GetRootLayer().ExportToString())
+    def author_leaves(overs: Usd.Stage) -> None:
+        for leaves in require_leaves(stage, interface):
+            held = read_leaves(leaves)
+            at = leaves.GetPath().ReplacePrefix(plant.GetPath(), class_path)
+            author_edits(overs, at, edit_values(edits), edit_values(held.edits))
+            drawn_map = jitter_map or held.jitter_map
+            wave = read_jitter_map(drawn_map) if drawn_map else None
+            if jitter_map and jitter_map != held.jitter_map:
+                author_look_jitter_map(overs, class_path, plant, leaves, _relative(jitter_map, path))
+            author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
+
+    layer = build_look(plant, class_path, _relative(interface, path), author_leaves, prim_path)
+    publish_text(target, layer.ExportToString())
     return path
 
 
@@ -200,55 +199,6 @@ def _open_bezier(asset: Path) -> Usd.Stage:
     return stage
 
 
-def _new_look(plant: Usd.Prim, class_path: Sdf.Path, look_of: str, prim_path: str | None) -> Usd.Stage:
-    """A look that says nothing yet but what it is for."""
-    layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.documentation = f"A look of {plant.GetName()}: sublayer it into a scene that has this asset."
-    stage = Usd.Stage.Open(layer)
-    for prefix in class_path.GetPrefixes():
-        stage.CreateClassPrim(prefix)
-    record = {_LOOK_OF: look_of}
-    if prim_path:
-        record[_LOOK_PRIM] = prim_path
-        stage.OverridePrim(prim_path).GetInherits().AddInherit(class_path)
-    layer.customLayerData = {CUSTOM_DATA_KEY: record}
-    return stage
-
-
-def _each_leafy_lod(overs: Usd.Stage, class_path: Sdf.Path, plant: Usd.Prim) -> Iterator[None]:
-    """Author in the class once, or once in each lod that shows leaves, if the plant has others besides: there they are
-    no prims, and its extentsHint is another in each."""
-    held = plant.GetVariantSets()
-    known = held.GetVariantSet(LOD).GetVariantNames() if LOD in held.GetNames() else []
-    if len(known) < 2:
-        yield
-        return
-    for lod in each_variant(overs, class_path, LOD, [lod for lod in LEAFY_LODS if lod in known]):
-        select_lod(plant, lod)
-        yield
-
-
-@contextmanager
-def _variant_context(prim: Usd.Prim, plant: Usd.Prim) -> Iterator[None]:
-    """Author below prim in the variant of the leaves that have edits, if the plant has variants of them at all."""
-    if REPRESENTATION not in plant.GetVariantSets().GetNames():
-        yield
-        return
-    variants = prim.GetVariantSets().AddVariantSet(REPRESENTATION)
-    variants.AddVariant(BEZIER)
-    variants.SetVariantSelection(BEZIER)
-    with variants.GetVariantEditContext():
-        yield
-    variants.ClearVariantSelection()  # which one is shown, the scene says
-
-
-def _author_edits(stage: Usd.Stage, path: Sdf.Path, edits: LeafEdits, held: LeafEdits) -> None:
-    for field, name in EDITS.items():
-        wanted = getattr(edits, field)
-        if not np.array_equal(np.float32(wanted), np.float32(getattr(held, field))):
-            author_edit(stage.OverridePrim(path), name, wanted)
-
-
 def _the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:
     plant = stage.GetDefaultPrim()
     if not plant or PLANT_API not in plant.GetAppliedSchemas():
@@ -258,15 +208,10 @@ def _the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:
 
 def _class_path(plant: Usd.Prim, interface: Path, prim_path: str | None) -> Sdf.Path:
     """The class whose opinions reach every placement, or one of its own for one placement."""
-    classes = [path for path in plant.GetInherits().GetAllDirectInherits() if not path.HasPrefix(plant.GetPath())]
-    if not classes:
+    class_path = find_class(plant)
+    if class_path is None:
         raise AssetError(f"{interface}: <{plant.GetPath()}> inherits no class, so no look can reach it; write it again")
-    if prim_path is None:
-        return classes[0]
-    path = _read_prim_path(prim_path)
-    # An inherited class reaches into an instance, where opinions of the placement itself do not.
-    placements = classes[0].GetParentPath().AppendChild(f"{classes[0].name}_placements")
-    return path.ReplacePrefix(Sdf.Path.absoluteRootPath, placements)
+    return class_path if prim_path is None else placement_class(class_path, _read_prim_path(prim_path))
 
 
 def _read_prim_path(said: str) -> Sdf.Path:
@@ -283,8 +228,7 @@ def _read_prim_path(said: str) -> Sdf.Path:
 
 def _relative(target: Path, look: Path) -> str:
     """The way from the look's folder to target, beginning with ./ or ../."""
-    way = os.path.relpath(usd_path(target), usd_path(look.parent))
-    return way if way.startswith("..") else f"./{way}"
+    return way_between(usd_path(target), usd_path(look.parent))
 
 
 def check_look_output(path: Path, interface: Path, *, force: bool = False) -> Path:
@@ -306,7 +250,7 @@ def check_look_output(path: Path, interface: Path, *, force: bool = False) -> Pa
     if target.exists() and not force:
         layer, _ = try_layer(target)
         record = layer.customLayerData.get(CUSTOM_DATA_KEY) if layer is not None else None
-        if not isinstance(record, dict) or _LOOK_OF not in record:
+        if not isinstance(record, dict) or LOOK_OF not in record:
             raise AssetError(
                 f"{path} is there already and no look of usdfoliage; name another, or use --force to lose it"
             )

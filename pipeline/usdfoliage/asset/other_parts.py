@@ -16,7 +16,8 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdMedia
 from usdfoliage.asset.interface import PAYLOAD
 from usdfoliage.asset.layer import save_layer
 from usdfoliage.asset.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion, read_points
-from usdfoliage.asset.locate import REPRESENTATION, find_interface, find_plants, open_layer
+from usdfoliage.asset.locate import find_interface, find_plants, open_layer
+from usdfoliage.asset.look_layer import REPRESENTATION
 from usdfoliage.asset.materials import LEAF_MATERIAL, MATERIALS
 from usdfoliage.asset.package import (
     CROWN_LAYER,

@@ -10,9 +10,9 @@ from typing import Any
 
 from pxr import Sdf
 
+from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.errors import AssetError
 
-CUSTOM_DATA_KEY = "usdfoliage"  # of a layer's customLayerData; an interface layer that has it is ours
 PROVENANCE_FILE = "report/provenance.json"  # of an asset, where there is more to tell than the interface layer should
 PACKAGES = (
     "usdfoliage",

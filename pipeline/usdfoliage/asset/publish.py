@@ -28,7 +28,7 @@ from typing import Any
 from pxr import Sdf, Tf, Vt
 
 from usdfoliage.asset.locate import check_usd_name, usd_files_at_top
-from usdfoliage.asset.provenance import CUSTOM_DATA_KEY
+from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.errors import AssetError
 
 logger = logging.getLogger(__name__)

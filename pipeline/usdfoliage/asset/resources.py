@@ -26,12 +26,17 @@ def resource_folder(relative: str) -> Path:
 
 
 def plugin_folders() -> tuple[Path, ...]:
-    """The folders that go on PXR_PLUGINPATH_NAME: the schemas and the validators."""
+    """What every program that reads assets has a use for: the schemas and the validators."""
     return resource_folder("schemas/usdFoliage"), resource_folder("usd_plugins/usdFoliageValidators")
 
 
+def plugin_path_folders() -> tuple[Path, ...]:
+    """The folders that go on PXR_PLUGINPATH_NAME: those, and the plug-in of usdview."""
+    return *plugin_folders(), resource_folder("usd_plugins/usdviewFoliage")
+
+
 def python_folders() -> tuple[Path, ...]:
-    """The folders that go on PYTHONPATH: the validators' parent, and the package's own in a source checkout.
+    """The folders that go on PYTHONPATH: the plug-ins' parent, and the package's own in a source checkout.
 
     An installed package adds no other: beside it may lie another pxr, which a studio's Python must not see.
     """

@@ -1,10 +1,12 @@
 """The variant sets of an asset: declared on the interface, filled in the payload."""
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pxr import Sdf, Usd
+
+from usdfoliage.asset.look_layer import each_variant as each_variant  # there, for looks are authored without us
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,19 +39,6 @@ def author_variant_references(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[V
     for number, held in enumerate(sets):
         if not held.inside:
             _fill(prim, prim, held, list(itertools.takewhile(lambda inner: inner.inside, sets[number + 1 :])))
-
-
-def each_variant(stage: Usd.Stage, path: Sdf.Path, name: str, variants: Sequence[str]) -> Iterator[str]:
-    """Go through the variants of a set of the prim at path; what is authored meanwhile lies within each. None is left
-    selected: a layer that has a set of the same name again follows the selection of who refers to it.
-    """
-    variant_set = stage.GetPrimAtPath(path).GetVariantSets().AddVariantSet(name)
-    for variant in variants:
-        variant_set.AddVariant(variant)
-        variant_set.SetVariantSelection(variant)
-        with variant_set.GetVariantEditContext():
-            yield variant
-    variant_set.ClearVariantSelection()
 
 
 def _fill(

@@ -1,7 +1,7 @@
-"""Print what a studio sets so that its own USD programs know the foliage schemas and validators.
+"""Print what a studio sets so that its own USD programs know the foliage schemas, validators and usdview's menu.
 
-PXR_PLUGINPATH_NAME names the schemas and the validators, PYTHONPATH where the validators' modules are; both keep what
-they hold. For a POSIX shell: eval "$(usdfoliage env)"
+PXR_PLUGINPATH_NAME names the schemas, the validators and usdview's plug-in, PYTHONPATH where their modules are; both
+keep what they hold. For a POSIX shell: eval "$(usdfoliage env)"
 """
 
 import argparse
@@ -18,10 +18,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.asset.resources import plugin_folders, python_folders
+    from usdfoliage.asset.resources import plugin_path_folders, python_folders
 
     variables = {
-        "PXR_PLUGINPATH_NAME": [str(folder) for folder in plugin_folders()],
+        "PXR_PLUGINPATH_NAME": [str(folder) for folder in plugin_path_folders()],
         "PYTHONPATH": [str(folder) for folder in python_folders()],
     }
     print(FORMATS[options.shell](variables))

@@ -22,8 +22,9 @@ from usdfoliage.asset.contents import (
 )
 from usdfoliage.asset.cubemap_exr import read_cubemap
 from usdfoliage.asset.leaves import ReadLeaves, read_leaves
-from usdfoliage.asset.locate import LOD, find_leaves, select_lod, select_representation
+from usdfoliage.asset.locate import find_leaves, select_representation
 from usdfoliage.asset.look import open_asset
+from usdfoliage.asset.look_layer import LOD, select_lod
 from usdfoliage.jobs.branch_info import BranchInfo, branch_rows, measure_branches
 from usdfoliage.jobs.leaf_edit import Value, changed_edits, show_value
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits

@@ -206,7 +206,7 @@ def draw_views(
         raise PreviewError(f"no such file ({usd_file})")
     with tempfile.TemporaryDirectory(prefix="usdfoliage-preview-") as name:
         work = Path(name)
-        request = _build_request(_file_to_draw(usd_file, work), views, settings, work)
+        request = _build_request(file_to_draw(usd_file, work), views, settings, work)
         started = time.monotonic()
         try:
             result = run_recorder(request, work, settings.stall_timeout_s, progress)
@@ -288,7 +288,7 @@ def _write_together(files: Sequence[tuple[Path, bytes]]) -> None:
                 temporary.unlink(missing_ok=True)
 
 
-def _file_to_draw(usd_file: Path, work: Path) -> Path:
+def file_to_draw(usd_file: Path, work: Path) -> Path:
     """A look shows nothing by itself: for one, a layer in work that shows it over its asset."""
     layer, _ = try_layer(usd_file)
     if layer is None or read_look(layer) is None:  # the recorder says what is wrong with a file that is no USD
@@ -309,7 +309,7 @@ def _build_request(
     usd_file: Path, views: Sequence[PreviewView], settings: PreviewSettings, work: Path
 ) -> dict[str, Any]:
     dome = work / "dome.exr"
-    _write_dome(dome)
+    write_dome(dome)
     requested: list[dict[str, Any]] = []
     for number, view in enumerate(views):
         width_px, height_px = _drawn_px(view, settings)
@@ -367,7 +367,7 @@ def _resize(picture: NDArray[np.float32], size_px: tuple[int, int]) -> NDArray[n
     return np.asarray(cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA), np.float32)
 
 
-def _write_dome(path: Path) -> None:
+def write_dome(path: Path) -> None:
     """A soft overcast sky over dim ground, as a latitude-longitude picture."""
     import OpenEXR
 

@@ -83,7 +83,7 @@ def run_recorder(
                 stdout=subprocess.PIPE,
                 stderr=complaints,
                 cwd=work,
-                env=_recorder_environment(work),
+                env=recorder_environment(work),
             )
         except OSError as error:
             raise PreviewError(f"the preview interpreter cannot be started: {error.strerror} ({python})") from error
@@ -96,14 +96,14 @@ def run_recorder(
                 process.stdout.close()
     text = complaints_file.read_text(encoding="utf-8", errors="replace")
     if not result_file.is_file():
-        raise PreviewError(_describe_crash(process.returncode, text, python))
+        raise PreviewError(describe_crash(process.returncode, text, python))
     result: dict[str, Any] = json.loads(result_file.read_text(encoding="utf-8"))
     faults, warnings = sort_complaints(text)
     if "error" in result:
         kind, message = result["error"]["kind"], result["error"]["message"]
         if kind == "draw":
             message = "; ".join([message, *faults])  # where a shader did not compile, they hold its compiler's words
-        raise PreviewError(_describe_refusal(kind, message, request["usd_file"]))
+        raise PreviewError(describe_refusal(kind, message, request["usd_file"]))
     for warning in [*result["warnings"], *warnings]:
         logger.warning("%s (%s)", warning, request["usd_file"])
     if faults:
@@ -111,7 +111,8 @@ def run_recorder(
     return result
 
 
-def _recorder_environment(work: Path) -> dict[str, str]:
+def recorder_environment(work: Path) -> dict[str, str]:
+    """What the preview interpreter is started with; work is for its temporary files."""
     environment = dict(os.environ)
     environment["TMPDIR"] = str(work)  # Blender leaves a folder there with every start
     if not environment.get(INTERPRETER_VARIABLE):
@@ -181,7 +182,7 @@ def sort_complaints(text: str) -> tuple[list[str], list[str]]:
     return faults, warnings
 
 
-def _describe_refusal(kind: str, message: str, usd_file: str) -> str:
+def describe_refusal(kind: str, message: str, usd_file: str) -> str:
     """The recorder's error with what to do about it."""
     if kind == "gl":
         return f"{message}; install OpenGL (Debian: {DEBIAN_GL})"
@@ -199,7 +200,8 @@ def _describe_refusal(kind: str, message: str, usd_file: str) -> str:
     return f"{message} ({usd_file})"
 
 
-def _describe_crash(code: int, complaints: str, python: Path) -> str:
+def describe_crash(code: int, complaints: str, python: Path) -> str:
+    """An interpreter that ended without a result, with what it said last."""
     if code < 0:
         ended = f"was ended by {signal.Signals(-code).name}"
     else:

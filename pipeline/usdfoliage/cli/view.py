@@ -1,0 +1,51 @@
+"""Look at an asset in a window, and edit its leaves with sliders.
+
+ASSET is an asset folder, a look, which is shown over its asset, or a USD file with plants. Drag with the left button to
+orbit, the middle one to pan, the right one or the wheel to zoom (with Alt too, as in usdview); F frames all, Ctrl+P
+saves a picture. Edits act at once and change no file; "Save look…" writes them as a layer, as `usdfoliage edit` does.
+
+The same panel stands in usdview once `usdfoliage env` is set. A window needs a display and PySide6 in the preview's
+Python.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("asset", metavar="ASSET", type=Path, nargs="?", help="asset folder, look, or a USD file")
+    parser.add_argument(
+        "--capture", metavar="FOLDER", type=Path, help="show the cloud and the cameras of this capture over the asset"
+    )
+    parser.add_argument("--size", metavar=("W", "H"), type=int, nargs=2, default=(1280, 800), help="pixels (1280 800)")
+    parser.add_argument(
+        "--script",
+        metavar="JSON",
+        type=Path,
+        help="do these actions in the window, then close it; hydra_preview/README.md lists them",
+    )
+    # usdview's plug-in asks what the window asks: the average leaf, and to write looks.
+    parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.errors import PreviewError
+    from usdfoliage.jobs.viewer import ViewerSettings, answer_requests, view_asset
+
+    handle_interrupts()
+    if options.answer:
+        answer_requests(sys.stdin.buffer, sys.stdout.buffer)
+        return 0
+    if options.asset is None:
+        raise PreviewError("name the asset to look at: its folder, its .usda, or a look")
+    width_px, height_px = options.size
+    try:
+        settings = ViewerSettings(
+            width_px=width_px, height_px=height_px, capture=options.capture, script=options.script
+        )
+    except ValueError as error:
+        raise PreviewError(str(error)) from error
+    view_asset(options.asset, settings)
+    return 0

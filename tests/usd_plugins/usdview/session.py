@@ -1,0 +1,137 @@
+"""A session of what usdview does with the plug-in, in the preview interpreter: session.py ASSET FOLDER.
+
+Prints a JSON object with what was seen.
+"""
+
+import json
+import os
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path[:0] = [str(ROOT / "hydra_preview"), str(ROOT / "usd_plugins")]
+
+import record  # noqa: E402
+
+record.load_usd()
+import pxr  # noqa: E402
+
+pxr.__path__.append(str(Path(__file__).resolve().parent))  # pxr.Usdviewq
+
+from pxr import Plug, Tf, Usd, UsdGeom  # noqa: E402
+from pxr.Usdviewq import plugin  # noqa: E402
+from PySide6 import QtWidgets  # noqa: E402
+
+
+class Api:
+    """The usdviewApi."""
+
+    def __init__(self, stage, window):
+        self.stage, self.qMainWindow = stage, window
+        self.dataModel = SimpleNamespace(viewSettings=SimpleNamespace(displayGuide=False, displayCameraOracles=False))
+        self.said, self.redrawn = [], 0
+
+    def UpdateViewport(self):
+        self.redrawn += 1
+
+    def UpdateGUI(self):
+        pass
+
+    def PrintStatus(self, msg):
+        self.said.append(msg)
+
+
+def load(api):
+    """As usdview loads plug-ins; returns the registry of commands."""
+    Plug.Registry().RegisterPlugins([str(ROOT / "usd_plugins" / "usdviewFoliage")])
+    registry, builder = plugin.Registry(api), plugin.UIBuilder(api.qMainWindow)
+    for kind in Plug.Registry.GetAllDerivedTypes(Tf.Type.Find(plugin.PluginContainer)):
+        Plug.Registry().GetPluginForType(kind).Load()
+        container = kind.pythonClass()
+        container.registerPlugins(registry, api)
+        container.configureView(registry, builder)
+    return registry
+
+
+def titles(menu):
+    return {
+        action.text(): titles(action.menu()) if action.menu() else None for action in menu.actions() if action.text()
+    }
+
+
+def main(asset, folder):
+    application = QtWidgets.QApplication(["usdview"])
+    stage, window, seen = Usd.Stage.Open(asset), QtWidgets.QMainWindow(), {}
+    api = Api(stage, window)
+    commands = load(api).commands
+    (bar,) = window.menuBar().actions()
+    seen["menus"] = {bar.text(): titles(bar.menu())}
+
+    def run(name):
+        commands[f"FoliageContainer.{name}"].run()
+        application.processEvents()
+
+    plant = stage.GetDefaultPrim()
+    leaves = plant.GetPath().AppendPath("geo/render/Leaves")
+
+    def selected(name):
+        return plant.GetVariantSets().GetVariantSet(name).GetVariantSelection()
+
+    def width():
+        return stage.GetAttributeAtPath(leaves.AppendProperty("primvars:leaf:edit:width")).Get()
+
+    run("representation.mesh")
+    seen["mesh"] = [selected("representation"), stage.GetPrimAtPath(leaves).GetTypeName()]
+    run("representation.bezier")
+    run("lod.crown")
+    seen["no_crown"] = [selected("lod"), api.said[-1]]
+
+    run("panel")
+    dock = window.findChild(QtWidgets.QDockWidget, "usdviewFoliage")
+    panel = dock.widget()
+    seen["panel"] = not dock.isHidden()
+    seen["boxes"] = sorted(panel.variant_boxes)
+    seen["product"] = api.said and panel.host.product is not None
+    seen["curves"] = len(panel.drawing.curves)
+    redrawn = api.redrawn
+    panel.sliders.boxes["Shape", "width"].setValue(1.5)
+    panel.sliders.boxes["Shape", "bend"].setValue(0.25)
+    panel.sliders.boxes["Jitter", "amplitude"].setValue(0.02)
+    seen["edited"] = [width(), api.redrawn > redrawn]
+    seen["extent"] = [list(corner) for corner in UsdGeom.Boundable(stage.GetPrimAtPath(leaves)).GetExtentAttr().Get()]
+    panel.save(str(Path(folder) / "saved.usda"))
+    seen["said"] = api.said[-1]
+    try:
+        panel.save(str(Path(folder) / "saved.txt"))
+    except Exception as error:  # noqa: BLE001
+        seen["refused"] = str(error)
+    panel.show_box.setChecked(False)
+    seen["hidden"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
+    panel.show_box.setChecked(True)
+    seen["shown"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
+    panel.variant_boxes["representation"].setCurrentText("subdiv")
+    panel.variant_boxes["representation"].activated.emit(0)
+    seen["subdiv"] = [selected("representation"), panel.sliders.isEnabled(), panel.reason.text()]
+    run("representation.bezier")
+    seen["back"] = [panel.sliders.isEnabled(), width()]
+    run("reset")
+    seen["reset"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
+
+    stage.SetEditTarget(stage.GetSessionLayer())
+    guide = UsdGeom.Scope.Define(stage, plant.GetPath().AppendPath("geo/guide/Skeleton"))
+    panel.refresh()
+    run("guide.Skeleton")
+    seen["guide"] = [api.dataModel.viewSettings.displayGuide, guide.ComputeVisibility()]
+    run("guide.Skeleton")
+    seen["no_guide"] = [api.dataModel.viewSettings.displayGuide]
+    run("guide.Cloud")
+    seen["no_cloud"] = api.said[-1]
+    seen["untouched"] = not any(layer.dirty for layer in stage.GetUsedLayers() if not layer.anonymous)
+    print(json.dumps(seen))
+    sys.stdout.flush()
+    os._exit(0)  # Blender's clean-up may crash
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

@@ -1,0 +1,100 @@
+"""What the menu does, on the panel of the window that it is called in."""
+
+from usdviewFoliage import plants
+from usdviewFoliage.panel import FoliagePanel
+from usdviewFoliage.product import ProductError, find_product
+from usdviewFoliage.qt import QtCore, QtWidgets
+
+_DOCK = "usdviewFoliage"  # the panel's object name, by which a window's is found again
+
+
+class UsdviewHost:
+    """usdview, as the panel sees it."""
+
+    shown_file = ""
+
+    def __init__(self, usdviewApi) -> None:
+        self._api = usdviewApi
+        self.product = find_product()
+
+    @property
+    def stage(self):
+        return self._api.stage
+
+    def redraw(self) -> None:
+        self._api.UpdateViewport()
+
+    def draw_guides(self, shown: bool) -> None:
+        self._api.dataModel.viewSettings.displayGuide = shown
+
+    def draw_cameras(self, shown: bool) -> None:
+        self._api.dataModel.viewSettings.displayCameraOracles = shown
+
+    def drag(self, held: bool) -> None:
+        """usdview draws as it always does."""
+
+    def say(self, text: str) -> None:
+        self._api.PrintStatus(text)
+
+
+def panel_of(usdviewApi) -> FoliagePanel:
+    """The panel of usdview's window, made when it is first asked for, and anew for another stage."""
+    window = usdviewApi.qMainWindow
+    dock = window.findChild(QtWidgets.QDockWidget, _DOCK)
+    if dock is None:
+        dock = QtWidgets.QDockWidget("Foliage", window)
+        dock.setObjectName(_DOCK)
+        window.addDockWidget(QtCore.Qt.RightDockWidgetArea, dock)
+        dock.hide()
+    panel = dock.widget()
+    if panel is None or panel.stage_at_start != usdviewApi.stage:
+        panel = FoliagePanel(UsdviewHost(usdviewApi), dock)
+        panel.stage_at_start = usdviewApi.stage
+        dock.setWidget(panel)
+    return panel
+
+
+def open_panel(usdviewApi) -> None:
+    panel = panel_of(usdviewApi)
+    panel.refresh()
+    panel.parentWidget().show()
+
+
+def select(usdviewApi, name: str, chosen: str) -> None:
+    """Select a variant on every plant that has it."""
+    count = plants.select_variant(usdviewApi.stage, name, chosen)
+    usdviewApi.PrintStatus(f"{name} {chosen}: {count} plants" if count else f"no plant has {name} {chosen}")
+    panel_of(usdviewApi).refresh()
+    usdviewApi.UpdateGUI()
+
+
+def toggle_guide(usdviewApi, name: str) -> None:
+    """Show the guides of a name, or hide them again."""
+    panel = panel_of(usdviewApi)
+    box = panel.guide_boxes[name]
+    if name not in plants.guide_prims(usdviewApi.stage):
+        usdviewApi.PrintStatus(f"no plant has a guide {name}")
+        return
+    box.setChecked(not box.isChecked())
+    usdviewApi.UpdateGUI()
+
+
+def reset_edits(usdviewApi) -> None:
+    panel = panel_of(usdviewApi)
+    if panel.look is not None:
+        panel.reset()
+        usdviewApi.UpdateGUI()
+
+
+def save_look(usdviewApi) -> None:
+    panel = panel_of(usdviewApi)
+    if panel.look is None:
+        usdviewApi.PrintStatus("there is no plant of usdfoliage here")
+        return
+    path, _ = QtWidgets.QFileDialog.getSaveFileName(usdviewApi.qMainWindow, "Save look", "look.usda", "Looks (*.usda)")
+    if not path:
+        return
+    try:
+        panel.save(path if path.endswith(".usda") else f"{path}.usda")
+    except (ProductError, ValueError) as error:
+        QtWidgets.QMessageBox.warning(usdviewApi.qMainWindow, "Save look", str(error))

@@ -1,0 +1,83 @@
+"""Sliders of the edits, in groups of which the usual ones are open."""
+
+from usdviewFoliage.edit_rows import ROWS, row_value, with_row
+from usdviewFoliage.qt import QtCore, QtWidgets
+
+STEPS = 1000  # of a slider
+MOST = 1000.0  # that can be typed: what usdfoliage takes
+LABEL_PX = 84
+OPEN = ("Shape", "Curl", "Jitter")
+
+
+class EditSliders(QtWidgets.QWidget):
+    """A slider and a box of numbers for every row of edit_rows."""
+
+    changed = QtCore.Signal(dict)  # the edits, as they are after a move
+    dragged = QtCore.Signal(bool)  # a slider is held, is let go
+
+    def __init__(self, parent=None) -> None:
+        super().__init__(parent)
+        self.edits = {}
+        self.boxes = {}  # by (group, label)
+        self.sliders = {}
+        layout = QtWidgets.QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        for group in dict.fromkeys(row.group for row in ROWS):
+            box = QtWidgets.QGroupBox(group)
+            box.setCheckable(True)
+            inside = QtWidgets.QWidget()
+            grid = QtWidgets.QGridLayout(inside)
+            grid.setContentsMargins(0, 0, 0, 0)
+            grid.setVerticalSpacing(2)
+            grid.setColumnMinimumWidth(0, LABEL_PX)  # sliders of all groups begin at one place
+            for line, row in enumerate(row for row in ROWS if row.group == group):
+                self._add_row(grid, line, row)
+            box.toggled.connect(inside.setVisible)
+            box.setChecked(group in OPEN)
+            inside.setVisible(group in OPEN)
+            outer = QtWidgets.QVBoxLayout(box)
+            outer.setContentsMargins(6, 2, 6, 2)
+            outer.addWidget(inside)
+            layout.addWidget(box)
+        layout.addStretch(1)
+
+    def _add_row(self, grid, line: int, row) -> None:
+        slider = QtWidgets.QSlider(QtCore.Qt.Horizontal)
+        slider.setRange(0, STEPS)
+        box = QtWidgets.QDoubleSpinBox()
+        box.setDecimals(4)
+        least = 0.0 if row.parts[0][1] is None else -MOST
+        box.setRange(0.01 if row.label == "frequency" else least, MOST)
+        box.setSingleStep((row.high - row.low) / 100)
+        box.setKeyboardTracking(False)
+        for widget in (slider, box):
+            widget.setToolTip(row.tip)
+        slider.valueChanged.connect(lambda step: self._move(row, row.low + (row.high - row.low) * step / STEPS))
+        slider.sliderPressed.connect(lambda: self.dragged.emit(True))
+        slider.sliderReleased.connect(lambda: self.dragged.emit(False))
+        box.valueChanged.connect(lambda value: self._move(row, value))
+        grid.addWidget(QtWidgets.QLabel(row.label), line, 0)
+        grid.addWidget(slider, line, 1)
+        grid.addWidget(box, line, 2)
+        self.sliders[row.group, row.label], self.boxes[row.group, row.label] = slider, box
+
+    def show_edits(self, edits: dict) -> None:
+        """Show edits; nothing is emitted. A row that these edits lack is switched off."""
+        self.edits = dict(edits)
+        for row in ROWS:
+            slider, box = self.sliders[row.group, row.label], self.boxes[row.group, row.label]
+            there = all(name in edits for name, _ in row.parts)
+            slider.setEnabled(there)
+            box.setEnabled(there)
+            if not there:
+                continue
+            value = row_value(row, edits)
+            part = min(max((value - row.low) / (row.high - row.low), 0.0), 1.0)
+            for widget, number in ((slider, round(part * STEPS)), (box, value)):
+                blocked = widget.blockSignals(True)
+                widget.setValue(number)
+                widget.blockSignals(blocked)
+
+    def _move(self, row, value: float) -> None:
+        self.show_edits(with_row(row, self.edits, value))
+        self.changed.emit(dict(self.edits))

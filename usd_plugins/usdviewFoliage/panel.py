@@ -1,0 +1,231 @@
+"""The panel of a plant: variants, guides, the average leaf, and sliders that edit all leaves at once.
+
+It stands in usdview and in the viewer of usdfoliage, and knows neither. What it needs of the program is a host:
+
+    stage                       the stage that is shown
+    product                     usdviewFoliage.product.Product, or None where there is no usdfoliage
+    shown_file                  the file of which product shall read the leaves, such as a look; "" for the asset's own
+    redraw()                    the stage has changed
+    draw_guides(shown)          draw prims of purpose guide, or not
+    draw_cameras(shown)         draw the stage's cameras, or not
+    drag(held)                  a slider is held: what is drawn may be coarse
+    say(text)                   a line for the user
+"""
+
+from usdviewFoliage import plants
+from usdviewFoliage.edit_sliders import EditSliders
+from usdviewFoliage.leaf_drawing import LeafDrawing
+from usdviewFoliage.live_look import LiveLook
+from usdviewFoliage.product import ProductError, ProductGoneError
+from usdviewFoliage.qt import QtWidgets
+
+NO_PRODUCT = "The average leaf is drawn by usdfoliage: put it on PATH."
+
+
+class FoliagePanel(QtWidgets.QWidget):
+    """Everything that can be done with the plants of a stage."""
+
+    def __init__(self, host, parent=None) -> None:
+        super().__init__(parent)
+        self.host = host
+        self.looks = {}  # by the asset's interface layer, made when it is first shown
+        self.look = None
+        self._held = False  # a slider
+        self.setWindowTitle("Foliage")
+        layout = QtWidgets.QVBoxLayout(self)
+        self.plant_box = QtWidgets.QComboBox()
+        self.plant_box.setToolTip("The asset: edits act on all plants of it.")
+        self.plant_box.currentIndexChanged.connect(lambda _: self._choose_plant())
+        layout.addWidget(self.plant_box)
+
+        self.variant_form = QtWidgets.QFormLayout()
+        self.variant_boxes = {}
+        layout.addLayout(self.variant_form)
+
+        guides = QtWidgets.QHBoxLayout()
+        self.guide_boxes = {}
+        for name in plants.GUIDES:
+            box = QtWidgets.QCheckBox(name.lower())
+            box.toggled.connect(lambda _: self._show_guides())
+            self.guide_boxes[name] = box
+            guides.addWidget(box)
+        layout.addLayout(guides)
+
+        self.drawing = LeafDrawing()
+        layout.addWidget(self.drawing)
+        self.reason = QtWidgets.QLabel()
+        self.reason.setWordWrap(True)
+        layout.addWidget(self.reason)
+        self.sliders = EditSliders()
+        self.sliders.changed.connect(self._edit)
+        self.sliders.dragged.connect(self._hold)
+        scroll = QtWidgets.QScrollArea()
+        scroll.setWidgetResizable(True)
+        scroll.setWidget(self.sliders)
+        layout.addWidget(scroll, 1)
+
+        buttons = QtWidgets.QHBoxLayout()
+        self.show_box = QtWidgets.QCheckBox("show edits")
+        self.show_box.setChecked(True)
+        self.show_box.toggled.connect(self._mute)
+        self.reset_button = QtWidgets.QPushButton("Reset")
+        self.reset_button.setToolTip("Take all edits back")
+        self.reset_button.clicked.connect(lambda: self.reset())
+        self.save_button = QtWidgets.QPushButton("Save look…")
+        self.save_button.setToolTip(
+            "Write the edits as a layer to be sublayered into a scene; the asset stays as it is"
+        )
+        self.save_button.clicked.connect(lambda: self._ask_and_save())
+        for widget in (self.show_box, self.reset_button, self.save_button):
+            buttons.addWidget(widget)
+        layout.addLayout(buttons)
+        self.find_plants()
+
+    # What is shown
+
+    def find_plants(self) -> None:
+        """Look for the plants of the stage anew."""
+        found = plants.one_of_each(plants.find_plants(self.host.stage))
+        self.plant_box.blockSignals(True)
+        self.plant_box.clear()
+        for plant in found:
+            self.plant_box.addItem(plant.GetName(), str(plant.GetPath()))
+        self.plant_box.blockSignals(False)
+        self.plant_box.setVisible(len(found) > 1)
+        self._choose_plant()
+
+    def refresh(self) -> None:
+        """Show what the stage has now."""
+        self._list_variants()
+        held = plants.guide_prims(self.host.stage)
+        for name, box in self.guide_boxes.items():
+            box.setEnabled(name in held)
+        why_not = self.look.why_not() if self.look else "There is no plant of usdfoliage here."
+        hidden = not why_not and not self.look.is_shown()
+        self.reason.setText("The edits are hidden; show them to change them." if hidden else why_not)
+        self.reason.setVisible(bool(why_not) or hidden)
+        for widget in (self.sliders, self.save_button, self.reset_button):
+            widget.setEnabled(not why_not and not hidden)
+        self.show_box.setEnabled(not why_not)
+        if not why_not:
+            self.sliders.show_edits(self.look.values())
+            self._draw_leaf()
+        self.host.redraw()
+
+    def _choose_plant(self) -> None:
+        plant = self.host.stage.GetPrimAtPath(self.plant_box.currentData() or "/")
+        self.look = None
+        if self.plant_box.count() and plant:
+            key = plants.interface_file(plant) or str(plant.GetPath())
+            if key not in self.looks:
+                self.looks[key] = LiveLook(self.host.stage, plant)
+            self.look = self.looks[key]
+            self.show_box.blockSignals(True)
+            self.show_box.setChecked(self.look.is_shown())
+            self.show_box.blockSignals(False)
+        self.refresh()
+
+    def _list_variants(self) -> None:
+        """A box for each set; made anew where a selection has brought other sets or variants."""
+        held = plants.variants(self.look.plant) if self.look and self.look.plant else {}
+        shown = {name: [box.itemText(i) for i in range(box.count())] for name, box in self.variant_boxes.items()}
+        if shown != {name: names for name, (names, _) in held.items()}:
+            while self.variant_form.rowCount():
+                self.variant_form.removeRow(0)
+            self.variant_boxes = {}
+            for name, (names, _) in held.items():
+                box = QtWidgets.QComboBox()
+                box.addItems(names)
+                box.activated.connect(lambda _, name=name: self.select(name, self.variant_boxes[name].currentText()))
+                self.variant_form.addRow(name, box)
+                self.variant_boxes[name] = box
+        for name, (names, chosen) in held.items():
+            if chosen in names:
+                self.variant_boxes[name].setCurrentIndex(names.index(chosen))
+
+    def _draw_leaf(self) -> None:
+        if self.host.product is None:
+            self.drawing.show_text(NO_PRODUCT)
+            return
+        try:
+            self.drawing.show_curves(self.host.product.leaf_curves(self._read_file(), self.sliders.edits))
+        except ProductError as error:
+            self.drawing.show_text(str(error))
+
+    def _read_file(self) -> str:
+        return self.host.shown_file or self.look.interface
+
+    # What is done
+
+    def select(self, name: str, chosen: str) -> None:
+        """Select a variant on all plants of the asset."""
+        plants.select_variant(self.host.stage, name, chosen, self.look.interface if self.look else None)
+        self.refresh()
+
+    def show_guide(self, name: str, shown: bool) -> None:
+        """Show the guides of a name, those of other names that are not asked for are hidden."""
+        self.guide_boxes[name].setChecked(shown)
+
+    def reset(self) -> None:
+        """Take all edits back."""
+        self.look.reset()
+        self.refresh()
+
+    def save(self, path: str) -> None:
+        """Write the edits as a look; through usdfoliage where it is, whose extents are tighter.
+
+        Raises:
+            ProductError, ValueError: It cannot be written there.
+        """
+        edits = dict(self.sliders.edits)
+        if self.host.product is not None:
+            try:
+                self.host.product.write_look(path, self._read_file(), edits)
+            except ProductGoneError:
+                self.host.product = None
+            else:
+                self.host.say(f"look: {path}")
+                return
+        self.look.write(path, edits)
+        self.host.say(f"look: {path} (without usdfoliage, so its extents are wider than they need be)")
+
+    def _edit(self, edits: dict) -> None:
+        self.look.apply(edits, self._bounds(edits))
+        self._draw_leaf()
+        self.host.redraw()
+
+    def _bounds(self, edits: dict) -> list | None:
+        """How far the leaves reach, where usdfoliage can say it; while a slider is held a wider guess will do."""
+        if self.host.product is None or self._held:
+            return None
+        try:
+            return self.host.product.leaf_bounds(self._read_file(), edits)
+        except ProductError as error:
+            self.host.say(str(error))
+            return None
+
+    def _hold(self, held: bool) -> None:
+        self._held = held
+        if not held and self.look is not None and self.look.is_shown():
+            self.look.apply(self.sliders.edits, self._bounds(self.sliders.edits))
+        self.host.drag(held)
+
+    def _mute(self, shown: bool) -> None:
+        self.look.show(shown)
+        self.refresh()
+
+    def _show_guides(self) -> None:
+        shown = {name for name, box in self.guide_boxes.items() if box.isChecked()}
+        plants.show_guides(self.host.stage, shown)
+        self.host.draw_guides(bool(shown))
+        self.host.draw_cameras("Cameras" in shown)
+        self.host.redraw()
+
+    def _ask_and_save(self) -> None:
+        path, _ = QtWidgets.QFileDialog.getSaveFileName(self, "Save look", "look.usda", "Looks (*.usda)")
+        if not path:
+            return
+        try:
+            self.save(path if path.endswith(".usda") else f"{path}.usda")
+        except (ProductError, ValueError) as error:
+            QtWidgets.QMessageBox.warning(self, "Save look", str(error))
