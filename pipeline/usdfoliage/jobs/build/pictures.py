@@ -51,7 +51,7 @@ class PictureSettings:
     comparison_px: int = 1100  # longer side
     variant_px: int = 420  # width and height of the picture of each variant
     samples: int = 2  # of a pixel
-    complexity: str = "high"  # how finely Storm divides curved surfaces: low, medium, high, veryhigh
+    complexity: str = "medium"  # how finely Storm divides curved surfaces: low, medium, high, veryhigh
 
     def __post_init__(self) -> None:
         if self.turntable_frames < 2:
