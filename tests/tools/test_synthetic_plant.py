@@ -111,7 +111,7 @@ def test_leaves_are_green_and_bark_and_ground_have_detail():
     grey = cv2.cvtColor(view.srgb, cv2.COLOR_RGB2GRAY).astype(float)
     for label in (WOOD, BACKDROP):
         assert grey[seen.label == label].std() > 8
-    assert grey[seen.label == SKY].std() < 5
+    assert np.ptp(np.quantile(grey[seen.label == SKY], (0.1, 0.9))) < 8  # pixels at the edges of leaves are mixed
 
 
 def test_leaves_are_as_many_as_asked_for_and_large_enough_to_be_seen():
