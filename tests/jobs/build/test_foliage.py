@@ -87,7 +87,6 @@ def test_captured_leaves_are_brought_into_the_plants_frame() -> None:
     ("count", "confidence", "away_m", "kind"),
     [
         (40, 0.9, 10.0, "filled"),  # good ones, but of a small part of the plant
-        (40, 0.2, 0.0, "species"),  # everywhere, but guessed
         (10, 0.9, 10.0, "species"),  # too few to draw from
     ],
 )
@@ -97,6 +96,19 @@ def test_else_the_cloud_or_the_twigs_carry_them(count: int, confidence: float, a
     assert chosen.kind == kind
     assert chosen.leaves is not None
     assert chosen.notes
+
+
+def test_guessed_leaves_are_no_model_for_more() -> None:
+    leaves = sure_leaves()
+    confidence = np.where(np.arange(40) % 2, 0.1, 0.4)
+    wide = leaves.parameters.copy()
+    wide[1::2, 2:5, 1] *= 3  # the guessed ones
+    found = replace(leaves, confidence=confidence, parameters=wide)
+    chosen = choose_foliage(captured(found), traced(points_on(leaves) + 10), BuildSettings(), FRAME)
+    assert chosen.leaves is not None
+    others = chosen.leaves.leaves.parameters[40:]
+    assert len(others)
+    assert (np.abs(others[:, None] - leaves.parameters[None, ::2]).max(axis=(2, 3)).min(axis=1) == 0).all()
 
 
 def test_leaves_that_cannot_be_told_in_the_cloud_are_on_the_twigs() -> None:

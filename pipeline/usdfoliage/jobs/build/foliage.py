@@ -31,7 +31,6 @@ from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 from usdfoliage.leaf.variation import vary_colors
 
-SURE = 0.5  # confidence of a leaf that counts
 LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
 _ACROSS, _ALONG = 5, 9  # points of a leaf that its cover is told by
 _NEAR = 0.25  # of a leaf's length, within which a point of the cloud is of it
@@ -65,9 +64,8 @@ def choose_foliage(
         moved = plant_from_capture @ np.linalg.inv(captured.own_from_capture)
         placed = move_leaves(captured.fitted.leaves, moved)
     kind: str = wanted.kind
-    sure = 0 if placed is None else _count_sure(placed)
     if kind == "auto":
-        kind, why = _choose(placed, sure, traced, settings)
+        kind, why = _choose(placed, traced, settings)
         notes.append(why)
     if kind == "none":
         return ChosenFoliage(leaves=None, kind=kind, notes=tuple(notes), rows=())
@@ -110,16 +108,15 @@ def _fill(
     settings: BuildSettings,
     notes: list[str],
 ) -> ChosenFoliage:
-    """The sure ones of the leaves that were found, and wherever the cloud has leaves besides, others like them."""
+    """The leaves that were found, and wherever the cloud has leaves besides, others like the surest of them."""
     if captured is None or placed is None or traced is None or not (~traced.wood).any():
         raise FoliageError("foliage.kind is filled: that takes leaves that were found, and a cloud that tells leaves")
     rng = np.random.default_rng(settings.seed)
-    trust = np.ones(len(placed)) if placed.confidence is None else placed.confidence
-    sure = placed.take(np.flatnonzero(trust >= SURE)) if (trust >= SURE).any() else placed
+    sure = _surest(placed)
     length_m = settings.foliage.leaf_length_m or float(np.median(sure.length_m))
     leafy_m = traced.points_m[~traced.wood]
-    bare_m = leafy_m[~near_leaves(leafy_m, sure)]
-    most = max(settings.foliage.most_leaves - len(sure), 1)
+    bare_m = leafy_m[~near_leaves(leafy_m, placed)]
+    most = max(settings.foliage.most_leaves - len(placed), 1)
     places = fill_places(bare_m, traced.skeleton.points_m, length_m, rng, FillSettings(most_leaves=most))
     drawn = rng.integers(len(sure), size=len(places.base_m))
     others = Leaves(
@@ -130,8 +127,8 @@ def _fill(
         phase=np.zeros(len(drawn)),
         color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_ALIKE),
     )
-    leaves = join_leaves([sure, others])
-    notes.append(f"{len(others):,} leaves were drawn beside {len(sure):,} that were found")
+    leaves = join_leaves([placed, others])
+    notes.append(f"{len(others):,} leaves were put beside {len(placed):,} that were found")
     chosen = _representations(settings, len(leaves))
     foliage = BranchLeaves(
         leaves=leaves,
@@ -139,7 +136,7 @@ def _fill(
         edits=captured.fitted.edits,
         look=captured.fitted.look,
     )
-    rows = (Row(name="found", value=f"{len(sure):,}"), Row(name="filled in", value=f"{len(others):,}"))
+    rows = (Row(name="found", value=f"{len(placed):,}"), Row(name="filled in", value=f"{len(others):,}"))
     return ChosenFoliage(leaves=foliage, kind="filled", notes=tuple(notes), rows=rows)
 
 
@@ -186,7 +183,7 @@ def leaf_cover(points_m: NDArray[np.float64], leaves: Leaves) -> float:
     return float(near_leaves(points_m, leaves).mean()) if len(points_m) else 0.0
 
 
-def _choose(placed: Leaves | None, sure: int, traced: TracedPlant | None, settings: BuildSettings) -> tuple[str, str]:
+def _choose(placed: Leaves | None, traced: TracedPlant | None, settings: BuildSettings) -> tuple[str, str]:
     """The kind of leaves, and why."""
     if traced is None:
         if placed is None:
@@ -195,23 +192,27 @@ def _choose(placed: Leaves | None, sure: int, traced: TracedPlant | None, settin
     leafy_m = traced.points_m[~traced.wood]
     share = len(leafy_m) / max(len(traced.points_m), 1)
     has_leaves = share >= LEAFLESS or not traced.knows_leaves
-    if placed is not None:
-        cover = leaf_cover(leafy_m if has_leaves and len(leafy_m) else traced.points_m, placed)
-        told = f"leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
-        if cover >= settings.foliage.least_cover and sure >= settings.foliage.least_sure * len(placed):
-            return "captured", f"{told}: they are where they were found"
-        if has_leaves and sure >= settings.foliage.least_drawn:
-            if len(leafy_m) and traced.knows_leaves:
-                return "filled", f"{told}: others, drawn from {sure} that are sure, are where the cloud has leaves"
-            return "drawn", f"{told}: the leaves are on the twigs instead, drawn from {sure} that were found"
     if not has_leaves:
         return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
-    what = f"{sure} leaves were found, too few to draw from" if placed is not None else "no leaf was found"
+    found = 0 if placed is None else len(placed)
+    if placed is not None and found >= settings.foliage.least_drawn:
+        if not (len(leafy_m) and traced.knows_leaves):
+            return "drawn", f"the cloud does not tell where leaves are: they are on the twigs, drawn from {found}"
+        cover = leaf_cover(leafy_m, placed)
+        told = f"{found} leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
+        if cover >= settings.foliage.least_cover:
+            return "captured", f"{told}: they are where they were found"
+        return "filled", f"{told}: others like them are where the cloud has leaves besides"
+    what = f"{found} leaves were found, too few to draw from" if found else "no leaf was found"
     return "species", f"{what}: the leaves are on the twigs, of {settings.plant.species or 'no species in particular'}"
 
 
-def _count_sure(leaves: Leaves) -> int:
-    return len(leaves) if leaves.confidence is None else int((leaves.confidence >= SURE).sum())
+def _surest(leaves: Leaves) -> Leaves:
+    """The better half of leaves: what is guessed of the others is no model for more."""
+    if leaves.confidence is None:
+        return leaves
+    best = np.argsort(-leaves.confidence, kind="stable")[: -(-len(leaves) // 2)]
+    return leaves.take(np.sort(best))
 
 
 def _representations(settings: BuildSettings, count: int) -> tuple[str, ...]:

@@ -73,12 +73,11 @@ class LeafStageSettings(LeavesSettings):
 class FoliageSettings:
     """Which leaves the plant has."""
 
-    # captured: those that were found, where they were found; filled: the sure ones of them, and drawn ones wherever the
-    # cloud has leaves besides; drawn: on the twigs, drawn from those that were found; species: on the twigs, of the
-    # species; auto: captured if they cover the plant, else filled if the cloud tells leaves, else drawn or species
+    # captured: those that were found, where they were found; filled: these, and others like them wherever the cloud has
+    # leaves besides; drawn: on the twigs, drawn from those that were found; species: on the twigs, of the species; auto:
+    # captured if they cover the plant, else filled if the cloud tells leaves, else drawn or species
     kind: FoliageKind = "auto"
-    least_cover: float = 0.3  # share of the cloud's leaves that captured leaves must cover, for auto
-    least_sure: float = 0.25  # share of captured leaves that must be sure of themselves, for auto to leave them there
+    least_cover: float = 0.85  # share of the cloud's leaves that captured leaves must cover, for auto to add no others
     least_drawn: int = 20  # captured leaves to draw from, for auto
     leaf_length_m: float | None = None  # of a leaf on a twig; auto: the species', or the captured leaves'
     most_leaves: int = FoliageRequest().settings.most_leaves  # on twigs
@@ -86,9 +85,8 @@ class FoliageSettings:
     def __post_init__(self) -> None:
         if self.kind not in get_args(FoliageKind):
             raise ValueError(f"kind must be one of {', '.join(get_args(FoliageKind))}, not {self.kind!r}")
-        for name, share in (("least_cover", self.least_cover), ("least_sure", self.least_sure)):
-            if not 0 <= share <= 1:
-                raise ValueError(f"{name} must be 0 to 1, not {share:g}")
+        if not 0 <= self.least_cover <= 1:
+            raise ValueError(f"least_cover must be 0 to 1, not {self.least_cover:g}")
         shortest_m, longest_m = LENGTHS_M
         if self.leaf_length_m is not None and not shortest_m <= self.leaf_length_m <= longest_m:
             raise ValueError(f"leaf_length_m must be {shortest_m:g} to {longest_m:g}, not {self.leaf_length_m:g}")
