@@ -35,7 +35,7 @@ def test_leaves_keep_apart_and_fill_all() -> None:
     rng = np.random.default_rng(2)
     points_m = rng.uniform(0, 0.4, (4000, 3))
     settings = FillSettings(apart=0.8)
-    places = fill_places(points_m, np.zeros((1, 3)), LENGTH_M, np.random.default_rng(3), settings)
+    places = fill_places(points_m, points_m[::50], LENGTH_M, np.random.default_rng(3), settings)
     chosen_m = points_m[places.point]
     between_m = np.linalg.norm(chosen_m[:, None] - chosen_m[None], axis=-1) + np.eye(len(chosen_m))
     assert between_m.min() >= settings.apart * LENGTH_M
@@ -46,7 +46,7 @@ def test_points_that_stand_alone_are_no_leaf() -> None:
     rng = np.random.default_rng(4)
     alone_m = np.array([[5.0, 5, 5], [5.001, 5, 5], [9, 9, 9]])
     leaf_m = blade(np.zeros(3), Rotation.identity(), rng)
-    places = fill_places(np.concatenate([alone_m, leaf_m]), np.ones((1, 3)), LENGTH_M, np.random.default_rng(5))
+    places = fill_places(np.concatenate([alone_m, leaf_m]), alone_m * 0, LENGTH_M, np.random.default_rng(5))
     assert len(places.point)
     assert (places.point >= 3).all()
 
@@ -55,7 +55,7 @@ def test_clumps_without_a_plane_give_leaves_that_lie_as_they_are_told_to() -> No
     points_m = np.random.default_rng(6).uniform(0, 0.3, (20000, 3))
     for tilt, low, high in ((0.0, 0.999, 1.0), (0.7, 0.6, 0.9)):
         settings = FillSettings(tilt=tilt)
-        places = fill_places(points_m, np.array([[1.0, 0, 0]]), LENGTH_M, np.random.default_rng(7), settings)
+        places = fill_places(points_m, points_m[::50], LENGTH_M, np.random.default_rng(7), settings)
         upward = Rotation.from_quat(places.orientation).apply([0, 0, 1])[:, 1]
         assert low <= np.median(upward) <= high + 1e-9
 
@@ -70,9 +70,17 @@ def test_any_points_give_whole_leaves_and_the_same_each_time(count: int, seed: i
     np.testing.assert_allclose(np.linalg.norm(first.orientation, axis=1), 1)
 
 
+def test_what_is_far_from_every_twig_is_no_leaf_of_the_plant() -> None:
+    rng = np.random.default_rng(10)
+    near_m, far_m = blade(np.zeros(3), Rotation.identity(), rng), blade(np.ones(3), Rotation.identity(), rng)
+    places = fill_places(np.concatenate([near_m, far_m]), np.zeros((1, 3)), LENGTH_M, np.random.default_rng(11))
+    assert len(places.point)
+    assert (places.point < len(near_m)).all()
+
+
 def test_most_leaves_are_kept_evenly() -> None:
     points_m = np.random.default_rng(8).uniform(0, 0.5, (5000, 3))
-    places = fill_places(points_m, np.zeros((1, 3)), LENGTH_M, np.random.default_rng(9), FillSettings(most_leaves=100))
+    places = fill_places(points_m, points_m[::50], LENGTH_M, np.random.default_rng(9), FillSettings(most_leaves=100))
     assert len(places.base_m) == 100
     assert np.abs(points_m[places.point].mean(axis=0) - 0.25).max() < 0.08
 

@@ -21,11 +21,12 @@ class FillSettings:
     least_points: int = 4  # around it: fewer are no leaf
     flat: float = 0.5  # spread across the plane over that along it, above which it is no plane and tells nothing
     tilt: float = 0.7  # of a leaf there, from level: standard deviation of its normal's parts, whose upward one is 1
+    farthest: float = 3.5  # from what leaves grow from: beyond it are no leaves of the plant
     most_leaves: int = 200_000
 
     def __post_init__(self) -> None:
-        if not (self.apart > 0 and self.around > 0 and self.flat > 0 and self.tilt >= 0):
-            raise ValueError(f"apart, around and flat must be above 0, tilt not below it, not {self}")
+        if not (min(self.apart, self.around, self.flat, self.farthest) > 0 and self.tilt >= 0):
+            raise ValueError(f"apart, around, flat and farthest must be above 0, tilt not below it, not {self}")
         if self.least_points < 3 or self.most_leaves < 1:
             raise ValueError(f"least_points must be at least 3, most_leaves at least 1, not {self}")
 
@@ -64,6 +65,10 @@ def fill_places(
         raise ValueError("leaves grow from at least one place")
     chosen = _thin_out(points_m, settings.apart * length_m, rng)
     middle_m, normal, along, chosen = _fit_planes(points_m, chosen, settings.around * length_m, settings, rng)
+    if len(chosen):
+        away_m, _ = cKDTree(origins_m).query(middle_m)
+        near = away_m <= settings.farthest * length_m
+        middle_m, normal, along, chosen = middle_m[near], normal[near], along[near], chosen[near]
     if len(chosen) > settings.most_leaves:
         kept = np.sort(rng.choice(len(chosen), settings.most_leaves, replace=False))
         middle_m, normal, along, chosen = middle_m[kept], normal[kept], along[kept], chosen[kept]

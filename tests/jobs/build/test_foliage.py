@@ -7,6 +7,7 @@ import pytest
 from branch_shapes import random_tree
 from leaf_assets import random_leaves
 from usdfoliage.asset.package import LeafLook
+from usdfoliage.branch.model import Skeleton
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branch_foliage import FittedLeaves
 from usdfoliage.jobs.build.captured_leaves import CapturedLeaves
@@ -41,6 +42,19 @@ def captured(leaves: Leaves, own_from_capture: np.ndarray = FRAME) -> CapturedLe
     return CapturedLeaves(fitted=fitted, own_from_capture=own_from_capture)
 
 
+def twig_through(points_m: np.ndarray) -> Skeleton:
+    """One branch that comes by every leaf."""
+    count = len(points_m)
+    return Skeleton(
+        points_m=points_m,
+        radius_m=np.full(count, 0.001),
+        counts=np.array([count], np.int32),
+        parent_curve=np.array([-1], np.int32),
+        parent_vertex=np.array([-1], np.int32),
+        order=np.zeros(1, np.int32),
+    )
+
+
 def traced(leafy_m: np.ndarray, *, knows_leaves: bool = True) -> TracedPlant:
     wood_m = np.random.default_rng(6).uniform(0, 3, (200, 3))
     return TracedPlant(
@@ -48,7 +62,7 @@ def traced(leafy_m: np.ndarray, *, knows_leaves: bool = True) -> TracedPlant:
         wood=np.arange(200 + len(leafy_m)) < 200,
         knows_leaves=knows_leaves,
         plant_from_capture=FRAME,
-        skeleton=random_tree(3),
+        skeleton=twig_through(leafy_m) if len(leafy_m) else random_tree(3),
         lost=np.zeros(0, np.int32),
     )
 

@@ -74,8 +74,8 @@ class FoliageSettings:
     """Which leaves the plant has."""
 
     # captured: those that were found, where they were found; filled: these, and others like them wherever the cloud has
-    # leaves besides; drawn: on the twigs, drawn from those that were found; species: on the twigs, of the species; auto:
-    # captured if they cover the plant, else filled if the cloud tells leaves, else drawn or species
+    # leaves besides; drawn: on the twigs, drawn from those that were found; species: on the twigs, of the species;
+    # auto: captured if they cover the plant, else filled if the cloud tells leaves, else drawn or species
     kind: FoliageKind = "auto"
     least_cover: float = 0.85  # share of the cloud's leaves that captured leaves must cover, for auto to add no others
     least_drawn: int = 20  # captured leaves to draw from, for auto
