@@ -135,6 +135,15 @@ LEAF = [
         "primvars:leaf:silhouette1",
         put("primvars:leaf:silhouette2", vectors((0.5, 0.2, 0), (0.5, 0.2, 0), (0.5, -0.2, 0))),
     ),
+    (
+        "LeafArrays",
+        "SilhouetteWidth",
+        "primvars:leaf:silhouette1",
+        lambda prim: [
+            put(f"primvars:leaf:silhouette{i}", vectors((v, 0.2, 0), (v, 0, 0), (v, 0.2, 0)))(prim)
+            for i, v in ((1, 0.25), (2, 0.5), (3, 0.75))
+        ],
+    ),
     ("LeafArrays", "LeafArrayLength", "primvars:leaf:view", put("primvars:leaf:view", [1])),
     ("LeafArrays", "LeafFactRange", "primvars:leaf:confidence", put("primvars:leaf:confidence", [0, 0.5, 1.5])),
     ("LeafArrays", "LeafFactRange", "primvars:leaf:residual", put("primvars:leaf:residual", [0, -1, 0])),
