@@ -36,6 +36,7 @@ class PosedCapture:
     capture: Capture  # its depth maps left out
     registered: Registered | None  # None where the poses were given
     notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()  # those of the notes that put every length in doubt
 
 
 def poses_are_given(given: GivenPhotographs, record: Record, wanted: PosesChoice) -> bool:
@@ -141,7 +142,12 @@ def estimate_poses(
     capture = _without_depth(read_capture(folder, cameras=f"{WORK}/{REGISTERED}"))
     found = f"poses are estimated: up by {frame.up_from}, scale by {frame.scale_from}"
     notes = (*remarks, *photo_set.notes, *registered.notes, found, *frame.notes)
-    return PosedCapture(capture=capture, registered=registered, notes=notes)
+    return PosedCapture(
+        capture=capture,
+        registered=registered,
+        notes=notes,
+        doubts=() if frame.scale_known else tuple(note for note in frame.notes if "scale" in note),
+    )
 
 
 def stated_from_metric(stated: CaptureSettings) -> NDArray[np.float64]:

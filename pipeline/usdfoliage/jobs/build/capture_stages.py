@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -67,7 +68,7 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
         write_whole(capture / FILE_NAME, completed.encode("utf-8"))
     prepared = _prepare(call, capture)
     failures = failures_of(posed, prepared.dropped)
-    warnings = list(prepared.doubts if known else ())
+    warnings = [*posed.doubts, *(prepared.doubts if known else ())]
     if posed.registered is not None and posed.registered.doubtful:
         warnings.append("the estimated poses are probably wrong, and so will be all that follows")
     if failures:
@@ -82,6 +83,11 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
         StageSummary(rows=_pose_rows(call, posed, prepared, known=known), notes=notes, warnings=warnings),
     )
     return describe_files(call.store, [view.pixels for view in prepared.views])
+
+
+def _is_new(note: str, warnings: Sequence[str]) -> bool:
+    """Whether no warning says it already."""
+    return note not in warnings and "is left out" not in note
 
 
 def _pose_rows(call: StageCall, posed: PosedCapture, prepared: PreparedViews, *, known: bool) -> list[Row]:
