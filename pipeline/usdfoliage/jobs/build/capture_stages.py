@@ -77,7 +77,7 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
             + "; ".join(f"{name}: {reason}" for name, reason in sorted(failures.items())[:5])
             + (f"; and {len(failures) - 5} more" if len(failures) > 5 else "")
         )
-    notes = [*call.inputs.notes, *(note for note in (*posed.notes, *prepared.notes) if "is left out" not in note)]
+    notes = [*call.inputs.notes, *(note for note in (*posed.notes, *prepared.notes) if _is_new(note, warnings))]
     write_summary(
         call.out,
         StageSummary(rows=_pose_rows(call, posed, prepared, known=known), notes=notes, warnings=warnings),
