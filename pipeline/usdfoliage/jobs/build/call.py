@@ -1,6 +1,6 @@
 """What a task is given to work with."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,4 +68,3 @@ def digest_profile(request: BuildRequest) -> str:
 
 # A stage: fills the folder of its result, and says which files elsewhere in the work folder belong to it too.
 Stage = Callable[[StageCall], tuple[ResultFile, ...]]
-Stages = Mapping[str, Stage]

@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from usdfoliage.capture.capture_settings import FILE_NAME, complete_capture_settings
+from usdfoliage.capture.folder import Capture
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.store import ResultFile, describe_files
 from usdfoliage.jobs.build.summary import StageSummary, write_summary
@@ -66,7 +67,7 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
     completed = complete_capture_settings(text, {"up_axis": stated.up_axis, "metres_per_unit": stated.metres_per_unit})
     if completed:
         write_whole(capture / FILE_NAME, completed.encode("utf-8"))
-    prepared = _prepare(call, capture)
+    prepared = _prepare(read_posed(capture, None).capture, store_of_views(call), settings, call.threads)
     failures = failures_of(posed, prepared.dropped)
     warnings = [*posed.doubts, *(prepared.doubts if known else ())]
     if posed.registered is not None and posed.registered.doubtful:
@@ -134,15 +135,15 @@ def store_of_views(call: StageCall) -> Path:
     return call.store.views(call.plan.tasks[POSES].key)
 
 
-def _prepare(call: StageCall, capture: Path) -> PreparedViews:
-    settings = call.settings.capture
+def _prepare(capture: Capture, store: Path, settings: CaptureRunSettings, threads: int) -> PreparedViews:
+    """Every task of one build must ask alike: the keys of what is matched are made of it."""
     return prepare_views(
-        read_posed(capture, None).capture,
-        store_of_views(call),
+        capture,
+        store,
         settings.depth.max_side_px,
         masks=settings.mask != "none",
         sky=settings.sky if settings.mask == "auto" else None,
-        threads=call.threads,
+        threads=threads,
     )
 
 
@@ -156,14 +157,7 @@ def _own_views(call: StageCall) -> tuple[DepthTasks, range]:
 def _open_tasks(capture: Path, store: Path, settings: CaptureRunSettings, threads: int) -> DepthTasks:
     """Remembered: a process does many tasks of one capture."""
     posed = read_posed(capture, None).capture
-    prepared = prepare_views(
-        posed,
-        store,
-        settings.depth.max_side_px,
-        masks=settings.mask != "none",
-        sky=settings.sky if settings.mask == "auto" else None,
-        threads=threads,
-    )
+    prepared = _prepare(posed, store, settings, threads)
     return plan_tasks(prepared.views, posed.points_m, settings.depth, store, dense=settings.dense)
 
 
