@@ -10,20 +10,20 @@ import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from pxr import Sdf, Tf, Usd, UsdUtils, UsdValidation
+from pxr import Sdf, Usd, UsdUtils
 
 from usdfoliage.asset.contents import interface_of
-from usdfoliage.asset.findings import SEVERITIES, Finding, one_line
+from usdfoliage.asset.findings import SEVERITIES, Finding
 from usdfoliage.asset.instances import iterate_prims
-from usdfoliage.asset.locate import MISSING, find_interface, first_reason, lost_layers
+from usdfoliage.asset.known_findings import KnownFindings
+from usdfoliage.asset.locate import MISSING, find_interface, lost_layers
 from usdfoliage.asset.look import open_root_layer
 from usdfoliage.asset.nvidia_rules import nvidia_version, run_nvidia_rules
 from usdfoliage.asset.schema import PLANT_API, SCHEMAS, require_schemas
-from usdfoliage.asset.shader_parsers import without_parser
 from usdfoliage.asset.studio_profile import StudioProfile, StudioRules
 from usdfoliage.asset.studio_rules import check_composition, check_files
+from usdfoliage.asset.usd_validators import PRESENT, run_usd_validators
 from usdfoliage.errors import AssetError
 
 logger = logging.getLogger(__name__)
@@ -32,9 +32,6 @@ MOST_SELECTIONS = 64  # beyond it the variants of one set are tried while the ot
 
 # Rules for a file that others refer to; ours of that kind look only at a root layer that is an asset.
 NOT_FOR_SCENES = {("usdValidation:StageMetadataChecker", "MissingDefaultPrim")}
-# The default predicate leaves out what is unloaded.
-PRESENT = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
-
 Selection = tuple[tuple[Sdf.Path, str, str], ...]  # prim, variant set, variant
 
 
@@ -111,13 +108,14 @@ def _validate_interface(
     """What is found in every selection, and in the asset while it is unloaded, with the labels of where."""
     findings: dict[Finding, list[str]] = {}
     more: dict[Finding, list[str]] = {}
+    known = KnownFindings()
     for selection in selections:
         stage = _compose(root, selection, Usd.Stage.LoadAll)
-        for finding in (*_run_usd_validators(stage), *check_composition(stage, rules)):
+        for finding in (*run_usd_validators(stage, known), *check_composition(stage, rules)):
             findings.setdefault(finding, []).append(_label(selection))
-        for finding in run_nvidia_rules(stage):
+        for finding in run_nvidia_rules(stage, known):
             more.setdefault(finding, []).append(_label(selection))
-    for finding in _run_usd_validators(_compose(root, (), Usd.Stage.LoadNone)):
+    for finding in run_usd_validators(_compose(root, (), Usd.Stage.LoadNone), known):
         findings.setdefault(finding, []).append("unloaded")
     said = {(finding.severity, finding.message) for finding in findings}
     # NVIDIA's package runs some of USD's validators again.
@@ -137,7 +135,7 @@ def _validate_scene(root: Sdf.Layer, path: Path) -> dict[Finding, list[str]]:
             f"{path} holds no plant: no active prim of it has {PLANT_API} or another schema of usdFoliage; name an "
             "asset's folder, its .usda, a look, or a scene that refers to assets"
         )
-    findings = _run_usd_validators(stage)
+    findings = run_usd_validators(stage, KnownFindings())
     return {held: [_label(())] for held in findings if (held.validator, held.error) not in NOT_FOR_SCENES}
 
 
@@ -209,43 +207,3 @@ def _compose(root: Sdf.Layer, selection: Selection, load: Usd.Stage.InitialLoadS
     for path, name, variant in selection:
         Sdf.CreatePrimInLayer(session, path).variantSelections[name] = variant
     return Usd.Stage.Open(root, session, load)
-
-
-def _run_usd_validators(stage: Usd.Stage) -> list[Finding]:
-    """What the registry's validators say of one composition."""
-    in_instances = [prim for prim in iterate_prims(stage, PRESENT) if prim.IsInstanceProxy()]
-    findings = []
-    for validator in UsdValidation.ValidationRegistry().GetOrLoadAllValidators():
-        name = validator.GetMetadata().name
-        try:
-            context = UsdValidation.ValidationContext(validators=[validator])
-            problems = [*context.Validate(stage, PRESENT), *(context.Validate(in_instances) if in_instances else ())]
-        except (Tf.ErrorException, UnicodeDecodeError) as error:
-            message = f"could not finish ({first_reason(error)}); is a layer damaged? write the asset again"
-            findings.append(Finding(severity="error", validator=name, error="Stopped", path="/", message=message))
-            continue
-        for problem in problems:
-            severity = _usd_severity(problem.GetType())
-            if severity:
-                place = _usd_place(problem.GetSites())
-                message = one_line(problem.GetMessage(), place)
-                rule = problem.GetName()
-                finding = Finding(severity=severity, validator=name, error=rule, path=place, message=message)
-                findings.append(without_parser(finding))
-    return findings
-
-
-def _usd_severity(kind: UsdValidation.ValidationErrorType) -> str:
-    kinds = UsdValidation.ValidationErrorType
-    return {kinds.Error: "error", kinds.Warn: "warning", kinds.Info: "info"}.get(kind, "")
-
-
-def _usd_place(sites: Sequence[Any]) -> str:
-    for site in sites:
-        if site.IsProperty():
-            return str(site.GetProperty().GetPath())
-        if site.IsPrim():
-            return str(site.GetPrim().GetPath())
-        if site.GetLayer():
-            return str(site.GetLayer().GetDisplayName())
-    return "/"
