@@ -17,6 +17,7 @@ COMMANDS = (
     "batch",
     "task",
     "submit",
+    "work",
     "capture",
     "branches",
     "crown",

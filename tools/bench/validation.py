@@ -8,11 +8,11 @@ Asked of the results: every finding of the one is in the other, in the same sele
 """
 
 import argparse
+import importlib
 import time
 from pathlib import Path
 
 import usdfoliage  # noqa: F401  registers the schemas, before any stage
-import usd_validation_nvidia
 from pxr import Usd
 from usdfoliage.asset import nvidia_rules, validation
 from usdfoliage.asset.findings import Finding
@@ -28,13 +28,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("asset", type=Path)
     root = open_root_layer(find_interface(parser.parse_args().asset).absolute())
+    package = importlib.import_module(nvidia_rules.PACKAGE)
     known = KnownFindings()
     anew_s = shared_s = 0.0
     selections = validation._selections(root)
     for number, selection in enumerate(selections):
         stage = validation._compose(root, selection, Usd.Stage.LoadAll)
         start = time.process_time()
-        issues = usd_validation_nvidia.ValidationEngine(variants=False).validate(stage).issues()
+        issues = package.ValidationEngine(variants=False).validate(stage).issues()
         engine = [nvidia_rules._with_our_rules(finding, stage) for finding in nvidia_rules._findings(issues)]
         anew = _said([*run_usd_validators(stage, KnownFindings()), *engine])
         middle = time.process_time()

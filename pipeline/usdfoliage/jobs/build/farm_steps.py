@@ -12,6 +12,7 @@ from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.build.call import BuildRequest
 from usdfoliage.jobs.build.executors import Done, TaskOrder
 from usdfoliage.jobs.build.finish import BuiltPlant, finish_plant
+from usdfoliage.jobs.build.plant_record import note_build
 from usdfoliage.jobs.build.run import plan_plant
 from usdfoliage.jobs.build.store import find_finished, read_stamp, remove_leftovers
 from usdfoliage.jobs.build.tasks import REPORT, BuildPlan
@@ -74,6 +75,7 @@ def plan_step(request: BuildRequest) -> tuple[Step, ...]:
     """
     remove_leftovers(request.store)
     _, plan = plan_plant(request, "bytes")
+    note_build(request, plan)
     return list_steps(plan)
 
 

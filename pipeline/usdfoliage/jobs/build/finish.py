@@ -8,6 +8,7 @@ from pathlib import Path
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.build.call import BuildRequest
+from usdfoliage.jobs.build.plant_record import use_plant
 from usdfoliage.jobs.build.report import TaskTiming, Timings
 from usdfoliage.jobs.build.report_html import write_timings
 from usdfoliage.jobs.build.report_stage import FINISHED, VERDICT
@@ -62,6 +63,11 @@ def finish_plant(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant
     Raises:
         FoliageError: It cannot be written; what was there stays.
     """
+    with use_plant(made.request):
+        return _finish(made, plan, executor)
+
+
+def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
     request = made.request
     result = request.store.result(plan.tasks[REPORT].key)
     held = json.loads((result / VERDICT).read_text(encoding="utf-8"))

@@ -14,6 +14,7 @@ from usdfoliage.jobs.build.executors import Done, NextPlant, TaskOrder, Wanted, 
 from usdfoliage.jobs.build.finish import BuiltPlant, finish_plant
 from usdfoliage.jobs.build.inputs import BuildInputs, Look, find_inputs
 from usdfoliage.jobs.build.meter import BuildProgress, Meter
+from usdfoliage.jobs.build.plant_record import note_build
 from usdfoliage.jobs.build.processes import open_processes, threads_each
 from usdfoliage.jobs.build.store import remove_leftovers
 from usdfoliage.jobs.build.tasks import REPORT, BuildPlan, find_wanted, plan_build
@@ -136,6 +137,7 @@ class _State:
         self.plans += 1
         try:
             _, self._plan = plan_plant(self.request)
+            note_build(self.request, self._plan)
             tasks, finished = find_wanted(self._plan, self.request.store, thorough=True)
         except FoliageError as error:
             return replace(self.so_far(), error=str(error))

@@ -9,6 +9,8 @@
     views/KEY/         pictures and depth that the tasks of one set of photographs share, each file by its own hash
     published/KEY.json which result was put where, and the digests of its files there
     digests/KEY.json   digests of input files, by path, size and time
+    builds/KEY.json    the tasks of the latest build of a plant, and those of earlier ones: plant_record.py
+    builds/KEY.lock    held, shared, while a task of the plant runs, so that nobody prunes what it reads
 
 A stamp is written last, when the files are in their places. Nothing is taken for a result because it is there: a file
 that is missing, cut short or altered makes its task undone. The folder may be deleted whenever no run uses it.
@@ -74,6 +76,12 @@ class Store:
 
     def published(self, output: Path) -> Path:
         return self.folder / "published" / f"{task_key(str(output.resolve()))}.json"
+
+    def record(self, key: str) -> Path:
+        return self.folder / "builds" / f"{key}.json"
+
+    def plant_lock(self, key: str) -> Path:
+        return self.folder / "builds" / f"{key}.lock"
 
     def stamp(self, key: str) -> Path:
         return self.folder / "tasks" / f"{key}.json"
@@ -191,15 +199,21 @@ def lock_task(store: Store, key: str) -> Iterator[None]:
     Raises:
         FoliageError: The work folder cannot be written.
     """
-    path = store.lock(key)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        lock = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
-    except OSError as error:
-        raise FoliageError(f"{path} cannot be written: {error.strerror}; name another work folder, --work") from error
+    with hold_lock(store.lock(key), shared=False):
+        yield
+
+
+@contextmanager
+def hold_lock(path: Path, *, shared: bool) -> Iterator[None]:
+    """Have a lock of the work folder, alone or with others who share it: waits for whoever has it otherwise.
+
+    Raises:
+        FoliageError: The work folder cannot be written.
+    """
+    lock = _open_lock(path)
     try:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            fcntl.flock(lock, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
         except OSError as error:
             if error.errno not in _NO_LOCKS:
                 raise FoliageError(f"{path} cannot be locked: {error.strerror}; name another folder, --work") from error
@@ -208,6 +222,38 @@ def lock_task(store: Store, key: str) -> Iterator[None]:
         yield
     finally:
         os.close(lock)
+
+
+@contextmanager
+def try_lock(path: Path) -> Iterator[bool]:
+    """Have a lock of the work folder alone, if nobody has it; yields whether that is so.
+
+    Raises:
+        FoliageError: The work folder cannot be written, or its file system has no locks.
+    """
+    lock = _open_lock(path)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            free = True
+        except BlockingIOError:
+            free = False
+        except OSError as error:
+            raise FoliageError(
+                f"{path} cannot be locked ({error.strerror}), so that nobody can tell what is in use; remove what you "
+                "like by hand while no run uses the folder"
+            ) from error
+        yield free
+    finally:
+        os.close(lock)
+
+
+def _open_lock(path: Path) -> int:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return os.open(path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o666)
+    except OSError as error:
+        raise FoliageError(f"{path} cannot be written: {error.strerror}; name another work folder, --work") from error
 
 
 def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:

@@ -14,6 +14,7 @@ from usdfoliage.jobs.build.capture_stages import find_poses, finish_photographs,
 from usdfoliage.jobs.build.cloud_stage import make_cloud
 from usdfoliage.jobs.build.executors import Done, TaskOrder
 from usdfoliage.jobs.build.inputs import BuildInputs, find_inputs
+from usdfoliage.jobs.build.plant_record import note_task, use_plant
 from usdfoliage.jobs.build.plant_stages import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.build.report_stage import compare_plant, report_plant, show_variants, turn_plant
 from usdfoliage.jobs.build.store import Stamp, fill_result, find_finished, list_files, lock_task, write_stamp
@@ -71,7 +72,9 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
                 f"{order.name} is planned otherwise here than where the build was started: {order.request.capture} "
                 "has changed meanwhile, or this worker has another version of usdfoliage or its libraries"
             )
-        return _run(order, inputs, plan, task, progress)
+        note_task(order.request, plan, task)
+        with use_plant(order.request):
+            return _run(order, inputs, plan, task, progress)
     except FoliageError as error:
         return Done(
             name=order.name,

@@ -1,0 +1,79 @@
+"""Say what the work folder of builds holds, and remove what no longer is needed.
+
+Needed is what the latest build of each capture needs, but the planes of matching whose depth is done. The rest are
+results of other settings, photographs or versions, and what killed runs left. What is removed is made again when a
+build asks for it. Of a plant that is being built nothing is removed; nothing outside of the folder ever is.
+"""
+
+import argparse
+from collections.abc import Iterable
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from usdfoliage.jobs.build.prune import HeldTask
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of --work; else .usdfoliage beside the asset")
+    parser.add_argument("--prune", action="store_true", help="remove what is not needed")
+    parser.add_argument("--dry-run", action="store_true", help="with --prune: only say what would be removed")
+    parser.add_argument(
+        "--keep-days", type=float, default=0.0, metavar="N", help="keep what was used in so many days (%(default)g)"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.errors import FoliageError
+    from usdfoliage.jobs.build.prune import prune_work, survey_work
+
+    if not options.keep_days >= 0:
+        raise FoliageError(f"--keep-days must be 0 or more, not {options.keep_days:g}")
+    if options.dry_run and not options.prune:
+        raise FoliageError("--dry-run says what --prune would remove; add --prune")
+    held = survey_work(options.folder, options.keep_days)
+    if not options.prune:
+        print(_as_table(held))
+        spare = sum(task.size_bytes for task in held if task.state == "not needed")
+        print(f"{options.folder}: {_size(held)}, {_megabytes(spare)} not needed (--prune removes that)")
+        return 0
+    if options.dry_run:
+        removed = tuple(task for task in held if task.state == "not needed")
+    else:
+        removed = prune_work(options.folder, options.keep_days)
+    if removed:
+        print(_as_table(removed))
+    print(f"{options.folder}: {_size(removed)} {'would be ' if options.dry_run else ''}removed")
+    return 0
+
+
+def _as_table(held: Iterable["HeldTask"]) -> str:
+    """A line for all tasks of one kind, capture and state."""
+    groups: dict[tuple[str, str, str], list[HeldTask]] = {}
+    for task in held:
+        groups.setdefault((task.capture or "(unknown)", task.stage, task.state), []).append(task)
+    rows = [("capture", "task", "count", "size", "last used", "")]
+    for (capture, stage, state), tasks in sorted(groups.items()):
+        size = _megabytes(sum(task.size_bytes for task in tasks))
+        last = max(task.last_used_s for task in tasks)
+        day = datetime.fromtimestamp(last).astimezone().strftime("%Y-%m-%d %H:%M")
+        rows.append((capture, stage, str(len(tasks)), size, day, state))
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    to_the_right = (2, 3)  # numbers
+    return "\n".join(
+        "  ".join(
+            text.rjust(width) if column in to_the_right else text.ljust(width)
+            for column, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    )
+
+
+def _size(held: Iterable["HeldTask"]) -> str:
+    tasks = list(held)
+    return f"{len(tasks)} {'task' if len(tasks) == 1 else 'tasks'}, {_megabytes(sum(t.size_bytes for t in tasks))}"
+
+
+def _megabytes(size_bytes: int) -> str:
+    return f"{size_bytes / 1e6:,.1f} MB"
