@@ -96,7 +96,7 @@ def test_each_prim_is_asked_once_where_selections_share_it(asset: Path, monkeypa
     assert len([path for path in asked if path.endswith("/geo/proxy/Crown")]) == 1
 
 
-def test_a_key_tells_values_places_times_and_purposes_apart() -> None:
+def test_a_key_tells_places_times_and_guides_apart() -> None:
     stage = Usd.Stage.CreateInMemory()
     source = Sdf.Layer.CreateAnonymous(".usda")
     spec = Sdf.CreatePrimInLayer(source, "/Source")

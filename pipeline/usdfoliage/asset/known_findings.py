@@ -26,12 +26,13 @@ def key_prims(prims: Iterable[Usd.Prim]) -> Iterator[tuple[Usd.Prim, PrimKey]]:
     """Each prim with what is equal only where its properties and their values are.
 
     That is its path, the specs that say something of it, strongest first, and how they are moved in time. The session
-    layer of a selection is another one each time and counts by the variants that it selects. A prim's purpose, which
-    it may have from above, counts too: validators of leaves ask for it.
+    layer of a selection is another one each time and counts by the variants that it selects. Whether a prim is a guide,
+    which may be said above it, counts too: validators of leaves ask for it.
     """
     for prim in prims:
         session = prim.GetStage().GetSessionLayer()
-        held: list[object] = [str(prim.GetPath()), str(UsdGeom.Imageable(prim).ComputePurpose())]
+        is_guide = UsdGeom.Imageable(prim).ComputePurpose() == UsdGeom.Tokens.guide
+        held: list[object] = [str(prim.GetPath()), is_guide]
         for spec, offset in prim.GetPrimStackWithLayerOffsets():
             if spec.layer == session:
                 held.append(tuple(sorted(dict(spec.variantSelections).items())))

@@ -20,7 +20,7 @@ OF_FILES = (
     "usdUtilsValidators:MissingReferenceValidator",
     "usdUtilsValidators:UsdzPackageValidator",
 )
-# Validators of a prim that ask it for its own properties alone, and for its purpose.
+# Validators of a prim that ask it for its own properties alone, and whether it is a guide.
 OF_PRIMS = (
     "usdFoliageValidators:LeafArrays",
     "usdFoliageValidators:LeafEdits",
