@@ -1,0 +1,73 @@
+"""Which pieces of a cloud without its floor are of the plant that the photographs are aimed at. Our own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.geometry.point_cells import touching_parts
+from usdfoliage.isolation.focus import Focus
+
+
+@dataclass(frozen=True, kw_only=True)
+class PieceSettings:
+    """What belongs together."""
+
+    gap: float = 0.03  # of the cameras' distance, without points, around what is a piece of its own
+    link_gap: float = 0.1  # likewise, that is bridged to other pieces of the plant: thin stems are seen in parts
+    aim: float = 0.25  # likewise, around the focus, where the plant is
+    wide: float = 1.4  # of the plant's reach to its sides, within which other pieces may be of it
+    low: float = 0.06  # of the cameras' distance over the floor: what does not rise above is remains of the floor
+
+    def __post_init__(self) -> None:
+        if not (0 < self.gap <= self.link_gap and self.aim > 0 and self.wide >= 1 and self.low >= 0):
+            raise ValueError(f"gap, link_gap and aim must be above 0, the gaps in order, wide at least 1, not {self}")
+
+
+def find_plant_pieces(
+    cells_m: NDArray[np.float64],
+    heights_m: NDArray[np.float64] | None,
+    focus: Focus,
+    settings: PieceSettings = PieceSettings(),
+) -> NDArray[np.bool_]:
+    """(N,) what is of the plant: its main piece, large and near the focus, and others that are near these.
+
+    Args:
+        cells_m: (N, 3), Y up, a point for each cell of a grid, without the floor.
+        heights_m: (N,) over the floor; None where there is none.
+        focus: What the photographs are aimed at.
+        settings: What belongs together.
+    """
+    if not len(cells_m):
+        return np.zeros(0, bool)
+    scale_m = focus.distance_m
+    piece = touching_parts(cells_m, settings.gap * scale_m)
+    aside = np.linalg.norm(cells_m - focus.place_m, axis=1) / (settings.aim * scale_m)
+    score = np.bincount(piece, np.exp(-np.square(aside)))
+    count = len(score)
+    of_plant = np.zeros(count, bool)
+    of_plant[int(score.argmax())] = True
+    main_m = cells_m[of_plant[piece]]
+    middle_m = (np.quantile(main_m[:, [0, 2]], 0.02, axis=0) + np.quantile(main_m[:, [0, 2]], 0.98, axis=0)) / 2
+    beside_m = np.hypot(*(main_m[:, [0, 2]] - middle_m).T)
+    reach_m = settings.wide * float(beside_m.max()) + settings.link_gap * scale_m
+    # Walls and the like begin within reach, but do not end there.
+    away_m = np.hypot(*(cells_m[:, [0, 2]] - middle_m).T)
+    held = np.bincount(piece)
+    may_be = np.bincount(piece, away_m <= reach_m) >= 0.9 * held
+    if heights_m is not None:
+        top_m = np.full(count, -np.inf)
+        np.maximum.at(top_m, piece, heights_m)
+        may_be &= top_m > settings.low * scale_m
+    while True:
+        tree = cKDTree(cells_m[of_plant[piece]])
+        rest = np.flatnonzero((may_be & ~of_plant)[piece])
+        if not len(rest):
+            break
+        gap_m, _ = tree.query(cells_m[rest], distance_upper_bound=settings.link_gap * scale_m)
+        linked = np.unique(piece[rest[np.isfinite(gap_m)]])
+        if not len(linked):
+            break
+        of_plant[linked] = True
+    return np.asarray(of_plant[piece])
