@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
+from usdfoliage.geometry.pinhole import Pinhole
+
 _PAD = 3  # cells around the plant's points
 _LEVELS = 16  # of each colour
 _UNSEEN = 1e-4  # share of a kind's pixels that every colour has from the start
@@ -39,7 +41,7 @@ class PlantGrid:
     def holds(self, points_m: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(N,) whether points (N, 3) are of the plant."""
         place = np.floor((points_m - self.corner_m) / self.cell_m)
-        inside = ((place >= 0) & (place < self.of_plant.shape)).all(axis=1)
+        inside = np.asarray((place >= 0) & (place < self.of_plant.shape)).all(axis=1)
         x, y, z = np.where(inside[:, None], place, 0).astype(np.intp).T
         return np.asarray(inside & self.of_plant[x, y, z])
 
@@ -86,17 +88,20 @@ def draw_plant_mask(
     srgb: NDArray[np.uint8],
     points_m: NDArray[np.floating],
     grid: PlantGrid,
+    expected: NDArray[np.bool_],
     settings: PlantMaskSettings = PlantMaskSettings(),
 ) -> NDArray[np.bool_]:
     """(H, W) where a photograph shows the plant.
 
-    Pixels with depth are what the cloud is there. Others take part with what they look like up to an edge, if depth is
-    known near them, and are none of the plant if not.
+    Pixels with depth are what the cloud is there. Others are of the plant if points of it are expected there and their
+    colours are not rather those beside it. What is left takes part with what it looks like up to an edge, if depth is
+    known near it, and is none of the plant if not.
 
     Args:
         srgb: (H, W, 3), encoded for display.
         points_m: (H, W, 3), where each pixel's surface is, in the grid's frame; NaN without depth.
         grid: What is of the plant.
+        expected: (H, W), where points of the plant would be seen if nothing stood before them.
         settings: How outlines are drawn.
 
     Source:
@@ -111,14 +116,14 @@ def draw_plant_mask(
     other = _drop_specks(known & ~plant, least_px)
     if not plant.any():
         return plant
-    unlike = ~known & (_color_odds(srgb, plant, other) < settings.least_odds)
-    far = cv2.distanceTransform((~(plant | other)).astype(np.uint8), cv2.DIST_L2, 3) > settings.reach * max(
-        height, width
-    )
+    reach_px = settings.reach * max(height, width)
+    beside = other | (cv2.distanceTransform((~(plant | other | expected)).astype(np.uint8), cv2.DIST_L2, 3) > reach_px)
+    unlike = ~known & (_color_odds(srgb, plant, beside) < settings.least_odds)  # sky has no depth, but a colour
+    plant |= _drop_specks(expected & ~known & ~unlike, least_px)
     markers = np.zeros((height, width), np.int32)
     kernel = np.ones((2 * settings.sure_px + 1,) * 2, np.uint8)
     # Depth is coarse at outlines: what is in doubt there is left to the edges of the photograph.
-    markers[cv2.erode((other | far | unlike).astype(np.uint8), kernel) > 0] = 1
+    markers[~plant & (cv2.erode((beside | unlike).astype(np.uint8), kernel) > 0)] = 1
     inner = cv2.erode(plant.astype(np.uint8), kernel) > 0
     markers[inner | (plant & ~_grown(inner, settings.sure_px))] = 2  # thin parts stay
     cv2.watershed(np.ascontiguousarray(srgb), markers)
@@ -152,3 +157,17 @@ def _drop_specks(mask: NDArray[np.bool_], least_px: int) -> NDArray[np.bool_]:
     kept = stats[:, cv2.CC_STAT_AREA] >= least_px
     kept[0] = False
     return np.asarray(kept[labels])
+
+
+def expect_plant(camera: Pinhole, points_m: NDArray[np.float64], apart_m: float) -> NDArray[np.bool_]:
+    """(H, W) where a camera would see points (N, 3) of the plant, each as wide as they are apart."""
+    places, depth_m = camera.project(points_m)
+    with np.errstate(invalid="ignore"):
+        inside = ((places >= 0) & (places < (camera.width_px, camera.height_px))).all(axis=1) & (depth_m > 0)
+    expected = np.zeros((camera.height_px, camera.width_px), np.uint8)
+    if not inside.any():
+        return expected > 0
+    column, row = places[inside].astype(np.intp).T
+    expected[row, column] = 1
+    side = int(np.ceil(apart_m * camera.focal_px[0] / float(np.median(depth_m[inside])))) | 1
+    return np.asarray(cv2.morphologyEx(expected, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8)) > 0)

@@ -15,6 +15,8 @@ class PieceSettings:
     """What belongs together."""
 
     gap: float = 0.03  # of the cameras' distance, without points, around what is a piece of its own
+    finer: tuple[float, ...] = (1.0, 0.67, 0.45, 0.3)  # of that gap: stray points may bridge it to a wall
+    inside: float = 0.8  # share of the main piece that must be about as near to the focus, for a gap to part it
     link_gap: float = 0.1  # likewise, that is bridged to other pieces of the plant: thin stems are seen in parts
     aim: float = 0.25  # likewise, around the focus, where the plant is
     wide: float = 1.4  # of the plant's reach to its sides, within which other pieces may be of it
@@ -42,12 +44,21 @@ def find_plant_pieces(
     if not len(cells_m):
         return np.zeros(0, bool)
     scale_m = focus.distance_m
-    piece = touching_parts(cells_m, settings.gap * scale_m)
-    aside = np.linalg.norm(cells_m - focus.place_m, axis=1) / (settings.aim * scale_m)
-    score = np.bincount(piece, np.exp(-np.square(aside)))
-    count = len(score)
+    aside_m = np.linalg.norm(cells_m - focus.place_m, axis=1)
+    weight = np.exp(-np.square(aside_m / (settings.aim * scale_m)))
+    best = (-1.0, np.zeros(len(cells_m), np.int64), 0)
+    for finer in settings.finer:
+        piece = touching_parts(cells_m, finer * settings.gap * scale_m)
+        main = int(np.bincount(piece, weight).argmax())
+        share = float((aside_m[piece == main] < settings.inside * scale_m).mean())
+        if share > best[0]:
+            best = share, piece, main
+        if share >= settings.inside:
+            break
+    _, piece, main = best
+    count = int(piece.max()) + 1
     of_plant = np.zeros(count, bool)
-    of_plant[int(score.argmax())] = True
+    of_plant[main] = True
     main_m = cells_m[of_plant[piece]]
     middle_m = (np.quantile(main_m[:, [0, 2]], 0.02, axis=0) + np.quantile(main_m[:, [0, 2]], 0.98, axis=0)) / 2
     beside_m = np.hypot(*(main_m[:, [0, 2]] - middle_m).T)

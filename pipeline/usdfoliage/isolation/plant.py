@@ -6,15 +6,16 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.geometry.point_cells import cell_means, number_cells, one_in_each_cell, touching_parts
+from usdfoliage.geometry.point_cells import cell_means, number_cells, touching_parts
 from usdfoliage.isolation.container import Container, ContainerSettings, find_container
 from usdfoliage.isolation.focus import Focus, FocusSettings, find_focus
 from usdfoliage.isolation.pieces import PieceSettings, find_plant_pieces
 from usdfoliage.isolation.support import Support, SupportSettings, find_support
 from usdfoliage.isolation.vegetation import green_excess
 
-_COARSE_CELLS, _FINE_CELLS = 200_000, 400_000
-_COLOR_CELLS = 3.0  # fine cells, width in which colours are taken together: single pixels of soil may be green
+_COARSE, _FINE = 0.008, 0.004  # of the scale, widths of cells in which the floor, and pieces of the plant, are told
+_MOST_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
+_COLOR_CELLS = 1.5  # fine cells, width in which colours are taken together: single pixels of soil may be green
 _DIM = 0.05  # of white: about as dark, soil in the shade is of any hue
 _FEW = 200  # points, of which nothing is told
 _SPREAD = (0.02, 0.98)  # quantiles that a cloud without focus is measured between
@@ -98,8 +99,10 @@ def isolate_plant(
         middle_m, scale_m = (low_m + high_m) / 2, float(np.linalg.norm(high_m - low_m)) / 4
     support = None
     if settings.floor:
-        chosen, _ = one_in_each_cell(points_m, _COARSE_CELLS)
-        support = find_support(points_m[chosen], middle_m, scale_m, settings.support)
+        some = np.linspace(0, len(points_m) - 1, min(len(points_m), _MOST_POINTS)).astype(np.int64)
+        coarse = number_cells(points_m[some], _COARSE * scale_m)
+        some = some[np.unique(coarse, return_index=True)[1]]
+        support = find_support(points_m[some], middle_m, scale_m, settings.support)
         if support is None:
             notes.append("the plant stands on nothing that stands out as level: nothing is taken for floor")
     heights_m = points_m[:, 1] - middle_m[1] if support is None else support.heights(points_m)
@@ -109,7 +112,7 @@ def isolate_plant(
     excess = np.zeros(0)
     left = np.flatnonzero(kind == PointKind.PLANT)
     if focus is not None and len(left) >= _FEW and (settings.strays or settings.container):
-        cell_m = max(one_in_each_cell(points_m[left], _FINE_CELLS)[1], 1e-3 * scale_m)
+        cell_m = _FINE * scale_m
         cell = number_cells(points_m[left], cell_m)
         first = np.unique(cell, return_index=True)[1]
         cells_m = points_m[left[first]]

@@ -155,7 +155,9 @@ def _follow_relief(
         apart_m = over_m - relief_m.ravel()[key]
         weight = np.square(np.maximum(1 - np.square(apart_m / reach_m), 0))
         sums, held = (
-            gaussian_filter(np.bincount(key, values, minlength=shape[0] * shape[1]).reshape(shape), blur, mode="constant")
+            gaussian_filter(
+                np.bincount(key, values, minlength=shape[0] * shape[1]).reshape(shape), blur, mode="constant"
+            )
             for values in (weight * over_m, weight)
         )
         # Where hardly any floor is seen, it is the plane.
