@@ -29,8 +29,8 @@ class ContainerSettings:
     sectors: int = 24  # around its axis
     least_closed: float = 0.6  # share of the sectors in which its wall is seen
     most_uneven: float = 0.35  # deviation of the wall's distance from the axis, for its mean
-    wall: float = 0.3  # of that distance, in which a wall lies
-    least_wall: float = 0.5  # share of the container's cells that lie in its wall: stems stand all over
+    wall: float = 0.2  # of that distance, in which a wall lies
+    least_wall: float = 0.6  # share of the container's cells that lie in its wall: stems stand all over
     soil: float = 0.04  # of the height, above the rim, where what is not green is soil
 
     def __post_init__(self) -> None:
@@ -123,13 +123,18 @@ def find_container(
         wall_m[number] = np.quantile(away_m[sector == number], 0.8)
     seen = counts >= 0.2 * float(counts.mean())
     radius_m = float(np.median(wall_m[seen]))
+    # Pots taper: a slab's wall is where the slab is widest.
+    of_slab = slab[inside]
+    usual_m = np.full(run, radius_m)
+    for number in np.unique(of_slab):
+        usual_m[number] = np.quantile(away_m[of_slab == number], 0.8)
     width_m, rim_m = 2 * radius_m, run / settings.slabs * tall_m
     if width_m < settings.least_width * tall_m or rim_m > settings.slenderness * width_m:
         return ContainerSearch(container=None, why="")
-    in_wall = away_m >= (1 - settings.wall) * wall_m[sector]
+    in_wall = away_m / usual_m[of_slab] >= (1 - settings.wall) * wall_m[sector] / radius_m
     closed, uneven = float(seen.mean()), float(wall_m[seen].std()) / radius_m
     # A lid of soil lies inside the wall, at the top.
-    under = slab[inside] < max(run - 0.15 * settings.slabs, 0.6 * run)
+    under = of_slab < max(run - 0.15 * settings.slabs, 0.6 * run)
     share = float(in_wall[under].mean()) if under.any() else 0.0
     if closed < settings.least_closed or uneven > settings.most_uneven or share < settings.least_wall:
         why = (

@@ -41,7 +41,7 @@ class PlantGrid:
     def holds(self, points_m: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(N,) whether points (N, 3) are of the plant."""
         place = np.floor((points_m - self.corner_m) / self.cell_m)
-        inside = np.asarray((place >= 0) & (place < self.of_plant.shape)).all(axis=1)
+        inside = np.all((place >= 0) & (place < np.array(self.of_plant.shape)), axis=1)
         x, y, z = np.where(inside[:, None], place, 0).astype(np.intp).T
         return np.asarray(inside & self.of_plant[x, y, z])
 
@@ -114,11 +114,13 @@ def draw_plant_mask(
     least_px = max(int(settings.speck * height * width), 4)
     plant = _drop_specks(plant, least_px)
     other = _drop_specks(known & ~plant, least_px)
-    if not plant.any():
+    if not (plant.any() or (expected & ~known).any()):
         return plant
     reach_px = settings.reach * max(height, width)
     beside = other | (cv2.distanceTransform((~(plant | other | expected)).astype(np.uint8), cv2.DIST_L2, 3) > reach_px)
-    unlike = ~known & (_color_odds(srgb, plant, beside) < settings.least_odds)  # sky has no depth, but a colour
+    unlike = ~known & (
+        _color_odds(srgb, plant if plant.any() else expected, beside) < settings.least_odds
+    )  # sky has no depth, but a colour
     plant |= _drop_specks(expected & ~known & ~unlike, least_px)
     markers = np.zeros((height, width), np.int32)
     kernel = np.ones((2 * settings.sure_px + 1,) * 2, np.uint8)

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -169,7 +170,9 @@ def _draw_masks(
     chosen, apart_m = one_in_each_cell(own_m, _EXPECTED_POINTS)
     expected_m, apart_m = own_m[chosen], apart_m or grid.cell_m
     count = len(capture.views)
-    shown = set(np.linspace(0, count - 1, min(count, _SHOWN)).astype(int).tolist())
+    shown = set(np.linspace(0, count, min(count, _SHOWN), endpoint=False).astype(int).tolist())
+
+    undistorted = lru_cache(maxsize=4)(undistort)  # most captures have one lens
 
     def draw(index: int) -> tuple[NDArray[np.bool_], NDArray[np.uint8] | None]:
         """The mask, as the photograph is shown, and a picture of it."""
@@ -179,8 +182,7 @@ def _draw_masks(
         picture = draw_outline(view.srgb, mask) if index in shown else None
         held = capture.views[index]
         if not held.lens.is_pinhole:
-            size = view.camera.width_px, view.camera.height_px
-            mask = undistort(scale_lens(held.lens, *size)).distorted(mask)
+            mask = undistorted(scale_lens(held.lens, view.camera.width_px, view.camera.height_px)).distorted(mask)
         return _as_shown(held.photo, mask), picture
 
     at_once, _ = share_cores(call.threads)
