@@ -101,7 +101,8 @@ def test_a_wall_behind_a_plant_is_left_out() -> None:
     scene = Scene()
     scene.floor(1.5)
     scene.shell((0, 0.35, 0), 0.3)
-    scene.add("wall", np.column_stack([scene.rng.uniform(-1.5, 1.5, 30_000), scene.rng.uniform(0, 1.5, 30_000), np.full(30_000, -1.0)]), CLOTH)  # fmt: skip
+    x, y = scene.rng.uniform(-1.5, 1.5, 30_000), scene.rng.uniform(0, 1.5, 30_000)
+    scene.add("wall", np.column_stack([x, y, np.full(30_000, -1.0)]), CLOTH)
     found = isolate(scene, distance_m=1.2)
     assert kept(scene, found, "wall") < 0.01
     assert kept(scene, found, "plant") > 0.97

@@ -115,7 +115,7 @@ def _isolate(call: StageCall, source: Path) -> None:
         copy_tree(source / MASKS, target / MASKS, link=True)
         plant = np.ones(len(cloud), bool)
     else:
-        masks = _draw_masks(call, capture, cloud, plant, target)
+        masks = _draw_masks(call, capture, cloud, plant, target, aimed=found.focus is not None)
         unseen = [capture.views[drawn.index].name for drawn in masks if drawn.share == 0]
         for name in unseen:  # an empty mask would count as none
             (target / IMAGES / name).unlink()
@@ -162,11 +162,16 @@ def _link(path: Path, there: Path) -> None:
 
 
 def _draw_masks(
-    call: StageCall, capture: Capture, cloud: Cloud, plant: NDArray[np.bool_], target: Path
+    call: StageCall, capture: Capture, cloud: Cloud, plant: NDArray[np.bool_], target: Path, *, aimed: bool
 ) -> list[_DrawnMask]:
-    """The mask of every photograph, written; with those that it came with, both must hold."""
-    grid = make_plant_grid(cloud.points_m, plant)
-    own_m = cloud.points_m[plant]
+    """The mask of every photograph, written; with those that it came with, both must hold.
+
+    What of a photograph has no depth is none of a plant that the photographs are aimed at. Where they are aimed at
+    nothing, it is part of the plant: there the rest is drawn.
+    """
+    drawn = plant if aimed else ~plant
+    grid = make_plant_grid(cloud.points_m, drawn)
+    own_m = cloud.points_m[drawn]
     chosen, apart_m = one_in_each_cell(own_m, _EXPECTED_POINTS)
     expected_m, apart_m = own_m[chosen], apart_m or grid.cell_m
     count = len(capture.views)
@@ -178,6 +183,7 @@ def _draw_masks(
         """The mask, as the photograph is shown, and a picture of it."""
         view = read_view(capture, index)
         mask = draw_plant_mask(view.srgb, view.points(), grid, expect_plant(view.camera, expected_m, apart_m))
+        mask = mask if aimed else ~mask
         mask = mask if view.mask is None else mask & view.mask
         picture = draw_outline(view.srgb, mask) if index in shown else None
         held = capture.views[index]
