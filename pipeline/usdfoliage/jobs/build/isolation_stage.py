@@ -19,7 +19,7 @@ from usdfoliage.capture.folder import Capture, read_capture, read_view
 from usdfoliage.capture.lens import scale_lens, undistort
 from usdfoliage.capture.raster import apply_orientation
 from usdfoliage.concurrent import map_ahead, share_cores
-from usdfoliage.errors import FoliageError
+from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.geometry.point_cells import one_in_each_cell
 from usdfoliage.isolation.masks import draw_plant_mask, expect_plant, make_plant_grid
 from usdfoliage.isolation.plant import IsolatedPlant, IsolationSettings, PointKind, isolate_plant
@@ -179,9 +179,13 @@ def _draw_masks(
 
     undistorted = lru_cache(maxsize=4)(undistort)  # most captures have one lens
 
-    def draw(index: int) -> tuple[NDArray[np.bool_], NDArray[np.uint8] | None]:
-        """The mask, as the photograph is shown, and a picture of it."""
-        view = read_view(capture, index)
+    def draw(index: int) -> tuple[NDArray[np.bool_] | None, NDArray[np.uint8] | None]:
+        """The mask, as the photograph is shown, and a picture of it; None of a photograph that cannot be read."""
+        try:
+            view = read_view(capture, index)
+        except CaptureError as error:  # which every stage that reads it says
+            logger.info("no mask: %s", error)
+            return None, None
         mask = draw_plant_mask(view.srgb, view.points(), grid, expect_plant(view.camera, expected_m, apart_m))
         mask = mask if aimed else ~mask
         mask = mask if view.mask is None else mask & view.mask
@@ -194,13 +198,15 @@ def _draw_masks(
     at_once, _ = share_cores(call.threads)
     masks: list[_DrawnMask] = []
     for index, (mask, picture) in enumerate(map_ahead(draw, range(count), at_once)):
+        if mask is None:
+            continue
         if mask.any() and not mask.all():
             good, encoded = cv2.imencode(".png", mask.astype(np.uint8) * 255)
             assert good  # a picture of bytes always can be
             write_whole(target / MASKS / f"{capture.views[index].name}.png", encoded.tobytes())
         masks.append(_DrawnMask(index=index, share=float(mask.mean()), picture=picture))
         if call.progress is not None:
-            call.progress(call.task.name, len(masks) / count)
+            call.progress(call.task.name, (index + 1) / count)
     return masks
 
 
