@@ -18,7 +18,7 @@ from usdfoliage.cli.build_options import add_ending, add_plan, add_where
 logger = logging.getLogger(__name__)
 
 STAGES = (
-    *("poses", "matching", "depth", "cloud", "branches", "leaves", "crown"),
+    *("poses", "matching", "depth", "cloud", "isolation", "branches", "leaves", "crown"),
     *("asset", "turntable", "comparisons", "variants", "report"),
 )
 

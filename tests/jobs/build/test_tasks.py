@@ -44,7 +44,8 @@ def changed(**tables: Any) -> BuildSettings:
 
 PLAN = plan_build(make_inputs(), BuildSettings(), "fern")
 AFTER_PARTS = {"asset", "turntable", "comparisons", "variants", "report"}
-AFTER_CLOUD = {"branches", "leaves", "crown", *AFTER_PARTS}
+AFTER_ISOLATION = {"branches", "leaves", "crown", *AFTER_PARTS}
+AFTER_CLOUD = {"isolation", *AFTER_ISOLATION}
 
 
 def test_every_task_comes_after_those_that_it_needs() -> None:
@@ -68,6 +69,7 @@ def test_depth_is_cut_into_chunks_of_photographs() -> None:
     [
         ({"pictures": {"comparisons": 2}}, AFTER_PARTS),
         ({"foliage": {"most_leaves": 17}}, AFTER_PARTS),
+        ({"isolation": {"container": False}}, AFTER_CLOUD),
         ({"crown": {"size": 64}}, {"crown", *AFTER_PARTS}),
         ({"leaves": {"min_confidence": 0.3}}, {"leaves", "crown", *AFTER_PARTS}),
         ({"branches": {"most_points": 1000}}, {"branches", "crown", *AFTER_PARTS}),
@@ -115,7 +117,18 @@ def test_stages_that_are_switched_off_are_not_planned() -> None:
         branches={"make": "off"}, leaves={"make": False}, crown={"make": False}, pictures={"make": False}
     )
     stages = {task.stage for task in plan_build(make_inputs(), settings, "fern").tasks.values()}
-    assert stages == {"poses", "matching", "depth", "cloud", "asset", "report"}
+    assert stages == {"poses", "matching", "depth", "cloud", "isolation", "asset", "report"}
+
+
+def test_parts_are_made_of_the_isolated_plant_or_of_everything() -> None:
+    for part in ("branches", "leaves", "crown"):
+        assert "isolation" in PLAN.tasks[part].needs
+        assert "cloud" not in PLAN.tasks[part].needs
+    everything = plan_build(make_inputs(), changed(isolation={"make": "off"}), "fern")
+    assert "isolation" not in everything.tasks
+    for part in ("branches", "leaves", "crown"):
+        assert "cloud" in everything.tasks[part].needs
+    assert "cloud" in PLAN.tasks["report"].needs  # whose summary it shows
 
 
 def test_a_cloud_needs_no_capture() -> None:
@@ -150,7 +163,8 @@ def test_what_only_finished_tasks_need_is_not_wanted(tmp_path: Path) -> None:
 def test_a_build_can_stop_at_a_stage(tmp_path: Path) -> None:
     plan = plan_build(make_inputs(), BuildSettings(), "fern", ["cloud", "branches"])
     wanted, _ = find_wanted(plan, Store(folder=tmp_path), thorough=True)
-    assert {task.stage for task in wanted.values()} == {"poses", "matching", "depth", "cloud", "branches"}
+    expected = {"poses", "matching", "depth", "cloud", "isolation", "branches"}
+    assert {task.stage for task in wanted.values()} == expected
 
 
 def test_the_code_that_finds_depth_is_in_its_version() -> None:

@@ -19,6 +19,7 @@ from usdfoliage.jobs.build.tasks import (
     COMPARISONS,
     CROWN,
     DEPTH,
+    ISOLATION,
     LEAVES,
     MATCHING,
     POSES,
@@ -26,7 +27,7 @@ from usdfoliage.jobs.build.tasks import (
     VARIANTS,
 )
 
-_HEAVY = (POSES, MATCHING, DEPTH, CLOUD, BRANCHES, LEAVES, CROWN, TURNTABLE, COMPARISONS, VARIANTS)
+_HEAVY = (POSES, MATCHING, DEPTH, CLOUD, ISOLATION, BRANCHES, LEAVES, CROWN, TURNTABLE, COMPARISONS, VARIANTS)
 _LEAST_MEMORY_MIB = 2048
 _SHORTEST_TIMEOUT_S = 3600
 _LATE = 30  # times its estimate: then a task hangs

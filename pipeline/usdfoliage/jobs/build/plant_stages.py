@@ -19,11 +19,11 @@ from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import AssetError, CaptureError, FoliageError
 from usdfoliage.jobs.branches import BranchesRequest, NoStemsError, make_branches_asset
 from usdfoliage.jobs.build.call import StageCall
-from usdfoliage.jobs.build.capture_stages import capture_folder
 from usdfoliage.jobs.build.captured_leaves import read_leaf_frame
+from usdfoliage.jobs.build.isolation_stage import GIVEN_DEPTH, plant_capture
 from usdfoliage.jobs.build.store import ResultFile
 from usdfoliage.jobs.build.summary import StagePicture, StageSummary, write_summary
-from usdfoliage.jobs.build.tasks import BRANCHES, CLOUD, LEAVES
+from usdfoliage.jobs.build.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
 from usdfoliage.jobs.captured_crown import CapturedCrownRequest, make_captured_crown_asset
 from usdfoliage.jobs.crown_capture import PlantPoints
 from usdfoliage.jobs.leaves import LeavesRequest, make_leaves_asset
@@ -116,7 +116,9 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
     """The leaves that photographs show, in an asset of their own; where none can be looked for, the plant has none."""
     settings = call.settings.leaves
     given = call.inputs.has_depth and settings.depth != "estimated" and call.inputs.has_cameras
-    capture = call.request.capture if given else capture_folder(call, CLOUD)
+    # Masks of the plant lie beside the depth that was found, and beside that which was given.
+    isolated = call.has(ISOLATION)
+    capture = call.request.capture if given and not isolated else plant_capture(call)
     if not given and settings.depth == "given":
         raise CaptureError(f"{capture} has depth but no cameras/ that it belongs to; set leaves.depth to estimated")
     held = {field.name: getattr(settings, field.name) for field in fields(LeavesSettings)}
@@ -126,7 +128,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
         output=call.out / ASSET_FOLDER,
         name=call.request.name,
         settings=chosen,
-        depth="depth",
+        depth=GIVEN_DEPTH if given and isolated else "depth",
         representations=("bezier",),
         species=call.settings.plant.species,
         seed=call.settings.seed,
@@ -176,7 +178,7 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
         )
     frame = read_leaf_frame(call.result_of(LEAVES) / ASSET_FOLDER) if call.has(LEAVES) and traced is None else None
     request = CapturedCrownRequest(
-        cloud=PlantCloudRequest(path=capture_folder(call, CLOUD), roots=RootSettings()),
+        cloud=PlantCloudRequest(path=plant_capture(call), roots=RootSettings()),
         output=call.out / ASSET_FOLDER,
         name=call.request.name,
         settings=CapturedCrownSettings(size=settings.size, seed=call.settings.seed, threads=call.threads),
@@ -249,7 +251,7 @@ def read_traced_plant(folder: Path) -> TracedPlant | None:
 
 def _cloud_of(call: StageCall) -> Path:
     """What photographs gave, with what its capture.toml states, or the file that the user gave."""
-    return capture_folder(call, CLOUD) if call.has(CLOUD) else call.request.capture
+    return plant_capture(call) if call.has(CLOUD) else call.request.capture
 
 
 def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[ResultFile, ...]:

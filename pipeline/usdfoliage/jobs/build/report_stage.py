@@ -40,6 +40,7 @@ from usdfoliage.jobs.build.tasks import (
     CLOUD,
     COMPARISONS,
     CROWN,
+    ISOLATION,
     LEAVES,
     POSES,
     TURNTABLE,
@@ -57,6 +58,7 @@ _PICTURES, _COMPARED = "pictures", "compared.json"
 TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each did
     POSES: ("Cameras", "Where each photograph was taken from."),
     CLOUD: ("Depth and cloud", "The depth of every photograph, and one coloured cloud of all of them."),
+    ISOLATION: ("Isolation", "What of the cloud and of the photographs is the plant, and what was left out."),
     BRANCHES: ("Branches", "Skeleton, radii and surface of the branches, traced through the cloud."),
     LEAVES: ("Leaves", "Single leaves found in the photographs and fitted."),
     CROWN: ("Crown", "The crown as seen from its centre: how far it reaches, and its colours."),

@@ -14,11 +14,13 @@ from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
 LeafDepth = Literal["auto", "given", "estimated"]
 FoliageKind = Literal["auto", "captured", "filled", "drawn", "species", "none"]
 MakeBranches = Literal["auto", "on", "off"]
+MakeIsolation = Literal["auto", "off"]
 CloudLeaves = Literal["auto", "on", "off"]
 
 STAGE_SETTINGS = (
     "plant",
     "capture",
+    "isolation",
     "branches",
     "leaves",
     "foliage",
@@ -34,6 +36,26 @@ class PlantSettings:
     species: str = ""  # written into the asset; of a known one, as maple, also allometry, twigs and leaves
     representations: tuple[str, ...] | None = None  # of leaves: bezier, nurbs, subdiv, mesh; auto: by their number
     version: str = "1"  # of the asset, in its assetInfo
+
+
+@dataclass(frozen=True, kw_only=True)
+class IsolationStageSettings:
+    """How the plant is told from what is around it; what is left out is in no mask, and in no cloud."""
+
+    make: MakeIsolation = "auto"  # off: everything in the photographs is taken for the plant
+    floor: bool = True  # what the plant stands on is left out, if it is nearly level and stands out
+    container: bool = True  # its pot is left out, if the plant is green and the pot is not
+    strays: bool = True  # what is not linked with the plant is left out, if the photographs are aimed at one
+    floor_layer: float = 0.012  # half the thickness of a floor, in distances from the camera to the plant
+    link_gap: float = 0.1  # without points, that parts of the plant may be seen apart, in the same distances
+
+    def __post_init__(self) -> None:
+        if self.make not in get_args(MakeIsolation):
+            raise ValueError(f"make must be one of {', '.join(get_args(MakeIsolation))}, not {self.make!r}")
+        if not 0.001 <= self.floor_layer <= 0.1:
+            raise ValueError(f"floor_layer must be 0.001 to 0.1, not {self.floor_layer:g}")
+        if not 0 < self.link_gap <= 1:
+            raise ValueError(f"link_gap must be above 0 and at most 1, not {self.link_gap:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,6 +158,7 @@ class BuildSettings:
     seed: int = 0  # of every random choice, in every stage
     plant: PlantSettings = field(default_factory=PlantSettings)
     capture: CaptureRunSettings = field(default_factory=CaptureRunSettings)
+    isolation: IsolationStageSettings = field(default_factory=IsolationStageSettings)
     branches: BranchStageSettings = field(default_factory=BranchStageSettings)
     leaves: LeafStageSettings = field(default_factory=LeafStageSettings)
     foliage: FoliageSettings = field(default_factory=FoliageSettings)

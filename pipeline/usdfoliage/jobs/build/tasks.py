@@ -23,9 +23,24 @@ from usdfoliage.jobs.capture_work import task_key
 logger = logging.getLogger(__name__)
 
 POSES, MATCHING, DEPTH, CLOUD = "poses", "matching", "depth", "cloud"
+ISOLATION = "isolation"
 BRANCHES, LEAVES, CROWN, ASSET = "branches", "leaves", "crown", "asset"
 TURNTABLE, COMPARISONS, VARIANTS, REPORT = "turntable", "comparisons", "variants", "report"
-STAGES = (POSES, MATCHING, DEPTH, CLOUD, BRANCHES, LEAVES, CROWN, ASSET, TURNTABLE, COMPARISONS, VARIANTS, REPORT)
+STAGES = (
+    POSES,
+    MATCHING,
+    DEPTH,
+    CLOUD,
+    ISOLATION,
+    BRANCHES,
+    LEAVES,
+    CROWN,
+    ASSET,
+    TURNTABLE,
+    COMPARISONS,
+    VARIANTS,
+    REPORT,
+)
 _CODE = (".py", ".html", ".css", ".js", ".toml", ".glslfx", ".usda")
 _RESOURCES = ("schemas", "usd_plugins", "hydra_preview")
 # What poses and depth are made by: a test follows the imports.
@@ -149,17 +164,23 @@ def plan_build(
     else:
         cloud = ""
     has_cloud = [cloud] if cloud else []
+    plant = has_cloud  # what its parts are made of
+    if cloud and settings.isolation.make != "off":
+        given = source if inputs.has_depth else []  # which lies beside what was found
+        megapixels_of_all = len(inputs.photographs) * megapixels
+        isolation = add(ISOLATION, (settings.isolation, given), has_cloud, 5.0 + 0.7 * megapixels_of_all)
+        plant = [isolation]
     if settings.branches.make != "off":
         said_of_branches = (settings.seed, settings.branches, settings.plant.species, name, *([] if cloud else source))
-        parts.append(add(BRANCHES, said_of_branches, has_cloud, 25.0))
+        parts.append(add(BRANCHES, said_of_branches, plant, 25.0))
     if settings.leaves.make and cloud:
         said_of_leaves = (settings.seed, settings.leaves, name, settings.leaves.depth, source)
-        parts.append(add(LEAVES, said_of_leaves, has_cloud, 5.0 + 3.0 * len(inputs.photographs) * megapixels))
+        parts.append(add(LEAVES, said_of_leaves, plant, 5.0 + 3.0 * len(inputs.photographs) * megapixels))
     if settings.crown.make:
         said_of_crown = (settings.seed, settings.crown, name, *([] if cloud else source))
-        parts.append(add(CROWN, said_of_crown, [*has_cloud, *parts], 10.0))
+        parts.append(add(CROWN, said_of_crown, [*plant, *parts], 10.0))
     said_of_asset = (replace(settings, tasks=TaskSettings()), name, inputs.name, source)
-    asset = add(ASSET, said_of_asset, [*has_cloud, *parts], 8.0)
+    asset = add(ASSET, said_of_asset, [*plant, *parts], 8.0)
     pictures: list[str] = []
     if settings.pictures.make:
         drawn = settings.pictures
@@ -167,7 +188,7 @@ def plan_build(
         if cloud:
             pictures.append(add(COMPARISONS, drawn, [poses, asset], 6.0 + 2.5 * drawn.comparisons))
         pictures.append(add(VARIANTS, drawn, [asset], 30.0))
-    everything = [*([poses] if cloud else []), *has_cloud, *parts, asset, *pictures]
+    everything = [*([poses] if cloud else []), *dict.fromkeys([*has_cloud, *plant]), *parts, asset, *pictures]
     report = add(REPORT, profile, everything, 8.0)
     last = tuple(task.name for task in tasks.values() if task.stage in only) if only else (report,)
     return BuildPlan(tasks=tasks, last=last)

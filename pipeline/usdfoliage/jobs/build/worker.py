@@ -14,6 +14,7 @@ from usdfoliage.jobs.build.capture_stages import find_poses, finish_photographs,
 from usdfoliage.jobs.build.cloud_stage import make_cloud
 from usdfoliage.jobs.build.executors import Done, TaskOrder
 from usdfoliage.jobs.build.inputs import BuildInputs, find_inputs
+from usdfoliage.jobs.build.isolation_stage import isolate_capture
 from usdfoliage.jobs.build.plant_record import note_task, use_plant
 from usdfoliage.jobs.build.plant_stages import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.build.report_stage import compare_plant, report_plant, show_variants, turn_plant
@@ -26,6 +27,7 @@ from usdfoliage.jobs.build.tasks import (
     COMPARISONS,
     CROWN,
     DEPTH,
+    ISOLATION,
     LEAVES,
     MATCHING,
     POSES,
@@ -46,6 +48,7 @@ STAGES: Mapping[str, Stage] = {
     MATCHING: match_photographs,
     DEPTH: finish_photographs,
     CLOUD: make_cloud,
+    ISOLATION: isolate_capture,
     BRANCHES: trace_branches,
     LEAVES: find_leaves,
     CROWN: make_crown,

@@ -1,0 +1,84 @@
+"""Which pieces of a cloud without its floor are of the plant that the photographs are aimed at. Our own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.geometry.point_cells import touching_parts
+from usdfoliage.isolation.focus import Focus
+
+
+@dataclass(frozen=True, kw_only=True)
+class PieceSettings:
+    """What belongs together."""
+
+    gap: float = 0.03  # of the cameras' distance, without points, around what is a piece of its own
+    finer: tuple[float, ...] = (1.0, 0.67, 0.45, 0.3)  # of that gap: stray points may bridge it to a wall
+    inside: float = 0.8  # share of the main piece that must be about as near to the focus, for a gap to part it
+    link_gap: float = 0.1  # likewise, that is bridged to other pieces of the plant: thin stems are seen in parts
+    aim: float = 0.25  # likewise, around the focus, where the plant is
+    wide: float = 1.4  # of the plant's reach to its sides, within which other pieces may be of it
+    low: float = 0.06  # of the cameras' distance over the floor: what does not rise above is remains of the floor
+
+    def __post_init__(self) -> None:
+        if not (0 < self.gap <= self.link_gap and self.aim > 0 and self.wide >= 1 and self.low >= 0):
+            raise ValueError(f"gap, link_gap and aim must be above 0, the gaps in order, wide at least 1, not {self}")
+
+
+def find_plant_pieces(
+    cells_m: NDArray[np.float64],
+    heights_m: NDArray[np.float64] | None,
+    focus: Focus,
+    settings: PieceSettings = PieceSettings(),
+) -> NDArray[np.bool_]:
+    """(N,) what is of the plant: its main piece, large and near the focus, and others that are near these.
+
+    Args:
+        cells_m: (N, 3), Y up, a point for each cell of a grid, without the floor.
+        heights_m: (N,) over the floor; None where there is none.
+        focus: What the photographs are aimed at.
+        settings: What belongs together.
+    """
+    if not len(cells_m):
+        return np.zeros(0, bool)
+    scale_m = focus.distance_m
+    aside_m = np.linalg.norm(cells_m - focus.place_m, axis=1)
+    weight = np.exp(-np.square(aside_m / (settings.aim * scale_m)))
+    best = (-1.0, np.zeros(len(cells_m), np.int64), 0)
+    for finer in settings.finer:
+        piece = touching_parts(cells_m, finer * settings.gap * scale_m)
+        main = int(np.bincount(piece, weight).argmax())
+        share = float((aside_m[piece == main] < settings.inside * scale_m).mean())
+        if share > best[0]:
+            best = share, piece, main
+        if share >= settings.inside:
+            break
+    _, piece, main = best
+    count = int(piece.max()) + 1
+    of_plant = np.zeros(count, bool)
+    of_plant[main] = True
+    main_m = cells_m[of_plant[piece]]
+    middle_m = (np.quantile(main_m[:, [0, 2]], 0.02, axis=0) + np.quantile(main_m[:, [0, 2]], 0.98, axis=0)) / 2
+    beside_m = np.hypot(*(main_m[:, [0, 2]] - middle_m).T)
+    reach_m = settings.wide * float(beside_m.max()) + settings.link_gap * scale_m
+    # Walls and the like begin within reach, but do not end there.
+    away_m = np.hypot(*(cells_m[:, [0, 2]] - middle_m).T)
+    held = np.bincount(piece)
+    may_be = np.bincount(piece, away_m <= reach_m) >= 0.9 * held
+    if heights_m is not None:
+        top_m = np.full(count, -np.inf)
+        np.maximum.at(top_m, piece, heights_m)
+        may_be &= top_m > settings.low * scale_m
+    while True:
+        tree = cKDTree(cells_m[of_plant[piece]])
+        rest = np.flatnonzero((may_be & ~of_plant)[piece])
+        if not len(rest):
+            break
+        gap_m, _ = tree.query(cells_m[rest], distance_upper_bound=settings.link_gap * scale_m)
+        linked = np.unique(piece[rest[np.isfinite(gap_m)]])
+        if not len(linked):
+            break
+        of_plant[linked] = True
+    return np.asarray(of_plant[piece])

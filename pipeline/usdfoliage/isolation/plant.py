@@ -1,0 +1,144 @@
+"""Which points of a captured cloud are the plant: without what it stands on and in, and what is behind it. Our own."""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.geometry.point_cells import cell_means, number_cells, touching_parts
+from usdfoliage.isolation.container import Container, ContainerSettings, find_container
+from usdfoliage.isolation.focus import Focus, FocusSettings, find_focus
+from usdfoliage.isolation.pieces import PieceSettings, find_plant_pieces
+from usdfoliage.isolation.support import Support, SupportSettings, find_support
+from usdfoliage.isolation.vegetation import green_excess
+
+_COARSE, _FINE = 0.008, 0.004  # of the scale, widths of cells in which the floor, and pieces of the plant, are told
+_MOST_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
+_COLOR_CELLS = 1.5  # fine cells, width in which colours are taken together: single pixels of soil may be green
+_DIM = 0.05  # of white: about as dark, soil in the shade is of any hue
+_FEW = 200  # points, of which nothing is told
+_SPREAD = (0.02, 0.98)  # quantiles that a cloud without focus is measured between
+
+
+class PointKind(IntEnum):
+    """What a point is of."""
+
+    PLANT = 0
+    FLOOR = 1
+    CONTAINER = 2
+    STRAY = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class IsolationSettings:
+    """What is left out of a cloud."""
+
+    floor: bool = True
+    container: bool = True
+    strays: bool = True
+    focus: FocusSettings = field(default_factory=FocusSettings)
+    support: SupportSettings = field(default_factory=SupportSettings)
+    pieces: PieceSettings = field(default_factory=PieceSettings)
+    pot: ContainerSettings = field(default_factory=ContainerSettings)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IsolatedPlant:
+    """What every point is of, and what that was told by."""
+
+    kind: NDArray[np.uint8]  # (N,), PointKind
+    focus: Focus | None
+    support: Support | None
+    container: Container | None
+    notes: tuple[str, ...]  # what was not found or is doubtful, in sentences for the report
+
+    @property
+    def plant(self) -> NDArray[np.bool_]:
+        """(N,)"""
+        return np.asarray(self.kind == PointKind.PLANT)
+
+    def share(self, kind: PointKind) -> float:
+        return float((self.kind == kind).mean()) if len(self.kind) else 0.0
+
+
+def isolate_plant(
+    points_m: NDArray[np.float64],
+    colors: NDArray[np.number],
+    positions_m: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    settings: IsolationSettings = IsolationSettings(),
+) -> IsolatedPlant:
+    """Tell the plant of a cloud from the floor, its pot, and all that is not linked with it.
+
+    Args:
+        points_m: (N, 3), Y up as well as is known.
+        colors: (N, 3), red, green and blue, 0 to 255.
+        positions_m: (V, 3), where the cameras stand.
+        axes: (V, 3), where they look, of length 1.
+        settings: What is left out.
+
+    Raises:
+        ValueError: Arrays do not fit together.
+    """
+    if points_m.ndim != 2 or points_m.shape[1] != 3 or colors.shape != points_m.shape:
+        raise ValueError(f"points and colours must be (N, 3), not {points_m.shape} and {colors.shape}")
+    if positions_m.shape != axes.shape:
+        raise ValueError(f"cameras' places and axes must be alike, not {positions_m.shape} and {axes.shape}")
+    kind = np.full(len(points_m), PointKind.PLANT, np.uint8)
+    focus = find_focus(positions_m, axes, settings.focus)
+    notes: list[str] = []
+    if focus is None:
+        notes.append("the photographs are not aimed at one plant: all that stands on the ground is taken for it")
+    if len(points_m) < _FEW:
+        return IsolatedPlant(kind=kind, focus=focus, support=None, container=None, notes=tuple(notes))
+    if focus is not None:
+        middle_m, scale_m = focus.place_m, focus.distance_m
+    else:
+        low_m, high_m = np.quantile(points_m, _SPREAD, axis=0)
+        middle_m, scale_m = (low_m + high_m) / 2, float(np.linalg.norm(high_m - low_m)) / 4
+    support = None
+    if settings.floor:
+        some = np.linspace(0, len(points_m) - 1, min(len(points_m), _MOST_POINTS)).astype(np.int64)
+        coarse = number_cells(points_m[some], _COARSE * scale_m)
+        some = some[np.unique(coarse, return_index=True)[1]]
+        support = find_support(points_m[some], middle_m, scale_m, settings.support)
+        if support is None:
+            notes.append("the plant stands on nothing that stands out as level: nothing is taken for floor")
+    heights_m = points_m[:, 1] - middle_m[1] if support is None else support.heights(points_m)
+    if support is not None:
+        kind[heights_m < support.layer_m] = PointKind.FLOOR
+    container = None
+    excess = np.zeros(0)
+    left = np.flatnonzero(kind == PointKind.PLANT)
+    if focus is not None and len(left) >= _FEW and (settings.strays or settings.container):
+        cell_m = _FINE * scale_m
+        cell = number_cells(points_m[left], cell_m)
+        first = np.unique(cell, return_index=True)[1]
+        cells_m = points_m[left[first]]
+        over_m = heights_m[left[first]]
+        of_plant = find_plant_pieces(cells_m, None if support is None else over_m, focus, settings.pieces)
+        if settings.strays:
+            kind[left[~of_plant[cell]]] = PointKind.STRAY
+        if settings.container:
+            excess = _smooth_excess(colors[left], number_cells(points_m[left], _COLOR_CELLS * cell_m))
+            search = find_container(cells_m[of_plant], over_m[of_plant], excess[first][of_plant], settings.pot)
+            container = search.container
+            if search.why:
+                notes.append(search.why)
+    if container is not None:
+        held = container.holds(points_m[left], heights_m[left], excess) & (kind[left] == PointKind.PLANT)
+        kind[left[held]] = PointKind.CONTAINER
+        # What is left of the rim by itself is no leaf.
+        left = left[kind[left] == PointKind.PLANT]
+        if len(left):
+            piece = touching_parts(points_m[left], 0.5 * settings.pieces.gap * scale_m)
+            top_m = np.full(int(piece.max()) + 1, -np.inf)
+            np.maximum.at(top_m, piece, heights_m[left])
+            kind[left[top_m[piece] < container.soil_m]] = PointKind.CONTAINER
+    return IsolatedPlant(kind=kind, focus=focus, support=support, container=container, notes=tuple(notes))
+
+
+def _smooth_excess(colors: NDArray[np.number], cell: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(N,) excess of green of the mean colour in each point's cell (N,)."""
+    return np.asarray(green_excess(cell_means(colors, cell), _DIM)[cell])

@@ -1,0 +1,150 @@
+"""What of a cloud is the plant."""
+
+import numpy as np
+import pytest
+from isolated_plants import BARK, CLOTH, LEAF, POT, Scene, potted_plant, ring_of_cameras, tilt
+from usdfoliage.isolation.focus import find_focus
+from usdfoliage.isolation.plant import IsolatedPlant, IsolationSettings, PointKind, isolate_plant
+
+
+def isolate(scene: Scene, aim_m=(0, 0.35, 0), distance_m: float = 0.9, tilt_rad: float = 0.0, **said) -> IsolatedPlant:
+    places, axes = ring_of_cameras(aim_m, distance_m)
+    turn = tilt(tilt_rad)
+    return isolate_plant(scene.turned(tilt_rad), scene.srgb, places @ turn.T, axes @ turn.T, IsolationSettings(**said))
+
+
+def kept(scene: Scene, found: IsolatedPlant, name: str) -> float:
+    return float(found.plant[scene.of(name)].mean())
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 8.0, -12.0])
+def test_a_potted_plant_is_told_from_floor_pot_and_strays(tilt_deg: float) -> None:
+    scene = potted_plant()
+    found = isolate(scene, tilt_rad=np.radians(tilt_deg))
+    assert kept(scene, found, "plant") > 0.97
+    for name in ("floor", "pot", "soil", "reflections", "strays"):
+        assert kept(scene, found, name) < 0.02, name
+    assert found.container is not None
+    assert found.support is not None
+    slope = np.arctan(np.hypot(*found.support.plane[:2]))
+    assert slope == pytest.approx(abs(np.radians(tilt_deg)), abs=np.radians(1))
+
+
+def test_the_same_cloud_gives_the_same_plant() -> None:
+    scene = potted_plant()
+    assert np.array_equal(isolate(scene).kind, isolate(scene).kind)
+
+
+def test_far_from_the_origin_and_in_another_unit_it_is_the_same_plant() -> None:
+    scene = potted_plant()
+    places, axes = ring_of_cameras((0, 0.35, 0), 0.9)
+    moved = isolate_plant(100 * scene.points_m + 4e4, scene.srgb, 100 * places + 4e4, axes)
+    assert (moved.kind == isolate(scene).kind).mean() > 0.998
+
+
+def test_a_plant_without_floor_stays_whole() -> None:
+    scene = Scene()
+    scene.shell((0, 0.4, 0), 0.3)
+    scene.shell((0.25, 0.7, 0), 0.2)
+    found = isolate(scene, (0, 0.5, 0))
+    assert found.plant.all()
+    assert found.support is None
+    assert any("nothing is taken for floor" in note for note in found.notes)
+
+
+def test_a_trunk_on_a_meadow_stays() -> None:
+    scene = Scene()
+    scene.floor(6, 80_000, LEAF, 0.02)
+    scene.tube("trunk", 0.12, 0, 1.8, BARK)
+    scene.shell((0, 2.9, 0), 1.2)
+    found = isolate(scene, (0, 2, 0), 5.5)
+    assert kept(scene, found, "plant") > 0.99
+    assert kept(scene, found, "trunk") > 0.95  # but for its foot
+    assert kept(scene, found, "floor") < 0.01
+    assert found.container is None
+
+
+def test_of_a_plant_that_is_not_green_no_container_is_left_out() -> None:
+    scene = Scene()
+    scene.floor(1.6)
+    scene.tube("pot", 0.09, 0.005, 0.18, POT)
+    scene.shell((0, 0.4, 0), 0.2, color=(150, 90, 40))
+    found = isolate(scene)
+    assert kept(scene, found, "plant") > 0.97
+    assert kept(scene, found, "pot") > 0.8
+    assert any("hardly anything is green" in note for note in found.notes)
+
+
+def test_brown_stems_all_over_are_no_pot() -> None:
+    scene = Scene()
+    scene.floor(1.6)
+    for x, z in scene.rng.uniform(-0.3, 0.3, (40, 2)):
+        scene.tube("stems", 0.008, 0, 0.25, BARK, 400)
+        scene.points[-1] = scene.points[-1] + (x, 0, z)
+    for x, z in scene.rng.uniform(-0.25, 0.25, (12, 2)):
+        scene.shell((x, 0.38, z), 0.16, 3000)
+    found = isolate(scene)
+    assert kept(scene, found, "stems") > 0.85  # but for their feet
+    assert found.container is None
+
+
+def test_a_leaf_that_hangs_over_the_rim_stays() -> None:
+    scene = potted_plant()
+    places = np.column_stack(
+        [np.full(900, 0.1), scene.rng.uniform(0.08, 0.4, 900), scene.rng.uniform(-0.03, 0.03, 900)]
+    )
+    scene.add("hanging", places, LEAF)
+    assert kept(scene, isolate(scene), "hanging") > 0.9
+
+
+def test_a_wall_behind_a_plant_is_left_out() -> None:
+    scene = Scene()
+    scene.floor(1.5)
+    scene.shell((0, 0.35, 0), 0.3)
+    x, y = scene.rng.uniform(-1.5, 1.5, 30_000), scene.rng.uniform(0, 1.5, 30_000)
+    scene.add("wall", np.column_stack([x, y, np.full(30_000, -1.0)]), CLOTH)
+    found = isolate(scene, distance_m=1.2)
+    assert kept(scene, found, "wall") < 0.01
+    assert kept(scene, found, "plant") > 0.97
+
+
+def test_what_is_not_wanted_is_not_done() -> None:
+    scene = potted_plant()
+    found = isolate(scene, floor=False, container=False, strays=False)
+    assert found.plant.all()
+    found = isolate(scene, container=False)
+    assert kept(scene, found, "pot") > 0.8
+    assert found.share(PointKind.CONTAINER) == 0
+
+
+def test_photographs_from_the_air_have_no_focus_and_lose_the_ground_alone() -> None:
+    scene = Scene()
+    scene.floor(30, 80_000, LEAF, 0.05)
+    for x, z in ((-15, 3), (8, -10), (12, 14)):
+        scene.shell((x, 4, z), 3)
+    x, z = np.meshgrid(np.linspace(-20, 20, 5), np.linspace(-20, 20, 5))
+    places = np.column_stack([x.ravel(), np.full(25, 50.0), z.ravel()])
+    axes = np.tile((0.0, -1.0, 0.0), (25, 1))
+    assert find_focus(places, axes) is None
+    found = isolate_plant(scene.points_m, scene.srgb, places, axes)
+    assert kept(scene, found, "plant") > 0.99
+    assert kept(scene, found, "floor") < 0.01
+    assert any("not aimed at one plant" in note for note in found.notes)
+
+
+def test_the_focus_is_where_the_axes_meet() -> None:
+    places, axes = ring_of_cameras((3, -2, 7), 4.0)
+    focus = find_focus(places, axes)
+    assert focus is not None
+    assert np.allclose(focus.place_m, (3, -2, 7))
+    assert focus.distance_m == pytest.approx(4.0)
+    assert find_focus(places, -axes) is None  # behind all cameras
+
+
+def test_no_points_are_no_plant_and_nothing_breaks() -> None:
+    places, axes = ring_of_cameras((0, 0, 0), 1.0)
+    for count in (0, 5):
+        found = isolate_plant(np.zeros((count, 3)), np.zeros((count, 3), np.uint8), places, axes)
+        assert len(found.kind) == count
+    with pytest.raises(ValueError, match="points and colours"):
+        isolate_plant(np.zeros((4, 3)), np.zeros((3, 3)), places, axes)
