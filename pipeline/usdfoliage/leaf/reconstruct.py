@@ -18,7 +18,8 @@ from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surfac
 from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photo_colors import PhotoColorSettings, sample_leaf_colors
-from usdfoliage.leaf.segmentation.dense import DenseSegmentationSettings, segment_dense
+from usdfoliage.leaf.segmentation.dense import segment_dense
+from usdfoliage.leaf.segmentation.dense_settings import DenseSegmentationSettings
 from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing, nonzero
 from usdfoliage.leaf.segmentation.paper import PaperSegmentationSettings, segment_paper
 from usdfoliage.steps import StepProgress, follow_step

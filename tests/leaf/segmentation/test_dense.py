@@ -13,7 +13,8 @@ from leaf_views import Disc, camera, draw_view
 from numpy.typing import NDArray
 from usdfoliage.capture.view import View
 from usdfoliage.leaf.segmentation.claims import complete_claims
-from usdfoliage.leaf.segmentation.dense import DenseSegmentationSettings, PassSettings, segment_dense
+from usdfoliage.leaf.segmentation.dense import segment_dense
+from usdfoliage.leaf.segmentation.dense_settings import DenseSegmentationSettings, PassSettings
 from usdfoliage.leaf.segmentation.model import LeafPoints, Segmentation
 
 LEAVES = (

@@ -26,6 +26,7 @@ class LeafPrior:
 
     mean: NDArray[np.float64]  # (22,), parameters row after row, logarithm of the length in metres
     covariance: NDArray[np.float64]  # (22, 22)
+    learned: int = 0  # of so many leaves
 
     def __post_init__(self) -> None:
         if self.mean.shape != (NUMBERS,) or self.covariance.shape != (NUMBERS, NUMBERS):
@@ -42,7 +43,11 @@ class LeafPrior:
         """The prior with base and apex exchanged."""
         matrices, shifts = _symmetries()
         matrix = matrices[1]
-        return LeafPrior(mean=matrix @ self.mean + shifts[1], covariance=matrix @ self.covariance @ matrix.T)
+        return LeafPrior(
+            mean=matrix @ self.mean + shifts[1],
+            covariance=matrix @ self.covariance @ matrix.T,
+            learned=self.learned,
+        )
 
 
 def generic_prior(length_m: float, width: float) -> LeafPrior:
@@ -88,6 +93,7 @@ def learn_prior(leaves: NDArray[np.float64], before: LeafPrior, strength: float 
     return LeafPrior(
         mean=share * mean + (1 - share) * before.mean,
         covariance=share * covariance + (1 - share) * before.covariance + LEAST_SPREAD**2 * np.eye(NUMBERS),
+        learned=len(leaves),
     )
 
 

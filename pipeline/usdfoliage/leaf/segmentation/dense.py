@@ -9,7 +9,7 @@ the most visible leaves come first and help to find the others.
 """
 
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -19,15 +19,13 @@ from usdfoliage.capture.view import View
 from usdfoliage.concurrent import map_threaded
 from usdfoliage.leaf.fit.prior import LeafPrior, generic_prior, learn_prior
 from usdfoliage.leaf.segmentation.claims import (
-    ClaimSettings,
-    PointSettings,
     claim_pixels,
     collect_points,
     complete_claims,
 )
-from usdfoliage.leaf.segmentation.coherence import CoherenceSettings, make_depth_coherent, nearest_views
-from usdfoliage.leaf.segmentation.evidence import Evidence, EvidenceSettings, weigh_evidence
-from usdfoliage.leaf.segmentation.foliage_color import index_colors, judge_colors
+from usdfoliage.leaf.segmentation.dense_settings import DenseSegmentationSettings, PassSettings
+from usdfoliage.leaf.segmentation.evidence import Evidence, weigh_evidence
+from usdfoliage.leaf.segmentation.foliage_color import judge_colors
 from usdfoliage.leaf.segmentation.fragments import append_points, join_points, pair_fragments, take_leaves
 from usdfoliage.leaf.segmentation.leafness import UsualLeaf, judge_leaves, judge_likeness, measure_usual
 from usdfoliage.leaf.segmentation.model import (
@@ -39,93 +37,35 @@ from usdfoliage.leaf.segmentation.model import (
     no_points,
     nonzero,
 )
-from usdfoliage.leaf.segmentation.open_sky import put_sky_far
-from usdfoliage.leaf.segmentation.overlap import Overlaps, group_patches, measure_overlaps
-from usdfoliage.leaf.segmentation.patches import LocalPlanes, Patches, PatchSettings, find_patches, fit_planes_of_view
+from usdfoliage.leaf.segmentation.overlap import Overlaps, group_patches
+from usdfoliage.leaf.segmentation.patches import (
+    Patches,
+)
 from usdfoliage.leaf.segmentation.proposals import Proposals, join_proposals, propose_leaves, refit_proposals
+from usdfoliage.leaf.segmentation.scene import (
+    Scene,
+    expect_length,
+    fill_scene_rims,
+    find_within,
+    look_at_scene,
+    may_be_leaves,
+    measure_length,
+    noise_with_misfit,
+    overlap_patches,
+    points_of_parts,
+    points_of_patches,
+)
 from usdfoliage.leaf.segmentation.selection import drop_twins, select_leaves
-from usdfoliage.leaf.segmentation.usual_length import free_share, gather_measure, measure_usual_length
+from usdfoliage.leaf.segmentation.usual_length import (
+    free_share,
+    gather_measure,
+)
 
 Progress = Callable[[int, int], None]
 PatchKey = tuple[int, int, int]  # view; how many pixels, and the sum of their indices
 
-FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal
 USUAL_WIDTH = 0.5  # in lengths, before any leaf was seen
 SIZE_SPREAD = 2.0  # factor by which patches that show a leaf differ from the usual size
-
-
-@dataclass(frozen=True, kw_only=True)
-class PassSettings:
-    """When a pass keeps a leaf."""
-
-    least_quality: float  # 0 to 1
-    violation_weight: float  # of the share of a leaf that views look through
-    max_overlap: float  # share of a leaf that better ones may cover
-
-    def __post_init__(self) -> None:
-        if not (0 <= self.least_quality <= 1 and self.violation_weight >= 0 and 0 < self.max_overlap <= 1):
-            raise ValueError(f"least_quality and max_overlap must be from 0 to 1, violation_weight 0 or more: {self}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class DenseSegmentationSettings:
-    """How leaves are found. Distances are in pixel footprints, noises of the depth and usual leaf lengths."""
-
-    plane_threshold_m: float | None = None  # between a leaf and its points; auto: from noise and footprints
-    coherence: CoherenceSettings = field(default_factory=CoherenceSettings)
-    patches: PatchSettings = field(default_factory=PatchSettings)
-    evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
-    claims: ClaimSettings = field(default_factory=ClaimSettings)
-    points: PointSettings = field(default_factory=PointSettings)
-    # First fits are rough: what sees through them counts less, and many are tried.
-    first: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.06, violation_weight=0.4, max_overlap=0.6)
-    )
-    second: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.08, violation_weight=0.4, max_overlap=0.5)
-    )
-    third: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.1, violation_weight=0.5, max_overlap=0.5)
-    )
-    last: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.12, violation_weight=0.7, max_overlap=0.35)
-    )
-    piece_length: float = 0.3  # least length of a patch that may be a leaf, in usual lengths
-    piece_area: float = 0.04  # and its least area, in squares of it
-    whole: float = 2.5  # most of both
-    crease_deg: float = 20.0  # turn of the surface at which a patch may be two leaves
-    part: float = 0.8  # most of a patch that a part of it is
-    hopeless: float = 0.5  # of the quality that a pass asks for, below which a patch is not tried again
-    joined_quality: float = 0.5  # of the worse of two pieces, that both as one leaf need
-    reach: float = 0.15  # usual lengths that a leaf claims of the surface beyond its model
-    least_confidence: float = 0.12  # of a leaf that is given to the fit
-    shared: float = 0.2  # share of a leaf that better ones may cover in the end
-    twins: float = 0.1  # leaf lengths between leaves that are the same
-
-    def __post_init__(self) -> None:
-        if self.plane_threshold_m is not None and not self.plane_threshold_m > 0:
-            raise ValueError(f"plane_threshold_m must be above 0, not {self.plane_threshold_m}")
-        for name in ("piece_length", "piece_area", "whole", "crease_deg", "part", "twins", "shared"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
-        for name in ("hopeless", "joined_quality", "reach", "least_confidence"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} must not be below 0, but is {getattr(self, name)}")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Scene:
-    """What all passes look at."""
-
-    views: Sequence[View]  # those with depth
-    numbers: NDArray[np.int64]  # of each among all views
-    depths_m: Sequence[NDArray[np.float32]]
-    noise_m: float  # usual
-    footprint_m: float  # usual, of a pixel
-    tolerance_m: float  # between a leaf and its points
-    planes: Sequence[LocalPlanes]
-    patches: Sequence[Patches]
-    colors: Sequence[NDArray[np.int32]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,12 +100,18 @@ def segment_dense(
     if not used:
         return find_nothing(views)
     tell = _Teller(progress, 2 * len(used) + 7)
-    scene = _look(views, used, settings, tell, threads)
-    patches = scene.patches
+    scene = look_at_scene(views, used, settings, tell.step, threads)
 
-    overlaps = _overlap(scene, patches, settings, threads)
+    overlaps = overlap_patches(scene, settings, threads)
     tell.step()
-    usual_m = measure_usual_length(patches, overlaps)
+    usual_m = measure_length(scene, overlaps, settings, threads)
+    large = usual_m >= settings.large_px * scene.footprint_m > 0
+    if large:
+        scene = fill_scene_rims(scene, settings, threads)
+        overlaps = overlap_patches(scene, settings, threads)
+        usual_m = measure_length(scene, overlaps, settings, threads)
+    patches = scene.patches
+    scene = expect_length(replace(scene, large=large), usual_m, settings)
     candidates = _candidates(views, used, patches, usual_m)
     groups = _choose_groups(patches, overlaps, usual_m, settings)
     count, grouped = len(overlaps.view), sum(map(len, groups))
@@ -177,8 +123,8 @@ def segment_dense(
     group_of = np.zeros(len(overlaps.view), np.int64)
     for number, group in enumerate(groups, start=1):
         group_of[group] = number
-    points = _points_of_patches(scene, patches, group_of, len(groups), threads)
-    points = append_points(points, _points_of_parts(scene, usual_m, settings, threads))
+    points = points_of_patches(scene, patches, group_of, len(groups), threads)
+    points = append_points(points, points_of_parts(scene, usual_m, settings, threads))
     proposals = propose_leaves(points, usual_m, USUAL_WIDTH, scene.tolerance_m, threads=threads)
     tell.step()
 
@@ -195,6 +141,7 @@ def segment_dense(
         # The first fits say of size, and the second of form, what the next are judged by.
         usual = state.usual if name == "second" else None
         prior = None if name == "second" else state.prior
+        scene = expect_length(scene, state.usual.length_m, settings)
         state = _settle(scene, proposals, usual, prior, passing, settings, pairs=pairs, threads=threads)
         unlike = state.quality[found : found + len(keys)] < settings.hopeless * passing.least_quality
         hopeless |= {key for key, failed in zip(keys, unlike, strict=True) if failed}
@@ -217,148 +164,17 @@ class _Teller:
             self._progress(self._done, self._total)
 
 
-def _look(
-    views: Sequence[View], used: Sequence[int], settings: DenseSegmentationSettings, tell: _Teller, threads: int
-) -> _Scene:
-    chosen = [views[index] for index in used]
-    coherent = make_depth_coherent(chosen, settings.coherence, lambda done, total: tell.step(), threads=threads)
-    noise_m = float(np.median(coherent.noise_m))
-    footprint_m = float(
-        np.median([_footprint(view, depth) for view, depth in zip(chosen, coherent.depth_m, strict=True)])
-    )
-    depths_m = put_sky_far(coherent.depth_m)
-
-    def look(number: int) -> tuple[LocalPlanes, Patches]:
-        view, depth_m = chosen[number], depths_m[number]
-        fitted = fit_planes_of_view(view, depth_m, noise_m, settings.patches, threads=1)
-        return fitted, find_patches(
-            view, depth_m, noise_m, settings.patches, planes=fitted, valid=view.mask, threads=1
-        )  # fmt: skip
-
-    planes, patches = [], []
-    for fitted, found in map_threaded(look, range(len(chosen)), threads=threads):
-        planes.append(fitted)
-        patches.append(found)
-        tell.step()
-    return _Scene(
-        views=chosen,
-        numbers=np.asarray(used, np.int64),
-        depths_m=depths_m,
-        noise_m=noise_m,
-        footprint_m=footprint_m,
-        tolerance_m=settings.plane_threshold_m or 3 * noise_m + 1.5 * footprint_m,
-        planes=planes,
-        patches=patches,
-        colors=index_colors(chosen),
-    )
-
-
-def _footprint(view: View, depth_m: NDArray[np.float32]) -> float:
-    """Metres that a pixel of usual depth spans."""
-    known = depth_m[depth_m > 0]
-    return float(np.median(known)) / view.camera.focal_px[0] if len(known) else 0.0
-
-
-def _overlap(scene: _Scene, patches: Sequence[Patches], settings: DenseSegmentationSettings, threads: int) -> Overlaps:
-    cameras = [view.camera for view in scene.views]
-    every = list(range(len(cameras)))
-    neighbors = []
-    for index in every:
-        known = scene.depths_m[index][scene.depths_m[index] > 0]
-        depth_m = float(np.median(known)) if len(known) else 1.0
-        neighbors.append(nearest_views(cameras, index, every, depth_m, settings.coherence.neighbors))
-    return measure_overlaps(
-        scene.views,
-        scene.depths_m,
-        [found.labels for found in patches],
-        [len(found.pixels) for found in patches],
-        neighbors,
-        4.0,
-        scene.noise_m,
-        threads=threads,
-    )
-
-
-def _may_be_leaves(
-    patches: Sequence[Patches], usual_m: float, least_free: float, settings: DenseSegmentationSettings
-) -> NDArray[np.bool_]:
-    length_m, width_m, area_m2 = (gather_measure(patches, name) for name in ("length_m", "width_m", "area_m2"))
-    return np.asarray(
-        (area_m2 > settings.piece_area * usual_m**2)
-        & (area_m2 < settings.whole * usual_m**2)
-        & (length_m > settings.piece_length * usual_m)
-        & (length_m < settings.whole * usual_m)
-        & (width_m > 0.08 * length_m)
-        & (free_share(patches) > least_free)
-    )
-
-
 def _choose_groups(
     patches: Sequence[Patches], overlaps: Overlaps, usual_m: float, settings: DenseSegmentationSettings
 ) -> list[NDArray[np.int64]]:
-    plausible = _may_be_leaves(patches, usual_m, 0.08, settings)
+    plausible = may_be_leaves(patches, usual_m, 0.08, settings)
     stability = np.where(overlaps.views_seen > 0, overlaps.stability, 0.5)
     size = np.minimum(gather_measure(patches, "area_m2") / usual_m**2, 0.5)
     return group_patches(overlaps, plausible * free_share(patches) * size * (stability + 0.01))
 
 
-def _points_of_patches(
-    scene: _Scene, patches: Sequence[Patches], number: NDArray[np.integer], count: int, threads: int
-) -> LeafPoints:
-    """The points of count leaves, where number (P,) says whose each patch of all views is, from 1, or 0 for none."""
-    first = np.concatenate([[0], np.cumsum([len(found.pixels) for found in patches])])
-    labels = [
-        np.concatenate([[0], number[first[index] : first[index + 1]]]).astype(np.int32)[found.labels]
-        for index, found in enumerate(patches)
-    ]
-    return collect_points(
-        scene.views, scene.depths_m, labels, count, settings=FEW_POINTS, noise_m=scene.noise_m,
-        planes=scene.planes, threads=threads,
-    )  # fmt: skip
-
-
-def _points_of_parts(scene: _Scene, usual_m: float, settings: DenseSegmentationSettings, threads: int) -> LeafPoints:
-    """Parts of patches between creases, each as a leaf: touching leaves are often one patch, bent where they touch."""
-
-    def part(number: int) -> tuple[Patches, NDArray[np.bool_]]:
-        view, planes, whole = scene.views[number], scene.planes[number], scene.patches[number]
-        found = _find_within(scene, number, ~_find_creases(planes.normals(view.camera, threads=1), settings), settings)
-        # What is nearly the whole patch was tried as that.
-        parent = np.zeros(len(found.pixels) + 1, np.int64)
-        parent[found.labels] = whole.labels
-        size = np.concatenate([[0], whole.pixels])[parent[1:]]
-        return found, (found.pixels < settings.part * size) & (size > 0)
-
-    parts, proper = zip(*map_threaded(part, range(len(scene.views)), threads=threads), strict=True)
-    chosen = _may_be_leaves(parts, usual_m, 0.05, settings) & np.concatenate(proper)
-    return _points_of_patches(scene, parts, np.where(chosen, np.cumsum(chosen), 0), int(chosen.sum()), threads)
-
-
-def _find_within(
-    scene: _Scene, number: int, allowed: NDArray[np.bool_], settings: DenseSegmentationSettings
-) -> Patches:
-    """The patches of a view within allowed (H, W) and its mask."""
-    view = scene.views[number]
-    return find_patches(
-        view, scene.depths_m[number], scene.noise_m, settings.patches, planes=scene.planes[number],
-        valid=allowed if view.mask is None else allowed & view.mask, threads=1,
-    )  # fmt: skip
-
-
-def _find_creases(normals: NDArray[np.float32], settings: DenseSegmentationSettings) -> NDArray[np.bool_]:
-    """(H, W), where the surface turns by more than an angle within the window its planes are fitted in."""
-    reach = max(1, settings.patches.radius_px - 1)
-    least = np.cos(np.radians(settings.crease_deg))
-    crease = np.zeros(normals.shape[:2], bool)
-    across = np.sum(normals[:, 2 * reach :] * normals[:, : -2 * reach], axis=2) < least
-    down = np.sum(normals[2 * reach :] * normals[: -2 * reach], axis=2) < least
-    crease[:, reach:-reach] |= across
-    crease[reach:-reach] |= down
-    return crease
-
-
 def _propose_more(
-    scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, hopeless: Set[PatchKey], threads: int
+    scene: Scene, state: _Pass, settings: DenseSegmentationSettings, hopeless: Set[PatchKey], threads: int
 ) -> tuple[Proposals, NDArray[np.int64], list[PatchKey]]:
     """What was found, leaves of patches nobody claims, and pieces as one leaf.
 
@@ -370,14 +186,14 @@ def _propose_more(
     def look_again(number: int) -> Patches:
         # Claims end a pixel early or late; their rims are not leaves.
         rest = cv2.erode((state.labels[number] == 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        return _find_within(scene, number, rest, settings)
+        return find_within(scene, number, rest, settings)
 
     patches = list(map_threaded(look_again, range(len(scene.views)), threads=threads))
     keys = [(view, *key) for view, one in enumerate(patches) for key in one.pixel_keys()]
-    plausible = _may_be_leaves(patches, usual_m, 0.05, settings)
+    plausible = may_be_leaves(patches, usual_m, 0.05, settings)
     plausible &= np.array([key not in hopeless for key in keys], bool)
     number = np.where(plausible, np.cumsum(plausible), 0)
-    rest_points = _points_of_patches(scene, patches, number, int(plausible.sum()), threads)
+    rest_points = points_of_patches(scene, patches, number, int(plausible.sum()), threads)
     pairs = pair_fragments(state.proposals, state.points, usual_m)
     points = append_points(rest_points, join_points(state.points, pairs))
     width = state.usual.width_m / usual_m
@@ -385,19 +201,27 @@ def _propose_more(
     return join_proposals(state.proposals, more), pairs, [keys[index] for index in np.flatnonzero(plausible)]
 
 
-def _weigh(scene: _Scene, proposals: Proposals, settings: DenseSegmentationSettings, threads: int) -> Evidence:
-    return weigh_evidence(
-        proposals.leaves, scene.views, scene.depths_m, scene.noise_m, settings.evidence, threads=threads
-    )  # fmt: skip
+def _weigh(scene: Scene, proposals: Proposals, settings: DenseSegmentationSettings, threads: int) -> Evidence:
+    noise_m = noise_with_misfit(scene, settings.evidence.footprints, settings.evidence.noises)
+    return weigh_evidence(proposals.leaves, scene.views, scene.depths_m, noise_m, settings.evidence, threads=threads)
+
+
+def _near_expected(usual: UsualLeaf, expected_m: float, settings: DenseSegmentationSettings) -> UsualLeaf:
+    """The usual leaf, not far from what was expected: what is measured of few leaves drifts to pieces, or stems."""
+    length_m = float(np.clip(usual.length_m, expected_m / settings.shorter, expected_m * settings.longer))
+    scale = length_m / usual.length_m
+    width_m = max(usual.width_m * scale, settings.slender * length_m)
+    return UsualLeaf(length_m=length_m, width_m=width_m, area_m2=usual.area_m2 * scale * width_m / usual.width_m)
 
 
 def _judge(
-    scene: _Scene,
+    scene: Scene,
     proposals: Proposals,
     evidence: Evidence,
     usual: UsualLeaf | None,
     prior: LeafPrior | None,
     violation_weight: float,
+    settings: DenseSegmentationSettings,
     threads: int,
 ) -> tuple[NDArray[np.float64], UsualLeaf]:
     """(N,), 0 to 1, of each proposal, and the usual leaf, measured where it is not known."""
@@ -409,14 +233,14 @@ def _judge(
         scene.colors, scene.views, scene.depths_m, evidence, scene.tolerance_m + 1e-12, by_shape, threads=threads
     )  # fmt: skip
     if usual is None:
-        usual = measure_usual(proposals, evidence, by_color)
+        usual = _near_expected(measure_usual(proposals, evidence, by_color), scene.usual_m, settings)
         by_shape = judge_leaves(proposals, evidence, usual, violation_weight)
     likeness = judge_likeness(proposals, prior) if prior else everything
     return by_shape * by_color * likeness, usual
 
 
 def _settle(
-    scene: _Scene,
+    scene: Scene,
     proposals: Proposals,
     usual: UsualLeaf | None,
     prior: LeafPrior | None,
@@ -429,7 +253,7 @@ def _settle(
     """Keep the best proposals, give them the pixels that show them, and fit them to these."""
     dropped = dict[str, int]()
     evidence = _weigh(scene, proposals, settings, threads)
-    quality, usual = _judge(scene, proposals, evidence, usual, prior, passing.violation_weight, threads)
+    quality, usual = _judge(scene, proposals, evidence, usual, prior, passing.violation_weight, settings, threads)
     good = quality > passing.least_quality
     dropped["unlike a leaf"] = int(np.count_nonzero(~good))
     # Among leaves as good the larger goes first, so that a whole leaf comes before its pieces.
@@ -468,7 +292,9 @@ def _settle(
             dropped=nonzero(dropped),
         )  # fmt: skip
     evidence = _weigh(scene, proposals, settings, threads)
-    trust, _ = _judge(scene, replace(proposals, explained=np.ones(len(proposals))), evidence, usual, None, 1.0, threads)
+    trust, _ = _judge(
+        scene, replace(proposals, explained=np.ones(len(proposals))), evidence, usual, None, 1.0, settings, threads
+    )
     teachers = np.argsort(-trust * evidence.on, kind="stable")[: max(20, len(proposals) // 2)]
     prior = learn_prior(proposals.numbers()[teachers], generic)
     proposals = refit_proposals(points, proposals, prior, scene.tolerance_m, threads=threads)
@@ -502,19 +328,19 @@ def _favour_joined(
             worth[number] = max(worth[number], 1.02 * max(worth[first], worth[second]))
 
 
-def _surface_apart(scene: _Scene, usual: UsualLeaf) -> float:
+def _surface_apart(scene: Scene, usual: UsualLeaf) -> float:
     """Metres between surfaces that are not the same."""
     return max(scene.tolerance_m, 0.04 * usual.length_m)
 
 
 def _finish(
-    scene: _Scene, state: _Pass, settings: DenseSegmentationSettings, threads: int
+    scene: Scene, state: _Pass, settings: DenseSegmentationSettings, threads: int
 ) -> tuple[LeafPoints, dict[str, int]]:
     """The points of the leaves, with how sure each is and the number of the view that shows most of it; what went."""
     if not len(state.proposals):
         return no_points(), {}
     evidence = _weigh(scene, state.proposals, settings, threads)
-    quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0, threads)
+    quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0, settings, threads)
     sure = quality > settings.least_confidence
     # Fits to their own points have grown into each other since leaves were chosen: no surface is of two leaves.
     apart = np.zeros(len(quality), bool)

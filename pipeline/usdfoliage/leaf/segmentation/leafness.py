@@ -10,6 +10,8 @@ from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.segmentation.evidence import Evidence
 from usdfoliage.leaf.segmentation.proposals import Proposals
 
+ENOUGH = 100  # leaves that tell how different leaves of a set are
+
 
 @dataclass(frozen=True, kw_only=True)
 class UsualLeaf:
@@ -68,4 +70,6 @@ def judge_likeness(proposals: Proposals, prior: LeafPrior) -> NDArray[np.float64
     offsets = proposals.numbers() - means[:, None]
     distance = np.einsum("gni,gij,gnj->gn", offsets, precisions, offsets, optimize=True).min(axis=0)
     # Of 22 numbers of a normal distribution the sum of squares is below 34 in 95 of 100; what was learned is wide.
-    return np.asarray(np.exp(-np.maximum(distance - 14.0, 0) / 10.0))
+    # Few leaves do not tell how different leaves may be.
+    told = min(1.0, prior.learned / ENOUGH)
+    return np.asarray(np.exp(-told * np.maximum(distance - 14.0, 0) / 10.0))

@@ -139,9 +139,27 @@ def find_patches(
     if planes is None:
         planes = fit_planes_of_view(view, depth_m, noise_m, settings, threads=threads)
     allowed = np.ones(depth_m.shape, np.uint8) if valid is None else np.ascontiguousarray(valid, np.uint8)
-    labels, count = _native.join_pixels(
+    labels, _ = _native.join_pixels(
         seen, planes.gap_right, planes.gap_down, allowed, settings.gap, settings.gap_noises * noise_m, settings.least_px
     )
+    return measure_patches(
+        view, depth_m, labels, noise_m, settings,
+        normals=planes.normals(view.camera, threads=threads) if with_normals else None, threads=threads,
+    )  # fmt: skip
+
+
+def measure_patches(
+    view: View,
+    depth_m: NDArray[np.floating],
+    labels: NDArray[np.int32],
+    noise_m: float,
+    settings: PatchSettings = PatchSettings(),
+    *,
+    normals: NDArray[np.float32] | None = None,
+    threads: int = 0,
+) -> Patches:
+    """The edges and sizes of patches that are known: labels (H, W), 0 for none, then numbers without gaps."""
+    seen, count = depth_view(view.camera, depth_m), int(labels.max(initial=0))
     kind = _native.classify_edges(seen, labels, None, settings.edge, settings.edge_noises * noise_m, threads).reshape(
         depth_m.shape
     )
@@ -165,7 +183,7 @@ def find_patches(
         hidden_px=at_edges[:, HIDDEN_EDGE],
         unknown_px=at_edges[:, UNKNOWN_EDGE],
         fill=fill,
-        normals=planes.normals(view.camera, threads=threads) if with_normals else None,
+        normals=normals,
     )
 
 

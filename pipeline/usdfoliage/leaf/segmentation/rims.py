@@ -17,19 +17,14 @@ from usdfoliage.leaf.segmentation.patches import LocalPlanes, Patches
 class RimSettings:
     """Which holes are filled."""
 
-    least_length_px: float = 100.0  # of the usual leaf, below which rims are left alone: they are much of a leaf then
     reach: float = 0.008  # of the longer side: from a surface to the farthest pixel that gets its depth
     contrast: float = 0.1  # of white, between what is on either side of a hole, below which colours tell nothing
     apart: float = 0.1  # of the depth, between the surfaces on either side: leaves close together are of one colour
     most_change: float = 0.02  # of the depth, by which a surface may go on nearer or farther over its rim
 
     def __post_init__(self) -> None:
-        if not (
-            0 <= self.reach < 1
-            and 0 <= self.most_change < 1
-            and min(self.contrast, self.apart, self.least_length_px) >= 0
-        ):
-            raise ValueError(f"reach and most_change must be in [0, 1), the others not below 0, not {self}")
+        if not (0 <= self.reach < 1 and 0 <= self.most_change < 1 and min(self.contrast, self.apart) >= 0):
+            raise ValueError(f"reach and most_change must be in [0, 1), contrast and apart not below 0, not {self}")
 
 
 def fill_rims(
@@ -55,6 +50,9 @@ def fill_rims(
     # Seeds end a pixel before the hole, where colours are mixed and depth is of either side.
     seeds = np.where(unknown, 0, patches.labels).astype(np.int32)
     owner = cv2.watershed(np.ascontiguousarray(srgb), seeds.copy())
+    # The lines between owners are given to one of them, so that each meets the other.
+    beside = cv2.dilate(np.maximum(owner, 0).astype(np.float32), np.ones((3, 3), np.uint8)).astype(np.int32)
+    owner = np.where(owner < 0, beside, owner).astype(np.int32)
     source, other = _nearest_known(seeds, owner, unknown & (owner > 0), reach_px)
     filled = unknown & (source >= 0)
     beyond = other[filled]
