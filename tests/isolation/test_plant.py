@@ -88,6 +88,27 @@ def test_brown_stems_all_over_are_no_pot() -> None:
     assert found.container is None
 
 
+def test_a_square_pot_is_one_too() -> None:
+    scene = potted_plant()
+    pot = scene.of("pot")
+    points = scene.points_m
+    side = np.abs(points[pot][:, [0, 2]]).max(axis=1, keepdims=True)
+    points[pot] *= np.insert(0.09 / np.repeat(side, 2, axis=1), 1, 1, axis=1)
+    scene.points = [points]
+    found = isolate(scene)
+    assert kept(scene, found, "pot") < 0.03
+    assert kept(scene, found, "plant") > 0.97
+
+
+def test_what_may_be_a_pot_but_is_seen_from_one_side_stays_and_that_is_said() -> None:
+    scene = potted_plant()
+    hidden = (scene.of("pot") | scene.of("soil")) & (scene.points_m[:, 0] < 0.02)
+    places, axes = ring_of_cameras((0, 0.35, 0), 0.9)
+    found = isolate_plant(scene.points_m[~hidden], scene.srgb[~hidden], places, axes)
+    assert found.container is None
+    assert any("not surely one" in note for note in found.notes)
+
+
 def test_a_leaf_that_hangs_over_the_rim_stays() -> None:
     scene = potted_plant()
     places = np.column_stack(
