@@ -74,16 +74,20 @@ def fill_rims(
 def _nearest_known(
     seeds: NDArray[np.int32], owner: NDArray[np.int32], holes: NDArray[np.bool_], reach_px: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Index (H, W) of a near pixel with depth of the same owner, and of another one; -1 where there is none."""
+    """Index (H, W) of a near pixel with depth of the same owner, and of another one; -1 where there is none.
+
+    The other one may be twice as far: it has to reach across the hole.
+    """
     source = np.where(seeds > 0, np.arange(seeds.size, dtype=np.int32).reshape(seeds.shape), np.int32(-1))
     other = np.full(seeds.shape, -1, np.int32)
-    for _ in range(reach_px):
+    for turn in range(2 * reach_px):
         of_own, of_other = source.copy(), other.copy()
         for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
             beside, label = _shifted(of_own, axis, step), _shifted(owner, axis, step)
             same = label == owner
-            taken = holes & (source < 0) & (beside >= 0) & same
-            source[taken] = beside[taken]
+            if turn < reach_px:
+                taken = holes & (source < 0) & (beside >= 0) & same
+                source[taken] = beside[taken]
             across = np.where(same, _shifted(of_other, axis, step), beside)
             taken = holes & (other < 0) & (across >= 0)
             other[taken] = across[taken]
