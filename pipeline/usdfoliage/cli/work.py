@@ -1,8 +1,9 @@
 """Say what the work folder of builds holds, and remove what no longer is needed.
 
-Needed is what the latest build of each capture needs, but the planes of matching whose depth is done. The rest are
-results of other settings, photographs or versions, and what killed runs left. What is removed is made again when a
-build asks for it. Of a plant that is being built nothing is removed; nothing outside of the folder ever is.
+Needed is what the latest build of each plant (a capture and its output) needs, but the planes of matching whose depth
+is done. The rest are results of other settings, photographs or versions, and what killed runs left. What is removed is
+made again when a build asks for it. While a task of a plant runs nothing of that plant is removed; nothing outside of
+the folder ever is.
 """
 
 import argparse

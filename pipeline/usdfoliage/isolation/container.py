@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.isolation.vegetation import LEAST_EXCESS
 
+BESIDE = 1.5  # radii from the axis, within which what is not green and below the rim is the pot
 _FEW = 30  # cells of a slab, of which nothing is told
 
 
@@ -55,7 +56,9 @@ class Container:
     ) -> NDArray[np.bool_]:
         """(N,) which points (N, 3) are of it: green ones are leaves that hang over it, or stems."""
         aside_m = np.hypot(*(points_m[:, [0, 2]] - self.middle_m).T)
-        below = (heights_m < self.rim_m) | ((heights_m < self.soil_m) & (aside_m < self.radius_m))
+        # What hangs far beside the pot, and is not green, may be a flower or a leaf of the plant.
+        body = (heights_m < self.rim_m) & (aside_m < BESIDE * self.radius_m)
+        below = body | ((heights_m < self.soil_m) & (aside_m < self.radius_m))
         return np.asarray(below & (excess <= self.least_excess))
 
 

@@ -1,6 +1,7 @@
 """The task that tells the plant of a capture from what is around it: a capture with masks, and a cloud of the plant."""
 
 import logging
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -60,6 +61,7 @@ def isolate_capture(call: StageCall) -> tuple[ResultFile, ...]:
         logger.warning("the plant is not told from what is around it: %s", error)
         text = str(error).replace(str(call.store.folder), "…")
         target = call.out / "capture" / capture_name(call)
+        shutil.rmtree(target, ignore_errors=True)  # what was laid out before it failed
         _lay_out(call, source, target)
         copy_tree(source / MASKS, target / MASKS, link=True)
         _link(source / CLOUD_FILE, target / CLOUD_FILE)

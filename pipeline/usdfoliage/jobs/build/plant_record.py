@@ -66,7 +66,10 @@ def note_build(request: BuildRequest, plan: BuildPlan) -> None:
             "earlier": {old: stage for old, stage in sorted(earlier.items()) if _is_left(store, old, now)},
         }
         data = json.dumps(held, indent=1).encode()
-        if not store.record(key).is_file() or store.record(key).read_bytes() != data:
+        held_data = b""
+        with suppress(OSError):  # there is none, or none that can be read
+            held_data = store.record(key).read_bytes()
+        if held_data != data:
             write_whole(store.record(key), data)
         for task in plan.tasks.values():
             with suppress(OSError):  # most are not done yet

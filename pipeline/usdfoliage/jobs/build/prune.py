@@ -10,7 +10,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -164,7 +164,11 @@ def _needed(store: Store, record: PlantRecord, stamps: dict[str, Stamp]) -> set[
         if task.stage == MATCHING and readers.get(task.key):
             over = all(
                 reader.key not in needed
-                or (reader.key in stamps and find_finished(store, reader.key, thorough=False) is not None)
+                or (
+                    reader.key in stamps
+                    and not stamps[reader.key].poor  # which is tried again
+                    and find_finished(store, reader.key, thorough=False) is not None
+                )
                 for reader in readers[task.key]
             )
             if over:
@@ -199,14 +203,21 @@ def _views_of(store: Store, stamp: Stamp, kept: set[str]) -> Iterator[Path]:
 def _last_used_s(store: Store, key: str) -> float:
     """When it was made, or a build last asked for it, which the time of its lock says."""
     own = (store.stamp(key), store.lock(key), store.result(key), store.scratch(key), store.views(key))
-    return max((path.lstat().st_mtime for path in own if path.exists()), default=0.0)
+    times = []
+    for path in own:
+        with suppress(OSError):  # absent, or gone meanwhile
+            times.append(path.lstat().st_mtime)
+    return max(times, default=0.0)
 
 
 def _size_bytes(paths: Iterable[Path], seen: set[tuple[int, int]]) -> int:
     """On the disk; a file of several names once."""
     total = 0
     for path in paths:
-        below = [path, *(path.rglob("*") if path.is_dir() and not path.is_symlink() else ())]
+        below = [path]
+        if not path.is_symlink():
+            # A worker may be renaming what is walked through, which os.walk does not mind.
+            below += [Path(folder) / name for folder, names, files in os.walk(path) for name in (*names, *files)]
         for each in below:
             try:
                 found = each.lstat()

@@ -268,7 +268,7 @@ def _settle(
     labels = claim_pixels(
         proposals.leaves, scene.views, scene.depths_m, scene.noise_m, settings.claims, threads=threads
     )  # fmt: skip
-    reach_px = settings.reach * usual.length_m / scene.footprint_m
+    reach_px = settings.reach * usual.length_m / scene.footprint_m if scene.footprint_m else 0.0
     completed = map_threaded(
         lambda pair: complete_claims(pair[0], pair[1].labels, reach_px),
         zip(labels, scene.patches, strict=True),

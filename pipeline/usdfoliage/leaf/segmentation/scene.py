@@ -41,7 +41,7 @@ from usdfoliage.leaf.segmentation.usual_length import (
 
 FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal
 MEASURED_VIEWS = 8  # that the usual length is told by
-LENGTHS_AGREE = 1.7  # factor between two measures of the usual length that say the same
+LENGTHS_AGREE = 1.7  # factor by which patches are longer than their parts, beyond which these are the leaves
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -168,9 +168,9 @@ def measure_length(scene: Scene, overlaps: Overlaps, settings: DenseSegmentation
     radii_px = ladder_of_radii(max(scene.views[0].depth_m.shape))
     parts = list(zip(*map_threaded(part, shown.tolist(), threads=threads), strict=True))
     of_parts_m = measure_part_length(parts, radii_px, scene.footprint_m)
-    if of_parts_m is None or 1 / LENGTHS_AGREE < of_patches_m / of_parts_m < LENGTHS_AGREE:
-        return of_patches_m
-    return of_parts_m
+    # Patches of leaves that touch are too long. Where parts are longer than patches, leaves are too small to be parted.
+    too_long = of_parts_m is not None and of_patches_m > LENGTHS_AGREE * of_parts_m
+    return of_parts_m if of_parts_m is not None and too_long else of_patches_m
 
 
 def expect_length(scene: Scene, usual_m: float, settings: DenseSegmentationSettings) -> Scene:
