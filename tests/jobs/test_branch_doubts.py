@@ -41,9 +41,10 @@ def test_growth_through_a_part_of_the_cloud_is_doubted():
 
 
 def test_a_cloud_without_stems_is_doubted():
-    assert doubt_stems(0.01, True, 0.01) == doubt_stems(0.2, False, 0.01) == []
-    (doubt,) = doubt_stems(0.01, False, 0.01)
+    assert doubt_stems(0.01, 1.0, 0.01) == doubt_stems(0.01, 0.25, 0.01) == doubt_stems(0.2, 0.0, 0.01) == []
+    (doubt,) = doubt_stems(0.01, 1 / 12, 0.01)  # one in a hedge may look like one
+    assert doubt_stems(0.01, 0.0, 0.01) == [doubt]
     assert "no stem is seen at a root" in doubt
     assert "--internode 0.04" in doubt
-    (doubt,) = doubt_stems(0.0, True, 0.01)
+    (doubt,) = doubt_stems(0.0, 1.0, 0.01)
     assert "no stem or branch of the cloud is round" in doubt

@@ -5,7 +5,8 @@ from usdfoliage.capture.cloud_units import UNITS
 _PLANT_M = (0.05, 130.0)  # height of a plant: below it seedlings, above it none
 _UNJOINED = 0.3  # share of the branches,
 _FEW = 5  # of which so many may always be without a join
-_ROUND = 0.05  # share of the circles, from which on they are believed without a stem
+FEW_ROUND = 0.05  # share of the circles, from which on they are believed without a stem
+_STEMS = 0.25  # share of the roots, from which on their stems are believed: of many in a hedge one looks like one
 _REACHED = 0.7  # share of the points
 _LONGER = 4  # times the internode, with which growth reaches points farther apart
 
@@ -30,17 +31,17 @@ def doubt_height(height_m: float, metres_per_unit: float) -> list[str]:
     return [f"the plant is {told} high, {'lower' if height_m < least_m else 'higher'} than plants are: {what_to_do}"]
 
 
-def doubt_stems(believed: float, stems: bool, internode_m: float) -> list[str]:
+def doubt_stems(believed: float, stems: float, internode_m: float) -> list[str]:
     """A doubt in how thick branches are, and in branches at all of a cloud that shows no stems.
 
     Args:
         believed: Share of the circles that are.
-        stems: Whether a root has a stem.
+        stems: Share of the roots that have a stem.
         internode_m: Of the branches.
     """
     if believed == 0:
         return ["no stem or branch of the cloud is round: how thick they are is a guess from their length"]
-    if stems or believed >= _ROUND:
+    if stems >= _STEMS or believed >= FEW_ROUND:
         return []
     return [
         "no stem is seen at a root, as in a hedge: how thick branches are is a guess, and many may be rows of leaves; "

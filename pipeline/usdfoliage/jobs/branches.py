@@ -2,7 +2,6 @@
 
 import argparse
 import logging
-import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,13 +18,12 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage import BranchCage, BranchCageSettings, build_branch_cage
-from usdfoliage.branch.higher_feet import stands_on_stem
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import RadiusSettings
-from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
+from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches
 from usdfoliage.branch.species import load_species
-from usdfoliage.errors import FitError, FoliageError
-from usdfoliage.jobs.branch_doubts import doubt_stems, doubt_surface
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branch_doubts import doubt_surface
 from usdfoliage.jobs.branch_foliage import (
     FittedLeaves,
     FoliageRequest,
@@ -35,6 +33,7 @@ from usdfoliage.jobs.branch_foliage import (
 )
 from usdfoliage.jobs.branch_motion import BranchMotion, grow_branches, rig_branches, rig_leaves
 from usdfoliage.jobs.branch_regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
+from usdfoliage.jobs.branch_tracing import trace_cloud
 from usdfoliage.jobs.branches_report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.capture_work import digest_file
 from usdfoliage.jobs.crown_report import Row
@@ -47,10 +46,6 @@ logger = logging.getLogger(__name__)
 VARIATIONS = "variations"  # folder of the assets of plants alike
 _COARSER_ORDERS = (1, 2)  # variants of the surface
 CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
-
-
-class NoStemsError(FitError):
-    """The cloud shows neither a stem at a root nor round branches, as of a hedge or a wall of leaves."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +64,7 @@ class BranchesRequest:
     seed: int = 0
     preview: bool = True
     times: bool = True  # whether the report says how long each step took
-    needs_stems: bool = False  # refuse a cloud that shows neither stems nor round branches
+    needs_stems: bool = False  # as trace_cloud takes it
     force: bool = False
 
     @classmethod
@@ -133,32 +128,16 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
     """
     seconds: dict[str, float] = {}
     with publish_folder(request.output, force=request.force) as folder:
-        start = time.perf_counter()
         fitted = read_fitted_leaves(request.foliage, request.output)
-        plant = read_plant_cloud(request.cloud, progress)
-        seconds["read"] = time.perf_counter() - start
-        with follow_step("branches", seconds, progress) as tell:
-            traced = reconstruct_branches(
-                plant.points_m,
-                plant.roots_m,
-                request.settings,
-                lambda name, share: tell(round(1000 * share), 1000),
-                plant.colors,
-            )
-        if not len(traced.skeleton):
-            raise FitError(f"no branch was found in {len(plant.points_m):,} points ({plant.source.path})")
+        found = trace_cloud(request.cloud, request.settings, seconds, progress, needs_stems=request.needs_stems)
+        plant, traced = found.plant, found.traced
         species = request.foliage.species
         with follow_step("growth", seconds, progress) as tell:
             shown, told, doubts = regrow_branches(
                 traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
             )
-        warnings = [*plant.warnings, *doubts]
-        notes = [*plant.notes, *describe_leaves(traced, request.settings), *told]
-        stems = any(stands_on_stem(plant.points_m, root_m) for root_m in plant.roots_m)
-        doubts_of_stems = doubt_stems(float(traced.radii.believed.mean()), stems, traced.internode_m)
-        if doubts_of_stems and request.needs_stems:
-            raise NoStemsError(doubts_of_stems[0])
-        warnings.extend(doubts_of_stems)
+        warnings = [*found.warnings, *doubts]
+        notes = [*found.notes, *describe_leaves(traced, request.settings), *told]
         made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
         notes.extend(made.notes)
         surface = made.surfaces.whole

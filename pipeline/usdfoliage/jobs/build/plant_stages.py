@@ -17,7 +17,8 @@ from usdfoliage.branch.species import Species, load_species
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import AssetError, CaptureError, FoliageError
-from usdfoliage.jobs.branches import BranchesRequest, NoStemsError, make_branches_asset
+from usdfoliage.jobs.branch_tracing import NoStemsError
+from usdfoliage.jobs.branches import BranchesRequest, make_branches_asset
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.captured_leaves import read_leaf_frame
 from usdfoliage.jobs.build.isolation_stage import GIVEN_DEPTH, plant_capture

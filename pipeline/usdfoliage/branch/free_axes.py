@@ -1,0 +1,144 @@
+"""Stems that stand free: what a noisy cloud of a herb shows of its branches, where nothing of it is round. Our own.
+
+An axis stands free where hardly anything is beside it, as a stem does below the leaves; an axis that was traced over
+leaves, or through a hedge, has them on both sides.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.geometry.point_cells import cell_means, number_cells
+
+_AT_ONCE = 4000  # places whose surroundings are held
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreeAxisSettings:
+    """What stands free; lengths in heights of the cloud."""
+
+    reach: float = 0.02  # from the axis, within which points are its own
+    beside: tuple[float, float] = (1.5, 3.0)  # reaches, between which points are of something else
+    most_beside: float = 0.8  # of them, for each of its own
+    stem: float = 0.3  # length of a stem at least,
+    free: float = 0.25  # of which so much must stand free
+    most_hidden: float = 0.5  # share of the stems that need not
+    twig: float = 0.04  # length of another branch at least: half of it must stand free
+
+    def __post_init__(self) -> None:
+        if not (0 < self.reach < 1 and 1 <= self.beside[0] < self.beside[1] and self.most_beside > 0):
+            raise ValueError(f"reach must be in (0, 1), beside rising from 1, most_beside above 0, not {self}")
+        if not (0 < self.free <= self.stem and 0 <= self.most_hidden < 1 and self.twig >= 0):
+            raise ValueError(f"free must be in (0, stem], most_hidden in [0, 1), twig not below 0, not {self}")
+
+
+def stands_free(
+    points_m: NDArray[np.float64],
+    skeleton: Skeleton,
+    settings: FreeAxisSettings = FreeAxisSettings(),
+) -> NDArray[np.bool_]:
+    """(V,) vertices of a skeleton at which its axis stands free in the cloud.
+
+    Args:
+        points_m: (N, 3), Y up.
+        skeleton: Traced through it.
+        settings: What stands free.
+    """
+    reach_m = settings.reach * float(np.ptp(points_m[:, 1]))
+    free = np.zeros(len(skeleton.points_m), bool)
+    if not reach_m > 0:
+        return free
+    # One point for a cell, so that what was seen often counts no more.
+    cells_m = cell_means(points_m, number_cells(points_m, reach_m / 2))
+    tree = cKDTree(cells_m)
+    along = _directions(skeleton, reach_m)
+    inner_m, outer_m = (reaches * reach_m for reaches in settings.beside)
+    for start in range(0, len(free), _AT_ONCE):
+        places = np.arange(start, min(start + _AT_ONCE, len(free)))
+        reached_m = float(np.hypot(outer_m, reach_m))
+        found = tree.query_ball_point(skeleton.points_m[places], reached_m)
+        around: list[list[int]] = list(found)  # type: ignore[arg-type]  # its stubs know of one place alone
+        place = np.repeat(np.arange(len(places)), [len(each) for each in around])
+        offset_m = cells_m[np.concatenate([np.array(each, np.int64) for each in around])]
+        offset_m -= skeleton.points_m[places][place]
+        on_m = (offset_m * along[places][place]).sum(axis=1)
+        away_m = np.sqrt(np.maximum((offset_m**2).sum(axis=1) - on_m**2, 0))
+        slab = np.abs(on_m) < reach_m / 2
+        own = np.bincount(place[slab & (away_m < reach_m)], minlength=len(places))
+        other = np.bincount(place[slab & (away_m > inner_m) & (away_m < outer_m)], minlength=len(places))
+        free[places] = (own > 0) & (other < settings.most_beside * own)
+    return free
+
+
+def keep_free_branches(
+    points_m: NDArray[np.float64],
+    skeleton: Skeleton,
+    settings: FreeAxisSettings = FreeAxisSettings(),
+) -> Skeleton | None:
+    """The stems that stand free, up to where they last do, and what stands free on them; None where most do not.
+
+    Args:
+        points_m: (N, 3), Y up.
+        skeleton: Traced through it.
+        settings: What stands free.
+    """
+    height_m = float(np.ptp(points_m[:, 1]))
+    stems = skeleton.up_to_order(0)
+    of_stems_m = _free_lengths(stems, stands_free(points_m, stems, settings))
+    long = stems.lengths_m >= settings.stem * height_m
+    standing = long & (of_stems_m >= settings.free * height_m)
+    if not standing.any() or standing.sum() < (1 - settings.most_hidden) * long.sum():
+        return None
+    free = stands_free(points_m, skeleton, settings)
+    kept = (_free_lengths(skeleton, free) >= 0.5 * skeleton.lengths_m) & (
+        skeleton.lengths_m >= settings.twig * height_m
+    )
+    kept[np.flatnonzero(skeleton.order == 0)] = standing
+    index = np.arange(len(skeleton.points_m))
+    last = np.maximum.reduceat(np.where(free, index, -1), skeleton.first)
+    last = np.maximum(last, skeleton.first + 1)  # two vertices are a branch
+    for branch, (parent, vertex) in enumerate(
+        zip(skeleton.parent_curve.tolist(), skeleton.parent_vertex.tolist(), strict=True)
+    ):
+        if parent >= 0:
+            kept[branch] &= kept[parent] and vertex <= last[parent]
+    reached = index <= last[skeleton.curve]
+    return skeleton.only(kept).only_vertices(reached[kept[skeleton.curve]])
+
+
+def points_of_branches(points_m: NDArray[np.float64], skeleton: Skeleton, within_m: float) -> NDArray[np.bool_]:
+    """(N,) which points (N, 3) lie on branches, or so near them."""
+    steps = np.flatnonzero(np.diff(skeleton.curve) == 0)
+    start_m, end_m = skeleton.points_m[steps], skeleton.points_m[steps + 1]
+    count = np.maximum(np.ceil(np.linalg.norm(end_m - start_m, axis=1) / max(within_m, 1e-9)), 1).astype(np.int64)
+    step = np.repeat(np.arange(len(steps)), count)
+    share = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[step]
+    axis_m = start_m[step] + share[:, None] * (end_m - start_m)[step]
+    away_m, nearest = cKDTree(axis_m).query(points_m)
+    return np.asarray(away_m <= skeleton.radius_m[steps[step]][nearest] + within_m)
+
+
+def _free_lengths(skeleton: Skeleton, free: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(B,) how much of each branch stands free."""
+    step_m = np.diff(skeleton.ways_m, append=0.0)
+    step_m[skeleton.first + skeleton.counts - 1] = 0
+    both = free & np.append(free[1:], False)
+    return np.asarray(np.add.reduceat(step_m * both, skeleton.first))
+
+
+def _directions(skeleton: Skeleton, reach_m: float) -> NDArray[np.float64]:
+    """(V, 3) of the axes, each between the places so far before and behind along its branch."""
+    directions = np.empty_like(skeleton.points_m)
+    for branch in range(len(skeleton)):
+        own = skeleton.branch(branch)
+        way_m, axis_m = skeleton.ways_m[own], skeleton.points_m[own]
+        ends_m = [
+            np.column_stack([np.interp(way_m + sign * reach_m, way_m, axis_m[:, k]) for k in range(3)])
+            for sign in (-1, 1)
+        ]
+        directions[own] = ends_m[1] - ends_m[0]
+    length = np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.asarray(directions / np.where(length > 0, length, 1))
