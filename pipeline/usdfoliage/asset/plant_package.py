@@ -50,6 +50,7 @@ class PlantAssetSettings:
     picture_px: tuple[int, int] = (1920, 1080)  # in a picture so wide and high
     switch_size: float = 0.05  # the same for a plant without leaves: the share of the picture's area that it covers
     version: str = "1"  # assetInfo
+    lod: str | None = None  # that is selected; None, or one the plant has not: the leaves, or what its parts had
 
     def __post_init__(self) -> None:
         if self.crown_mesh_size < 2:
@@ -141,7 +142,7 @@ def write_plant_asset(
     moving = [held for held in branches.sets if held.name in MOVING] if branches is not None else []
     still = [held for held in branches.sets if held.name not in (*MOVING, "lod")] if branches is not None else []
     sets = [
-        VariantSet(name="lod", variants={lod: shown[lod] for lod in _selected_first(lods, branches)}),
+        VariantSet(name="lod", variants={lod: shown[lod] for lod in _selected_first(lods, branches, settings.lod)}),
         *(replace(held, inside=leafy) for held in moving),
         *([leaf_layers.variants] if leaf_layers is not None else []),
         *(replace(held, inside=leafy) for held in still),
@@ -177,9 +178,10 @@ def _lods(near: bool, crown: bool) -> list[str]:
     return ["leaves"] if near else ["crown"]
 
 
-def _selected_first(lods: Sequence[str], branches: OtherParts | None) -> list[str]:
-    """The same lods, the one before the others that the plant had selected of which the parts are."""
-    return sorted(lods, key=lambda lod: branches is None or lod != branches.lod)
+def _selected_first(lods: Sequence[str], branches: OtherParts | None, wanted: str | None) -> list[str]:
+    """The same lods, the one before the others that is wanted, or that the plant had of which the parts are."""
+    first = wanted if wanted in lods or branches is None else branches.lod
+    return sorted(lods, key=lambda lod: lod != first)
 
 
 def _copy_branches(

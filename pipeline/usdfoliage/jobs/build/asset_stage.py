@@ -13,18 +13,25 @@ from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.other_parts import OtherParts, find_other_parts
 from usdfoliage.asset.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
+from usdfoliage.capture.cloud_file import read_cloud
 from usdfoliage.errors import FitError, PreviewError
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.captured_leaves import CapturedLeaves, read_captured_leaves
-from usdfoliage.jobs.build.foliage import choose_foliage
+from usdfoliage.jobs.build.foliage import choose_foliage, leaf_cover
+from usdfoliage.jobs.build.isolation_stage import plant_capture
 from usdfoliage.jobs.build.pictures import draw_thumbnail
 from usdfoliage.jobs.build.plant_stages import ASSET_FOLDER, TracedPlant, read_crown, read_traced_plant
 from usdfoliage.jobs.build.settings import STAGE_SETTINGS
 from usdfoliage.jobs.build.store import ResultFile
 from usdfoliage.jobs.build.summary import StageSummary, write_summary
-from usdfoliage.jobs.build.tasks import BRANCHES, CROWN, LEAVES
+from usdfoliage.jobs.build.tasks import BRANCHES, CLOUD, CROWN, LEAVES
+from usdfoliage.jobs.capture_results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.jobs.settings_file import list_settings
+from usdfoliage.leaf.model import Leaves
+
+_FEW = 0.25  # share of the cloud that is near leaves, below which they do not stand for the plant
+_MOST_POINTS = 50_000  # that this is told by
 
 logger = logging.getLogger(__name__)
 
@@ -42,6 +49,10 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     plant_from_capture = plant_frame(traced, captured, crown.asset_from_photo if crown is not None else None)
     chosen = choose_foliage(captured, traced, call.settings, plant_from_capture)
     branches = _branches_of(call) if traced is not None else None
+    cover = None
+    if traced is None and chosen.leaves is not None and call.has(CLOUD):
+        cover = _cover(call, chosen.leaves.leaves, plant_from_capture)
+    few = cover is not None and cover < _FEW
     if branches is None and chosen.leaves is None and crown is None:
         raise FitError(
             f"neither branches nor leaves nor a crown could be made of {call.request.capture}; the warnings of each "
@@ -59,12 +70,21 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             foliage=chosen.leaves,
             crown=crown,
             settings=PlantAssetSettings(
-                crown_mesh_size=call.settings.crown.mesh_size, version=call.settings.plant.version
+                crown_mesh_size=call.settings.crown.mesh_size,
+                version=call.settings.plant.version,
+                lod="crown" if few else None,
             ),
             thumbnail=thumbnail,
         )
 
     warnings = []
+    if few:
+        instead = ", so that the lod crown is shown" if crown is not None else ""
+        warnings.append(
+            f"the leaves that were found cover {cover:.0%} of the cloud, without branches for others{instead}; leaves "
+            "are too small in the photographs, or these show something else"
+        )
+    poor = False
     if call.settings.pictures.make:
         with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
             bare = write(Path(work) / ASSET_FOLDER, None)
@@ -72,6 +92,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
                 thumbnail = draw_thumbnail(bare, Path(work), call.settings.pictures)
             except PreviewError as error:
                 warnings.append(f"the asset has no thumbnail: {error}")
+                poor = True
                 thumbnail = None
             write(call.out / ASSET_FOLDER, thumbnail)
     else:
@@ -79,10 +100,19 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     rows = [
         Row(name="leaves", value=f"{0 if chosen.leaves is None else len(chosen.leaves.leaves):,}", remark=chosen.kind),
         Row(name="branches", value=f"{0 if traced is None else len(traced.skeleton):,}"),
+        *([Row(name="cover", value=f"{cover:.0%}", remark="of the cloud is near leaves")] if cover is not None else []),
         *[row for row in chosen.rows if row.name != "leaves"],
     ]
-    write_summary(call.out, StageSummary(rows=rows, notes=chosen.notes, warnings=warnings, poor=bool(warnings)))
+    write_summary(call.out, StageSummary(rows=rows, notes=chosen.notes, warnings=warnings, poor=poor))
     return ()
+
+
+def _cover(call: StageCall, leaves: Leaves, plant_from_capture: NDArray[np.float64]) -> float:
+    """Which share of the plant's cloud lies near its leaves."""
+    folder = plant_capture(call)
+    cloud = read_cloud(folder / CLOUD_FILE)
+    some = np.linspace(0, len(cloud) - 1, min(len(cloud), _MOST_POINTS)).astype(np.int64)
+    return leaf_cover(cloud.points_m[some] @ plant_from_capture[:3, :3].T + plant_from_capture[:3, 3], leaves)
 
 
 def plant_frame(

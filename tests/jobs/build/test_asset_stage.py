@@ -1,0 +1,68 @@
+"""The stage that makes one asset of the parts: what it shows first, and what it warns of."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from leaf_assets import write_spray
+from plant_assets import round_crown
+from pxr import Usd
+from usdfoliage.asset.contents import interface_of
+from usdfoliage.capture.cloud import Cloud
+from usdfoliage.capture.cloud_file import write_cloud
+from usdfoliage.crown.model import CrownModel
+from usdfoliage.jobs.build.asset_stage import assemble_asset
+from usdfoliage.jobs.build.captured_leaves import read_captured_leaves
+from usdfoliage.jobs.build.settings import BuildSettings, PictureStageSettings
+from usdfoliage.jobs.build.summary import read_summary
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.surface import evaluate_points, grid_places
+
+
+def points_on(leaves: Leaves) -> np.ndarray:
+    places = grid_places(np.linspace(-0.9, 0.9, 7), np.linspace(0.05, 0.95, 9))
+    return evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(("away", "with_crown", "lod"), [(9, True, "crown"), (1, True, "leaves"), (9, False, "leaves")])
+def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, away, with_crown, lod):
+    results = {name: tmp_path / name for name in ("isolation", "leaves", "crown")}
+    write_spray(results["leaves"] / "asset")
+    captured = read_captured_leaves(results["leaves"] / "asset")
+    assert captured is not None
+    # The leaves' own points, and `away` times as many that are of nothing found.
+    on_m = points_on(captured.fitted.leaves)
+    points_m = np.concatenate([on_m, *(on_m + np.array([30.0 * number, 0, 0]) for number in range(1, away))])
+    points_m = (points_m - captured.own_from_capture[:3, 3]) @ np.linalg.inv(captured.own_from_capture[:3, :3]).T
+    capture = results["isolation"] / "capture" / "fern"
+    capture.mkdir(parents=True)
+    count = len(points_m)
+    write_cloud(
+        capture / "cloud.ply",
+        Cloud(
+            points_m=points_m, normals=np.zeros((count, 3), np.float32), srgb=np.zeros((count, 3), np.uint8),
+            confidence=np.ones(count, np.float32), views=np.full(count, 2, np.int32),
+        ),
+    )  # fmt: skip
+    if with_crown:
+        results["crown"].mkdir()
+        held = {field.name: getattr(round_crown(), field.name) for field in fields(CrownModel)}
+        np.savez(results["crown"] / "crown.npz", **held)
+    call = SimpleNamespace(
+        out=tmp_path / "out",
+        inputs=SimpleNamespace(name="fern", source=Path("fern"), digests=()),
+        settings=replace(BuildSettings(), pictures=PictureStageSettings(make=False)),
+        request=SimpleNamespace(name="fern", capture=Path("fern")),
+        result_of=results.__getitem__,
+        has=lambda name: name in ("cloud", "isolation", "leaves", *(["crown"] if with_crown else [])),
+    )
+    call.out.mkdir()
+    assemble_asset(call)  # type: ignore[arg-type]
+    stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
+    assert stage.GetDefaultPrim().GetVariantSet("lod").GetVariantSelection() == lod
+    summary = read_summary(call.out)
+    told = [warning for warning in summary.warnings if "cover 11% of the cloud" in warning]
+    assert len(told) == (away > 1)
+    assert not any("lod crown" in warning for warning in told) or with_crown
