@@ -4,11 +4,15 @@ import json
 
 import numpy as np
 import pytest
+from cloud_files import write_ply
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
+from usdfoliage.branch.reconstruct import BranchSettings
+from usdfoliage.branch.roots import RootSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs import branch_doubts
-from usdfoliage.jobs.plant_cloud import read_roots, read_unit, read_up
+from usdfoliage.jobs.branches import BranchesRequest, make_branches_asset
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 
 HEIGHT_M, RADIUS_M, ARM_M = 2.0, 0.04, 0.02
 
@@ -310,6 +314,25 @@ def test_the_bark_has_the_color_that_is_asked_for(tmp_path, rng, capsys):
     assert stage.GetRootLayer().customLayerData["usdfoliage"]["settings"]["bark-color"] == "0.5 0.25 0.125"
     assert main([*command, "0.5", "2", "0"]) == 2
     assert "--bark-color must be three numbers from 0 to 1" in capsys.readouterr().err
+
+
+def test_the_bark_has_the_usual_color_of_the_clouds_wood(tmp_path, rng):
+    points_m = y_tree(rng)[::4]
+    colors = np.tile(np.array([[188, 137, 99]], np.uint8), (len(points_m), 1))
+    colors[::5] = (255, 0, 255)  # of something behind it
+    cloud = write_ply(tmp_path / "tree.ply", points_m, colors)
+    request = BranchesRequest(
+        cloud=PlantCloudRequest(path=cloud, roots=RootSettings(), up="Z"),
+        output=tmp_path / "out",
+        name="out",
+        settings=BranchSettings(),
+        preview=False,
+        color_of_cloud=True,
+    )
+    made = make_branches_asset(request)
+    stage = Usd.Stage.Open(str(made.asset))
+    (color,) = stage.GetPrimAtPath("/out/geo/render/Branches").GetAttribute("primvars:displayColor").Get()
+    np.testing.assert_allclose(color, [0.503, 0.250, 0.125], atol=0.002)
 
 
 def test_what_moves_is_written_when_it_is_asked_for(tmp_path, rng, capsys):

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """How long a build takes with one worker and with two, and how long a library takes to plan.
 
-usage: tools/bench/build_scaling.py [--views 8] [--size 320 240] [--work FOLDER]
+usage: tools/bench/build_scaling.py [--captures 1] [--views 8] [--size 320 240] [--work FOLDER]
        tools/bench/build_scaling.py --plan-only 1000      plans so many captures of 40 photographs
 
-The same capture is built anew in this process, by one and by two local processes, and by two Dask workers, each task
-with one thread. Asked of the results: the same bytes each time.
+The same captures are built anew in this process, by two local processes, and by two Dask workers, each task with one
+thread. Asked of the results: the same bytes each time.
 """
 
 import argparse
@@ -41,6 +41,7 @@ PHOTOGRAPHS = 40
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--captures", type=int, default=1, help="a library of so many, each of its own seed")
     parser.add_argument("--views", type=int, default=8)
     parser.add_argument("--size", type=int, nargs=2, default=[320, 240], metavar=("W", "H"))
     parser.add_argument("--work", type=Path, help="kept; else a temporary folder")
@@ -51,7 +52,7 @@ def main() -> int:
         folder.mkdir(parents=True, exist_ok=True)
         if options.plan_only is not None:
             return time_planning(folder, options.plan_only)
-        return time_building(folder, options.views, *options.size)
+        return time_building(folder, options.captures, options.views, *options.size)
 
 
 def time_planning(folder: Path, count: int) -> int:
@@ -69,29 +70,43 @@ def time_planning(folder: Path, count: int) -> int:
     return code
 
 
-def time_building(folder: Path, views: int, width_px: int, height_px: int) -> int:
-    """Print how long the same build takes on each executor."""
-    capture, plan = folder / "capture", folder / "plan.toml"
-    scene = SceneSettings(leaves=40, views=views, width_px=width_px, height_px=height_px)
-    write_capture(capture, make_capture(CaptureSettings(scene=scene)))
+def time_building(folder: Path, captures: int, views: int, width_px: int, height_px: int) -> int:
+    """Print how long the same builds take on each executor."""
+    plan = folder / "plan.toml"
+    given = [folder / f"capture{number}" for number in range(captures)]
+    for seed, capture in enumerate(given):
+        scene = SceneSettings(leaves=40, views=views, width_px=width_px, height_px=height_px, seed=seed)
+        write_capture(capture, make_capture(CaptureSettings(scene=scene)))
     plan.write_text(PLAN)
     settings = read_settings_file(plan, BuildSettings())
     seconds: dict[str, float] = {}
     made: dict[str, dict[str, bytes]] = {}
 
     def build(what: str, where: ExecutorChoice) -> None:
-        output = folder / what.replace(" ", "-") / "plant"
-        request = BuildRequest(
-            capture=capture, output=output, name="plant", settings=settings, work=output.parent / "work"
-        )
+        library = folder / what.replace(" ", "-")
+        requests = [
+            BuildRequest(
+                capture=capture,
+                output=library / capture.name,
+                name="plant",
+                settings=settings,
+                work=library / "work",
+            )
+            for capture in given
+        ]
         start = time.perf_counter()
-        ((_, plant),) = build_plants([request], where)
+        plants = [plant for _, plant in build_plants(requests, where)]
         seconds[what] = time.perf_counter() - start
-        if plant.asset is None:
-            sys.exit(f"{what}: {plant.error or f'{plant.errors} errors'}")
-        files = [path for path in sorted(output.rglob("*")) if path.is_file() and path.name != "timings.js"]
-        made[what] = {path.relative_to(output).as_posix(): path.read_bytes() for path in files}
-        shutil.rmtree(output.parent)
+        for plant in plants:
+            if plant.asset is None:
+                sys.exit(f"{what}: {plant.error or f'{plant.errors} errors'}")
+        made[what] = {
+            path.relative_to(library).as_posix(): path.read_bytes()
+            for request in requests
+            for path in sorted(request.output.rglob("*"))
+            if path.is_file() and path.name != "timings.js"
+        }
+        shutil.rmtree(library)
 
     build("this process", ExecutorChoice(threads=1))
     build("2 processes", ExecutorChoice(jobs=2, threads=1))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.branch_growth import BranchGrowth
@@ -23,6 +24,7 @@ from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches
 from usdfoliage.branch.species import load_species
 from usdfoliage.errors import FoliageError
+from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.branch_doubts import doubt_surface
 from usdfoliage.jobs.branch_foliage import (
     FittedLeaves,
@@ -65,6 +67,7 @@ class BranchesRequest:
     preview: bool = True
     times: bool = True  # whether the report says how long each step took
     needs_stems: bool = False  # as trace_cloud takes it
+    color_of_cloud: bool = False  # branches have the colour of the cloud's wood, where it has colours
     force: bool = False
 
     @classmethod
@@ -131,6 +134,9 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         fitted = read_fitted_leaves(request.foliage, request.output)
         found = trace_cloud(request.cloud, request.settings, seconds, progress, needs_stems=request.needs_stems)
         plant, traced = found.plant, found.traced
+        if request.color_of_cloud and plant.colors is not None and traced.wood.any():
+            color = wood_color(plant.colors[traced.wood])
+            request = replace(request, asset=replace(request.asset, color=color))
         species = request.foliage.species
         with follow_step("growth", seconds, progress) as tell:
             shown, told, doubts = regrow_branches(
@@ -257,6 +263,12 @@ def _write_plant(
         made.growth,
         made.rigged_leaves,
     )
+
+
+def wood_color(colors: NDArray[np.float64]) -> tuple[float, float, float]:
+    """The usual colour of points (N, 3), red, green and blue from 0 to 255 as photographs encode them; linear."""
+    red, green, blue = decode_srgb(np.median(colors, axis=0) / 255).tolist()
+    return red, green, blue
 
 
 def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[str]]:

@@ -63,6 +63,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         preview=False,
         times=False,
         needs_stems=settings.make == "auto",
+        color_of_cloud=call.has(CLOUD),  # a scan may be coloured by height or intensity
     )
     try:
         made = make_branches_asset(request, call.progress)

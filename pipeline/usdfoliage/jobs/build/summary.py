@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from usdfoliage.errors import CaptureError
+from usdfoliage.jobs.build.plan_words import in_words_of_the_plan
 from usdfoliage.jobs.crown_report import Row
 
 SUMMARY = "summary.json"
@@ -33,8 +34,14 @@ class StageSummary:
 
 
 def write_summary(folder: Path, summary: StageSummary) -> None:
-    """Put it into the folder of the result."""
-    text = json.dumps(asdict(summary), indent=1, ensure_ascii=True)
+    """Put it into the folder of the result, in the words of a plan."""
+    said = replace(
+        summary,
+        notes=[in_words_of_the_plan(note) for note in summary.notes],
+        warnings=[in_words_of_the_plan(warning) for warning in summary.warnings],
+        failure=in_words_of_the_plan(summary.failure),
+    )
+    text = json.dumps(asdict(said), indent=1, ensure_ascii=True)
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
 
 

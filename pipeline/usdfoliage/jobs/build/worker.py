@@ -15,6 +15,7 @@ from usdfoliage.jobs.build.cloud_stage import make_cloud
 from usdfoliage.jobs.build.executors import Done, TaskOrder
 from usdfoliage.jobs.build.inputs import BuildInputs, find_inputs
 from usdfoliage.jobs.build.isolation_stage import isolate_capture
+from usdfoliage.jobs.build.plan_words import in_words_of_the_plan
 from usdfoliage.jobs.build.plant_record import note_task, use_plant
 from usdfoliage.jobs.build.plant_stages import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.build.report_stage import compare_plant, report_plant, show_variants, turn_plant
@@ -83,7 +84,7 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
             name=order.name,
             seconds=0.0,
             was_run=True,
-            error=_as_given(str(error), order.request, str(order.request.capture)),
+            error=in_words_of_the_plan(_as_given(str(error), order.request, str(order.request.capture))),
         )
     except Exception:  # noqa: BLE001 (a farm must hear of any)
         return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
