@@ -117,9 +117,8 @@ def _find_edges(floor_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float
     if not count:
         return None
     sizes = np.bincount(parts.ravel())[1:]
-    of_floor = (
-        corner_m + (np.argwhere(np.isin(parts, 1 + np.flatnonzero(sizes >= _LARGE * sizes.max()))) + 0.5) * cell_m
-    )
+    large = 1 + np.flatnonzero(sizes >= _LARGE * sizes.max())
+    of_floor = corner_m + (np.argwhere(np.isin(parts, large)) + 0.5) * cell_m
     if len(of_floor) < _FEW:
         return None
     around_m = cell_m / 2 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
