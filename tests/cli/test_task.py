@@ -82,6 +82,37 @@ def test_a_step_whose_needs_are_not_there_says_which_to_run(folder, capsys):
     assert "run report first" in capsys.readouterr().err
 
 
+def test_what_was_pruned_may_be_retried(folder, capsys):
+    """A farm runs chunks again whose planes are gone: that is no failure, unless something is to be made of them."""
+    shutil.copytree(folder / "built", folder / "pruned")
+    work = folder / "pruned" / ".usdfoliage"
+    assert run("work", work, "--prune") == 0
+    command = ["task", folder / "capture", "-o", folder / "pruned" / "plant", "--plan", folder / "plan.toml", "--step"]
+    stamps = sorted((work / "tasks").glob("*.json"))
+    capsys.readouterr()
+    for step in ("matching-1", "matching-2", "depth"):
+        assert run(*command, step) == 0
+    out = capsys.readouterr().out
+    assert out.count("is gone, and not needed") == 4
+    assert out.count("was done before") == 2
+    assert sorted((work / "tasks").glob("*.json")) == stamps
+
+    # The cloud is to be made again, and one of its depths was altered.
+    key = {json.loads(path.read_text())["stamp"]["name"]: path.stem for path in stamps}
+    for name, each in key.items():
+        if not name.startswith(("poses", "depth")):
+            (work / "tasks" / f"{each}.json").unlink()
+    stamp = json.loads((work / "tasks" / f"{key['depth/1']}.json").read_text())["stamp"]
+    depth = work / stamp["files"][0]["path"]
+    depth.write_bytes(depth.read_bytes()[:-1] + bytes([depth.read_bytes()[-1] ^ 1]))
+    assert run(*command, "depth", "--chunk", "1/2") == 2
+    assert "run matching-2 first" in (told := capsys.readouterr().err)
+    assert "if it was done and then pruned, submit the job again, or run usdfoliage build" in told
+    for step in ("matching-1", "matching-2", "depth"):
+        assert run(*command, step) == 0
+    assert "gone" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [

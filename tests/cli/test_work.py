@@ -11,7 +11,7 @@ def held_below(folder: Path) -> int:
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file() and path.suffix != ".lock")
 
 
-def test_a_pruned_work_folder_builds_the_same_again(tmp_path, capsys):
+def test_a_pruned_work_folder_builds_the_same_again(tmp_path, capsys, monkeypatch):
     write_small_capture(tmp_path / "shrub")
     write_quick_plan(tmp_path / "plan.toml")
     work = tmp_path / "work"
@@ -20,7 +20,8 @@ def test_a_pruned_work_folder_builds_the_same_again(tmp_path, capsys):
     before, size = digests(tmp_path / "plant"), held_below(work)
 
     capsys.readouterr()
-    assert run("work", work) == 0
+    monkeypatch.setenv("USDFOLIAGE_WORK", str(work))
+    assert run("work") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["capture", "task", "count", "size", "last", "used"]
     assert next(line.split()[0:3] for line in lines if "not needed" in line) == [
@@ -66,3 +67,12 @@ def test_a_pruned_work_folder_builds_the_same_again(tmp_path, capsys):
 def test_what_cannot_be_done_is_said(tmp_path, capsys, arguments, complaint):
     assert run("work", tmp_path, *arguments) == 2
     assert complaint in capsys.readouterr().err
+
+
+def test_a_work_folder_that_nothing_names_is_asked_for(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("USDFOLIAGE_WORK", raising=False)
+    assert run("work") == 2
+    assert "give FOLDER, or set USDFOLIAGE_WORK" in capsys.readouterr().err
+    monkeypatch.setenv("USDFOLIAGE_WORK", str(tmp_path))
+    assert run("work") == 2
+    assert f"{tmp_path} is no work folder of builds" in capsys.readouterr().err

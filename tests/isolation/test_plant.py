@@ -169,3 +169,62 @@ def test_no_points_are_no_plant_and_nothing_breaks() -> None:
         assert len(found.kind) == count
     with pytest.raises(ValueError, match="points and colours"):
         isolate_plant(np.zeros((4, 3)), np.zeros((3, 3)), places, axes)
+
+
+def trailing_plant(half_m: float = 0.35) -> Scene:
+    """A plant at the edge of a table of cloth, above a floor of bark: a stem trails over the edge."""
+    scene = Scene()
+    scene.floor(half_m, 40_000)
+    x, z = scene.rng.uniform(-1.2, 1.2, (2, 6000))
+    scene.add("ground", np.column_stack([x, scene.rng.normal(-0.7, 0.02, 6000), z]), BARK)
+    scene.shell((0.2, 0.25, 0), 0.18)
+    turn = scene.rng.uniform(0, np.pi / 2, 600)
+    out = np.column_stack([0.3 + 0.1 * np.sin(turn), 0.15 + 0.1 * np.cos(turn), scene.rng.normal(0, 0.01, 600)])
+    down = np.column_stack(
+        [scene.rng.normal(0.4, 0.008, 2000), scene.rng.uniform(-0.4, 0.16, 2000), scene.rng.normal(0, 0.008, 2000)]
+    )
+    scene.add("plant", out, LEAF)
+    scene.add("hanging", down, LEAF)
+    return scene
+
+
+def test_what_trails_over_the_edge_of_a_table_stays() -> None:
+    scene = trailing_plant()
+    found = isolate(scene, (0.1, 0.15, 0))
+    assert found.support is not None
+    assert abs(found.support.plane[2]) < 0.01
+    assert kept(scene, found, "hanging") > 0.97
+    assert kept(scene, found, "plant") > 0.97
+    assert kept(scene, found, "floor") < 0.01
+    assert kept(scene, found, "ground") < 0.001
+    assert any("hangs over the edge" in note for note in found.notes)
+
+
+def test_below_a_floor_that_is_all_around_nothing_hangs() -> None:
+    """As a plant is mirrored in a glossy floor."""
+    scene = trailing_plant(1.5)
+    chosen = ~scene.of("ground")
+    places, axes = ring_of_cameras((0.1, 0.15, 0), 0.9)
+    found = isolate_plant(scene.points_m[chosen], scene.srgb[chosen], places, axes)
+    assert found.support is not None
+    assert not found.plant[scene.points_m[chosen, 1] < -0.02].any()
+    assert not any("hangs over the edge" in note for note in found.notes)
+
+
+def test_a_lawn_beside_and_below_a_terrace_is_none_of_the_plant() -> None:
+    scene = trailing_plant()
+    scene.colors[1] = np.tile(np.array(LEAF, np.uint8), (len(scene.points[1]), 1))
+    found = isolate(scene, (0.1, 0.15, 0))
+    assert kept(scene, found, "ground") < 0.001
+    assert kept(scene, found, "hanging") > 0.97
+
+
+@pytest.mark.parametrize("where_m", [(0.1, 1e7, 0.1), (0.1, -1e7, 0.1), (1e7, 0.1, -1e7)])
+def test_a_point_that_is_very_far_off_changes_nothing(where_m) -> None:
+    scene = potted_plant()
+    scene.add("far", np.array([where_m]), LEAF)
+    found = isolate(scene)
+    assert found.support is not None
+    assert kept(scene, found, "plant") > 0.97
+    assert kept(scene, found, "floor") < 0.02
+    assert not found.plant[scene.of("far")].any()

@@ -135,7 +135,8 @@ def _run_chunks(request: "BuildRequest", options: argparse.Namespace, lines: "Op
             lines.fail(f"internal fault in {name}")
             print(tell_fault(done.fault, f"{name} of {request.name}", debug=options.debug), file=sys.stderr)
             return 1
-        print(f"{name}: {f'{done.seconds:.1f} s' if done.was_run else 'was done before'}", flush=True)
+        idle = "is gone, and not needed: what is made of it is there" if done.spare else "was done before"
+        print(f"{name}: {f'{done.seconds:.1f} s' if done.was_run else idle}", flush=True)
         lines.progress((number + 1) / len(chunks))
     return 0
 

@@ -7,17 +7,26 @@ the folder ever is.
 """
 
 import argparse
+import os
 from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from usdfoliage.cli.build_options import WORK_VARIABLE
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.build.prune import HeldTask
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of --work; else .usdfoliage beside the asset")
+    parser.add_argument(
+        "folder",
+        type=Path,
+        nargs="?",
+        metavar="FOLDER",
+        help=f"of --work; builds without have .usdfoliage beside the asset (${WORK_VARIABLE})",
+    )
     parser.add_argument("--prune", action="store_true", help="remove what is not needed")
     parser.add_argument("--dry-run", action="store_true", help="with --prune: only say what would be removed")
     parser.add_argument(
@@ -33,20 +42,36 @@ def run(options: argparse.Namespace) -> int:
         raise FoliageError(f"--keep-days must be 0 or more, not {options.keep_days:g}")
     if options.dry_run and not options.prune:
         raise FoliageError("--dry-run says what --prune would remove; add --prune")
-    held = survey_work(options.folder, options.keep_days)
+    folder = _find_folder(options.folder)
+    held = survey_work(folder, options.keep_days)
     if not options.prune:
         print(_as_table(held))
         spare = sum(task.size_bytes for task in held if task.state == "not needed")
-        print(f"{options.folder}: {_size(held)}, {_megabytes(spare)} not needed (--prune removes that)")
+        print(f"{folder}: {_size(held)}, {_megabytes(spare)} not needed (--prune removes that)")
         return 0
     if options.dry_run:
         removed = tuple(task for task in held if task.state == "not needed")
     else:
-        removed = prune_work(options.folder, options.keep_days)
+        removed = prune_work(folder, options.keep_days)
     if removed:
         print(_as_table(removed))
-    print(f"{options.folder}: {_size(removed)} {'would be ' if options.dry_run else ''}removed")
+    print(f"{folder}: {_size(removed)} {'would be ' if options.dry_run else ''}removed")
     return 0
+
+
+def _find_folder(said: Path | None) -> Path:
+    """The work folder that is meant, as builds find theirs; FoliageError where nothing names one."""
+    from usdfoliage.errors import FoliageError
+
+    if said is not None:
+        return said
+    named = os.environ.get(WORK_VARIABLE)
+    if not named:
+        raise FoliageError(
+            f"no work folder is named: give FOLDER, or set {WORK_VARIABLE}; builds without have theirs, .usdfoliage, "
+            "beside the asset"
+        )
+    return Path(named).absolute()
 
 
 def _as_table(held: Iterable["HeldTask"]) -> str:

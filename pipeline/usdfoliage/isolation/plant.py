@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from usdfoliage.geometry.point_cells import cell_means, number_cells, touching_parts
 from usdfoliage.isolation.container import Container, ContainerSettings, find_container
 from usdfoliage.isolation.focus import Focus, FocusSettings, find_focus
+from usdfoliage.isolation.hanging import HangingSettings, find_hanging
 from usdfoliage.isolation.pieces import PieceSettings, find_plant_pieces
 from usdfoliage.isolation.support import Support, SupportSettings, find_support
-from usdfoliage.isolation.vegetation import green_excess
+from usdfoliage.isolation.vegetation import LEAST_EXCESS, green_excess
 
 _COARSE, _FINE = 0.008, 0.004  # of the scale, widths of cells in which the floor, and pieces of the plant, are told
 _MOST_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
@@ -41,6 +42,7 @@ class IsolationSettings:
     support: SupportSettings = field(default_factory=SupportSettings)
     pieces: PieceSettings = field(default_factory=PieceSettings)
     pot: ContainerSettings = field(default_factory=ContainerSettings)
+    hanging: HangingSettings = field(default_factory=HangingSettings)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,6 +128,17 @@ def isolate_plant(
             container = search.container
             if search.why:
                 notes.append(search.why)
+        if support is not None and of_plant.any():
+            low = np.flatnonzero(kind == PointKind.FLOOR)
+            hangs = _find_hanging(
+                points_m[low], colors[low], heights_m[low], cells_m[of_plant], support, focus, settings
+            )
+            kind[low[hangs]] = PointKind.PLANT
+            if hangs.any():
+                notes.append(
+                    "what is green and hangs over the edge of what the plant stands on, lower than that, is taken for "
+                    "part of it"
+                )
     if container is not None:
         held = container.holds(points_m[left], heights_m[left], excess) & (kind[left] == PointKind.PLANT)
         kind[left[held]] = PointKind.CONTAINER
@@ -137,6 +150,35 @@ def isolate_plant(
             np.maximum.at(top_m, piece, heights_m[left])
             kind[left[top_m[piece] < container.soil_m]] = PointKind.CONTAINER
     return IsolatedPlant(kind=kind, focus=focus, support=support, container=container, notes=tuple(notes))
+
+
+def _find_hanging(
+    low_m: NDArray[np.float64],
+    colors: NDArray[np.number],
+    heights_m: NDArray[np.float64],
+    plant_m: NDArray[np.float64],
+    support: Support,
+    focus: Focus,
+    settings: IsolationSettings,
+) -> NDArray[np.bool_]:
+    """(N,) which points (N, 3) that are no higher than the floor hang from the plant's (M, 3)."""
+    if not len(low_m):
+        return np.zeros(0, bool)
+    scale_m = focus.distance_m
+    cell = number_cells(low_m, _FINE * scale_m)
+    first = np.unique(cell, return_index=True)[1]
+    green = _smooth_excess(colors, number_cells(low_m, _COLOR_CELLS * _FINE * scale_m)) > LEAST_EXCESS
+    hangs = find_hanging(
+        low_m[first],
+        heights_m[first] > -support.layer_m,
+        green[first],
+        plant_m,
+        focus.place_m,
+        scale_m,
+        (settings.pieces.gap, settings.pieces.link_gap),
+        settings.hanging,
+    )
+    return np.asarray(hangs[cell] & green)
 
 
 def _smooth_excess(colors: NDArray[np.number], cell: NDArray[np.int64]) -> NDArray[np.float64]:

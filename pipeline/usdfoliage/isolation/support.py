@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 _TURNS = 12  # of fitting
 _SIGMA_OF_MAD = 1.4826
 _RELIEF_CELLS = 256  # along a side, at most
+_TALLEST = 10.0  # of the scale, over and under what is aimed at: farther points are errors of depth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +72,9 @@ def find_support(
     """
     layer_m = settings.layer * scale_m
     aside_m = np.hypot(cells_m[:, 0] - middle_m[0], cells_m[:, 2] - middle_m[2])
-    near_m = cells_m[aside_m < settings.reach * scale_m] - middle_m  # far from the origin sums lose digits
+    # One point that is far off must not make layers without end.
+    near = (aside_m < settings.reach * scale_m) & (np.abs(cells_m[:, 1] - middle_m[1]) < _TALLEST * scale_m)
+    near_m = cells_m[near] - middle_m  # far from the origin sums lose digits
     if len(near_m) < settings.least_cells:
         return None
     plane = _fit_plane(near_m, _find_layer(near_m, layer_m, settings), layer_m)

@@ -132,6 +132,39 @@ def test_masks_that_the_user_gave_hold_as_well(result: Path, tmp_path: Path) -> 
         assert not mask[:, SIZE[0] // 2 :].any()
 
 
+def test_masks_of_large_photographs_are_drawn_smaller_and_look_the_same(
+    result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from usdfoliage.jobs.build import isolation_stage
+
+    whole = read_views(read_capture(run(result, tmp_path / "whole") / "capture" / "fern")).views
+    drawn: list[tuple[int, ...]] = []
+    at_once: list[int] = []
+    true_draw, true_map = isolation_stage.draw_plant_mask, isolation_stage.map_ahead
+
+    def draw(srgb: np.ndarray, points_m: np.ndarray, *given: Any) -> np.ndarray:
+        drawn.append(srgb.shape)
+        assert points_m.shape == srgb.shape
+        return true_draw(srgb, points_m, *given)
+
+    def map_here(function: Any, items: Any, threads: int) -> Any:
+        at_once.append(threads)
+        return true_map(function, items, threads)
+
+    monkeypatch.setattr(isolation_stage, "draw_plant_mask", draw)
+    monkeypatch.setattr(isolation_stage, "map_ahead", map_here)
+    monkeypatch.setattr(isolation_stage, "_LONGEST_PX", SIZE[0] // 2)
+    monkeypatch.setattr(isolation_stage, "_PIXELS_AT_ONCE", SIZE[0] * SIZE[1])
+    small = read_views(read_capture(run(result, tmp_path / "small") / "capture" / "fern")).views
+    assert set(drawn) == {(SIZE[1] // 2, SIZE[0] // 2, 3)}
+    assert at_once == [1]
+    for first, second in zip(whole, small, strict=True):
+        assert first.mask is not None
+        assert second.mask is not None
+        assert second.mask.shape == SIZE[::-1]
+        assert (first.mask & second.mask).sum() / (first.mask | second.mask).sum() > 0.9
+
+
 def copy(source: Path, target: Path) -> None:
     for path in source.rglob("*"):
         if path.is_file():
@@ -163,6 +196,12 @@ def test_where_hardly_anything_is_left_everything_is_taken_and_that_is_a_warning
     out = run(result, tmp_path / "out")
     assert any("everything" in warning for warning in read_summary(out).warnings)
     assert len(read_cloud(out / "capture" / "fern" / "cloud.ply")) == len(potted_plant().points_m)
+
+
+@pytest.mark.parametrize("link_gap", [0.0, 0.029, 1.1])
+def test_gaps_that_cannot_be_are_refused(link_gap: float) -> None:
+    with pytest.raises(ValueError, match=r"link_gap must be 0\.03 to 1, not"):
+        IsolationStageSettings(link_gap=link_gap)
 
 
 def test_a_capture_that_cannot_be_read_does_not_end_the_build(result: Path, tmp_path: Path) -> None:

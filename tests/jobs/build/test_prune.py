@@ -24,6 +24,7 @@ from usdfoliage.jobs.build.store import (
     fill_result,
     find_finished,
     hold_lock,
+    is_held,
     list_files,
     lock_task,
     write_stamp,
@@ -194,6 +195,31 @@ def test_nothing_is_removed_in_a_survey(request_of_shrub: BuildRequest) -> None:
     assert all(is_done(request_of_shrub.store, plan).values())
 
 
+def test_a_survey_writes_nothing_and_lets_builds_go_on(
+    request_of_shrub: BuildRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built(request_of_shrub, "a")
+    store, key = request_of_shrub.store, plant_key(request_of_shrub)
+    with use_plant(request_of_shrub):
+        pass
+    before = {path: path.stat().st_mtime_ns for path in store.folder.rglob("*")}
+    true_open = os.open
+
+    def read_only(path: str, flags: int, *mode: int, **where: int) -> int:
+        if flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
+            raise PermissionError(30, "Read-only file system")
+        return true_open(path, flags, *mode, **where)
+
+    monkeypatch.setattr(os, "open", read_only)
+    assert "not needed" in states(survey_work(store.folder)).values()
+    with another_process(request_of_shrub, "plant"):
+        assert is_held(store.plant_lock(key))
+    assert {path: path.stat().st_mtime_ns for path in store.folder.rglob("*")} == before
+    store.plant_lock(key).unlink()
+    survey_work(store.folder)
+    assert not store.plant_lock(key).exists()
+
+
 def hold(request: BuildRequest, what: str, held: Event, over: Event) -> None:
     store, plan = request.store, plan_of("a")
     locks = {
@@ -302,10 +328,36 @@ def test_folders_that_are_no_work_folder(request_of_shrub: BuildRequest, tmp_pat
         survey_work(tmp_path / "assets")
 
 
-def test_a_damaged_record_counts_as_none(request_of_shrub: BuildRequest) -> None:
+def test_where_a_record_is_damaged_nothing_goes(
+    request_of_shrub: BuildRequest, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    plan = built(request_of_shrub, "a")
+    other = built(replace(request_of_shrub, capture=tmp_path / "tree"), "b")
+    path = request_of_shrub.store.record(plant_key(request_of_shrub))
+    path.write_text('{"tasks": 3}')
+    with pytest.raises(FoliageError, match=f"{path} cannot be read .*: nothing is removed; build the plant again"):
+        prune_work(request_of_shrub.work)
+    assert all(is_done(request_of_shrub.store, plan).values())
+    assert all(is_done(request_of_shrub.store, other).values())
+    found = states(survey_work(request_of_shrub.work))
+    assert set(found.values()) == {"needed", "unclear"}
+    assert found[plan.tasks["report"].key] == "unclear"
+    assert f"{path} cannot be read" in caplog.text
+    path.unlink()
+    assert len(prune_work(request_of_shrub.work)) == len(NEEDS) + 2
+
+
+def test_where_the_record_of_a_running_plant_is_gone_nothing_goes(request_of_shrub: BuildRequest) -> None:
+    plan = built(request_of_shrub, "a")
+    request_of_shrub.store.record(plant_key(request_of_shrub)).unlink()
+    with another_process(request_of_shrub, "plant"), pytest.raises(FoliageError, match="held by a running build"):
+        prune_work(request_of_shrub.work)
+    assert all(is_done(request_of_shrub.store, plan).values())
+
+
+def test_a_damaged_record_is_written_anew(request_of_shrub: BuildRequest) -> None:
     plan = built(request_of_shrub, "a")
     request_of_shrub.store.record(plant_key(request_of_shrub)).write_text('{"tasks": 3}')
-    assert len(prune_work(request_of_shrub.work)) == len(NEEDS)
     note_task(request_of_shrub, plan, plan.tasks["poses"])
     record = read_record(request_of_shrub.store, plant_key(request_of_shrub))
     assert record is not None

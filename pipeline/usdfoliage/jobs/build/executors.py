@@ -31,6 +31,7 @@ class Done:
     name: str
     seconds: float  # 0 where another run had done it meanwhile
     was_run: bool
+    spare: bool = False  # it was not done, since all that would be made of it is there
     lost: bool = False  # it was not done, since what it needs is gone: plan again
     error: str = ""  # what the user's data or set-up lack
     fault: str = ""  # a fault of ours, with its traceback

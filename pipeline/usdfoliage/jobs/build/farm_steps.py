@@ -12,9 +12,9 @@ from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.build.call import BuildRequest
 from usdfoliage.jobs.build.executors import Done, TaskOrder
 from usdfoliage.jobs.build.finish import BuiltPlant, finish_plant
-from usdfoliage.jobs.build.plant_record import note_build
+from usdfoliage.jobs.build.plant_record import note_build, note_task
 from usdfoliage.jobs.build.run import plan_plant
-from usdfoliage.jobs.build.store import find_finished, read_stamp, remove_leftovers
+from usdfoliage.jobs.build.store import find_finished, lock_task, read_stamp, remove_leftovers
 from usdfoliage.jobs.build.tasks import REPORT, BuildPlan
 from usdfoliage.jobs.build.worker import run_named_task
 from usdfoliage.steps import StepProgress
@@ -112,19 +112,24 @@ def find_chunks(
 
 
 def run_chunk(chunk: Chunk, progress: StepProgress | None = None) -> Done:
-    """Do one chunk, unless it is done.
+    """Do one chunk, unless it is done, or was pruned and all that is made of it is there: farms run chunks again.
 
     Raises:
         FoliageError: What it needs is not done.
     """
     order, plan = chunk.order, chunk.plan
-    needs = plan.tasks[order.name].needs
-    missing = [need for need in needs if not _is_there(order.request, plan, need)]
-    if missing and find_finished(order.request.store, order.key, thorough=True) is None:
-        raise FoliageError(_explain_missing(order.name, missing))
+    request, task = order.request, plan.tasks[order.name]
+    missing = [need for need in task.needs if not _is_there(request, plan, need)]
+    if find_finished(request.store, order.key, thorough=True) is None:
+        if not _is_wanted(request, plan, order.name, {}):
+            note_task(request, plan, task)
+            return Done(name=order.name, seconds=0.0, was_run=False, spare=True)
+        if missing:
+            _forget_damaged(request, order.key)
+            raise FoliageError(_explain_missing(order.name, missing))
     done = run_named_task(order, progress)
     if done.lost:
-        raise FoliageError(_explain_missing(order.name, needs, "something that it needs is damaged"))
+        raise FoliageError(_explain_missing(order.name, task.needs, "something that it needs is damaged"))
     return done
 
 
@@ -147,10 +152,36 @@ def _is_there(request: BuildRequest, plan: BuildPlan, task: str) -> bool:
     return find_finished(request.store, plan.tasks[task].key, thorough=False) is not None
 
 
+def _is_wanted(request: BuildRequest, plan: BuildPlan, name: str, told: dict[str, bool]) -> bool:
+    """Whether a task is wanted for itself, or something that is wanted and not done reads it."""
+    if name not in told:
+        told[name] = name in plan.last or any(
+            not _is_good(request, reader.key) and _is_wanted(request, plan, reader.name, told)
+            for reader in plan.needed_by(name)
+        )
+    return told[name]
+
+
+def _is_good(request: BuildRequest, key: str) -> bool:
+    stamp = find_finished(request.store, key, thorough=False)
+    return stamp is not None and not stamp.poor
+
+
+def _forget_damaged(request: BuildRequest, key: str) -> None:
+    """Remove the stamp of a result whose bytes were altered, else what it is made of counts as spare."""
+    store = request.store
+    with lock_task(store, key):
+        if find_finished(store, key, thorough=True) is None:
+            store.stamp(key).unlink(missing_ok=True)
+
+
 def _step_of(task: str) -> str:
     return task.split("/", maxsplit=1)[0]
 
 
 def _explain_missing(name: str, missing: Sequence[str], what: str = "what it needs is not done") -> str:
     steps = dict.fromkeys(_step_of(each) for each in missing)
-    return f"{name} cannot run: {what}; run {' and '.join(steps)} first ({', '.join(missing[:4])})"
+    return (
+        f"{name} cannot run: {what}; run {' and '.join(steps)} first ({', '.join(missing[:4])}); if it was done and "
+        "then pruned, submit the job again, or run usdfoliage build with the same options: each makes what is missing"
+    )

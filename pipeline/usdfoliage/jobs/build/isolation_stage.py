@@ -37,6 +37,7 @@ from usdfoliage.jobs.capture_pictures import write_picture
 from usdfoliage.jobs.capture_results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.capture_work import write_whole
 from usdfoliage.jobs.crown_report import Row
+from usdfoliage.jobs.leaves_pictures import shrink_view
 
 logger = logging.getLogger(__name__)
 
@@ -47,6 +48,8 @@ _LEAST_POINTS = 200  # of a plant
 _LEAST, _LITTLE = 0.0005, 0.005  # share of the points: below, it is no plant, or hardly one
 _WORTH = 0.002  # share of the points that must be left out, for masks to be worth having
 _EXPECTED_POINTS = 300_000  # of the plant, that are looked for in each photograph
+_LONGEST_PX = 3000  # side of the pictures that masks are drawn in; those of larger photographs are enlarged
+_PIXELS_AT_ONCE = 50_000_000  # of the photographs that are worked on at a time
 _SHOWN = 3  # photographs with the plant's outline
 
 
@@ -140,7 +143,7 @@ def isolation_settings(settings: IsolationStageSettings) -> IsolationSettings:
     return replace(
         chosen,
         support=replace(chosen.support, layer=settings.floor_layer),
-        pieces=replace(chosen.pieces, link_gap=max(settings.link_gap, chosen.pieces.gap)),
+        pieces=replace(chosen.pieces, link_gap=settings.link_gap),
     )
 
 
@@ -188,6 +191,8 @@ def _draw_masks(
         except CaptureError as error:  # which every stage that reads it says
             logger.info("no mask: %s", error)
             return None, None
+        size, given = view.depth_m.shape, view.mask
+        view = shrink_view(view, _LONGEST_PX)  # depth is no finer, and memory is finite
         mask = draw_plant_mask(view.srgb, view.points(), grid, expect_plant(view.camera, expected_m, apart_m))
         mask = mask if aimed else ~mask
         mask = mask if view.mask is None else mask & view.mask
@@ -195,9 +200,13 @@ def _draw_masks(
         held = capture.views[index]
         if not held.lens.is_pinhole:
             mask = undistorted(scale_lens(held.lens, view.camera.width_px, view.camera.height_px)).distorted(mask)
+        mask = _enlarge(mask, size)
+        if given is not None and held.lens.is_pinhole:  # whose outline may be finer
+            mask &= given
         return _as_shown(held.photo, mask), picture
 
-    at_once, _ = share_cores(call.threads)
+    largest_px = max(view.lens.width_px * view.lens.height_px for view in capture.views)
+    at_once = max(1, min(share_cores(call.threads)[0], _PIXELS_AT_ONCE // largest_px))
     masks: list[_DrawnMask] = []
     for index, (mask, picture) in enumerate(map_ahead(draw, range(count), at_once)):
         if mask is None:
@@ -210,6 +219,14 @@ def _draw_masks(
         if call.progress is not None:
             call.progress(call.task.name, (index + 1) / count)
     return masks
+
+
+def _enlarge(mask: NDArray[np.bool_], size: tuple[int, ...]) -> NDArray[np.bool_]:
+    """The mask (h, w) at the photograph's size (H, W), its outline smooth."""
+    if mask.shape == size:
+        return mask
+    large = cv2.resize(mask.astype(np.uint8) * 255, size[::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(large > 127)
 
 
 def _as_shown(photo: Path, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -21,6 +21,7 @@ from usdfoliage.jobs.capture_work import write_whole
 logger = logging.getLogger(__name__)
 
 KEY = re.compile(r"[0-9a-f]{32}")  # of a task or a plant; nothing else in the work folder is ever removed
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError)
 PRUNING = "prune"  # whoever prunes has that lock alone, whoever notes a build shares it
 
 
@@ -90,30 +91,46 @@ def use_plant(request: BuildRequest) -> Iterator[None]:
         yield
 
 
-def read_records(store: Store) -> tuple[PlantRecord, ...]:
-    """Of all plants, by where they are from."""
+def read_records(store: Store) -> tuple[tuple[PlantRecord, ...], dict[str, str]]:
+    """Of all plants, by where they are from; and by their keys, what is wrong with those that cannot be read."""
     names = sorted(path.stem for path in (store.folder / "builds").glob("*.json") if KEY.fullmatch(path.stem))
-    records = [record for name in names if (record := read_record(store, name)) is not None]
-    return tuple(sorted(records, key=lambda record: (record.capture, record.output)))
+    records: list[PlantRecord] = []
+    damaged: dict[str, str] = {}
+    for name in names:
+        try:
+            records.append(_read_record(store, name))
+        except FileNotFoundError:
+            continue  # it went meanwhile
+        except _DAMAGE as error:
+            damaged[name] = str(error)
+    return tuple(sorted(records, key=lambda record: (record.capture, record.output))), damaged
 
 
 def read_record(store: Store, key: str) -> PlantRecord | None:
     """Of one plant; None where there is none, or it is damaged."""
     try:
-        held = json.loads(store.record(key).read_bytes())
-        tasks = tuple(
-            PlantTask(key=str(task["key"]), stage=str(task["stage"]), needs=tuple(map(str, task["needs"])))
-            for task in held["tasks"]
-        )
-        earlier = {str(old): str(stage) for old, stage in held["earlier"].items()}
-        return PlantRecord(
-            key=key, capture=str(held["capture"]), output=str(held["output"]), tasks=tasks, earlier=earlier
-        )
+        return _read_record(store, key)
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        logger.warning("%s is damaged (%s): what that plant's builds made counts as nobody's", store.record(key), error)
+    except _DAMAGE as error:
+        logger.warning("%s is damaged (%s): it is written anew", store.record(key), error)
         return None
+
+
+def plant_locks(store: Store) -> tuple[str, ...]:
+    """The keys of all plants that have a lock, whether or not anybody holds it."""
+    names = (path.stem for path in (store.folder / "builds").glob("*.lock"))
+    return tuple(sorted(name for name in names if KEY.fullmatch(name)))
+
+
+def _read_record(store: Store, key: str) -> PlantRecord:
+    held = json.loads(store.record(key).read_bytes())
+    tasks = tuple(
+        PlantTask(key=str(task["key"]), stage=str(task["stage"]), needs=tuple(map(str, task["needs"])))
+        for task in held["tasks"]
+    )
+    earlier = {str(old): str(stage) for old, stage in held["earlier"].items()}
+    return PlantRecord(key=key, capture=str(held["capture"]), output=str(held["output"]), tasks=tasks, earlier=earlier)
 
 
 def plant_key(request: BuildRequest) -> str:

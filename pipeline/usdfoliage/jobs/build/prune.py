@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Literal
 
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.build.plant_record import KEY, PRUNING, PlantRecord, PlantTask, read_records
-from usdfoliage.jobs.build.store import Stamp, Store, find_finished, read_stamp, remove_leftovers, try_lock
+from usdfoliage.jobs.build.plant_record import KEY, PRUNING, PlantRecord, PlantTask, plant_locks, read_records
+from usdfoliage.jobs.build.store import Stamp, Store, find_finished, is_held, read_stamp, remove_leftovers, try_lock
 from usdfoliage.jobs.build.tasks import MATCHING
 
 logger = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ UNFINISHED = "unfinished"  # what a killed run left of a task
 _DAY_S = 86400.0
 _PARTS = ("tasks", "results", "scratch", "views", "builds")
 
-State = Literal["needed", "in use", "recent", "not needed"]
+State = Literal["needed", "in use", "recent", "unclear", "not needed"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,9 @@ class HeldTask:
 
 
 def survey_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
-    """What every task has in a work folder, those first that are needed.
+    """What every task has in a work folder, those first that are needed. Nothing is written, and nobody waits for it.
+
+    Where it cannot be told what some plant needs, what nobody else needs is unclear, and a warning says why.
 
     Args:
         folder: The work folder.
@@ -53,8 +55,10 @@ def survey_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
         FoliageError: It is no work folder of builds.
     """
     store = open_work(folder)
-    with ExitStack() as locks:
-        return _survey(store, keep_days, _lock_plants(store, locks))
+    free = {key: not is_held(store.plant_lock(key)) for key in _plants(store)}
+    for remark in _find_unclear(store, free):
+        logger.warning("%s", remark)
+    return _survey(store, keep_days, free)
 
 
 def prune_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
@@ -68,19 +72,23 @@ def prune_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
         What was removed.
 
     Raises:
-        FoliageError: It is no work folder of builds, another process prunes it, or it cannot be written.
+        FoliageError: It is no work folder of builds, another process prunes it, it cannot be written, or it cannot be
+            told what some plant needs. Then nothing was removed.
     """
     store = open_work(folder)
     removed = []
     with ExitStack() as locks:
         if not locks.enter_context(try_lock(store.plant_lock(PRUNING))):
             raise FoliageError(f"{folder} is being pruned, or a build of it begins, just now; try again")
+        free = {key: locks.enter_context(try_lock(store.plant_lock(key))) for key in _plants(store)}
+        for remark in _find_unclear(store, free):
+            raise FoliageError(remark)
         remove_leftovers(store)
-        for held in _survey(store, keep_days, _lock_plants(store, locks)):
+        for held in _survey(store, keep_days, free):
             if held.state != "not needed":
                 continue
-            with try_lock(store.lock(held.key)) as free:
-                if free and _remove(store, held):
+            with try_lock(store.lock(held.key)) as is_idle:
+                if is_idle and _remove(store, held):
                     removed.append(held)
     return tuple(removed)
 
@@ -97,14 +105,34 @@ def open_work(folder: Path) -> Store:
     return Store(folder=folder)
 
 
-def _lock_plants(store: Store, locks: ExitStack) -> dict[str, bool]:
-    """Which plants nobody builds, by key; these stay locked."""
-    keys = [record.key for record in read_records(store)]
-    return {key: locks.enter_context(try_lock(store.plant_lock(key))) for key in keys}
+def _plants(store: Store) -> tuple[str, ...]:
+    """The keys of all plants that are remembered, or were."""
+    records, damaged = read_records(store)
+    return tuple(sorted({*(record.key for record in records), *damaged, *plant_locks(store)}))
+
+
+def _find_unclear(store: Store, free: dict[str, bool]) -> list[str]:
+    """Why it cannot be told what some plant needs, which then may be anything: plants share results."""
+    records, damaged = read_records(store)
+    remarks = [
+        f"{store.record(key)} cannot be read ({why}), and nobody can tell what that plant needs: nothing is removed; "
+        "build the plant again, which writes the file anew, or delete the file when no build of it runs, and its "
+        "results count as nobody's"
+        for key, why in damaged.items()
+    ]
+    known = {record.key for record in records}
+    remarks += [
+        f"{store.plant_lock(key)} is held by a running build whose {store.record(key).name} is gone, and nobody can "
+        "tell what it needs: nothing is removed; try again when it is done"
+        for key in sorted(free.keys() - known - damaged.keys())
+        if not free[key]
+    ]
+    return remarks
 
 
 def _survey(store: Store, keep_days: float, free: dict[str, bool]) -> tuple[HeldTask, ...]:
-    records = read_records(store)
+    records, _ = read_records(store)
+    is_unclear = bool(_find_unclear(store, free))
     stamps = {key: stamp for key in _keys(store, "tasks", ".json") if (stamp := read_stamp(store, key)) is not None}
     captures: dict[str, dict[str, None]] = {}
     stages: dict[str, str] = {key: stamp.name.split("/")[0].split("-")[0] for key, stamp in stamps.items()}
@@ -125,7 +153,9 @@ def _survey(store: Store, keep_days: float, free: dict[str, bool]) -> tuple[Held
     for key in all_keys:
         is_recent = keep_days > 0 and time.time() - last_used[key] < keep_days * _DAY_S
         state: State = "needed" if key in needed else "recent" if is_recent else "not needed"
-        states[key] = "in use" if key in in_use and state != "needed" else state
+        if state != "needed" and key in in_use:
+            state = "in use"
+        states[key] = "unclear" if is_unclear and state == "not needed" else state
     kept_files = {file.path for key, stamp in stamps.items() if states[key] != "not needed" for file in stamp.files}
     kept_views = {Path(path).parts[1] for path in kept_files if path.startswith("views/")}
 

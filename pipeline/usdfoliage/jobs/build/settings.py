@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 from usdfoliage.errors import FoliageError
+from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branch_foliage import FoliageRequest
 from usdfoliage.jobs.build.pictures import PictureSettings
 from usdfoliage.jobs.capture_settings import CaptureRunSettings
@@ -47,15 +48,17 @@ class IsolationStageSettings:
     container: bool = True  # its pot is left out, if the plant is green and the pot is not
     strays: bool = True  # what is not linked with the plant is left out, if the photographs are aimed at one
     floor_layer: float = 0.012  # half the thickness of a floor, in distances from the camera to the plant
-    link_gap: float = 0.1  # without points, that parts of the plant may be seen apart, in the same distances
+    link_gap: float = 0.1  # without points, that bridges parts of the plant, 0.03 to 1 of the same distances
 
     def __post_init__(self) -> None:
         if self.make not in get_args(MakeIsolation):
             raise ValueError(f"make must be one of {', '.join(get_args(MakeIsolation))}, not {self.make!r}")
         if not 0.001 <= self.floor_layer <= 0.1:
             raise ValueError(f"floor_layer must be 0.001 to 0.1, not {self.floor_layer:g}")
-        if not 0 < self.link_gap <= 1:
-            raise ValueError(f"link_gap must be above 0 and at most 1, not {self.link_gap:g}")
+        if not PieceSettings.gap <= self.link_gap <= 1:
+            raise ValueError(
+                f"link_gap must be {PieceSettings.gap:g} to 1, not {self.link_gap:g}: what is nearer is one piece"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
