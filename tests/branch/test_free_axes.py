@@ -63,6 +63,15 @@ def test_nothing_of_a_hedge_stands_free():
     assert keep_free_branches(hedge, plant_of((polyline([0.1, 0, 0], [0.2, 1.0, 0.1]), 0.01, None, 0))) is None
 
 
+def test_a_line_that_winds_or_lies_is_no_stem():
+    points_m, _ = herb()
+    away = np.linspace(0, 4 * np.pi, 81)
+    coil = 0.5 * np.column_stack([np.cos(away), 0.16 * away, np.sin(away)])
+    assert keep_free_branches(coil, plant_of((coil, 0.01, None, 0))) is None
+    lying = polyline([0, 0, 0], [1, 0.1, 0])
+    assert keep_free_branches(np.concatenate([lying, points_m + 5]), plant_of((lying, 0.01, None, 0))) is None
+
+
 def test_points_of_branches_are_those_within_their_radius():
     points_m, skeleton = herb()
     stem = skeleton.up_to_order(0)
@@ -77,7 +86,9 @@ def test_a_cloud_without_height_has_nothing_free():
     assert not stands_free(np.zeros((60, 3)), stem).any()
 
 
-@pytest.mark.parametrize("change", [{"reach": 0.0}, {"beside": (3.0, 1.5)}, {"free": 0.5}, {"most_hidden": 1.0}])
+@pytest.mark.parametrize(
+    "change", [{"reach": 0.0}, {"beside": (3.0, 1.5)}, {"free": 0.5}, {"most_hidden": 1.0}, {"straight": 2.0}]
+)
 def test_settings_that_mean_nothing_are_refused(change):
     with pytest.raises(ValueError, match="must be in"):
         FreeAxisSettings(**change)

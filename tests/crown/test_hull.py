@@ -1,5 +1,7 @@
 """The radius of a captured crown: the truth of closed forms, strays, silhouettes, gaps."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -55,6 +57,25 @@ def test_no_radius_is_beyond_a_silhouette():
         column, row = place.astype(int).T
         # A silhouette is known to a pixel, and carved in steps of a hundredth or two.
         assert cv2.dilate(view.mask.astype(np.uint8), np.ones((5, 5), np.uint8))[row, column].all()
+
+
+def test_light_between_leaves_is_no_way_through_where_masks_were_drawn_leaf_by_leaf():
+    rng = np.random.default_rng(4)
+
+    def with_gaps(view):
+        gaps = cv2.resize(rng.uniform(0, 1, (24, 24)), view.mask.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0.6
+        return replace(view, mask=view.mask & gaps)
+
+    views = [with_gaps(view) for view in reduced(views_of(ring(12), sphere))]
+    points_m = 1.2 * (surface_points(sphere) - CENTER_M) + CENTER_M
+
+    given, drawn = (
+        fit_crown_hull(points_m, CENTER_M, BASE_M, views, SIZE, HullSettings(drawn_masks=drawn)).radius_m
+        for drawn in (False, True)
+    )
+
+    assert np.median(given) < 0.7  # every gap counts
+    assert np.median(drawn) == pytest.approx(1.0, abs=0.08)
 
 
 def test_depth_carves_where_two_views_see_past():

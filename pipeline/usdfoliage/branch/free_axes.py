@@ -24,13 +24,17 @@ class FreeAxisSettings:
     beside: tuple[float, float] = (1.5, 3.0)  # reaches, between which points are of something else
     most_beside: float = 0.8  # of them, for each of its own
     stem: float = 0.3  # length of a stem at least,
-    free: float = 0.25  # of which so much must stand free
+    free: float = 0.25  # of which so much must stand free,
+    rise: float = 0.2  # and there rise, or hang, so far
+    straight: float = 0.6  # from its root to where it last stands free, over the way: what leads over leaves winds
     most_hidden: float = 0.5  # share of the stems that need not
     twig: float = 0.04  # length of another branch at least: half of it must stand free
 
     def __post_init__(self) -> None:
         if not (0 < self.reach < 1 and 1 <= self.beside[0] < self.beside[1] and self.most_beside > 0):
             raise ValueError(f"reach must be in (0, 1), beside rising from 1, most_beside above 0, not {self}")
+        if not (0 <= self.rise <= self.free and 0 <= self.straight <= 1):
+            raise ValueError(f"rise must be in [0, free], straight in [0, 1], not {self}")
         if not (0 < self.free <= self.stem and 0 <= self.most_hidden < 1 and self.twig >= 0):
             raise ValueError(f"free must be in (0, stem], most_hidden in [0, 1), twig not below 0, not {self}")
 
@@ -87,9 +91,11 @@ def keep_free_branches(
     """
     height_m = float(np.ptp(points_m[:, 1]))
     stems = skeleton.up_to_order(0)
-    of_stems_m = _free_lengths(stems, stands_free(points_m, stems, settings))
+    of_stems = stands_free(points_m, stems, settings)
     long = stems.lengths_m >= settings.stem * height_m
-    standing = long & (of_stems_m >= settings.free * height_m)
+    standing = long & (_free_lengths(stems, of_stems) >= settings.free * height_m)
+    standing &= _free_rises(stems, of_stems) >= settings.rise * height_m
+    standing &= _straightness(stems, _last_free(stems, of_stems)) >= settings.straight
     if not standing.any() or standing.sum() < (1 - settings.most_hidden) * long.sum():
         return None
     free = stands_free(points_m, skeleton, settings)
@@ -97,15 +103,13 @@ def keep_free_branches(
         skeleton.lengths_m >= settings.twig * height_m
     )
     kept[np.flatnonzero(skeleton.order == 0)] = standing
-    index = np.arange(len(skeleton.points_m))
-    last = np.maximum.reduceat(np.where(free, index, -1), skeleton.first)
-    last = np.maximum(last, skeleton.first + 1)  # two vertices are a branch
+    last = _last_free(skeleton, free)
     for branch, (parent, vertex) in enumerate(
         zip(skeleton.parent_curve.tolist(), skeleton.parent_vertex.tolist(), strict=True)
     ):
         if parent >= 0:
             kept[branch] &= kept[parent] and vertex <= last[parent]
-    reached = index <= last[skeleton.curve]
+    reached = np.arange(len(skeleton.points_m)) <= last[skeleton.curve]
     return skeleton.only(kept).only_vertices(reached[kept[skeleton.curve]])
 
 
@@ -123,10 +127,30 @@ def points_of_branches(points_m: NDArray[np.float64], skeleton: Skeleton, within
 
 def _free_lengths(skeleton: Skeleton, free: NDArray[np.bool_]) -> NDArray[np.float64]:
     """(B,) how much of each branch stands free."""
-    step_m = np.diff(skeleton.ways_m, append=0.0)
-    step_m[skeleton.first + skeleton.counts - 1] = 0
-    both = free & np.append(free[1:], False)
-    return np.asarray(np.add.reduceat(step_m * both, skeleton.first))
+    return _sum_free(skeleton, free, np.linalg.norm(np.diff(skeleton.points_m, axis=0), axis=1))
+
+
+def _free_rises(skeleton: Skeleton, free: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(B,) the height that each branch goes through where it stands free."""
+    return _sum_free(skeleton, free, np.abs(np.diff(skeleton.points_m[:, 1])))
+
+
+def _sum_free(skeleton: Skeleton, free: NDArray[np.bool_], steps_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(B,) of the steps from each vertex to the next (V - 1,), of which both ends are free and of one branch."""
+    both = free[:-1] & free[1:] & (np.diff(skeleton.curve) == 0)
+    return np.asarray(np.add.reduceat(np.append(steps_m * both, 0.0), skeleton.first))
+
+
+def _last_free(skeleton: Skeleton, free: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(B,) the last vertex of each branch that stands free, but never its first: two vertices are a branch."""
+    last = np.maximum.reduceat(np.where(free, np.arange(len(free)), -1), skeleton.first)
+    return np.asarray(np.maximum(last, skeleton.first + 1))
+
+
+def _straightness(skeleton: Skeleton, last: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(B,) how far the vertex `last` of each branch is from its first, over the way there."""
+    apart_m = np.linalg.norm(skeleton.points_m[last] - skeleton.points_m[skeleton.first], axis=1)
+    return np.asarray(apart_m / np.maximum(skeleton.ways_m[last], 1e-12))
 
 
 def _directions(skeleton: Skeleton, reach_m: float) -> NDArray[np.float64]:

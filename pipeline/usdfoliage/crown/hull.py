@@ -39,6 +39,10 @@ class HullSettings:
     outermost: float = 0.85  # share of them that lies within the radius
     shell: float = 0.65  # of the radius around, within which points are not of the surface
     closing: float = 0.04  # of the crown's radius, width of gaps in silhouettes and depth that are no way through
+    drawn_masks: bool = (
+        False  # by a program, leaf by leaf: not surely right, and light between leaves is no way through
+    )
+    drawn_closing: float = 0.15  # takes the place of closing in silhouettes of such masks
     margin: float = 0.03  # of the crown's radius, by which depth must be behind a place to see past it
     step: float = 0.02  # share of the radius that is carved at a time
     floor: float = 0.12  # of the median radius, which is never carved away
@@ -55,7 +59,7 @@ class HullSettings:
         for name in ("outermost", "shell", "step", "floor"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"{name} must be in (0, 1), not {getattr(self, name)}")
-        for name in ("widest_rad", "closing", "margin", "pit_rad", "peak_rad", "blur_rad"):
+        for name in ("widest_rad", "closing", "drawn_closing", "margin", "pit_rad", "peak_rad", "blur_rad"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
 
@@ -107,7 +111,7 @@ def fit_crown_hull(
     carved = float((limit_m < 0.99 * radius_m).mean())
     radius_m = _fair(limit_m, settings)
     masked = [view for view in views if view.mask is not None]
-    if masked:  # a given mask is kept to, whatever that makes of the surface
+    if masked and not settings.drawn_masks:  # a given mask is kept to, whatever that makes of the surface
         radius_m = carve_radius(radius_m, center_m, floor_m, masked, settings)
     if work != size:
         radius_m = sample_cubemap(radius_m, face_directions(size))
@@ -166,7 +170,7 @@ def carve_radius(
 ) -> Array:
     """The radius (6, N, N) made shorter until no photograph sees past it, but never below floor_m.
 
-    A given mask decides alone. Sky and depth are guesses, and two views must agree.
+    A given mask decides alone. Sky, depth and drawn masks are guesses, and two views must agree.
     """
     size = radius_m.shape[1]
     directions = np.column_stack([distinct_texels(face_directions(size)[..., axis]) for axis in range(3)])
@@ -217,12 +221,16 @@ def _open_view(view: ReducedView, center_m: Array, usual_m: float, settings: Hul
         share = cv2.blur(found.astype(np.float32), (side, side))
         behind = np.isfinite(nearest) & (share > 0.5)
         open_m[behind] = nearest[behind] - np.float32(settings.margin * usual_m)
+    drawn = settings.drawn_masks and view.mask is not None
+    if drawn:
+        side = 2 * round(closing_px * settings.drawn_closing / settings.closing) + 1
+        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     past = _past_silhouette(view, kernel)
     if past is not None:
         open_m[past] = np.inf
     if not (open_m > 0).any():
         return None
-    return _OpenView(view, open_m, 2 if view.mask is not None else 1)
+    return _OpenView(view, open_m, 1 if drawn or view.mask is None else 2)
 
 
 def _past_silhouette(view: ReducedView, kernel: NDArray[np.uint8]) -> NDArray[np.bool_] | None:

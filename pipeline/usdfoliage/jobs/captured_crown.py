@@ -105,6 +105,7 @@ class MadeCapturedCrown:
     notes: tuple[str, ...]
     measures: tuple[Row, ...]
     model: CrownModel
+    overlap: float  # of its silhouettes with those of the points, median IoU
 
 
 def make_captured_crown_asset(
@@ -164,6 +165,7 @@ def make_captured_crown_asset(
         notes=tuple(notes),
         measures=tuple(captured_rows(model, measures)),
         model=model,
+        overlap=float(np.median([view.cloud_iou for view in measures.views])),
     )
 
 

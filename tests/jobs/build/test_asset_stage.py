@@ -26,8 +26,11 @@ def points_on(leaves: Leaves) -> np.ndarray:
     return evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
 
 
-@pytest.mark.parametrize(("away", "with_crown", "lod"), [(9, True, "crown"), (1, True, "leaves"), (9, False, "leaves")])
-def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, away, with_crown, lod):
+@pytest.mark.parametrize(
+    ("away", "with_crown", "overlap", "lod"),
+    [(9, True, 0.8, "crown"), (1, True, 0.8, "leaves"), (9, False, 0.0, "leaves"), (9, True, 0.1, "leaves")],
+)
+def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, away, with_crown, overlap, lod):
     results = {name: tmp_path / name for name in ("isolation", "leaves", "crown")}
     write_spray(results["leaves"] / "asset")
     captured = read_captured_leaves(results["leaves"] / "asset")
@@ -49,7 +52,7 @@ def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_pa
     if with_crown:
         results["crown"].mkdir()
         held = {field.name: getattr(round_crown(), field.name) for field in fields(CrownModel)}
-        np.savez(results["crown"] / "crown.npz", **held)
+        np.savez(results["crown"] / "crown.npz", overlap=overlap, **held)
     call = SimpleNamespace(
         out=tmp_path / "out",
         inputs=SimpleNamespace(name="fern", source=Path("fern"), digests=()),
@@ -65,4 +68,7 @@ def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_pa
     summary = read_summary(call.out)
     told = [warning for warning in summary.warnings if "cover 11% of the cloud" in warning]
     assert len(told) == (away > 1)
-    assert not any("lod crown" in warning for warning in told) or with_crown
+    has_crown = with_crown and overlap > 0.5
+    assert any("lod crown" in warning for warning in told) == (has_crown and away > 1)
+    assert any("crown is left out" in warning for warning in summary.warnings) == (with_crown and not has_crown)
+    assert ("crown" in stage.GetDefaultPrim().GetVariantSet("lod").GetVariantNames()) == has_crown

@@ -31,6 +31,7 @@ from usdfoliage.jobs.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
 
 _FEW = 0.25  # share of the cloud that is near leaves, below which they do not stand for the plant
+_UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
 _MOST_POINTS = 50_000  # that this is told by
 
 logger = logging.getLogger(__name__)
@@ -45,7 +46,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     """
     traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
     captured = read_captured_leaves(call.result_of(LEAVES) / ASSET_FOLDER) if call.has(LEAVES) else None
-    crown = read_crown(call.result_of(CROWN)) if call.has(CROWN) else None
+    made = read_crown(call.result_of(CROWN)) if call.has(CROWN) else None
+    crown = made.model if made is not None else None
     plant_from_capture = plant_frame(traced, captured, crown.asset_from_photo if crown is not None else None)
     chosen = choose_foliage(captured, traced, call.settings, plant_from_capture)
     branches = _branches_of(call) if traced is not None else None
@@ -57,6 +59,14 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         raise FitError(
             f"neither branches nor leaves nor a crown could be made of {call.request.capture}; the warnings of each "
             "stage say why"
+        )
+
+    warnings = []
+    if made is not None and made.overlap < _UNLIKE and (branches is not None or chosen.leaves is not None):
+        crown = None
+        warnings.append(
+            f"the crown is left out: its silhouettes and the plant's have {made.overlap:.0%} in common; the plant is "
+            "too slender or too sparse for one, or more than one"
         )
 
     def write(folder: Path, thumbnail: Path | None) -> Path:
@@ -77,7 +87,6 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             thumbnail=thumbnail,
         )
 
-    warnings = []
     if few:
         instead = ", so that the lod crown is shown" if crown is not None else ""
         warnings.append(

@@ -14,6 +14,7 @@ from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings
 from usdfoliage.branch.roots import RootSettings
 from usdfoliage.branch.species import Species, load_species
+from usdfoliage.crown.hull import HullSettings
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import AssetError, CaptureError, FoliageError
@@ -25,6 +26,7 @@ from usdfoliage.jobs.build.isolation_stage import GIVEN_DEPTH, plant_capture
 from usdfoliage.jobs.build.store import ResultFile
 from usdfoliage.jobs.build.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.build.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
+from usdfoliage.jobs.capture_folder import MASKS
 from usdfoliage.jobs.captured_crown import CapturedCrownRequest, make_captured_crown_asset
 from usdfoliage.jobs.crown_capture import PlantPoints
 from usdfoliage.jobs.leaves import LeavesRequest, make_leaves_asset
@@ -183,7 +185,12 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
         cloud=PlantCloudRequest(path=plant_capture(call), roots=RootSettings()),
         output=call.out / ASSET_FOLDER,
         name=call.request.name,
-        settings=CapturedCrownSettings(size=settings.size, seed=call.settings.seed, threads=call.threads),
+        settings=CapturedCrownSettings(
+            size=settings.size,
+            seed=call.settings.seed,
+            threads=call.threads,
+            hull=HullSettings(drawn_masks=call.has(ISOLATION) and not _has_masks(call)),
+        ),
         asset_settings=AssetSettings(crown_mesh_size=settings.mesh_size),
         species=call.settings.plant.species,
         preview=False,
@@ -194,7 +201,7 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     except FoliageError as error:
         return _go_without(call, "crown", error)
     model = {field.name: getattr(made.model, field.name) for field in fields(CrownModel)}
-    np.savez(call.out / CROWN_MODEL, **model)
+    np.savez(call.out / CROWN_MODEL, overlap=made.overlap, **model)
     report = call.out / ASSET_FOLDER / "report"
     pictures = [
         StagePicture(file=path.relative_to(call.out).as_posix(), caption=path.stem.replace("_", " "))
@@ -208,19 +215,28 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     return ()
 
 
-def read_crown(folder: Path) -> CrownModel | None:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MadeCrown:
+    """A crown, and how well it stands for the plant."""
+
+    model: CrownModel
+    overlap: float  # of its silhouettes with those of the points, median IoU
+
+
+def read_crown(folder: Path) -> MadeCrown | None:
     """The crown that make_crown left in its folder; None where none could be made."""
     path = folder / CROWN_MODEL
     if not path.is_file():
         return None
     with np.load(path, allow_pickle=False) as held:
-        return CrownModel(
+        model = CrownModel(
             radius_m=held["radius_m"],
             color=held["color"],
             center_m=held["center_m"],
             relief_weight=float(held["relief_weight"]),
             asset_from_photo=held["asset_from_photo"],
         )
+        return MadeCrown(model=model, overlap=float(held["overlap"]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -254,6 +270,11 @@ def read_traced_plant(folder: Path) -> TracedPlant | None:
 def _cloud_of(call: StageCall) -> Path:
     """What photographs gave, with what its capture.toml states, or the file that the user gave."""
     return plant_capture(call) if call.has(CLOUD) else call.request.capture
+
+
+def _has_masks(call: StageCall) -> bool:
+    """Whether the user gave some."""
+    return any(name.startswith(f"{MASKS}/") for name in call.inputs.files)
 
 
 def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[ResultFile, ...]:
