@@ -63,3 +63,13 @@ def test_strays_are_left_out_and_said(tmp_path):
 
 def test_a_cloud_without_colours_has_none(tmp_path):
     assert read(tmp_path / "pole.ply", pole(5000)[0]).colors is None
+
+
+def test_of_a_plant_whose_ground_was_left_out_what_lies_low_stays(tmp_path):
+    stem, _ = pole(4000)
+    rosette = np.random.default_rng(8).uniform([-0.6, -0.6, 0], [0.6, 0.6, 0.015], (8000, 3))
+    points = np.concatenate([stem, rosette])
+    assert len(read(tmp_path / "plant.ply", points).points_m) < 5000
+    kept = read(tmp_path / "plant.ply", points, has_ground=False)
+    assert len(kept.points_m) == len(points)
+    assert kept.ground == 0

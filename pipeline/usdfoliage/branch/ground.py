@@ -33,6 +33,11 @@ class Ground:
     plane: NDArray[np.float64] | None  # (3,), y = plane . (x, z, 1); None where there is no ground
 
 
+def no_ground(points_m: NDArray[np.float64]) -> Ground:
+    """The ground of a cloud (N, 3) that has none."""
+    return Ground(points=np.zeros(len(points_m), bool), plane=None)
+
+
 def find_ground(points_m: NDArray[np.float64], settings: GroundSettings = GroundSettings()) -> Ground:
     """Find the ground of a cloud, if it has any; a plant that was cut out has none.
 
@@ -40,7 +45,7 @@ def find_ground(points_m: NDArray[np.float64], settings: GroundSettings = Ground
         points_m: (N, 3), Y up.
         settings: What is ground.
     """
-    nothing = Ground(points=np.zeros(len(points_m), bool), plane=None)
+    nothing = no_ground(points_m)
     low_m, extent_m = points_m.min(axis=0), np.ptp(points_m, axis=0)
     cell_m = settings.cell_of_extent * max(extent_m[0], extent_m[2])
     if not cell_m > 0:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage.branch.ground import find_ground
+from usdfoliage.branch.ground import find_ground, no_ground
 from usdfoliage.branch.other_trees import find_other_trees
 from usdfoliage.branch.reconstruct import BranchSettings, point_spacing
 from usdfoliage.branch.roots import RootSettings, find_roots
@@ -40,6 +40,7 @@ class PlantCloudRequest:
     unit: str | None = None  # of UNITS; None: told by the file
     most_points: int = 400_000  # that branches are traced through
     internode_m: float | None = None  # None: from the height, as branches are traced
+    has_ground: bool = True  # False: it was left out before, and what lies low is of the plant
 
     @classmethod
     def from_options(cls, options: argparse.Namespace) -> "PlantCloudRequest":
@@ -141,7 +142,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         notes.append(up.how if is_told else f"{up.how}; say it with --up if that is wrong")
     turn = turn_to_y_up(axis)
     points_m = source.points_m @ turn.T
-    ground = find_ground(points_m)
+    ground = find_ground(points_m) if request.has_ground else no_ground(points_m)
     if ground.points.any():
         notes.append(f"{int(ground.points.sum()):,} points are ground and left out")
     points_m = points_m[~ground.points]

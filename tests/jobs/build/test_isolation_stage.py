@@ -17,7 +17,7 @@ from usdfoliage.capture.folder import read_capture, read_views
 from usdfoliage.capture.lens import Lens
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.isolation.plant import PointKind
-from usdfoliage.jobs.build.isolation_stage import GIVEN_DEPTH, isolate_capture
+from usdfoliage.jobs.build.isolation_stage import GIVEN_DEPTH, is_floorless, isolate_capture
 from usdfoliage.jobs.build.settings import BuildSettings, IsolationStageSettings
 from usdfoliage.jobs.build.summary import read_summary
 
@@ -110,6 +110,14 @@ def test_the_result_is_a_capture_of_the_plant_alone(result: Path, tmp_path: Path
     assert names[:4] == ["points kept", "floor", "container", "strays"]
     assert len(summary.pictures) == 5
     assert all((out / picture.file).is_file() for picture in summary.pictures)
+
+
+def test_that_a_floor_was_left_out_is_known_to_those_who_would_look_for_one(result: Path, tmp_path: Path) -> None:
+    def asked(out: Path) -> bool:
+        return is_floorless(SimpleNamespace(has=lambda _: True, result_of=lambda _: out))  # type: ignore[arg-type]
+
+    assert asked(run(result, tmp_path / "out"))
+    assert not asked(run(result, tmp_path / "kept", floor=False))
 
 
 def test_the_same_capture_gives_the_same_bytes(result: Path, tmp_path: Path) -> None:

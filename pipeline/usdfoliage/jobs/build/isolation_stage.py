@@ -42,6 +42,7 @@ from usdfoliage.jobs.leaves_pictures import shrink_view
 logger = logging.getLogger(__name__)
 
 GIVEN_DEPTH = "given_depth"  # the folder of the input's own depth, in the capture of the plant
+_FLOORLESS = "floorless.txt"  # beside the capture of a cloud that a floor was left out of
 _MAPS = (IMAGES, CAMERAS, DEPTH_FOLDER, "confidence", "normals")
 _PICTURES = "pictures"
 _LEAST_POINTS = 200  # of a plant
@@ -71,6 +72,11 @@ def isolate_capture(call: StageCall) -> tuple[ResultFile, ...]:
         warning = f"everything in the photographs is taken for the plant: {text}"
         write_summary(call.out, StageSummary(warnings=[warning]))
     return ()
+
+
+def is_floorless(call: StageCall) -> bool:
+    """Whether what the plant stands on was left out of its cloud."""
+    return call.has(ISOLATION) and (call.result_of(ISOLATION) / _FLOORLESS).is_file()
 
 
 def plant_capture(call: StageCall) -> Path:
@@ -132,6 +138,8 @@ def _isolate(call: StageCall, source: Path) -> None:
         write_cloud(
             target / CLOUD_FILE, cloud.take(plant), [f"usdfoliage {__version__}"], capture.settings.metres_per_unit
         )
+        if found.support is not None:
+            (call.out / _FLOORLESS).write_text("What the plant stands on is left out of the cloud.\n", encoding="utf-8")
     pictures = _write_pictures(call, cloud.points_m @ turn.T, found, masks)
     rows = _rows(found, len(cloud), int(plant.sum()), masks)
     write_summary(call.out, StageSummary(rows=rows, notes=notes, warnings=warnings, pictures=pictures))

@@ -22,7 +22,7 @@ from usdfoliage.jobs.branch_tracing import NoStemsError
 from usdfoliage.jobs.branches import BranchesRequest, make_branches_asset
 from usdfoliage.jobs.build.call import StageCall
 from usdfoliage.jobs.build.captured_leaves import read_leaf_frame
-from usdfoliage.jobs.build.isolation_stage import GIVEN_DEPTH, plant_capture
+from usdfoliage.jobs.build.isolation_stage import GIVEN_DEPTH, is_floorless, plant_capture
 from usdfoliage.jobs.build.store import ResultFile
 from usdfoliage.jobs.build.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.build.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
@@ -54,6 +54,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             given_roots=given_roots,
             most_points=settings.most_points,
             internode_m=settings.internode_m,
+            has_ground=not is_floorless(call),
         ),
         output=call.out / ASSET_FOLDER,
         name=call.request.name,
@@ -182,7 +183,7 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
         )
     frame = read_leaf_frame(call.result_of(LEAVES) / ASSET_FOLDER) if call.has(LEAVES) and traced is None else None
     request = CapturedCrownRequest(
-        cloud=PlantCloudRequest(path=plant_capture(call), roots=RootSettings()),
+        cloud=PlantCloudRequest(path=plant_capture(call), roots=RootSettings(), has_ground=not is_floorless(call)),
         output=call.out / ASSET_FOLDER,
         name=call.request.name,
         settings=CapturedCrownSettings(
