@@ -193,6 +193,17 @@ def _count_steps(
     ]
 
 
+def doubt_confidence(leaves: Leaves) -> list[str]:
+    """A sentence where most leaves are guessed."""
+    sure = 1.0 if leaves.confidence is None or not len(leaves) else float(np.median(leaves.confidence))
+    if sure >= LOW_CONFIDENCE:
+        return []
+    return [
+        f"the median confidence is {sure:.2f}: most leaves are guessed; they may be lobed, grass-like, or too small in "
+        "the photographs for this depth"
+    ]
+
+
 def describe_leaves(
     leaves: Leaves,
     views: Sequence[View],
@@ -224,12 +235,7 @@ def describe_leaves(
             else "no leaf was found, not even a candidate; see which part of the photographs has depth"
         )
         return notes
-    sure = 1.0 if leaves.confidence is None else float(np.median(leaves.confidence))
-    if sure < LOW_CONFIDENCE:
-        notes.append(
-            f"the median confidence is {sure:.2f}: most leaves are guessed; they may be lobed, grass-like, or too "
-            "small in the photographs for this depth"
-        )
+    notes.extend(doubt_confidence(leaves))
     lobed = outlined is not None and float(np.median(outlined)) < LOBED
     if lobed:
         notes.append(
