@@ -35,7 +35,7 @@ from usdfoliage.leaf.average_texture import AverageTexture
 from usdfoliage.leaf.bounds import leaf_bounds_m
 from usdfoliage.leaf.jitter import NO_JITTER, spread_phases
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.reconstruct import STEPS, Reconstruction, doubt_confidence, reconstruct_leaves
+from usdfoliage.leaf.reconstruct import STEPS, Reconstruction, reconstruct_leaves
 from usdfoliage.leaf.segmentation.model import Step
 from usdfoliage.steps import StepProgress
 
@@ -175,7 +175,7 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
         steps=found.steps,
         measures=measure_rows(leaves),
         # Without a leaf, whatever is said of the leaves is why.
-        warnings=(*given.warnings, *(doubt_confidence(leaves) if len(leaves) else found.notes)),
+        warnings=(*given.warnings, *(() if len(leaves) else found.notes)),
     )
 
 

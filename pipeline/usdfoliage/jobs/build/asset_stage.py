@@ -29,6 +29,7 @@ from usdfoliage.jobs.capture_results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.jobs.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.reconstruct import doubt_confidence
 
 _FEW = 0.25  # share of the cloud that is near leaves, below which they do not stand for the plant
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
@@ -93,6 +94,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             f"the leaves that were found cover {cover:.0%} of the cloud, without branches for others{instead}; leaves "
             "are too small in the photographs, or these show something else"
         )
+    if captured is not None and chosen.kind in ("captured", "filled"):
+        warnings.extend(doubt_confidence(captured.fitted.leaves))
     poor = False
     if call.settings.pictures.make:
         with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
