@@ -117,7 +117,8 @@ def points_of_branches(points_m: NDArray[np.float64], skeleton: Skeleton, within
     """(N,) which points (N, 3) lie on branches, or so near them."""
     steps = np.flatnonzero(np.diff(skeleton.curve) == 0)
     start_m, end_m = skeleton.points_m[steps], skeleton.points_m[steps + 1]
-    count = np.maximum(np.ceil(np.linalg.norm(end_m - start_m, axis=1) / max(within_m, 1e-9)), 1).astype(np.int64)
+    apart_m = np.maximum(within_m, 0.5 * skeleton.radius_m[steps])
+    count = np.maximum(np.ceil(np.linalg.norm(end_m - start_m, axis=1) / apart_m), 1).astype(np.int64)
     step = np.repeat(np.arange(len(steps)), count)
     share = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[step]
     axis_m = start_m[step] + share[:, None] * (end_m - start_m)[step]

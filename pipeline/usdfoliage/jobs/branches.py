@@ -19,6 +19,7 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage import BranchCage, BranchCageSettings, build_branch_cage
+from usdfoliage.branch.free_axes import points_of_branches
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.radii import RadiusSettings
 from usdfoliage.branch.reconstruct import BranchSettings, TracedBranches
@@ -46,6 +47,7 @@ from usdfoliage.steps import StepProgress, follow_step
 logger = logging.getLogger(__name__)
 
 VARIATIONS = "variations"  # folder of the assets of plants alike
+_LIT = 0.75  # quantile of colours: the middle of their lighter half
 _COARSER_ORDERS = (1, 2)  # variants of the surface
 CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
 
@@ -135,7 +137,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         found = trace_cloud(request.cloud, request.settings, seconds, progress, needs_stems=request.needs_stems)
         plant, traced = found.plant, found.traced
         if request.color_of_cloud and plant.colors is not None and traced.wood.any():
-            color = wood_color(plant.colors[traced.wood])
+            of_stems = points_of_branches(plant.points_m, traced.skeleton.up_to_order(0), traced.spacing_m)
+            color = wood_color(plant.colors[of_stems & traced.wood if (of_stems & traced.wood).any() else traced.wood])
             request = replace(request, asset=replace(request.asset, color=color))
         species = request.foliage.species
         with follow_step("growth", seconds, progress) as tell:
@@ -266,8 +269,8 @@ def _write_plant(
 
 
 def wood_color(colors: NDArray[np.float64]) -> tuple[float, float, float]:
-    """The usual colour of points (N, 3), red, green and blue from 0 to 255 as photographs encode them; linear."""
-    red, green, blue = decode_srgb(np.median(colors, axis=0) / 255).tolist()
+    """The usual colour, linear, of the lit half of points (N, 3): red, green, blue, 0 to 255, as photographs encode."""
+    red, green, blue = decode_srgb(np.quantile(colors, _LIT, axis=0) / 255).tolist()
     return red, green, blue
 
 

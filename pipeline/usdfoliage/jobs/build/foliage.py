@@ -31,7 +31,6 @@ from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 from usdfoliage.leaf.variation import vary_colors
 
-LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
 _ACROSS, _ALONG = 5, 9  # points of a leaf that its cover is told by
 _NEAR = 0.25  # of a leaf's length, within which a point of the cloud is of it
 
@@ -191,7 +190,7 @@ def _choose(placed: Leaves | None, traced: TracedPlant | None, settings: BuildSe
         return "captured", "leaves are where they were found: there are no branches to put others on"
     leafy_m = traced.points_m[~traced.wood]
     share = len(leafy_m) / max(len(traced.points_m), 1)
-    has_leaves = share >= LEAFLESS or not traced.knows_leaves
+    has_leaves = not traced.is_leafless
     if not has_leaves:
         return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
     found = 0 if placed is None else len(placed)

@@ -37,6 +37,7 @@ logger = logging.getLogger(__name__)
 
 ASSET_FOLDER = "asset"  # in the result of a part
 CROWN_MODEL = "crown.npz"  # likewise
+LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
 PLANT_POINTS = "plant.npz"  # likewise: the cloud as branches were traced through it
 
 
@@ -175,6 +176,9 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     settings = call.settings.crown
     traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
     plant = None
+    if traced is not None and traced.is_leafless:
+        write_summary(call.out, StageSummary(notes=["the plant has no crown: it has no leaves"]))
+        return ()
     if traced is not None:
         plant = PlantPoints(
             points_m=traced.points_m,
@@ -250,6 +254,11 @@ class TracedPlant:
     plant_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
     skeleton: Skeleton
     lost: NDArray[np.int32]  # branches that the surface lacks
+
+    @property
+    def is_leafless(self) -> bool:
+        """Whether the cloud surely shows a plant without leaves."""
+        return self.knows_leaves and float((~self.wood).mean()) < LEAFLESS
 
 
 def read_traced_plant(folder: Path) -> TracedPlant | None:
