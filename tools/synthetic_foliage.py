@@ -156,6 +156,8 @@ def main() -> int:
     parser.add_argument("--up", choices=list(UP_AXES), default="Y")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
+    if options.output.exists() and (not options.output.is_dir() or any(options.output.iterdir())):
+        parser.error(f"{options.output} is not empty; name another folder")
     settings = CaptureSettings(
         scene=SceneSettings(
             leaves=options.leaves,

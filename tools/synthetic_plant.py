@@ -155,6 +155,8 @@ def main() -> int:
     parser.add_argument("--up", choices=list(UP_AXES), default=capture.up_axis)
     parser.add_argument("--seed", type=int, default=plant.seed)
     options = parser.parse_args()
+    if options.output.exists() and (not options.output.is_dir() or any(options.output.iterdir())):
+        parser.error(f"{options.output} is not empty; name another folder")
     settings = PlantCaptureSettings(
         plant=PlantSettings(
             height_m=options.height,

@@ -181,6 +181,34 @@ def test_a_dry_run_says_what_is_done_and_writes_nothing(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_dry_run_of_one_stage_is_of_that_stage(capture: Path, plan: Path, run: Run, tmp_path: Path) -> None:
+    code, out, _ = run("build", capture, "-o", tmp_path / "fern", "--plan", plan, "--only", "cloud", "--dry-run")
+    assert code == 0
+    assert re.search(r"^cloud +1 +0 +1 ", out, re.MULTILINE)
+    assert not re.search(r"^(isolation|crown|report) ", out, re.MULTILINE)
+    assert f"nothing is put into {tmp_path / 'fern'}: it stops after cloud" in out
+
+
+@pytest.mark.parametrize(("species", "told"), [("mapel", "is maple meant?"), ("Zzz", "known are "), ("maple", "")])
+def test_a_species_of_which_nothing_is_known_is_told_before_anything_runs(
+    capture: Path, run: Run, tmp_path: Path, species: str, told: str
+) -> None:
+    code, out, _ = run("build", capture, "-o", tmp_path / "fern", "--species", species, "--dry-run")
+    assert code == 0
+    assert ("nothing is known of the species" in out) == bool(told)
+    assert told in out
+
+
+def test_a_profile_is_read_before_anything_runs(capture: Path, run: Run, tmp_path: Path) -> None:
+    profile = tmp_path / "profile.toml"
+    profile.write_text("[namming]\n")
+    for said, told in ((profile, "namming is not known"), (tmp_path / "absent.toml", "absent.toml cannot be read")):
+        code, _, err = run("build", capture, "-o", tmp_path / "fern", "--profile", said, "--dry-run")
+        assert code == 2
+        assert told in err
+        assert "Errno" not in err
+
+
 def test_only_a_stage_leaves_the_asset_alone(capture: Path, plan: Path, run: Run, tmp_path: Path) -> None:
     code, out, err = run("build", capture, "-o", tmp_path / "fern", "--plan", plan, "--only", "poses")
     assert code == 0, err

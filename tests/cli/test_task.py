@@ -207,3 +207,19 @@ def test_submit_must_know_where_the_job_goes(folder, capsys):
     assert "--template JOB.yaml, --bundle FOLDER" in capsys.readouterr().err
     assert run("submit", folder / "capture", "--template", folder / "a.yaml", "--cores", "0") == 2
     assert "--cores must be at least 1, not 0" in capsys.readouterr().err
+
+
+def test_submit_replaces_jobs_alone(folder, capsys):
+    mine = folder / "mine.yaml"
+    mine.write_text("notes of my own")
+    assert run("submit", folder / "capture", "--template", mine) == 2
+    assert f"{mine} is there and no job template" in capsys.readouterr().err
+    assert mine.read_text() == "notes of my own"
+    bundle = folder / "mine"
+    bundle.mkdir()
+    (bundle / "notes.txt").write_text("of my own")
+    assert run("submit", folder / "capture", "--bundle", bundle) == 2
+    assert "holds something else than a bundle" in capsys.readouterr().err
+    assert [path.name for path in bundle.iterdir()] == ["notes.txt"]
+    assert run("submit", folder / "capture", "--template", mine, "--force") == 0
+    assert run("submit", folder / "capture", "--template", mine) == 0

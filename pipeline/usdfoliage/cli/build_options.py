@@ -107,8 +107,11 @@ def read_request(
 ) -> "BuildRequest":
     """The plant that a command line asks for; FoliageError for values that cannot be."""
     from usdfoliage.asset.plant import asset_name
+    from usdfoliage.asset.studio_profile import read_profile
     from usdfoliage.jobs.build.call import BuildRequest
 
+    if options.profile is not None:
+        read_profile(options.profile)  # what is wrong with it is said now, not when all else is done
     return BuildRequest(
         capture=capture.absolute(),
         output=output.absolute(),

@@ -62,10 +62,10 @@ def run(options: argparse.Namespace) -> int:
     except ValueError as error:
         raise FoliageError(f"--{error}") from error
     if options.template is not None:
-        values = write_template(options.template, job)
+        values = write_template(options.template, job, force=options.force)
         print(f"template: {options.template}\nparameters: {values}")
     if options.bundle is not None:
-        write_bundle(options.bundle, job)
+        write_bundle(options.bundle, job, force=options.force)
         print(f"bundle: {options.bundle}")
     tasks = sum(step.chunks for step in steps)
     seconds = sum(step.estimate_s * step.chunks for step in steps)

@@ -31,7 +31,7 @@ from usdfoliage.jobs.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.reconstruct import doubt_confidence
 
-_FEW = 0.25  # share of the cloud that is near leaves, below which they do not stand for the plant
+_FEW = 0.2  # share of the cloud that is near leaves, below which they do not stand for the plant
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
 _MOST_POINTS = 50_000  # that this is told by
 

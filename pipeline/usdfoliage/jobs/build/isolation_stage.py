@@ -47,6 +47,7 @@ _MAPS = (IMAGES, CAMERAS, DEPTH_FOLDER, "confidence", "normals")
 _PICTURES = "pictures"
 _LEAST_POINTS = 200  # of a plant
 _LEAST, _LITTLE = 0.0005, 0.005  # share of the points: below, it is no plant, or hardly one
+_MUCH = 0.9  # share of the points, from which on a floor or a background may be among them
 _WORTH = 0.002  # share of the points that must be left out, for masks to be worth having
 _EXPECTED_POINTS = 300_000  # of the plant, that are looked for in each photograph
 _LONGEST_PX = 3000  # side of the pictures that masks are drawn in; those of larger photographs are enlarged
@@ -118,6 +119,11 @@ def _isolate(call: StageCall, source: Path) -> None:
     elif share < _LITTLE:
         warnings.append(
             f"only {share:.2%} of the cloud is taken for the plant: look at the outlines of the stage isolation"
+        )
+    elif share > _MUCH and found.focus is not None and not any((source / MASKS).glob("*")):
+        warnings.append(
+            f"{share:.0%} of the cloud is taken for the plant: look at the outlines of the stage isolation, and give "
+            "masks where the plant is not all that the photographs show"
         )
     _lay_out(call, source, target)
     masks: list[_DrawnMask] = []

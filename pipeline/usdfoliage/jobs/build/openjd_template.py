@@ -12,6 +12,7 @@ from pathlib import Path
 import yaml
 
 from usdfoliage.asset.publish_file import publish_text
+from usdfoliage.errors import AssetError
 from usdfoliage.jobs.build.farm_steps import PUBLISH, Step
 from usdfoliage.jobs.build.tasks import (
     BRANCHES,
@@ -93,30 +94,56 @@ def make_template(job: FarmJob) -> dict[str, object]:
     }
 
 
-def write_template(path: Path, job: FarmJob) -> Path:
+def write_template(path: Path, job: FarmJob, *, force: bool = False) -> Path:
     """Write the template, and beside it the values of its parameters; returns the file with these.
 
+    Args:
+        path: Of the template.
+        job: What it says.
+        force: Replace a file that is no job's.
+
     Raises:
-        AssetError: A file cannot be written; what was there is unchanged.
+        AssetError: A file cannot be written, or is no template; what was there is unchanged.
     """
+    _spare(path, force)
     values = path.with_name(f"{path.stem}.parameters.yaml")
     publish_text(values, _as_yaml(parameter_values(job)))
     publish_text(path, _as_yaml(make_template(job)))
     return values
 
 
-def write_bundle(folder: Path, job: FarmJob) -> None:
+def write_bundle(folder: Path, job: FarmJob, *, force: bool = False) -> None:
     """Write a job bundle as AWS Deadline Cloud takes it: the template last, without which there is no bundle.
 
+    Args:
+        folder: Of the bundle.
+        job: What it says.
+        force: Write into a folder that holds something else.
+
     Raises:
-        AssetError: A file cannot be written; what was there is unchanged.
+        AssetError: A file cannot be written, or the folder holds no bundle; what was there is unchanged.
     """
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "template.yaml").is_file() and not force:
+        raise AssetError(f"{folder} holds something else than a bundle; name another folder, or say --force")
+    _spare(folder / "template.yaml", force)
     values = [{"name": name, "value": value} for name, value in parameter_values(job).items()]
     # Deadline finds the files of PATH parameters itself.
     references = {"inputs": {"filenames": [], "directories": []}, "outputs": {"directories": []}, "referencedPaths": []}
     publish_text(folder / "parameter_values.yaml", _as_yaml({"parameterValues": values}))
     publish_text(folder / "asset_references.yaml", _as_yaml({"assetReferences": references}))
     publish_text(folder / "template.yaml", _as_yaml(make_template(job)))
+
+
+def _spare(path: Path, force: bool) -> None:
+    """AssetError for a file that is there and no template."""
+    if force or not path.exists():
+        return
+    try:
+        is_template = path.is_file() and "specificationVersion" in path.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        is_template = False
+    if not is_template:
+        raise AssetError(f"{path} is there and no job template; name another file, or say --force to replace it")
 
 
 def parameter_values(job: FarmJob) -> dict[str, str | int]:

@@ -2,10 +2,13 @@
 
 import os
 from collections.abc import Mapping
+from difflib import get_close_matches
 
 from usdfoliage.asset.publish import plan_folder
+from usdfoliage.branch.species import GENERIC, load_library
 from usdfoliage.jobs.build.call import BuildRequest
 from usdfoliage.jobs.build.inputs import BuildInputs
+from usdfoliage.jobs.build.plant_stages import known_species
 from usdfoliage.jobs.build.run import ExecutorChoice, plan_plant
 from usdfoliage.jobs.build.store import Stamp
 from usdfoliage.jobs.build.tasks import BuildPlan, Task, find_wanted
@@ -20,6 +23,8 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
         FoliageError: The input is unusable, or the output cannot be written.
     """
     would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    if request.only:
+        would = f"nothing is put into {request.output}: it stops after {', '.join(request.only)}"
     inputs, plan = plan_plant(request, "files")
     wanted, finished = find_wanted(plan, request.store, thorough=False)
     photographs = len(inputs.photographs)
@@ -27,12 +32,23 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
         f"capture: {request.capture}, {photographs} photographs" if photographs else f"cloud: {request.capture}",
         *([_describe_photographs(inputs)] if photographs else []),
         *(f"note: {note}" for note in inputs.notes),
+        *_describe_species(request.settings.plant.species),
         *_table(plan, wanted, finished),
         f"estimate: {in_words(estimate_s(wanted, where))}, {where.describe()}",
         f"work folder: {request.work}",
         would,
     ]
     return "\n".join(lines)
+
+
+def _describe_species(name: str) -> list[str]:
+    """A line where nothing is known of the species."""
+    known = sorted(set(load_library(None)) - {GENERIC})
+    if not name or known_species(name) is not None:
+        return []
+    close = get_close_matches(name.lower(), known, 1)
+    meant = f"; is {close[0]} meant?" if close else f"; known are {', '.join(known)}"
+    return [f"note: nothing is known of the species {name}, which is written into the asset{meant}"]
 
 
 def _describe_photographs(inputs: BuildInputs) -> str:
@@ -59,9 +75,24 @@ def in_words(seconds: float) -> str:
     return f"about {seconds / 3600:.1f} h"
 
 
+def _needed(plan: BuildPlan) -> set[str]:
+    """The names of the last tasks, and of all that they need."""
+    needed: set[str] = set()
+    ahead = list(plan.last)
+    while ahead:
+        name = ahead.pop()
+        if name not in needed:
+            needed.add(name)
+            ahead.extend(plan.tasks[name].needs)
+    return needed
+
+
 def _table(plan: BuildPlan, wanted: Mapping[str, Task], finished: Mapping[str, Stamp]) -> list[str]:
     stages: dict[str, list[Task]] = {}
+    asked = _needed(plan)
     for task in plan.tasks.values():
+        if task.name not in asked:
+            continue
         stages.setdefault(task.name.split("/")[0], []).append(task)
     rows = [_SHOWN]
     for stage, tasks in stages.items():

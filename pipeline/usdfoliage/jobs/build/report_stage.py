@@ -123,7 +123,7 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
     verdict = {
         "errors": errors,
         "warnings": [warning.text for warning in report.warnings],
-        "facts": [asdict(row) for row in report.facts],
+        "facts": [asdict(row) for row in (*report.facts, _validation_row(validated))],
     }
     (call.out / VERDICT).write_text(json.dumps(verdict, indent=1, ensure_ascii=True))
     write_summary(call.out, StageSummary())
@@ -189,6 +189,11 @@ def _facts(finished: Path, summaries: dict[str, StageSummary], files: Sequence[A
     rows.append(Row(name="levels of detail", value=", ".join(facts.variants.get("lod", ())) or "none"))
     rows.append(Row(name="representations", value=", ".join(facts.variants.get("representation", ())) or "none"))
     return rows
+
+
+def _validation_row(validated: ValidationReport) -> Row:
+    counts = ((validated.count(severity), severity) for severity in ("error", "warning"))
+    return Row(name="validation", value=", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts))
 
 
 def _copy_details(call: StageCall, folder: Path) -> None:
