@@ -192,6 +192,12 @@ def fill_result(store: Store, key: str) -> Iterator[Path]:
         raise FoliageError(explain(there, error)) from error
 
 
+def drop_result(store: Store, key: str) -> None:
+    """Remove what a task that is not finished has made, and all that another run of it would go on from."""
+    for folder in (store.result(key), store.scratch(key), store.views(key)):
+        _remove(folder)
+
+
 @contextmanager
 def lock_task(store: Store, key: str) -> Iterator[None]:
     """Have a task for oneself: waits until no other run has it.

@@ -7,7 +7,8 @@ import time
 import traceback
 from collections.abc import Mapping
 
-from usdfoliage.errors import FoliageError
+from usdfoliage.capture.listing import named
+from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.build.asset_stage import assemble_asset
 from usdfoliage.jobs.build.call import BuildRequest, Stage, StageCall, digest_profile
 from usdfoliage.jobs.build.capture_stages import find_poses, finish_photographs, match_photographs
@@ -19,7 +20,16 @@ from usdfoliage.jobs.build.plan_words import in_words_of_the_plan
 from usdfoliage.jobs.build.plant_record import note_task, use_plant
 from usdfoliage.jobs.build.plant_stages import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.build.report_stage import compare_plant, report_plant, show_variants, turn_plant
-from usdfoliage.jobs.build.store import Stamp, fill_result, find_finished, list_files, lock_task, write_stamp
+from usdfoliage.jobs.build.store import (
+    ResultFile,
+    Stamp,
+    drop_result,
+    fill_result,
+    find_finished,
+    list_files,
+    lock_task,
+    write_stamp,
+)
 from usdfoliage.jobs.build.summary import SUMMARY, read_summary, rename_paths
 from usdfoliage.jobs.build.tasks import (
     ASSET,
@@ -104,22 +114,14 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
                 return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
             poor |= stamp.poor
         start = time.perf_counter()
-        with fill_result(store, task.key) as out:
-            others = STAGES[task.stage](
-                StageCall(
-                    request=order.request,
-                    inputs=inputs,
-                    plan=plan,
-                    task=task,
-                    out=out,
-                    threads=order.threads,
-                    progress=progress,
-                )
-            )
-            if (out / SUMMARY).is_file():  # which is part of the report: the same on every machine
-                rename_paths(out, lambda text: _as_given(text, order.request, order.request.capture.resolve().name))
-        seconds = time.perf_counter() - start
-        files = (*list_files(store, store.result(task.key)), *others)
+        try:
+            others = _fill(order, inputs, plan, task, progress)
+            seconds = time.perf_counter() - start
+            files = (*list_files(store, store.result(task.key)), *others)
+        except Exception:
+            _require_unchanged(order.request, inputs, task)  # which says more
+            raise
+        _require_unchanged(order.request, inputs, task)
         poor |= read_summary(store.result(task.key)).poor
         write_stamp(
             store,
@@ -137,9 +139,53 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
     return Done(name=task.name, seconds=seconds, was_run=True)
 
 
+def _fill(
+    order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, progress: StepProgress | None
+) -> tuple[ResultFile, ...]:
+    """Run the stage; returns the files elsewhere that belong to its result."""
+    with fill_result(order.request.store, task.key) as out:
+        others = STAGES[task.stage](
+            StageCall(
+                request=order.request,
+                inputs=inputs,
+                plan=plan,
+                task=task,
+                out=out,
+                threads=order.threads,
+                progress=progress,
+            )
+        )
+        if (out / SUMMARY).is_file():  # which is part of the report: the same on every machine
+            rename_paths(out, lambda text: _as_given(text, order.request, order.request.capture.resolve().name))
+    return others
+
+
 def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, "memory")
     return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
+
+
+def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -> None:
+    """Nothing may be kept of files that were written while they were read: it would be taken for a result of others.
+
+    Every stage reads files of the capture, if only as links to them in results.
+
+    Raises:
+        CaptureError: The capture is not as it was when the task was planned; what was made of it is gone.
+    """
+    before = dict(inputs.digests)
+    try:
+        now = dict(find_inputs(request.capture, request.store, request.settings.leaves.depth, "files").digests)
+        changed = [name for name in sorted(now.keys() | before.keys()) if now.get(name) != before.get(name)]
+        if not changed:
+            return
+        told = named(changed)
+    except CaptureError as error:
+        told = str(error).partition(";")[0]
+    drop_result(request.store, task.key)
+    raise CaptureError(
+        f"{request.capture} changed while it was read: {told}; run the same command again when nothing writes there"
+    )
 
 
 def _as_given(text: str, request: BuildRequest, source: str) -> str:
