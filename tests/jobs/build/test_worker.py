@@ -1,6 +1,8 @@
 """Builds whose stages do next to nothing: what is kept of a task, and what is not."""
 
+import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,11 +11,13 @@ import pytest
 from usdfoliage.jobs.build import run as runs
 from usdfoliage.jobs.build import worker
 from usdfoliage.jobs.build.call import BuildRequest, StageCall
-from usdfoliage.jobs.build.finish import BuiltPlant
+from usdfoliage.jobs.build.executors import Done, TaskOrder
+from usdfoliage.jobs.build.finish import BuiltPlant, finish_plant
 from usdfoliage.jobs.build.run import ExecutorChoice, build_plants
 from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.build.store import ResultFile
 from usdfoliage.jobs.build.summary import StageSummary, write_summary
+from usdfoliage.jobs.build.tasks import BuildPlan
 
 Stage = Callable[[StageCall], None]
 
@@ -101,3 +105,92 @@ def test_of_a_photograph_that_changes_while_it_is_read_nothing_is_kept(request_o
     assert build(request_of_two).verdict == "built"
     (seen,) = request_of_two.work.glob("results/*/seen.png")
     assert seen.read_bytes() == good
+
+
+def make_poor(runs_of_it: list[str]) -> Stage:
+    """An asset without thumbnail, with a file that only this one has."""
+
+    def make(call: StageCall) -> None:
+        runs_of_it.append(call.task.name)
+        (call.out / f"{len(runs_of_it)}.bin").write_bytes(b"leaves")
+        write_summary(call.out, StageSummary(poor=True))
+
+    return make
+
+
+def test_a_poor_result_that_appears_while_a_run_waits_for_it_is_good_for_that_run(
+    request_of_two, set_stages, monkeypatch
+):
+    made: list[str] = []
+    is_waiting, is_over = threading.Event(), threading.Event()
+    ended: list[BuiltPlant] = []
+    other = threading.Thread(target=lambda: ended.append(build(request_of_two)))
+
+    def run(order: TaskOrder, *_: object) -> Done:
+        is_others = threading.current_thread() is other and order.name == "asset"
+        if is_others:
+            is_waiting.set()
+        done = worker.run_named_task(order)
+        if is_others:
+            is_over.set()
+        return done
+
+    def make(call: StageCall) -> None:
+        make_poor(made)(call)
+        if len(made) == 1:
+            other.start()
+            assert is_waiting.wait(60)
+
+    def turn(call: StageCall) -> None:
+        assert is_over.wait(60)  # the other run has seen the poor asset, and what does it do?
+        (call.result_of("asset") / f"{len(made)}.bin").read_bytes()
+
+    set_stages(asset=make, turntable=turn)
+    monkeypatch.setattr(runs, "run_named_task", run)
+    assert build(request_of_two).verdict == "built"
+    other.join()
+    assert [plant.verdict for plant in ended] == ["built"]
+    assert made == ["asset"]
+    assert build(request_of_two).verdict == "built"  # a run that begins when it is there makes it again
+    assert made == ["asset", "asset"]
+
+
+@pytest.mark.parametrize("is_read", [True, False])
+def test_a_result_that_another_run_makes_anew_under_a_reader_is_read_again(request_of_two, set_stages, is_read):
+    made: list[str] = []
+    turned: list[str] = []
+
+    def turn(call: StageCall) -> None:
+        turned.append(call.task.name)
+        if len(turned) == 1:
+            assert build(replace(request_of_two, only=("asset",))).verdict == "built"  # poor, and so made again
+        if is_read:
+            (call.result_of("asset") / f"{len(turned)}.bin").read_bytes()
+
+    set_stages(asset=make_poor(made), turntable=turn)
+    result = build(request_of_two)
+    assert result.verdict == "built", result.error
+    assert made == ["asset", "asset"]
+    assert turned == ["turntable", "turntable"]
+
+
+def test_a_stage_that_fails_by_itself_is_not_tried_again(request_of_two, set_stages):
+    turned: list[str] = []
+
+    def turn(call: StageCall) -> None:
+        turned.append(call.task.name)
+        (call.out / "none" / "picture.png").read_bytes()
+
+    set_stages(turntable=turn)
+    assert build(request_of_two).failed == "turntable"
+    assert turned == ["turntable"]
+
+
+def test_a_report_that_vanishes_before_it_is_published_is_told(request_of_two, set_stages, monkeypatch):
+    def lose(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
+        request_of_two.store.stamp(plan.tasks["report"].key).unlink()
+        return finish_plant(made, plan, executor)
+
+    set_stages()
+    monkeypatch.setattr(runs, "finish_plant", lose)
+    assert "vanished as soon as it was made; run the same command again" in build(request_of_two).error

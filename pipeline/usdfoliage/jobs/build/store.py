@@ -152,6 +152,14 @@ def find_finished(store: Store, key: str, *, thorough: bool) -> Stamp | None:
     return stamp
 
 
+def stamp_mark(store: Store, key: str) -> int:
+    """What tells a stamp from one that was written later for the same task; 0 where there is none."""
+    try:
+        return store.stamp(key).stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
 def list_files(store: Store, folder: Path) -> tuple[ResultFile, ...]:
     """The files below a folder of the work folder, with what tells them from altered ones.
 
@@ -175,6 +183,8 @@ def describe_files(store: Store, paths: Iterable[Path]) -> tuple[ResultFile, ...
 def fill_result(store: Store, key: str) -> Iterator[Path]:
     """An empty folder that becomes the result of a task when the body ends well, and goes when it does not.
 
+    The stamp of an earlier result goes before that does: who still reads it sees by that what happened.
+
     Raises:
         FoliageError: It cannot be written.
     """
@@ -184,6 +194,7 @@ def fill_result(store: Store, key: str) -> Iterator[Path]:
         new.mkdir(parents=True)
         try:
             yield new
+            store.stamp(key).unlink(missing_ok=True)
             _remove(there)
             new.rename(there)
         finally:

@@ -23,11 +23,13 @@ from usdfoliage.jobs.build.report_stage import compare_plant, report_plant, show
 from usdfoliage.jobs.build.store import (
     ResultFile,
     Stamp,
+    Store,
     drop_result,
     fill_result,
     find_finished,
     list_files,
     lock_task,
+    stamp_mark,
     write_stamp,
 )
 from usdfoliage.jobs.build.summary import SUMMARY, read_summary, rename_paths
@@ -104,8 +106,9 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
     store = order.request.store
     with lock_task(store, task.key):
         finished = find_finished(store, task.key, thorough=True)
-        if finished is not None and not finished.poor:
+        if finished is not None and not (finished.poor and stamp_mark(store, task.key) == order.poor_mark):
             return Done(name=task.name, seconds=0.0, was_run=False)
+        marks = {need: stamp_mark(store, plan.tasks[need].key) for need in task.needs}
         poor = False  # what is made of something poor is poor as well
         for need in task.needs:
             thorough = task.stage not in _READ_MANY
@@ -120,8 +123,13 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
             files = (*list_files(store, store.result(task.key)), *others)
         except Exception:
             _require_unchanged(order.request, inputs, task)  # which says more
+            if _lost_needs(store, plan, marks, sizes=True):
+                return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
             raise
         _require_unchanged(order.request, inputs, task)
+        if _lost_needs(store, plan, marks):
+            drop_result(store, task.key)
+            return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
         poor |= read_summary(store.result(task.key)).poor
         write_stamp(
             store,
@@ -163,6 +171,15 @@ def _fill(
 def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, "memory")
     return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
+
+
+def _lost_needs(store: Store, plan: BuildPlan, marks: Mapping[str, int], *, sizes: bool = False) -> bool:
+    """Whether what a task read is gone, or was made anew by another run, while it was read."""
+    keys = {need: plan.tasks[need].key for need in marks}
+    return any(
+        stamp_mark(store, keys[need]) != mark or (sizes and find_finished(store, keys[need], thorough=False) is None)
+        for need, mark in marks.items()
+    )
 
 
 def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -> None:
