@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from usdfoliage.jobs.build import run as runs
 from usdfoliage.jobs.build import worker
+from usdfoliage.jobs.build.asset_stage import assemble_asset
 from usdfoliage.jobs.build.call import BuildRequest, StageCall
 from usdfoliage.jobs.build.executors import Done, TaskOrder
 from usdfoliage.jobs.build.finish import BuiltPlant, finish_plant
+from usdfoliage.jobs.build.library import describe_built
 from usdfoliage.jobs.build.run import ExecutorChoice, build_plants
-from usdfoliage.jobs.build.settings import BuildSettings
+from usdfoliage.jobs.build.settings import BranchStageSettings, BuildSettings
 from usdfoliage.jobs.build.store import ResultFile
 from usdfoliage.jobs.build.summary import StageSummary, write_summary
 from usdfoliage.jobs.build.tasks import BuildPlan
@@ -194,3 +196,31 @@ def test_a_report_that_vanishes_before_it_is_published_is_told(request_of_two, s
     set_stages()
     monkeypatch.setattr(runs, "finish_plant", lose)
     assert "vanished as soon as it was made; run the same command again" in build(request_of_two).error
+
+
+def test_where_nothing_could_be_made_the_error_says_why_each_time(request_of_two, set_stages):
+    said = {
+        "branches": StageSummary(notes=["the plant has no branches: the cloud shows no stem at a root"]),
+        "leaves": StageSummary(failure="12 leaves are in the pictures, 20 needed; take closer photographs"),
+        "crown": StageSummary(failure="the cloud has 3 points, 100 needed"),
+    }
+
+    def say(call: StageCall) -> None:
+        write_summary(call.out, said[call.task.name])
+
+    set_stages(branches=say, leaves=say, crown=say, asset=assemble_asset)
+    first, second = build(request_of_two), build(request_of_two)
+    for made in (first, second):
+        assert made.failed == "asset"
+        assert made.error == (
+            f"neither branches nor leaves nor a crown could be made of {request_of_two.capture}. Branches: the plant "
+            "has no branches: the cloud shows no stem at a root. Leaves: 12 leaves are in the pictures, 20 needed (take "
+            "closer photographs). Crown: the cloud has 3 points, 100 needed"
+        )
+        assert not made.is_fault
+    assert set(second.seconds or {}) == set()
+    shown = describe_built(second, request_of_two.output.parent)
+    assert shown.message == second.error
+
+    none = replace(request_of_two.settings, branches=BranchStageSettings(make="off"))
+    assert "Branches: not asked for. Leaves: 12" in build(replace(request_of_two, settings=none)).error
