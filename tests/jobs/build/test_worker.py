@@ -214,8 +214,8 @@ def test_where_nothing_could_be_made_the_error_says_why_each_time(request_of_two
         assert made.failed == "asset"
         assert made.error == (
             f"neither branches nor leaves nor a crown could be made of {request_of_two.capture}. Branches: the plant "
-            "has no branches: the cloud shows no stem at a root. Leaves: 12 leaves are in the pictures, 20 needed (take "
-            "closer photographs). Crown: the cloud has 3 points, 100 needed"
+            "has no branches: the cloud shows no stem at a root. Leaves: 12 leaves are in the pictures, 20 needed "
+            "(take closer photographs). Crown: the cloud has 3 points, 100 needed"
         )
         assert not made.is_fault
     assert set(second.seconds or {}) == set()
