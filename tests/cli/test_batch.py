@@ -53,6 +53,11 @@ def test_in_a_folder_plants_are_folders_of_photographs_and_clouds(tmp_path):
         ("list.txt", "a\n\tb", "list.txt:2 names no capture"),
         ("list.txt", "here/oak\nthere/Oak", "list.txt:2: Oak and oak .*list.txt:1.* would both be called Oak"),
         ("list.csv", "photos,name\na,b", "the first line must name columns of capture, name, plan"),
+        ("list.csv", f"capture\na\n{'x' * 200_000}", "list.csv:3 is no line of CSV: field larger than field limit"),
+        ("list.csv", f"{'x' * 200_000}\na", "list.csv:1 is no line of CSV"),
+        ("list.csv", "name,capture\nb", "list.csv:2 names no capture"),
+        ("list.txt", "a\n~nobody_of_that_name/b", "list.txt:2: ~nobody_of_that_name/b cannot be found"),
+        ("list.txt", "a\0b", "list.txt:1 has a zero byte"),
     ],
 )
 def test_a_list_that_cannot_be_understood_is_refused(tmp_path, name, text, told):
