@@ -1,5 +1,6 @@
 """Builds whose stages do next to nothing: what is kept of a task, and what is not."""
 
+import os
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,16 +9,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.build import run as runs
 from usdfoliage.jobs.build import worker
-from usdfoliage.jobs.build.asset_stage import assemble_asset
+from usdfoliage.jobs.build.asset_stage import assemble_asset, provenance_of
 from usdfoliage.jobs.build.call import BuildRequest, StageCall
 from usdfoliage.jobs.build.executors import Done, TaskOrder
 from usdfoliage.jobs.build.finish import BuiltPlant, finish_plant
+from usdfoliage.jobs.build.inputs import find_inputs
 from usdfoliage.jobs.build.library import describe_built
 from usdfoliage.jobs.build.run import ExecutorChoice, build_plants
 from usdfoliage.jobs.build.settings import BranchStageSettings, BuildSettings
-from usdfoliage.jobs.build.store import ResultFile
+from usdfoliage.jobs.build.store import ResultFile, Store
 from usdfoliage.jobs.build.summary import StageSummary, write_summary
 from usdfoliage.jobs.build.tasks import BuildPlan
 
@@ -224,3 +227,29 @@ def test_where_nothing_could_be_made_the_error_says_why_each_time(request_of_two
 
     none = replace(request_of_two.settings, branches=BranchStageSettings(make="off"))
     assert "Branches: not asked for. Leaves: 12" in build(replace(request_of_two, settings=none)).error
+
+
+@pytest.mark.parametrize("name", ["images/a\\b.png", "images/masks\\2/a.png", os.fsdecode(b"images/\xff.png")])
+@pytest.mark.parametrize("is_capture", [True, False])
+def test_names_that_cannot_be_recorded_are_refused_before_anything_runs(request_of_two, set_stages, name, is_capture):
+    if not is_capture:
+        (request_of_two.capture / "images").rename(request_of_two.capture.with_name("photographs"))
+        request_of_two = replace(request_of_two, capture=request_of_two.capture.with_name("photographs"))
+        name = name.removeprefix("images/").replace("/", "_")
+    write_photograph(request_of_two.capture / "new.png", 50)
+    path = request_of_two.capture / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    (request_of_two.capture / "new.png").rename(path)
+    set_stages(asset=provenance_of)
+    made = build(request_of_two)
+    assert made.error.startswith(str(path))
+    assert made.error.endswith("; rename it")
+    assert not made.is_fault
+    assert not made.seconds
+
+
+@pytest.mark.parametrize("name", ["a\\b.ply", os.fsdecode(b"\xff.ply")])
+def test_so_are_those_of_clouds(tmp_path, name):
+    (tmp_path / name).write_bytes(b"ply")
+    with pytest.raises(CaptureError, match="rename it"):
+        find_inputs(tmp_path / name, Store(folder=tmp_path / "work"))

@@ -51,7 +51,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
             does so too, and remembers nothing; names reads no others either: their digest is "".
 
     Raises:
-        CaptureError: There is nothing to build from, or a file cannot be read.
+        CaptureError: There is nothing to build from, or a file cannot be read, or has a name that cannot be recorded.
     """
     if source.is_file():
         if source.suffix.lower() not in CLOUDS:
@@ -59,6 +59,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
                 f"{source} is neither a folder nor a point cloud ({', '.join(CLOUDS)}); name a folder of photographs"
             )
         files = {source.name: source}
+        _require_names(files)
         return BuildInputs(
             source=source,
             name=source.stem,
@@ -83,6 +84,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         if (source / FILE_NAME).is_file():
             files[FILE_NAME] = source / FILE_NAME
         read_capture_settings(source)  # what is wrong with it is said before anything runs
+    _require_names(files)
     first = next(iter(given.photos.values()))
     return BuildInputs(
         source=source,
@@ -95,6 +97,21 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         megapixels=_megapixels(first),
         notes=given.notes,
     )
+
+
+def _require_names(files: Mapping[str, Path]) -> None:
+    """An asset records the names of its inputs as others read them: with slashes, in Unicode.
+
+    Raises:
+        CaptureError: A file has another name.
+    """
+    for name, path in files.items():
+        if "\\" in name:
+            raise CaptureError(f"{path} has a backslash in its name, which is another folder elsewhere; rename it")
+        try:
+            name.encode()
+        except UnicodeEncodeError as error:
+            raise CaptureError(f"{path} has a name that is not in UTF-8; rename it") from error
 
 
 def _digest_files(source: Path, files: Mapping[str, Path], store: Store, look: Look) -> tuple[tuple[str, str], ...]:
