@@ -1,5 +1,7 @@
 """Builds whose stages do next to nothing: what is kept of a task, and what is not."""
 
+import errno
+import fcntl
 import os
 import threading
 from collections.abc import Callable
@@ -78,7 +80,7 @@ def test_of_a_photograph_that_changes_while_it_is_read_nothing_is_kept(request_o
     is_copying = True
 
     def read(call: StageCall) -> None:
-        for folder in (call.store.scratch(call.task.key), call.store.views(call.task.key)):
+        for folder in (call.scratch, call.store.views(call.task.key)):
             folder.mkdir(parents=True)
         if is_copying and change == "written":
             write_photograph(photograph, 200)
@@ -227,6 +229,32 @@ def test_where_nothing_could_be_made_the_error_says_why_each_time(request_of_two
 
     none = replace(request_of_two.settings, branches=BranchStageSettings(make="off"))
     assert "Branches: not asked for. Leaves: 12" in build(replace(request_of_two, settings=none)).error
+
+
+@pytest.mark.parametrize("has_locks", [True, False])
+def test_without_locks_every_run_has_a_scratch_folder_of_its_own(request_of_two, set_stages, monkeypatch, has_locks):
+    used: list[Path] = []
+
+    def find(call: StageCall) -> None:
+        used.append(call.scratch)
+        call.scratch.mkdir(parents=True)
+        (call.scratch / "half.bin").write_bytes(b"poses")
+        if len(used) == 1 and not has_locks:  # another run, from its beginning to its end
+            assert build(replace(request_of_two, only=("poses",))).verdict == "built"
+        assert (call.scratch / "half.bin").read_bytes() == b"poses"
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    if not has_locks:
+        monkeypatch.setattr(fcntl, "flock", refuse)
+    set_stages(poses=find)
+    made = build(request_of_two)
+    assert made.verdict == "built", made.error
+    assert len(set(used)) == len(used) == (1 if has_locks else 2)
+    if has_locks:
+        assert used == [request_of_two.store.scratch(used[0].name)]  # the same for a run that goes on
+    assert not list((request_of_two.work / "scratch").iterdir())
 
 
 @pytest.mark.parametrize("name", ["images/a\\b.png", "images/masks\\2/a.png", os.fsdecode(b"images/\xff.png")])

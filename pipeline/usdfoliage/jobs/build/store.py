@@ -205,24 +205,39 @@ def fill_result(store: Store, key: str) -> Iterator[Path]:
 
 def drop_result(store: Store, key: str) -> None:
     """Remove what a task that is not finished has made, and all that another run of it would go on from."""
-    for folder in (store.result(key), store.scratch(key), store.views(key)):
-        _remove(folder)
+    _remove(store.result(key))
+    for folder in (store.scratch(key), store.views(key)):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager
-def lock_task(store: Store, key: str) -> Iterator[None]:
+def lock_task(store: Store, key: str) -> Iterator[Path]:
     """Have a task for oneself: waits until no other run has it.
+
+    Yields:
+        The folder for what the task may go on from when it is killed, which goes when the task ends. Where the file
+        system has no locks another run may do the same task: then it is this run's own, and nobody goes on from it.
 
     Raises:
         FoliageError: The work folder cannot be written.
     """
-    with hold_lock(store.lock(key), shared=False):
-        yield
+    with hold_lock(store.lock(key), shared=False) as is_alone:
+        if is_alone:
+            yield store.scratch(key)
+            return
+        own = store.scratch(f"{key}.{uuid.uuid4().hex[:12]}")
+        try:
+            yield own
+        finally:
+            shutil.rmtree(own, ignore_errors=True)
 
 
 @contextmanager
-def hold_lock(path: Path, *, shared: bool) -> Iterator[None]:
+def hold_lock(path: Path, *, shared: bool) -> Iterator[bool]:
     """Have a lock of the work folder, alone or with others who share it: waits for whoever has it otherwise.
+
+    Yields:
+        Whether it is held: some file systems have no locks.
 
     Raises:
         FoliageError: The work folder cannot be written.
@@ -231,12 +246,14 @@ def hold_lock(path: Path, *, shared: bool) -> Iterator[None]:
     try:
         try:
             fcntl.flock(lock, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+            has_lock = True
         except OSError as error:
             if error.errno not in _NO_LOCKS:
                 raise FoliageError(f"{path} cannot be locked: {error.strerror}; name another folder, --work") from error
             # Without locks two runs may do a task twice; each result still appears whole.
             logger.info("%s: the file system has no locks", path)
-        yield
+            has_lock = False
+        yield has_lock
     finally:
         os.close(lock)
 

@@ -6,6 +6,7 @@ import shutil
 import time
 import traceback
 from collections.abc import Mapping
+from pathlib import Path
 
 from usdfoliage.capture.listing import named
 from usdfoliage.errors import CaptureError, FoliageError
@@ -104,7 +105,7 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
 
 def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, progress: StepProgress | None) -> Done:
     store = order.request.store
-    with lock_task(store, task.key):
+    with lock_task(store, task.key) as scratch:
         finished = find_finished(store, task.key, thorough=True)
         if finished is not None and not (finished.poor and stamp_mark(store, task.key) == order.poor_mark):
             return Done(name=task.name, seconds=0.0, was_run=False)
@@ -118,7 +119,7 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
             poor |= stamp.poor
         start = time.perf_counter()
         try:
-            others = _fill(order, inputs, plan, task, progress)
+            others = _fill(order, inputs, plan, task, scratch, progress)
             seconds = time.perf_counter() - start
             files = (*list_files(store, store.result(task.key)), *others)
         except Exception:
@@ -142,13 +143,13 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
                 poor=poor,
             ),
         )
-        shutil.rmtree(store.scratch(task.key), ignore_errors=True)
+        shutil.rmtree(scratch, ignore_errors=True)
     logger.info("%s: %.1f s", task.name, seconds)
     return Done(name=task.name, seconds=seconds, was_run=True)
 
 
 def _fill(
-    order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, progress: StepProgress | None
+    order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, scratch: Path, progress: StepProgress | None
 ) -> tuple[ResultFile, ...]:
     """Run the stage; returns the files elsewhere that belong to its result."""
     with fill_result(order.request.store, task.key) as out:
@@ -159,6 +160,7 @@ def _fill(
                 plan=plan,
                 task=task,
                 out=out,
+                scratch=scratch,
                 threads=order.threads,
                 progress=progress,
             )
