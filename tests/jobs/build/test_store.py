@@ -10,6 +10,7 @@ from usdfoliage.jobs.build.store import (
     Stamp,
     Store,
     copy_tree,
+    drop_result,
     fill_result,
     find_finished,
     list_files,
@@ -149,3 +150,20 @@ def test_a_copy_can_be_changed_without_changing_what_it_is_of(tmp_path: Path) ->
     (tmp_path / "copy" / "b" / "c.txt").write_text("two")
     assert (tmp_path / "a" / "b" / "c.txt").read_text() == "one"
     assert (tmp_path / "a" / "b" / "c.txt").samefile(tmp_path / "link" / "b" / "c.txt")
+
+
+def test_a_result_that_another_run_stamped_meanwhile_stays(store: Store) -> None:
+    with fill_result(store, KEY) as folder:  # as without locks
+        (folder / "result.txt").write_text("mine")
+        stamp = finish(store)
+    assert find_finished(store, KEY, thorough=True) == stamp
+    drop_result(store, KEY)
+    assert find_finished(store, KEY, thorough=True) == stamp
+    assert [path.name for path in (store.folder / "results").iterdir()] == [KEY]
+
+
+def test_the_files_of_a_result_are_listed_before_it_is_whole(store: Store) -> None:
+    with fill_result(store, KEY) as folder:
+        (folder / "result.txt").write_text("leaves")
+        listed = list_files(store, folder, store.result(KEY))
+    assert listed == list_files(store, store.result(KEY))

@@ -26,8 +26,8 @@ import re
 import shutil
 import uuid
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usdfoliage.errors import FoliageError
@@ -35,6 +35,7 @@ from usdfoliage.jobs.capture_work import digest_file, explain, task_key, write_w
 
 logger = logging.getLogger(__name__)
 
+_TRIES = 5
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
 
 
@@ -160,13 +161,22 @@ def stamp_mark(store: Store, key: str) -> int:
         return 0
 
 
-def list_files(store: Store, folder: Path) -> tuple[ResultFile, ...]:
+def list_files(store: Store, folder: Path, there: Path | None = None) -> tuple[ResultFile, ...]:
     """The files below a folder of the work folder, with what tells them from altered ones.
+
+    Args:
+        store: Where.
+        folder: Which.
+        there: Where it will be when it is whole; None: where it is.
 
     Raises:
         CaptureError: One cannot be read.
     """
-    return describe_files(store, sorted(path for path in folder.rglob("*") if path.is_file()))
+    files = describe_files(store, sorted(path for path in folder.rglob("*") if path.is_file()))
+    if there is None:
+        return files
+    new, whole = (each.relative_to(store.folder).as_posix() for each in (folder, there))
+    return tuple(replace(file, path=whole + file.path.removeprefix(new)) for file in files)
 
 
 def describe_files(store: Store, paths: Iterable[Path]) -> tuple[ResultFile, ...]:
@@ -183,20 +193,22 @@ def describe_files(store: Store, paths: Iterable[Path]) -> tuple[ResultFile, ...
 def fill_result(store: Store, key: str) -> Iterator[Path]:
     """An empty folder that becomes the result of a task when the body ends well, and goes when it does not.
 
-    The stamp of an earlier result goes before that does: who still reads it sees by that what happened.
+    The stamp of an earlier result goes before that does: who still reads it sees by that what happened. Where another
+    run has stamped its own meanwhile, as without locks, that stays and this one goes.
 
     Raises:
         FoliageError: It cannot be written.
     """
     there = store.result(key)
     new = there.with_name(f".{key}.{uuid.uuid4().hex[:12]}.new")
+    before = stamp_mark(store, key)
     try:
         new.mkdir(parents=True)
         try:
             yield new
-            store.stamp(key).unlink(missing_ok=True)
-            _remove(there)
-            new.rename(there)
+            if stamp_mark(store, key) in (0, before):
+                store.stamp(key).unlink(missing_ok=True)
+                _replace(new, there)
         finally:
             _remove(new)
     except OSError as error:
@@ -205,9 +217,10 @@ def fill_result(store: Store, key: str) -> Iterator[Path]:
 
 def drop_result(store: Store, key: str) -> None:
     """Remove what a task that is not finished has made, and all that another run of it would go on from."""
-    _remove(store.result(key))
-    for folder in (store.scratch(key), store.views(key)):
-        shutil.rmtree(folder, ignore_errors=True)
+    shutil.rmtree(store.scratch(key), ignore_errors=True)
+    if not store.stamp(key).is_file():  # else it is of a run that finished the task
+        _remove(store.result(key))
+        shutil.rmtree(store.views(key), ignore_errors=True)
 
 
 @contextmanager
@@ -352,6 +365,17 @@ def remove_leftovers(store: Store) -> None:
             continue  # that run lives, or the file system cannot tell
         finally:
             os.close(lock)
+
+
+def _replace(new: Path, there: Path) -> None:
+    """Put a folder in the place of another one; without locks another run may put its own there in between."""
+    for _ in range(_TRIES - 1):
+        _remove(there)
+        with suppress(OSError):
+            new.rename(there)
+            return
+    _remove(there)
+    new.rename(there)
 
 
 def _digest(path: Path) -> str:

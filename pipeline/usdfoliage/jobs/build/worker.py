@@ -119,9 +119,8 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
             poor |= stamp.poor
         start = time.perf_counter()
         try:
-            others = _fill(order, inputs, plan, task, scratch, progress)
+            files, is_poor = _fill(order, inputs, plan, task, scratch, progress)
             seconds = time.perf_counter() - start
-            files = (*list_files(store, store.result(task.key)), *others)
         except Exception:
             _require_unchanged(order.request, inputs, task)  # which says more
             if _lost_needs(store, plan, marks, sizes=True):
@@ -131,7 +130,8 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
         if _lost_needs(store, plan, marks):
             drop_result(store, task.key)
             return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
-        poor |= read_summary(store.result(task.key)).poor
+        if stamp_mark(store, task.key):  # another run was faster, as without locks: its result stays
+            return Done(name=task.name, seconds=seconds, was_run=True)
         write_stamp(
             store,
             Stamp(
@@ -140,7 +140,7 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
                 seconds=seconds,
                 estimate_s=task.estimate_s,
                 files=files,
-                poor=poor,
+                poor=poor or is_poor,
             ),
         )
         shutil.rmtree(scratch, ignore_errors=True)
@@ -150,9 +150,10 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
 
 def _fill(
     order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, scratch: Path, progress: StepProgress | None
-) -> tuple[ResultFile, ...]:
-    """Run the stage; returns the files elsewhere that belong to its result."""
-    with fill_result(order.request.store, task.key) as out:
+) -> tuple[tuple[ResultFile, ...], bool]:
+    """Run the stage; returns the files of its result, and whether that is poor."""
+    store = order.request.store
+    with fill_result(store, task.key) as out:
         others = STAGES[task.stage](
             StageCall(
                 request=order.request,
@@ -167,7 +168,7 @@ def _fill(
         )
         if (out / SUMMARY).is_file():  # which is part of the report: the same on every machine
             rename_paths(out, lambda text: _as_given(text, order.request, order.request.capture.resolve().name))
-    return others
+        return (*list_files(store, out, store.result(task.key)), *others), read_summary(out).poor
 
 
 def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
