@@ -1,5 +1,6 @@
 """Libraries: lists of captures, plants that fail, and what a second run does."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -69,6 +70,16 @@ def test_a_list_that_is_absent_or_no_text_is_refused(tmp_path, capsys):
     assert "cannot be read" in refused(capsys, "batch", tmp_path / "none.txt", "-o", tmp_path / "out")
     (tmp_path / "list.txt").write_bytes(b"\xff\xfe\x00")
     assert "no text in UTF-8" in refused(capsys, "batch", tmp_path / "list.txt", "-o", tmp_path / "out")
+    os.mkfifo(tmp_path / "pipe.txt")
+    assert "no regular file" in refused(capsys, "batch", tmp_path / "pipe.txt", "-o", tmp_path / "out")
+
+
+def test_a_capture_whose_name_cannot_be_does_not_stop_the_others(tmp_path, capsys):
+    (tmp_path / "list.txt").write_text(f"{'x' * 5000}\nnone\n")
+    assert run("batch", tmp_path / "list.txt", "-o", tmp_path / "out", "--dry-run") == 2
+    told = capsys.readouterr().out
+    assert "File name too long" in told
+    assert "none" in told
 
 
 @pytest.fixture(scope="module")

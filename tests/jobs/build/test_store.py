@@ -2,6 +2,7 @@
 
 import json
 import multiprocessing
+import os
 from pathlib import Path
 
 import pytest
@@ -167,3 +168,14 @@ def test_the_files_of_a_result_are_listed_before_it_is_whole(store: Store) -> No
         (folder / "result.txt").write_text("leaves")
         listed = list_files(store, folder, store.result(KEY))
     assert listed == list_files(store, store.result(KEY))
+
+
+@pytest.mark.parametrize("harm", ["deep", "pipe"])
+def test_a_stamp_that_would_take_the_stack_or_the_time_is_none(store: Store, harm: str) -> None:
+    finish(store)
+    if harm == "deep":
+        store.stamp(KEY).write_text("[" * 100_000)
+    else:
+        store.stamp(KEY).unlink()
+        os.mkfifo(store.stamp(KEY))
+    assert read_stamp(store, KEY) is None

@@ -8,6 +8,7 @@ from pathlib import Path
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.build.call import BuildRequest
+from usdfoliage.jobs.build.json_file import read_json
 from usdfoliage.jobs.build.plant_record import use_plant
 from usdfoliage.jobs.build.report import TaskTiming, Timings
 from usdfoliage.jobs.build.report_html import write_timings
@@ -97,7 +98,7 @@ def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
 def _is_in_place(request: BuildRequest, key: str) -> bool:
     """Whether the output is, byte for byte, what an earlier run has put there of this very result."""
     try:
-        held = json.loads(request.store.published(request.output).read_bytes())
+        held = read_json(request.store.published(request.output))
         return bool(held["key"] == key and held["files"] == _digests_of(request))
     except (OSError, ValueError, KeyError, TypeError, CaptureError):
         return False

@@ -12,6 +12,7 @@ import OpenImageIO as oiio
 from usdfoliage.capture.capture_settings import FILE_NAME, read_capture_settings
 from usdfoliage.capture.listing import files_below
 from usdfoliage.errors import CaptureError
+from usdfoliage.jobs.build.json_file import read_json
 from usdfoliage.jobs.build.settings import LeafDepth
 from usdfoliage.jobs.build.store import Store
 from usdfoliage.jobs.capture_folder import CAMERAS, IMAGES, MASKS, find_photographs
@@ -53,7 +54,11 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
     Raises:
         CaptureError: There is nothing to build from, or a file cannot be read, or has a name that cannot be recorded.
     """
-    if source.is_file():
+    try:
+        is_file = source.is_file()
+    except OSError as error:  # such a name cannot be
+        raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}; name a capture") from error
+    if is_file:
         if source.suffix.lower() not in CLOUDS:
             raise CaptureError(
                 f"{source} is neither a folder nor a point cloud ({', '.join(CLOUDS)}); name a folder of photographs"
@@ -139,7 +144,7 @@ def _digest_files(source: Path, files: Mapping[str, Path], store: Store, look: L
 
 def _read_memory(path: Path) -> dict[str, list[object]]:
     try:
-        held = json.loads(path.read_bytes())
+        held = read_json(path)
         return {str(name): list(value) for name, value in held.items() if len(value) == 4}
     except FileNotFoundError:
         return {}

@@ -52,6 +52,8 @@ def read_library(source: Path) -> LibraryList:
     if source.is_dir():
         listed = _read_folder(source)
     else:
+        if source.exists() and not source.is_file():  # a pipe would be waited for
+            raise CaptureError(f"{source} is no regular file; name a list of captures, or a folder of them")
         try:
             text = source.read_bytes().decode("utf-8-sig")
         except OSError as error:

@@ -31,6 +31,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.build.json_file import read_json
 from usdfoliage.jobs.capture_work import digest_file, explain, task_key, write_whole
 
 logger = logging.getLogger(__name__)
@@ -95,7 +96,7 @@ def read_stamp(store: Store, key: str) -> Stamp | None:
     """The stamp of a task; None where there is none, or it is damaged."""
     path = store.stamp(key)
     try:
-        held = json.loads(path.read_bytes())
+        held = read_json(path)
         body, seal = json.dumps(held["stamp"], sort_keys=True), held["seal"]
         if hashlib.sha256(body.encode()).hexdigest() != seal:
             raise ValueError("its seal does not match")
