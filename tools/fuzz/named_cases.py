@@ -63,6 +63,8 @@ def _odd_names(seeds: Path) -> Iterator[_Made]:
             ("bed", ("leaves", given, "--no-preview", "-o", f"out{name}")),
             ("bed", ("capture", given, "--settings", f"{given}/fast.toml", "--no-report", "-o", "out")),
             ("plants/spray", ("info", given)),
+            ("bed", ("build", given, "-o", f"out{name}", "--dry-run")),
+            ("cloud/tree.xyz", ("build", f"{given}.xyz", "-o", f"out{name}", "--dry-run")),
             ("plants/spray", ("validate", given)),
             ("plants/spray", ("edit", given, "--width", "2", "-o", f"out{name}.usda")),
         )[number % 2 :: 2]:
