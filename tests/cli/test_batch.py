@@ -1,5 +1,6 @@
 """Libraries: lists of captures, plants that fail, and what a second run does."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -53,6 +54,11 @@ def test_in_a_folder_plants_are_folders_of_photographs_and_clouds(tmp_path):
         ("list.txt", "a\n\tb", "list.txt:2 names no capture"),
         ("list.txt", "here/oak\nthere/Oak", "list.txt:2: Oak and oak .*list.txt:1.* would both be called Oak"),
         ("list.csv", "photos,name\na,b", "the first line must name columns of capture, name, plan"),
+        ("list.csv", f"capture\na\n{'x' * 200_000}", "list.csv:3 is no line of CSV: field larger than field limit"),
+        ("list.csv", f"{'x' * 200_000}\na", "list.csv:1 is no line of CSV"),
+        ("list.csv", "name,capture\nb", "list.csv:2 names no capture"),
+        ("list.txt", "a\n~nobody_of_that_name/b", "list.txt:2: ~nobody_of_that_name/b cannot be found"),
+        ("list.txt", "a\0b", "list.txt:1 has a zero byte"),
     ],
 )
 def test_a_list_that_cannot_be_understood_is_refused(tmp_path, name, text, told):
@@ -64,6 +70,16 @@ def test_a_list_that_is_absent_or_no_text_is_refused(tmp_path, capsys):
     assert "cannot be read" in refused(capsys, "batch", tmp_path / "none.txt", "-o", tmp_path / "out")
     (tmp_path / "list.txt").write_bytes(b"\xff\xfe\x00")
     assert "no text in UTF-8" in refused(capsys, "batch", tmp_path / "list.txt", "-o", tmp_path / "out")
+    os.mkfifo(tmp_path / "pipe.txt")
+    assert "no regular file" in refused(capsys, "batch", tmp_path / "pipe.txt", "-o", tmp_path / "out")
+
+
+def test_a_capture_whose_name_cannot_be_does_not_stop_the_others(tmp_path, capsys):
+    (tmp_path / "list.txt").write_text(f"{'x' * 5000}\nnone\n")
+    assert run("batch", tmp_path / "list.txt", "-o", tmp_path / "out", "--dry-run") == 2
+    told = capsys.readouterr().out
+    assert "File name too long" in told
+    assert "none" in told
 
 
 @pytest.fixture(scope="module")

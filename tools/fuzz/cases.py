@@ -21,7 +21,8 @@ class Kind:
     """A file that is damaged in every case, and the commands that read it, which take turns."""
 
     name: str
-    target: str  # below the folder of a case; its first folder, and those in with_trees, are copied there
+    target: str  # below the folder of a case; its first folder, and those in with_trees, are copied there; of several
+    # files that a pattern names the first
     commands: Sequence[Sequence[str]]
     with_trees: Sequence[str] = ()
     text: bool = False
@@ -96,6 +97,32 @@ def _usd(target: str, asset: str, text: bool, cases: int = 24) -> Kind:
     return Kind(name=target, target=target, commands=commands, with_trees=("cloud",), text=text, cases=cases)
 
 
+def _library(name: str) -> Kind:
+    return Kind(
+        name=f"library {name}",
+        target=f"library/{name}",
+        text=True,
+        commands=(("batch", f"library/{name}", "-o", "out", "--dry-run"),),
+        with_trees=("bed", "cloud", "toml"),
+        cases=24,
+    )
+
+
+def _work(name: str, target: str) -> Kind:
+    return Kind(
+        name=f"work {name}",
+        target=target,
+        text=True,
+        commands=(
+            ("build", "bed", "-o", "out", "--work", "work", "--dry-run"),
+            ("work", "work"),
+            ("work", "work", "--prune", "--dry-run"),
+        ),
+        with_trees=("bed",),
+        cases=24,
+    )
+
+
 KINDS: tuple[Kind, ...] = (
     *map(_photograph, ("oak.jpg", "oak progressive.jpg", "oak.png", "oak 16.png", "oak alpha.png", "oak grey.png")),
     *map(_photograph, ("oak.tif", "oak tiled.tif", "oak.exr")),
@@ -129,6 +156,20 @@ KINDS: tuple[Kind, ...] = (
         with_trees=("bed",),
         cases=30,
     ),
+    Kind(
+        name="plan",
+        target="toml/build.toml",
+        text=True,
+        commands=(
+            ("build", "--print-plan", "--plan", "toml/build.toml"),
+            ("build", "bed", "--plan", "toml/build.toml", "-o", "out", "--dry-run"),
+            ("build", "cloud/tree.ply", "--plan", "toml/build.toml", "-o", "out", "--dry-run"),
+        ),
+        with_trees=("bed", "cloud"),
+        cases=40,
+    ),
+    *map(_library, ("list.txt", "list.csv")),
+    *(_work("stamp", "work/tasks/*.json"), _work("record", "work/builds/*.json")),
     Kind(
         name="species",
         target="toml/species.toml",
@@ -189,7 +230,7 @@ def _random_case(seeds: Path, kind: Kind, number: int, seed: int) -> Case:
     def prepare(folder: Path) -> None:
         for tree in trees:
             shutil.copytree(seeds / tree, folder / tree)
-        spoil(folder / kind.target)
+        spoil(min(folder.glob(kind.target)) if "*" in kind.target else folder / kind.target)
 
     turn = number // 4 if number % 4 == 3 else number - number // 4
     words = kind.commands[turn % len(kind.commands)]

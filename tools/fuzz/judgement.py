@@ -59,6 +59,8 @@ def _message_faults(case: Case, ended: Ended) -> list[str]:
     if ended.code != 2:
         return [f"noise: {lines[0][:100]}"] if lines else []
     errors = [line for line in lines if line.startswith("error: ")]
+    if case.words[0] == "batch" and not errors and ended.stdout:
+        return [f"noise: {lines[0][:100]}"] if lines else []  # it tells of each plant that cannot be
     if len(errors) != 1:
         return [f"{len(errors)} messages"]
     faults = [f"noise: {line[:100]}" for line in lines if line not in errors][:1]

@@ -63,6 +63,8 @@ def _odd_names(seeds: Path) -> Iterator[_Made]:
             ("bed", ("leaves", given, "--no-preview", "-o", f"out{name}")),
             ("bed", ("capture", given, "--settings", f"{given}/fast.toml", "--no-report", "-o", "out")),
             ("plants/spray", ("info", given)),
+            ("bed", ("build", given, "-o", f"out{name}", "--dry-run")),
+            ("cloud/tree.xyz", ("build", f"{given}.xyz", "-o", f"out{name}", "--dry-run")),
             ("plants/spray", ("validate", given)),
             ("plants/spray", ("edit", given, "--width", "2", "-o", f"out{name}.usda")),
         )[number % 2 :: 2]:
@@ -156,8 +158,47 @@ def _other(seeds: Path) -> Iterator[_Made]:
                 "x",
             ),
             ("validate", "plants/spray", "--profile", "bed/capture.toml"),
+            ("build", "bed", "-o", "out", "--dry-run"),
+            ("build", "--print-plan", "--plan", "bed/capture.toml"),
         ):
             yield "toml made", what, "bed/capture.toml", words, written("bed/capture.toml", data, "bed", "plants")
+    for what, target, data in (
+        ("a field of 200 kB", "list.csv", lambda: b"capture\n" + b"x" * 200_000),
+        ("columns of 200 kB", "list.csv", lambda: b"x" * 200_000 + b"\nbed"),
+        ("an open quote", "list.csv", lambda: b'capture\n"bed\n'),
+        ("too few cells", "list.csv", lambda: b"name,plan,capture\nbed\n"),
+        ("one column twice", "list.csv", lambda: b"capture,capture\nbed,bed\n"),
+        ("a zero byte", "list.txt", lambda: b"be\0d\n"),
+        ("nobody's home", "list.txt", lambda: b"~nobody_of_that_name/bed\n"),
+        ("itself", "list.txt", lambda: b"list.txt\n"),
+        ("a name of 100 kB", "list.txt", lambda: b"bed\t" + b"x" * 100_000),
+        ("a path of 100 kB", "list.txt", lambda: b"x" * 100_000),
+        ("a path of many parts", "list.txt", lambda: b"../" * 5000 + b"bed"),
+        ("100,000 lines", "list.txt", lambda: b"".join(b"oak%d\n" % number for number in range(100_000))),
+        ("a device", "list.txt", lambda: b"/dev/zero\n"),
+        ("a plan that is the list", "list.txt", lambda: b"bed\tb\tlist.txt\n"),
+    ):
+        words = ("batch", target, "-o", "out", "--dry-run")
+        yield "library made", what, target, words, written(target, data, "bed")
+    for what, data in (
+        ("deep lists", lambda: b"[" * 100_000),
+        ("deep tables", lambda: b'{"stamp": ' * 100_000),
+        ("a long number", lambda: b'{"stamp": ' + b"9" * 100_000 + b"}"),
+        ("a list", lambda: b"[]"),
+        ("no Unicode", lambda: b'"\xff"'),
+        ("text for tables", lambda: b'{"stamp": "", "seal": "", "tasks": "", "earlier": ""}'),
+        ("numbers for tables", lambda: b'{"stamp": 1, "seal": 1, "tasks": [1], "earlier": {"a": 1}}'),
+        ("nothing", lambda: b"null"),
+    ):
+        for part in ("tasks", "builds"):
+
+            def prepare(folder: Path, part: str = part, data: Callable[[], bytes] = data) -> None:
+                for tree in ("bed", "work"):
+                    shutil.copytree(seeds / tree, folder / tree)
+                min((folder / "work" / part).glob("*.json")).write_bytes(data())
+
+            for words in (("work", "work"), ("build", "bed", "-o", "out", "--work", "work", "--dry-run")):
+                yield f"work made {part}", what, "", words, prepare
     deep = b"#usda 1.0\n" + b'def Xform "a" {\n' * 20_000 + b"}\n" * 20_000
     for words in (
         ("info", "deep.usda"),

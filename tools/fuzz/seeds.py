@@ -18,6 +18,7 @@ from cloud_files import write_las, write_ply, write_text
 from crown_shapes import disc_mask, foliage
 from usdfoliage.__main__ import main
 from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.capture_settings import CaptureRunSettings
 from usdfoliage.jobs.leaves_settings import LeavesSettings
 from usdfoliage.jobs.settings_file import format_settings
@@ -59,7 +60,7 @@ distance_m = 0.7
 
 
 def make_seeds(folder: Path) -> None:
-    """Write the folders photo/, plants/, bed/, binary/, cloud/ and toml/.
+    """Write the folders photo/, plants/, bed/, binary/, cloud/, toml/, library/ and work/.
 
     Raises:
         RuntimeError: A command that makes one failed.
@@ -89,6 +90,15 @@ def make_seeds(folder: Path) -> None:
     (folder / "toml" / "profile.toml").write_text(PROFILE)
     (folder / "toml" / "leaves.toml").write_text(format_settings(LeavesSettings()))
     (folder / "toml" / "capture.toml").write_text(format_settings(CaptureRunSettings()))
+    (folder / "toml" / "build.toml").write_text(format_settings(BuildSettings()))
+    (folder / "library").mkdir()
+    (folder / "library" / "list.txt").write_text(
+        "../bed\n# a cloud\n../cloud/tree.ply\ttall tree\t../toml/build.toml\n"
+    )
+    (folder / "library" / "list.csv").write_text(
+        'capture,name,plan\n../bed,bed,\n# a cloud\n../cloud/tree.ply,"tall, tree",../toml/build.toml\n'
+    )
+    make("build", folder / "bed", "-o", folder / "built", "--work", folder / "work", "--only", "poses")
 
 
 def _write_photographs(folder: Path) -> None:

@@ -32,6 +32,8 @@ from usdfoliage.geometry.pinhole import Pinhole
 
 logger = logging.getLogger(__name__)
 
+MOST_LEVELS = 16  # no photograph has as many pixels a side as 2^16 times those that matching needs
+MOST_ITERATIONS = 1000
 _LIMIT = 0.01  # of the range of inverse depth, at its ends
 
 Quality = Literal["draft", "normal", "high"]
@@ -45,6 +47,12 @@ class Round:
     iterations: int
     coherent: bool  # whether the views' depth counts as well, equation 3
     segments: bool = False  # whether the planes of segments count as well, equation 2
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.level <= MOST_LEVELS:
+            raise ValueError(f"level must be 0 to {MOST_LEVELS}, not {self.level}")
+        if not 1 <= self.iterations <= MOST_ITERATIONS:
+            raise ValueError(f"iterations must be 1 to {MOST_ITERATIONS}, not {self.iterations}")
 
 
 ROUNDS = (

@@ -2,6 +2,7 @@
 
 import json
 import multiprocessing
+import os
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from usdfoliage.jobs.build.store import (
     Stamp,
     Store,
     copy_tree,
+    drop_result,
     fill_result,
     find_finished,
     list_files,
@@ -149,3 +151,31 @@ def test_a_copy_can_be_changed_without_changing_what_it_is_of(tmp_path: Path) ->
     (tmp_path / "copy" / "b" / "c.txt").write_text("two")
     assert (tmp_path / "a" / "b" / "c.txt").read_text() == "one"
     assert (tmp_path / "a" / "b" / "c.txt").samefile(tmp_path / "link" / "b" / "c.txt")
+
+
+def test_a_result_that_another_run_stamped_meanwhile_stays(store: Store) -> None:
+    with fill_result(store, KEY) as folder:  # as without locks
+        (folder / "result.txt").write_text("mine")
+        stamp = finish(store)
+    assert find_finished(store, KEY, thorough=True) == stamp
+    drop_result(store, KEY)
+    assert find_finished(store, KEY, thorough=True) == stamp
+    assert [path.name for path in (store.folder / "results").iterdir()] == [KEY]
+
+
+def test_the_files_of_a_result_are_listed_before_it_is_whole(store: Store) -> None:
+    with fill_result(store, KEY) as folder:
+        (folder / "result.txt").write_text("leaves")
+        listed = list_files(store, folder, store.result(KEY))
+    assert listed == list_files(store, store.result(KEY))
+
+
+@pytest.mark.parametrize("harm", ["deep", "pipe"])
+def test_a_stamp_that_would_take_the_stack_or_the_time_is_none(store: Store, harm: str) -> None:
+    finish(store)
+    if harm == "deep":
+        store.stamp(KEY).write_text("[" * 100_000)
+    else:
+        store.stamp(KEY).unlink()
+        os.mkfifo(store.stamp(KEY))
+    assert read_stamp(store, KEY) is None

@@ -3,6 +3,7 @@
 import logging
 import tempfile
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from usdfoliage.jobs.build.pictures import draw_thumbnail
 from usdfoliage.jobs.build.plant_stages import ASSET_FOLDER, TracedPlant, read_crown, read_traced_plant
 from usdfoliage.jobs.build.settings import STAGE_SETTINGS
 from usdfoliage.jobs.build.store import ResultFile
-from usdfoliage.jobs.build.summary import StageSummary, write_summary
+from usdfoliage.jobs.build.summary import StageSummary, read_summary, write_summary
 from usdfoliage.jobs.build.tasks import BRANCHES, CLOUD, CROWN, LEAVES
 from usdfoliage.jobs.capture_results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.crown_report import Row
@@ -34,6 +35,7 @@ from usdfoliage.leaf.reconstruct import doubt_confidence
 _FEW = 0.2  # share of the cloud that is near leaves, below which they do not stand for the plant
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
 _MOST_POINTS = 50_000  # that this is told by
+_MOST_TOLD = 400  # characters of why a part could not be made
 
 logger = logging.getLogger(__name__)
 
@@ -42,7 +44,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     """One asset of the branches, leaves and crown that were made.
 
     Raises:
-        FitError: None was.
+        FitError: None was; the message says why, as there is no report that could.
         FoliageError: Leaves are wanted that there are none of.
     """
     traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
@@ -58,8 +60,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     few = cover is not None and cover < _FEW
     if branches is None and chosen.leaves is None and crown is None:
         raise FitError(
-            f"neither branches nor leaves nor a crown could be made of {call.request.capture}; the warnings of each "
-            "stage say why"
+            f"neither branches nor leaves nor a crown could be made of {call.request.capture}. {_why_none(call)}"
         )
 
     warnings = []
@@ -117,6 +118,21 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     ]
     write_summary(call.out, StageSummary(rows=rows, notes=chosen.notes, warnings=warnings, poor=poor))
     return ()
+
+
+def _why_none(call: StageCall) -> str:
+    """What the stages of the parts said, as parts that could not be made do in their summaries."""
+    told = []
+    for stage in (BRANCHES, LEAVES, CROWN):
+        if not call.has(stage):
+            told.append(f"{stage.capitalize()}: not asked for")
+            continue
+        summary = read_summary(call.result_of(stage))
+        why = summary.failure or next((note for note in summary.notes if note.startswith("the plant has no")), "")
+        # What follows a semicolon is advice on that one stage; the library's page shows the last one by itself.
+        what, _, advice = shorten(why or "none found", _MOST_TOLD, placeholder=" …").partition("; ")
+        told.append(f"{stage.capitalize()}: {what}" + (f" ({advice.replace('; ', ', ')})" if advice else ""))
+    return ". ".join(told)
 
 
 def _cover(call: StageCall, leaves: Leaves, plant_from_capture: NDArray[np.float64]) -> float:

@@ -41,6 +41,7 @@ class StageCall:
     plan: BuildPlan
     task: Task
     out: Path  # an empty folder for the result
+    scratch: Path  # what a run of this task that was killed may have left; it need not be there
     threads: int  # 0: one per core
     progress: StepProgress | None = None
 

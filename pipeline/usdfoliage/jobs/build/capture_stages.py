@@ -48,7 +48,7 @@ def capture_name(call: StageCall) -> str:
 def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
     """Poses that are given, or estimated ones, in a capture of their own; and every photograph read once."""
     settings = call.settings.capture
-    laid = call.store.scratch(call.task.key) / capture_name(call)
+    laid = call.scratch / capture_name(call)
     given = find_photographs(call.request.capture, laid)
     known = poses_are_given(given, Record(given.work), settings.poses)
     check_world(settings.world, given=known)

@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.build.call import BuildRequest
@@ -49,6 +49,7 @@ class TaskOrder:
     name: str
     key: str  # of its result, by which a worker sees that it plans the same
     threads: int
+    poor_mark: int = 0  # of the poor stamp that was there when the build began: only that one is done again
 
 
 RunTask = Callable[[TaskOrder], Done]
@@ -61,6 +62,7 @@ class Wanted:
     request: BuildRequest
     plan: BuildPlan
     tasks: Mapping[str, Task]
+    poor_marks: Mapping[str, int] = field(default_factory=dict)  # as TaskOrder's, by task
 
 
 # Gives the next plant, None where there is none (yet): so that a library is not planned before anything runs.
@@ -199,4 +201,10 @@ def _give_up(name: str, error: Exception, tries: int) -> Done | None:
 
 
 def _order(wanted: Wanted, name: str, threads: int) -> TaskOrder:
-    return TaskOrder(request=wanted.request, name=name, key=wanted.tasks[name].key, threads=threads)
+    return TaskOrder(
+        request=wanted.request,
+        name=name,
+        key=wanted.tasks[name].key,
+        threads=threads,
+        poor_mark=wanted.poor_marks.get(name, 0),
+    )

@@ -14,7 +14,7 @@ from usdfoliage.jobs.build.executors import Done, TaskOrder
 from usdfoliage.jobs.build.finish import BuiltPlant, finish_plant
 from usdfoliage.jobs.build.plant_record import note_build, note_task
 from usdfoliage.jobs.build.run import plan_plant
-from usdfoliage.jobs.build.store import find_finished, lock_task, read_stamp, remove_leftovers
+from usdfoliage.jobs.build.store import find_finished, lock_task, read_stamp, remove_leftovers, stamp_mark
 from usdfoliage.jobs.build.tasks import REPORT, BuildPlan
 from usdfoliage.jobs.build.worker import run_named_task
 from usdfoliage.steps import StepProgress
@@ -106,7 +106,16 @@ def find_chunks(
         raise FoliageError(f"{name} has chunks 1 to {step.chunks}, not {chosen[0]} to {chosen[-1]}")
     tasks = [plan.tasks[step.tasks[number - 1]] for number in chosen]
     return tuple(
-        Chunk(plan=plan, order=TaskOrder(request=request, name=task.name, key=task.key, threads=threads))
+        Chunk(
+            plan=plan,
+            order=TaskOrder(
+                request=request,
+                name=task.name,
+                key=task.key,
+                threads=threads,
+                poor_mark=stamp_mark(request.store, task.key),
+            ),
+        )
         for task in tasks
     )
 

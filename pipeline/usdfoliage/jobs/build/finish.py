@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usdfoliage.asset.publish import publish_folder
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.build.call import BuildRequest
+from usdfoliage.jobs.build.json_file import read_json
 from usdfoliage.jobs.build.plant_record import use_plant
 from usdfoliage.jobs.build.report import TaskTiming, Timings
 from usdfoliage.jobs.build.report_html import write_timings
 from usdfoliage.jobs.build.report_stage import FINISHED, VERDICT
-from usdfoliage.jobs.build.store import copy_tree, read_stamp
+from usdfoliage.jobs.build.store import copy_tree, hold_lock, read_stamp
 from usdfoliage.jobs.build.tasks import REPORT, BuildPlan
 from usdfoliage.jobs.capture_work import digest_file, write_whole
 from usdfoliage.jobs.crown_report import Row
@@ -63,7 +64,12 @@ def finish_plant(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant
     Raises:
         FoliageError: It cannot be written; what was there stays.
     """
-    with use_plant(made.request):
+    # Another run may wait to do a poor report again.
+    with use_plant(made.request), hold_lock(made.request.store.lock(plan.tasks[REPORT].key), shared=True):
+        if read_stamp(made.request.store, plan.tasks[REPORT].key) is None:
+            raise FoliageError(
+                f"the report in {made.request.work} vanished as soon as it was made; run the same command again"
+            )
         return _finish(made, plan, executor)
 
 
@@ -92,7 +98,7 @@ def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
 def _is_in_place(request: BuildRequest, key: str) -> bool:
     """Whether the output is, byte for byte, what an earlier run has put there of this very result."""
     try:
-        held = json.loads(request.store.published(request.output).read_bytes())
+        held = read_json(request.store.published(request.output))
         return bool(held["key"] == key and held["files"] == _digests_of(request))
     except (OSError, ValueError, KeyError, TypeError, CaptureError):
         return False

@@ -12,6 +12,7 @@ import OpenImageIO as oiio
 from usdfoliage.capture.capture_settings import FILE_NAME, read_capture_settings
 from usdfoliage.capture.listing import files_below
 from usdfoliage.errors import CaptureError
+from usdfoliage.jobs.build.json_file import read_json
 from usdfoliage.jobs.build.settings import LeafDepth
 from usdfoliage.jobs.build.store import Store
 from usdfoliage.jobs.capture_folder import CAMERAS, IMAGES, MASKS, find_photographs
@@ -51,14 +52,19 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
             does so too, and remembers nothing; names reads no others either: their digest is "".
 
     Raises:
-        CaptureError: There is nothing to build from, or a file cannot be read.
+        CaptureError: There is nothing to build from, or a file cannot be read, or has a name that cannot be recorded.
     """
-    if source.is_file():
+    try:
+        is_file = source.is_file()
+    except OSError as error:  # such a name cannot be
+        raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}; name a capture") from error
+    if is_file:
         if source.suffix.lower() not in CLOUDS:
             raise CaptureError(
                 f"{source} is neither a folder nor a point cloud ({', '.join(CLOUDS)}); name a folder of photographs"
             )
         files = {source.name: source}
+        _require_names(files)
         return BuildInputs(
             source=source,
             name=source.stem,
@@ -83,6 +89,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         if (source / FILE_NAME).is_file():
             files[FILE_NAME] = source / FILE_NAME
         read_capture_settings(source)  # what is wrong with it is said before anything runs
+    _require_names(files)
     first = next(iter(given.photos.values()))
     return BuildInputs(
         source=source,
@@ -95,6 +102,21 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         megapixels=_megapixels(first),
         notes=given.notes,
     )
+
+
+def _require_names(files: Mapping[str, Path]) -> None:
+    """An asset records the names of its inputs as others read them: with slashes, in Unicode.
+
+    Raises:
+        CaptureError: A file has another name.
+    """
+    for name, path in files.items():
+        if "\\" in name:
+            raise CaptureError(f"{path} has a backslash in its name, which is another folder elsewhere; rename it")
+        try:
+            name.encode()
+        except UnicodeEncodeError as error:
+            raise CaptureError(f"{path} has a name that is not in UTF-8; rename it") from error
 
 
 def _digest_files(source: Path, files: Mapping[str, Path], store: Store, look: Look) -> tuple[tuple[str, str], ...]:
@@ -122,7 +144,7 @@ def _digest_files(source: Path, files: Mapping[str, Path], store: Store, look: L
 
 def _read_memory(path: Path) -> dict[str, list[object]]:
     try:
-        held = json.loads(path.read_bytes())
+        held = read_json(path)
         return {str(name): list(value) for name, value in held.items() if len(value) == 4}
     except FileNotFoundError:
         return {}

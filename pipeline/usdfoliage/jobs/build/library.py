@@ -1,7 +1,6 @@
 """A library of plants: the list of their captures, and what becomes of them."""
 
 import csv
-import io
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -53,6 +52,8 @@ def read_library(source: Path) -> LibraryList:
     if source.is_dir():
         listed = _read_folder(source)
     else:
+        if source.exists() and not source.is_file():  # a pipe would be waited for
+            raise CaptureError(f"{source} is no regular file; name a list of captures, or a folder of them")
         try:
             text = source.read_bytes().decode("utf-8-sig")
         except OSError as error:
@@ -100,7 +101,8 @@ def _read_lines(source: Path, text: str) -> Iterator[LibraryEntry]:
     if source.suffix.lower() == ".csv":
         if not numbers:
             return
-        columns = [cell.strip() for cell in next(csv.reader([lines[numbers.pop(0)]]))]
+        first = numbers.pop(0)
+        columns = [cell.strip() for cell in _split_csv(lines[first], f"{source}:{first + 1}")]
         if "capture" not in columns or not set(columns) <= set(COLUMNS):
             raise CaptureError(
                 f"{source}: the first line must name columns of {', '.join(COLUMNS)}, and capture among them; it has "
@@ -111,17 +113,33 @@ def _read_lines(source: Path, text: str) -> Iterator[LibraryEntry]:
     for number in numbers:
         place = f"{source}:{number + 1}"
         if source.suffix.lower() == ".csv":
-            cells = next(csv.reader(io.StringIO(lines[number])))
+            cells = _split_csv(lines[number], place)
         else:
             cells = lines[number].split("\t")
         if len(cells) > len(columns):
             raise CaptureError(f"{place} has {len(cells)} columns, and at most {len(columns)} are known")
         held = {column: cell.strip() for column, cell in zip(columns, cells, strict=False)}
-        if not held["capture"]:
+        if not held.get("capture"):
             raise CaptureError(f"{place} names no capture")
-        capture = source.parent / Path(held["capture"]).expanduser()
-        plan = source.parent / Path(held["plan"]).expanduser() if held.get("plan") else None
+        capture = source.parent / _read_path(held["capture"], place)
+        plan = source.parent / _read_path(held["plan"], place) if held.get("plan") else None
         yield _entry(capture, place, held.get("name", ""), plan)
+
+
+def _read_path(text: str, place: str) -> Path:
+    if "\0" in text:
+        raise CaptureError(f"{place} has a zero byte in a path; is it a list of captures?")
+    try:
+        return Path(text).expanduser()
+    except RuntimeError as error:  # ~ of nobody
+        raise CaptureError(f"{place}: {text} cannot be found: {error}; write the folder itself") from error
+
+
+def _split_csv(line: str, place: str) -> list[str]:
+    try:
+        return next(csv.reader([line]))
+    except csv.Error as error:
+        raise CaptureError(f"{place} is no line of CSV: {error}; put one capture a line there") from error
 
 
 def _entry(capture: Path, place: str, name: str = "", plan: Path | None = None) -> LibraryEntry:

@@ -35,6 +35,7 @@ from usdfoliage.jobs.preview import (
 
 logger = logging.getLogger(__name__)
 
+MOST_FRAMES = 3600  # of a turntable, a tenth of a degree apart
 SHAPES = (0.8, 1.6)  # width by height that pictures of narrow and of wide plants have at most
 
 Progress = Callable[[int, int], None]
@@ -54,8 +55,8 @@ class PictureSettings:
     complexity: str = "medium"  # how finely Storm divides curved surfaces: low, medium, high, veryhigh
 
     def __post_init__(self) -> None:
-        if self.turntable_frames < 2:
-            raise ValueError(f"a turntable needs at least 2 frames, not {self.turntable_frames}")
+        if not 2 <= self.turntable_frames <= MOST_FRAMES:
+            raise ValueError(f"turntable_frames must be 2 to {MOST_FRAMES}, not {self.turntable_frames}")
         if self.comparisons < 0:
             raise ValueError(f"comparisons must be 0 or more, not {self.comparisons}")
         self.preview(self.turntable_px)

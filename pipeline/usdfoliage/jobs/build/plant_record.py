@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.jobs.build.call import BuildRequest
+from usdfoliage.jobs.build.json_file import read_json
 from usdfoliage.jobs.build.store import Store, hold_lock
 from usdfoliage.jobs.build.tasks import BuildPlan, Task
 from usdfoliage.jobs.capture_work import write_whole
@@ -124,7 +125,7 @@ def plant_locks(store: Store) -> tuple[str, ...]:
 
 
 def _read_record(store: Store, key: str) -> PlantRecord:
-    held = json.loads(store.record(key).read_bytes())
+    held = read_json(store.record(key))
     tasks = tuple(
         PlantTask(key=str(task["key"]), stage=str(task["stage"]), needs=tuple(map(str, task["needs"])))
         for task in held["tasks"]

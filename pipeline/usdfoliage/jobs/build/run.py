@@ -16,7 +16,7 @@ from usdfoliage.jobs.build.inputs import BuildInputs, Look, find_inputs
 from usdfoliage.jobs.build.meter import BuildProgress, Meter
 from usdfoliage.jobs.build.plant_record import note_build
 from usdfoliage.jobs.build.processes import open_processes, threads_each
-from usdfoliage.jobs.build.store import remove_leftovers
+from usdfoliage.jobs.build.store import remove_leftovers, stamp_mark
 from usdfoliage.jobs.build.tasks import REPORT, BuildPlan, find_wanted, plan_build
 from usdfoliage.jobs.build.worker import run_named_task
 
@@ -128,6 +128,7 @@ class _State:
         self._all: set[str] = set()
         self._bad: Done | None = None
         self._plan: BuildPlan | None = None
+        self._poor_marks: dict[str, int] = {}
 
     def plan(self, place: int) -> BuiltPlant | None:
         """Find what is to be done; the plant, where nothing is, or it cannot be."""
@@ -138,10 +139,14 @@ class _State:
         try:
             _, self._plan = plan_plant(self.request)
             note_build(self.request, self._plan)
+            if self.plans == 1:  # what turns poor later is good for this run: else two runs undo each other's for ever
+                self._poor_marks = {
+                    name: stamp_mark(self.request.store, task.key) for name, task in self._plan.tasks.items()
+                }
             tasks, finished = find_wanted(self._plan, self.request.store, thorough=True)
         except FoliageError as error:
             return replace(self.so_far(), error=str(error))
-        self.wanted = Wanted(request=self.request, plan=self._plan, tasks=tasks)
+        self.wanted = Wanted(request=self.request, plan=self._plan, tasks=tasks, poor_marks=self._poor_marks)
         self._left = set(tasks)
         self._all |= {*tasks, *finished}
         return self.end() if not tasks else None

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
+from usdfoliage.asset.package import LeafAssetSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branch_foliage import FoliageRequest
@@ -37,6 +38,10 @@ class PlantSettings:
     species: str = ""  # written into the asset; of a known one, as maple, also allometry, twigs and leaves
     representations: tuple[str, ...] | None = None  # of leaves: bezier, nurbs, subdiv, mesh; auto: by their number
     version: str = "1"  # of the asset, in its assetInfo
+
+    def __post_init__(self) -> None:
+        if self.representations is not None:
+            LeafAssetSettings(representations=self.representations)  # which checks them
 
 
 @dataclass(frozen=True, kw_only=True)

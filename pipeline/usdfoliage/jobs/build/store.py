@@ -26,15 +26,17 @@ import re
 import shutil
 import uuid
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.build.json_file import read_json
 from usdfoliage.jobs.capture_work import digest_file, explain, task_key, write_whole
 
 logger = logging.getLogger(__name__)
 
+_TRIES = 5
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
 
 
@@ -94,7 +96,7 @@ def read_stamp(store: Store, key: str) -> Stamp | None:
     """The stamp of a task; None where there is none, or it is damaged."""
     path = store.stamp(key)
     try:
-        held = json.loads(path.read_bytes())
+        held = read_json(path)
         body, seal = json.dumps(held["stamp"], sort_keys=True), held["seal"]
         if hashlib.sha256(body.encode()).hexdigest() != seal:
             raise ValueError("its seal does not match")
@@ -152,13 +154,30 @@ def find_finished(store: Store, key: str, *, thorough: bool) -> Stamp | None:
     return stamp
 
 
-def list_files(store: Store, folder: Path) -> tuple[ResultFile, ...]:
+def stamp_mark(store: Store, key: str) -> int:
+    """What tells a stamp from one that was written later for the same task; 0 where there is none."""
+    try:
+        return store.stamp(key).stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+def list_files(store: Store, folder: Path, there: Path | None = None) -> tuple[ResultFile, ...]:
     """The files below a folder of the work folder, with what tells them from altered ones.
+
+    Args:
+        store: Where.
+        folder: Which.
+        there: Where it will be when it is whole; None: where it is.
 
     Raises:
         CaptureError: One cannot be read.
     """
-    return describe_files(store, sorted(path for path in folder.rglob("*") if path.is_file()))
+    files = describe_files(store, sorted(path for path in folder.rglob("*") if path.is_file()))
+    if there is None:
+        return files
+    new, whole = (each.relative_to(store.folder).as_posix() for each in (folder, there))
+    return tuple(replace(file, path=whole + file.path.removeprefix(new)) for file in files)
 
 
 def describe_files(store: Store, paths: Iterable[Path]) -> tuple[ResultFile, ...]:
@@ -175,37 +194,64 @@ def describe_files(store: Store, paths: Iterable[Path]) -> tuple[ResultFile, ...
 def fill_result(store: Store, key: str) -> Iterator[Path]:
     """An empty folder that becomes the result of a task when the body ends well, and goes when it does not.
 
+    The stamp of an earlier result goes before that does: who still reads it sees by that what happened. Where another
+    run has stamped its own meanwhile, as without locks, that stays and this one goes.
+
     Raises:
         FoliageError: It cannot be written.
     """
     there = store.result(key)
     new = there.with_name(f".{key}.{uuid.uuid4().hex[:12]}.new")
+    before = stamp_mark(store, key)
     try:
         new.mkdir(parents=True)
         try:
             yield new
-            _remove(there)
-            new.rename(there)
+            if stamp_mark(store, key) in (0, before):
+                store.stamp(key).unlink(missing_ok=True)
+                _replace(new, there)
         finally:
             _remove(new)
     except OSError as error:
         raise FoliageError(explain(there, error)) from error
 
 
+def drop_result(store: Store, key: str) -> None:
+    """Remove what a task that is not finished has made, and all that another run of it would go on from."""
+    shutil.rmtree(store.scratch(key), ignore_errors=True)
+    if not store.stamp(key).is_file():  # else it is of a run that finished the task
+        _remove(store.result(key))
+        shutil.rmtree(store.views(key), ignore_errors=True)
+
+
 @contextmanager
-def lock_task(store: Store, key: str) -> Iterator[None]:
+def lock_task(store: Store, key: str) -> Iterator[Path]:
     """Have a task for oneself: waits until no other run has it.
+
+    Yields:
+        The folder for what the task may go on from when it is killed, which goes when the task ends. Where the file
+        system has no locks another run may do the same task: then it is this run's own, and nobody goes on from it.
 
     Raises:
         FoliageError: The work folder cannot be written.
     """
-    with hold_lock(store.lock(key), shared=False):
-        yield
+    with hold_lock(store.lock(key), shared=False) as is_alone:
+        if is_alone:
+            yield store.scratch(key)
+            return
+        own = store.scratch(f"{key}.{uuid.uuid4().hex[:12]}")
+        try:
+            yield own
+        finally:
+            shutil.rmtree(own, ignore_errors=True)
 
 
 @contextmanager
-def hold_lock(path: Path, *, shared: bool) -> Iterator[None]:
+def hold_lock(path: Path, *, shared: bool) -> Iterator[bool]:
     """Have a lock of the work folder, alone or with others who share it: waits for whoever has it otherwise.
+
+    Yields:
+        Whether it is held: some file systems have no locks.
 
     Raises:
         FoliageError: The work folder cannot be written.
@@ -214,12 +260,14 @@ def hold_lock(path: Path, *, shared: bool) -> Iterator[None]:
     try:
         try:
             fcntl.flock(lock, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+            has_lock = True
         except OSError as error:
             if error.errno not in _NO_LOCKS:
                 raise FoliageError(f"{path} cannot be locked: {error.strerror}; name another folder, --work") from error
             # Without locks two runs may do a task twice; each result still appears whole.
             logger.info("%s: the file system has no locks", path)
-        yield
+            has_lock = False
+        yield has_lock
     finally:
         os.close(lock)
 
@@ -318,6 +366,17 @@ def remove_leftovers(store: Store) -> None:
             continue  # that run lives, or the file system cannot tell
         finally:
             os.close(lock)
+
+
+def _replace(new: Path, there: Path) -> None:
+    """Put a folder in the place of another one; without locks another run may put its own there in between."""
+    for _ in range(_TRIES - 1):
+        _remove(there)
+        with suppress(OSError):
+            new.rename(there)
+            return
+    _remove(there)
+    new.rename(there)
 
 
 def _digest(path: Path) -> str:

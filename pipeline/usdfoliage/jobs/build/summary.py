@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from usdfoliage.errors import CaptureError
+from usdfoliage.jobs.build.json_file import read_json
 from usdfoliage.jobs.build.plan_words import in_words_of_the_plan
 from usdfoliage.jobs.crown_report import Row
 
@@ -48,7 +49,7 @@ def write_summary(folder: Path, summary: StageSummary) -> None:
 def read_summary(folder: Path) -> StageSummary:
     """The summary of a result; CaptureError where it cannot be read."""
     try:
-        held = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        held = read_json(folder / SUMMARY)
         return StageSummary(
             rows=tuple(Row(**row) for row in held["rows"]),
             notes=tuple(held["notes"]),

@@ -6,8 +6,10 @@ import shutil
 import time
 import traceback
 from collections.abc import Mapping
+from pathlib import Path
 
-from usdfoliage.errors import FoliageError
+from usdfoliage.capture.listing import named
+from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.build.asset_stage import assemble_asset
 from usdfoliage.jobs.build.call import BuildRequest, Stage, StageCall, digest_profile
 from usdfoliage.jobs.build.capture_stages import find_poses, finish_photographs, match_photographs
@@ -19,7 +21,18 @@ from usdfoliage.jobs.build.plan_words import in_words_of_the_plan
 from usdfoliage.jobs.build.plant_record import note_task, use_plant
 from usdfoliage.jobs.build.plant_stages import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.build.report_stage import compare_plant, report_plant, show_variants, turn_plant
-from usdfoliage.jobs.build.store import Stamp, fill_result, find_finished, list_files, lock_task, write_stamp
+from usdfoliage.jobs.build.store import (
+    ResultFile,
+    Stamp,
+    Store,
+    drop_result,
+    fill_result,
+    find_finished,
+    list_files,
+    lock_task,
+    stamp_mark,
+    write_stamp,
+)
 from usdfoliage.jobs.build.summary import SUMMARY, read_summary, rename_paths
 from usdfoliage.jobs.build.tasks import (
     ASSET,
@@ -92,10 +105,11 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
 
 def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, progress: StepProgress | None) -> Done:
     store = order.request.store
-    with lock_task(store, task.key):
+    with lock_task(store, task.key) as scratch:
         finished = find_finished(store, task.key, thorough=True)
-        if finished is not None and not finished.poor:
+        if finished is not None and not (finished.poor and stamp_mark(store, task.key) == order.poor_mark):
             return Done(name=task.name, seconds=0.0, was_run=False)
+        marks = {need: stamp_mark(store, plan.tasks[need].key) for need in task.needs}
         poor = False  # what is made of something poor is poor as well
         for need in task.needs:
             thorough = task.stage not in _READ_MANY
@@ -104,23 +118,20 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
                 return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
             poor |= stamp.poor
         start = time.perf_counter()
-        with fill_result(store, task.key) as out:
-            others = STAGES[task.stage](
-                StageCall(
-                    request=order.request,
-                    inputs=inputs,
-                    plan=plan,
-                    task=task,
-                    out=out,
-                    threads=order.threads,
-                    progress=progress,
-                )
-            )
-            if (out / SUMMARY).is_file():  # which is part of the report: the same on every machine
-                rename_paths(out, lambda text: _as_given(text, order.request, order.request.capture.resolve().name))
-        seconds = time.perf_counter() - start
-        files = (*list_files(store, store.result(task.key)), *others)
-        poor |= read_summary(store.result(task.key)).poor
+        try:
+            files, is_poor = _fill(order, inputs, plan, task, scratch, progress)
+            seconds = time.perf_counter() - start
+        except Exception:
+            _require_unchanged(order.request, inputs, task)  # which says more
+            if _lost_needs(store, plan, marks, sizes=True):
+                return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
+            raise
+        _require_unchanged(order.request, inputs, task)
+        if _lost_needs(store, plan, marks):
+            drop_result(store, task.key)
+            return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
+        if stamp_mark(store, task.key):  # another run was faster, as without locks: its result stays
+            return Done(name=task.name, seconds=seconds, was_run=True)
         write_stamp(
             store,
             Stamp(
@@ -129,17 +140,72 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
                 seconds=seconds,
                 estimate_s=task.estimate_s,
                 files=files,
-                poor=poor,
+                poor=poor or is_poor,
             ),
         )
-        shutil.rmtree(store.scratch(task.key), ignore_errors=True)
+        shutil.rmtree(scratch, ignore_errors=True)
     logger.info("%s: %.1f s", task.name, seconds)
     return Done(name=task.name, seconds=seconds, was_run=True)
+
+
+def _fill(
+    order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, scratch: Path, progress: StepProgress | None
+) -> tuple[tuple[ResultFile, ...], bool]:
+    """Run the stage; returns the files of its result, and whether that is poor."""
+    store = order.request.store
+    with fill_result(store, task.key) as out:
+        others = STAGES[task.stage](
+            StageCall(
+                request=order.request,
+                inputs=inputs,
+                plan=plan,
+                task=task,
+                out=out,
+                scratch=scratch,
+                threads=order.threads,
+                progress=progress,
+            )
+        )
+        if (out / SUMMARY).is_file():  # which is part of the report: the same on every machine
+            rename_paths(out, lambda text: _as_given(text, order.request, order.request.capture.resolve().name))
+        return (*list_files(store, out, store.result(task.key)), *others), read_summary(out).poor
 
 
 def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, "memory")
     return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
+
+
+def _lost_needs(store: Store, plan: BuildPlan, marks: Mapping[str, int], *, sizes: bool = False) -> bool:
+    """Whether what a task read is gone, or was made anew by another run, while it was read."""
+    keys = {need: plan.tasks[need].key for need in marks}
+    return any(
+        stamp_mark(store, keys[need]) != mark or (sizes and find_finished(store, keys[need], thorough=False) is None)
+        for need, mark in marks.items()
+    )
+
+
+def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -> None:
+    """Nothing may be kept of files that were written while they were read: it would be taken for a result of others.
+
+    Every stage reads files of the capture, if only as links to them in results.
+
+    Raises:
+        CaptureError: The capture is not as it was when the task was planned; what was made of it is gone.
+    """
+    before = dict(inputs.digests)
+    try:
+        now = dict(find_inputs(request.capture, request.store, request.settings.leaves.depth, "files").digests)
+        changed = [name for name in sorted(now.keys() | before.keys()) if now.get(name) != before.get(name)]
+        if not changed:
+            return
+        told = named(changed)
+    except CaptureError as error:
+        told = str(error).partition(";")[0]
+    drop_result(request.store, task.key)
+    raise CaptureError(
+        f"{request.capture} changed while it was read: {told}; run the same command again when nothing writes there"
+    )
 
 
 def _as_given(text: str, request: BuildRequest, source: str) -> str:
