@@ -149,3 +149,23 @@ def test_a_copy_can_be_changed_without_changing_what_it_is_of(tmp_path: Path) ->
     (tmp_path / "copy" / "b" / "c.txt").write_text("two")
     assert (tmp_path / "a" / "b" / "c.txt").read_text() == "one"
     assert (tmp_path / "a" / "b" / "c.txt").samefile(tmp_path / "link" / "b" / "c.txt")
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_a_copy_of_relative_links_holds_the_files_that_they_lead_to(tmp_path: Path, link: bool) -> None:
+    (tmp_path / "published").mkdir()
+    (tmp_path / "published" / "1.exr").write_text("depth")
+    (tmp_path / "capture" / "depth").mkdir(parents=True)
+    (tmp_path / "capture" / "depth" / "1.exr").symlink_to("../../published/1.exr")
+    laid_out = tmp_path / "work" / "results" / "key" / "depth"
+    copy_tree(tmp_path / "capture" / "depth", laid_out, link=link)
+    assert (laid_out / "1.exr").read_text() == "depth"
+    assert not (laid_out / "1.exr").is_symlink()
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_a_link_to_nothing_is_not_copied_but_named(tmp_path: Path, link: bool) -> None:
+    (tmp_path / "depth").mkdir()
+    (tmp_path / "depth" / "1.exr").symlink_to("../published/1.exr")
+    with pytest.raises(FoliageError, match=r"depth/1\.exr is a link to \.\./published/1\.exr, which is not there"):
+        copy_tree(tmp_path / "depth", tmp_path / "copy", link=link)
