@@ -9,7 +9,7 @@ from pathlib import Path
 from usdfoliage import __version__
 from usdfoliage.asset.contents import AssetFile, interface_of, list_files, read_plant_facts, require_plant
 from usdfoliage.asset.look import open_asset
-from usdfoliage.asset.provenance import package_versions
+from usdfoliage.asset.provenance import PACKAGES, VALIDATION_PACKAGES, package_versions
 from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation import ValidationReport, validate_asset
 from usdfoliage.capture.folder import read_capture
@@ -169,7 +169,10 @@ def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> Pl
             InputFile(name=name, sha256=digest, size_bytes=call.inputs.files[name].stat().st_size)
             for name, digest in call.inputs.digests
         ],
-        versions=[Row(name=name, value=version) for name, version in package_versions().items()],
+        versions=[
+            Row(name=name, value=version)
+            for name, version in package_versions((*PACKAGES, *VALIDATION_PACKAGES)).items()
+        ],
     )
 
 
