@@ -253,6 +253,9 @@ def test_parts_are_made_of_the_isolated_plant_or_of_everything() -> None:
     for part in ("branches", "leaves", "crown"):
         assert "cloud" in everything.tasks[part].needs
     assert "cloud" in PLAN.tasks["report"].needs  # whose summary it shows
+    # Compared with the photographs is what the parts are made of, with its masks.
+    assert set(PLAN.tasks["comparisons"].needs) == {"isolation", "asset"}
+    assert set(everything.tasks["comparisons"].needs) == {"cloud", "asset"}
 
 
 def test_a_cloud_needs_no_capture() -> None:
@@ -278,7 +281,7 @@ def test_what_only_finished_tasks_need_is_not_wanted(tmp_path: Path) -> None:
     assert not finished
     finish(PLAN, store, "cloud")
     wanted, finished = find_wanted(PLAN, store, thorough=True)
-    assert {task.stage for task in wanted.values()} == {"poses", *AFTER_CLOUD}  # comparisons look through cameras
+    assert {task.stage for task in wanted.values()} == {"poses", *AFTER_CLOUD}  # the report tells of cameras
     assert finished.keys() == {"cloud"}
     finish(PLAN, store, "report")
     assert find_wanted(PLAN, store, thorough=True)[0] == {}

@@ -193,7 +193,7 @@ def plan_build(
         said_of_pictures = (drawn, draws)
         pictures.append(add(TURNTABLE, said_of_pictures, [asset], 4.0 + 1.2 * drawn.turntable_frames))
         if cloud:
-            pictures.append(add(COMPARISONS, said_of_pictures, [poses, asset], 6.0 + 2.5 * drawn.comparisons))
+            pictures.append(add(COMPARISONS, said_of_pictures, [*plant, asset], 6.0 + 2.5 * drawn.comparisons))
         pictures.append(add(VARIANTS, said_of_pictures, [asset], 30.0))
     everything = [*([poses] if cloud else []), *dict.fromkeys([*has_cloud, *plant]), *parts, asset, *pictures]
     report = add(REPORT, (profile, describe_validators()), everything, 8.0)
