@@ -60,7 +60,7 @@ class Task:
     round: int = 0  # of matching
     needs: tuple[str, ...] = ()  # names of tasks whose results it reads
     key: str = ""
-    estimate_s: float = 0.0  # on one core or two, as far as can be told
+    estimate_s: float = 0.0  # on one core or two, as far as its size tells, or what others took (times.py)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,10 +183,10 @@ def plan_build(
         parts.append(add(LEAVES, said_of_leaves, plant, 5.0 + 3.0 * len(inputs.photographs) * megapixels))
     if settings.crown.make:
         said_of_crown = (settings.seed, settings.crown, species, name, *([] if cloud else source))
-        parts.append(add(CROWN, said_of_crown, [*plant, *parts], 10.0))
+        parts.append(add(CROWN, said_of_crown, [*plant, *parts], 40.0))
     draws = describe_interpreter() if settings.pictures.make else ()  # the thumbnail too
     said_of_asset = (replace(settings, tasks=TaskSettings()), name, inputs.name, source, draws)
-    asset = add(ASSET, said_of_asset, [*plant, *parts], 8.0)
+    asset = add(ASSET, said_of_asset, [*plant, *parts], 20.0)
     pictures: list[str] = []
     if settings.pictures.make:
         drawn = settings.pictures
@@ -196,7 +196,7 @@ def plan_build(
             pictures.append(add(COMPARISONS, said_of_pictures, [*plant, asset], 6.0 + 2.5 * drawn.comparisons))
         pictures.append(add(VARIANTS, said_of_pictures, [asset], 30.0))
     everything = [*([poses] if cloud else []), *dict.fromkeys([*has_cloud, *plant]), *parts, asset, *pictures]
-    report = add(REPORT, (profile, describe_validators()), everything, 8.0)
+    report = add(REPORT, (profile, describe_validators()), everything, 20.0)
     last = tuple(task.name for task in tasks.values() if task.stage in only) if only else (report,)
     return BuildPlan(tasks=tasks, last=last)
 
