@@ -48,7 +48,7 @@ def full_report(folder: Path) -> PlantReport:
         facts=[Row(name="height", value="1.84 m"), Row(name="leaves", value="365", remark="median 68 mm long")],
         turntable=turn,
         comparisons=[
-            Comparison(name="000.jpg", photograph=photograph, drawing=drawing, iou=0.8125),
+            Comparison(name="000.jpg", photograph=photograph, drawing=drawing, iou=0.8125, masks="drawn"),
             Comparison(name="001.jpg", photograph=photograph, drawing=flat_picture((30, 30, 200))),
         ],
         variants=[

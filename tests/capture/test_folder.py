@@ -85,6 +85,16 @@ def test_photographs_in_folders_with_spaces(tmp_path):
     assert capture.views[0].depth == tmp_path / "depth" / "day 1" / "leaf 1.exr"
 
 
+@pytest.mark.parametrize("name", ["images", "depth", "masks"])
+def test_a_link_to_nothing_is_an_error_that_names_it(folder, name):
+    (folder / name).mkdir(exist_ok=True)
+    (folder / name / ".#lock").symlink_to("somebody@somewhere")  # of an editor: hidden, and nobody's business
+    read_capture(folder)
+    (folder / name / "lost.png").symlink_to("../published/lost.png")
+    with pytest.raises(CaptureError, match=rf"{name}/lost\.png is a link to \.\./published/lost\.png, which is not"):
+        read_capture(folder)
+
+
 def test_names_of_depth_and_masks_may_keep_the_suffix_of_the_photograph(folder):
     (folder / "depth" / "000.exr").rename(folder / "depth" / "000.png.exr")
     (folder / "masks").mkdir()

@@ -14,7 +14,7 @@ from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.errors import AssetError
 
 PROVENANCE_FILE = "report/provenance.json"  # of an asset, where there is more to tell than the interface layer should
-PACKAGES = (
+PACKAGES = (  # that decide an asset, and the pages beside it
     "usdfoliage",
     "usd-core",
     "numpy",
@@ -23,7 +23,11 @@ PACKAGES = (
     "pycolmap",
     "OpenEXR",
     "OpenImageIO",
+    "laspy",
+    "lazrs",
+    "jinja2",
 )
+VALIDATION_PACKAGES = ("usd-validation-nvidia",)  # that decide what is found in an asset, and nothing of it
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,12 +18,34 @@ def folder_below(folder: Path, name: str) -> Path:
 
 
 def files_below(folder: Path) -> dict[str, Path]:
-    """The files below a folder by their names there, sorted; hidden ones left out."""
+    """The files below a folder by their names there, sorted; hidden ones left out.
+
+    Raises:
+        CaptureError: The folder cannot be read, or a symbolic link in it leads to nothing.
+    """
+    found: dict[str, Path] = {}
     try:
-        found = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+        for path in folder.rglob("*"):
+            parts = path.relative_to(folder).parts
+            if any(part.startswith(".") for part in parts):
+                continue
+            if path.is_file():
+                found["/".join(parts)] = path
+            elif leads_nowhere(path):
+                raise CaptureError(explain_lost_link(path))
     except OSError as error:
         raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
-    return {name: found[name] for name in sorted(found) if not any(part.startswith(".") for part in name.split("/"))}
+    return {name: found[name] for name in sorted(found)}
+
+
+def leads_nowhere(path: Path) -> bool:
+    """Whether it is a symbolic link to what is not there."""
+    return path.is_symlink() and not path.exists()
+
+
+def explain_lost_link(path: Path) -> str:
+    """What is wrong with such a link, and what to do."""
+    return f"{path} is a link to {path.readlink()}, which is not there; publish that file again, or remove the link"
 
 
 def is_picture(name: str) -> bool:

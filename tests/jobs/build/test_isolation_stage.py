@@ -17,7 +17,7 @@ from usdfoliage.capture.folder import read_capture, read_views
 from usdfoliage.capture.lens import Lens
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.isolation.plant import PointKind
-from usdfoliage.jobs.build.isolation_stage import GIVEN_DEPTH, is_floorless, isolate_capture
+from usdfoliage.jobs.build.isolation_stage import GIVEN_DEPTH, has_drawn_masks, is_floorless, isolate_capture
 from usdfoliage.jobs.build.settings import BuildSettings, IsolationStageSettings
 from usdfoliage.jobs.build.summary import read_summary
 
@@ -118,6 +118,16 @@ def test_that_a_floor_was_left_out_is_known_to_those_who_would_look_for_one(resu
 
     assert asked(run(result, tmp_path / "out"))
     assert not asked(run(result, tmp_path / "kept", floor=False))
+
+
+def test_masks_that_were_drawn_are_known_from_those_that_were_given(result: Path, tmp_path: Path) -> None:
+    def asked(out: Path) -> bool:
+        return has_drawn_masks(SimpleNamespace(has=lambda _: True, result_of=lambda _: out))  # type: ignore[arg-type]
+
+    assert asked(run(result, tmp_path / "out"))
+    kept = run(result, tmp_path / "kept", floor=False, container=False, strays=False)
+    assert not asked(kept)
+    assert not has_drawn_masks(SimpleNamespace(has=lambda _: False))  # type: ignore[arg-type]
 
 
 def test_the_same_capture_gives_the_same_bytes(result: Path, tmp_path: Path) -> None:

@@ -37,7 +37,16 @@ def test_the_page_says_everything_and_what_to_look_at_first(tmp_path):
     assert page == tmp_path / "report" / "index.html"
     text = Tags(page.read_text(encoding="utf-8")).text
     said = ["holly", "not be used", "The scale is not known", "14 of 380", "1.84 m", "70,080", "IoU 0.812", "000.jpg"]
-    said += ["Read 10 photographs", "Found leaves", "no masks", "looks odd", "10.5 kB", "2.01 MB", "rounds = 4"]
+    said += [
+        "Read 10 photographs",
+        "Found leaves",
+        "no masks",
+        "0.812, against drawn masks",
+        "looks odd",
+        "10.5 kB",
+        "2.01 MB",
+        "rounds = 4",
+    ]
     said += ["default: 3", "ab" * 32, "26.11"]
     assert [one for one in said if one not in text] == []
     order = ["The scale is not known", "14 of 380", "1.84 m", "IoU 0.812", "Read 10", "Found leaves", "looks odd"]

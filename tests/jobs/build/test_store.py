@@ -179,3 +179,23 @@ def test_a_stamp_that_would_take_the_stack_or_the_time_is_none(store: Store, har
         store.stamp(KEY).unlink()
         os.mkfifo(store.stamp(KEY))
     assert read_stamp(store, KEY) is None
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_a_copy_of_relative_links_holds_the_files_that_they_lead_to(tmp_path: Path, link: bool) -> None:
+    (tmp_path / "published").mkdir()
+    (tmp_path / "published" / "1.exr").write_text("depth")
+    (tmp_path / "capture" / "depth").mkdir(parents=True)
+    (tmp_path / "capture" / "depth" / "1.exr").symlink_to("../../published/1.exr")
+    laid_out = tmp_path / "work" / "results" / "key" / "depth"
+    copy_tree(tmp_path / "capture" / "depth", laid_out, link=link)
+    assert (laid_out / "1.exr").read_text() == "depth"
+    assert not (laid_out / "1.exr").is_symlink()
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_a_link_to_nothing_is_not_copied_but_named(tmp_path: Path, link: bool) -> None:
+    (tmp_path / "depth").mkdir()
+    (tmp_path / "depth" / "1.exr").symlink_to("../published/1.exr")
+    with pytest.raises(FoliageError, match=r"depth/1\.exr is a link to \.\./published/1\.exr, which is not there"):
+        copy_tree(tmp_path / "depth", tmp_path / "copy", link=link)

@@ -1,12 +1,18 @@
 """The plan of a build: which tasks there are, and which settings and files touch which."""
 
 import ast
+import os
+import sys
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 import usdfoliage
+from usdfoliage.asset.resources import plugin_path_folders
+from usdfoliage.jobs.build import outside_tools
 from usdfoliage.jobs.build.inputs import BuildInputs
 from usdfoliage.jobs.build.settings import BuildSettings, TaskSettings, with_seed
 from usdfoliage.jobs.build.store import Stamp, Store, fill_result, list_files, write_stamp
@@ -78,8 +84,126 @@ def test_depth_is_cut_into_chunks_of_photographs() -> None:
 )
 def test_a_setting_touches_what_it_decides_and_nothing_else(tables: Any, expected: set[str]) -> None:
     touched = stages_that_change(PLAN, plan_build(make_inputs(), changed(**tables), "fern"))
-    assert touched <= expected
-    assert touched >= AFTER_PARTS
+    assert touched == expected
+
+
+@pytest.mark.parametrize("part", ["branches", "leaves", "crown"])
+def test_a_species_is_written_into_each_part_by_itself(part: str) -> None:
+    off: dict[str, Any] = {"branches": {"make": "off"}, "leaves": {"make": False}, "crown": {"make": False}}
+    del off[part]
+    before = plan_build(make_inputs(), changed(**off), "fern")
+    after = plan_build(make_inputs(), changed(**off, plant={"species": "oak"}), "fern")
+    assert stages_that_change(before, after) == {part, *AFTER_PARTS}
+
+
+@pytest.fixture
+def look_again() -> Iterator[None]:
+    """What is looked at once in a process is looked at in each plan, before and after the test."""
+    outside_tools.forget()
+    yield
+    outside_tools.forget()
+
+
+def test_validators_of_the_place_touch_the_report_alone(
+    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def plan() -> BuildPlan:
+        outside_tools.forget()
+        return plan_build(make_inputs(), BuildSettings(), "fern")
+
+    monkeypatch.delenv("PXR_PLUGINPATH_NAME", raising=False)
+    plans = [plan()]
+    plugins = tmp_path / "studio"
+    (plugins / "studioRules").mkdir(parents=True)
+    info = plugins / "studioRules" / "plugInfo.json"
+    info.write_text('# of the studio\n{"Plugins": [{"Type": "python", "Name": "studioRules"}]}')
+    monkeypatch.setenv("PXR_PLUGINPATH_NAME", str(plugins / "studioRules"))
+    plans.append(plan())
+    rules = plugins / "studioRules" / "__init__.py"
+    rules.write_text("def check(stage): return []\n")
+    plans.append(plan())
+    rules.write_text("def check(stage): return [1]\n")
+    plans.append(plan())
+    monkeypatch.setattr(outside_tools, "VALIDATION_PACKAGES", ("jinja2",))  # another package than before
+    plans.append(plan())
+    for first, second in pairwise(plans):
+        assert stages_that_change(first, second) == {"report"}
+    assert stages_that_change(plans[-1], plan()) == set()
+
+
+def test_validators_are_told_by_what_they_are_and_not_by_their_place(
+    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = []
+    for place in ("here", "there"):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "plugInfo.json").write_text("{}")
+        monkeypatch.setenv("PXR_PLUGINPATH_NAME", str(tmp_path / place / "plugInfo.json"))
+        told.append(outside_tools.describe_validators())
+    assert told[0] == told[1]
+    monkeypatch.setenv("PXR_PLUGINPATH_NAME", str(tmp_path / "nowhere"))
+    assert outside_tools.describe_validators() != told[0]
+    own = [str(folder) for folder in plugin_path_folders()]
+    nothing = outside_tools.describe_validators()
+    monkeypatch.setenv("PXR_PLUGINPATH_NAME", os.pathsep.join(own))  # as `usdfoliage env` sets it
+    assert outside_tools.describe_validators() == nothing
+
+
+def test_the_module_of_a_plug_in_counts_wherever_it_lies(
+    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "plugin").mkdir()
+    (tmp_path / "plugin" / "plugInfo.json").write_text('{"Plugins": [{"Type": "python", "Name": "studio_rules_x"}]}')
+    (tmp_path / "python" / "studio_rules_x").mkdir(parents=True)
+    rules = tmp_path / "python" / "studio_rules_x" / "__init__.py"
+    monkeypatch.setenv("PXR_PLUGINPATH_NAME", str(tmp_path / "plugin"))
+    monkeypatch.syspath_prepend(tmp_path / "python")
+    told = set()
+    for text in ("a = 1\n", "a = 2\n"):
+        rules.write_text(text)
+        outside_tools.forget()
+        told.add(outside_tools.describe_validators())
+    assert len(told) == 2
+    assert "studio_rules_x" not in sys.modules
+
+
+def test_another_interpreter_draws_again_and_validates_again(
+    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    python = tmp_path / "bin" / "python"
+    python.parent.mkdir()
+    python.write_text("#!/bin/sh\n")
+    python.chmod(0o755)
+    packages = tmp_path / "lib" / "python3.11" / "site-packages"
+    packages.mkdir(parents=True)
+    plans = []
+
+    def plan() -> None:
+        outside_tools.forget()
+        plans.append(plan_build(make_inputs(), BuildSettings(), "fern"))
+
+    monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", str(tmp_path / "absent"))
+    plan()
+    monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", str(python))
+    plan()
+    (packages / "bpy-5.0.1.dist-info").mkdir()
+    plan()
+    (packages / "bpy-5.0.1.dist-info").rename(packages / "bpy-5.1.0.dist-info")
+    plan()
+    for first, second in pairwise(plans):
+        assert stages_that_change(first, second) == AFTER_PARTS
+    (packages / "requests-2.0.dist-info").mkdir()  # which draws nothing
+    plan()
+    assert stages_that_change(*plans[-2:]) == set()
+
+
+def test_without_pictures_nobody_asks_what_draws(
+    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = changed(pictures={"make": False})
+    before = plan_build(make_inputs(), settings, "fern")
+    monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", str(tmp_path / "absent"))
+    assert stages_that_change(before, plan_build(make_inputs(), settings, "fern")) == set()
 
 
 def test_what_is_believed_of_depth_costs_no_matching() -> None:
@@ -129,6 +253,9 @@ def test_parts_are_made_of_the_isolated_plant_or_of_everything() -> None:
     for part in ("branches", "leaves", "crown"):
         assert "cloud" in everything.tasks[part].needs
     assert "cloud" in PLAN.tasks["report"].needs  # whose summary it shows
+    # Compared with the photographs is what the parts are made of, with its masks.
+    assert set(PLAN.tasks["comparisons"].needs) == {"isolation", "asset"}
+    assert set(everything.tasks["comparisons"].needs) == {"cloud", "asset"}
 
 
 def test_a_cloud_needs_no_capture() -> None:
@@ -154,7 +281,7 @@ def test_what_only_finished_tasks_need_is_not_wanted(tmp_path: Path) -> None:
     assert not finished
     finish(PLAN, store, "cloud")
     wanted, finished = find_wanted(PLAN, store, thorough=True)
-    assert {task.stage for task in wanted.values()} == {"poses", *AFTER_CLOUD}  # comparisons look through cameras
+    assert {task.stage for task in wanted.values()} == {"poses", *AFTER_CLOUD}  # the report tells of cameras
     assert finished.keys() == {"cloud"}
     finish(PLAN, store, "report")
     assert find_wanted(PLAN, store, thorough=True)[0] == {}

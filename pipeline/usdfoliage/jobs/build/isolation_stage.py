@@ -43,6 +43,7 @@ logger = logging.getLogger(__name__)
 
 GIVEN_DEPTH = "given_depth"  # the folder of the input's own depth, in the capture of the plant
 _FLOORLESS = "floorless.txt"  # beside the capture of a cloud that a floor was left out of
+_DRAWN = "drawn_masks.txt"  # beside a capture whose masks were drawn here
 _MAPS = (IMAGES, CAMERAS, DEPTH_FOLDER, "confidence", "normals")
 _PICTURES = "pictures"
 _LEAST_POINTS = 200  # of a plant
@@ -78,6 +79,11 @@ def isolate_capture(call: StageCall) -> tuple[ResultFile, ...]:
 def is_floorless(call: StageCall) -> bool:
     """Whether what the plant stands on was left out of its cloud."""
     return call.has(ISOLATION) and (call.result_of(ISOLATION) / _FLOORLESS).is_file()
+
+
+def has_drawn_masks(call: StageCall) -> bool:
+    """Whether the masks of the plant's capture were drawn, not given; where both are, they hold together."""
+    return call.has(ISOLATION) and (call.result_of(ISOLATION) / _DRAWN).is_file()
 
 
 def plant_capture(call: StageCall) -> Path:
@@ -148,6 +154,8 @@ def _isolate(call: StageCall, source: Path) -> None:
             (call.out / _FLOORLESS).write_text("What the plant stands on is left out of the cloud.\n", encoding="utf-8")
     pictures = _write_pictures(call, cloud.points_m @ turn.T, found, masks)
     rows = _rows(found, len(cloud), int(plant.sum()), masks)
+    if masks:
+        (call.out / _DRAWN).write_text("The masks of the photographs are drawn from the cloud.\n", encoding="utf-8")
     write_summary(call.out, StageSummary(rows=rows, notes=notes, warnings=warnings, pictures=pictures))
 
 

@@ -41,6 +41,7 @@ class Comparison:
     photograph: Path | NDArray[np.uint8]
     drawing: Path | NDArray[np.uint8]
     iou: float | None = None  # of the two silhouettes; None without a mask
+    masks: str = ""  # what it is measured against: "given" or "drawn" ones
     remark: str = ""
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 from usdfoliage import __version__
 from usdfoliage.asset.contents import AssetFile, interface_of, list_files, read_plant_facts, require_plant
 from usdfoliage.asset.look import open_asset
-from usdfoliage.asset.provenance import package_versions
+from usdfoliage.asset.provenance import PACKAGES, VALIDATION_PACKAGES, package_versions
 from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation import ValidationReport, validate_asset
 from usdfoliage.capture.folder import read_capture
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.build.call import StageCall
-from usdfoliage.jobs.build.capture_stages import capture_folder
+from usdfoliage.jobs.build.isolation_stage import has_drawn_masks, plant_capture
 from usdfoliage.jobs.build.pictures import draw_comparisons, draw_turntable, draw_variants
 from usdfoliage.jobs.build.plant_stages import ASSET_FOLDER
 from usdfoliage.jobs.build.report import (
@@ -74,10 +74,11 @@ def turn_plant(call: StageCall) -> tuple[ResultFile, ...]:
 
 
 def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
-    """Pictures from the photographs' own cameras, beside the photographs."""
+    """Pictures from the photographs' own cameras, beside the photographs, with the masks that the parts are made by."""
 
     def draw() -> None:
-        capture = read_capture(capture_folder(call, POSES))
+        capture = read_capture(plant_capture(call))
+        masks = "drawn" if has_drawn_masks(call) else "given"
         compared = draw_comparisons(_asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, _tell(call))
         held = [
             {
@@ -85,6 +86,7 @@ def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
                 "photograph": Path(str(each.photograph)).name,
                 "drawing": Path(str(each.drawing)).name,
                 "iou": each.iou,
+                "masks": "" if each.iou is None else masks,
             }
             for each in compared
         ]
@@ -169,7 +171,10 @@ def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> Pl
             InputFile(name=name, sha256=digest, size_bytes=call.inputs.files[name].stat().st_size)
             for name, digest in call.inputs.digests
         ],
-        versions=[Row(name=name, value=version) for name, version in package_versions().items()],
+        versions=[
+            Row(name=name, value=version)
+            for name, version in package_versions((*PACKAGES, *VALIDATION_PACKAGES)).items()
+        ],
     )
 
 
@@ -233,6 +238,7 @@ def _read_comparisons(call: StageCall) -> list[Comparison]:
             photograph=folder / _PICTURES / each["photograph"],
             drawing=folder / _PICTURES / each["drawing"],
             iou=each["iou"],
+            masks=each["masks"],
         )
         for each in json.loads((folder / _COMPARED).read_text())
     ]

@@ -18,6 +18,7 @@ from usdfoliage.jobs.build.plant_record import note_build
 from usdfoliage.jobs.build.processes import open_processes, threads_each
 from usdfoliage.jobs.build.store import remove_leftovers, stamp_mark
 from usdfoliage.jobs.build.tasks import REPORT, BuildPlan, find_wanted, plan_build
+from usdfoliage.jobs.build.times import expect_times
 from usdfoliage.jobs.build.worker import run_named_task
 
 logger = logging.getLogger(__name__)
@@ -48,9 +49,14 @@ class ExecutorChoice:
 
 
 def plan_plant(request: BuildRequest, look: Look = "bytes") -> tuple[BuildInputs, BuildPlan]:
-    """The inputs and tasks of a plant; FoliageError for inputs that cannot be used."""
+    """The inputs and tasks of a plant, with times as far as the work folder knows them.
+
+    Raises:
+        FoliageError: The inputs cannot be used.
+    """
     inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, look)
-    return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
+    plan = plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
+    return inputs, expect_times(plan, request.store)
 
 
 def build_plants(

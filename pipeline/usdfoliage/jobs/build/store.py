@@ -30,6 +30,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from usdfoliage.capture.listing import explain_lost_link, leads_nowhere
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.build.json_file import read_json
 from usdfoliage.jobs.capture_work import digest_file, explain, task_key, write_whole
@@ -327,13 +328,17 @@ def _open_lock(path: Path) -> int:
 
 
 def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
-    """A copy of a folder's files, or links to them where the disk allows: for what nobody changes in place.
+    """A copy of a folder's files, or hard links to them where the disk allows: for what nobody changes in place.
+
+    Of symbolic links it is the file that counts: a relative one leads elsewhere from another folder.
 
     Raises:
-        FoliageError: It cannot be written.
+        FoliageError: It cannot be written, or a symbolic link leads to nothing.
     """
     for path in sorted(source.rglob("*")):
         there = target / path.relative_to(source)
+        if leads_nowhere(path):
+            raise FoliageError(explain_lost_link(path))
         try:
             if path.is_dir():
                 there.mkdir(parents=True, exist_ok=True)
@@ -341,7 +346,7 @@ def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
             there.parent.mkdir(parents=True, exist_ok=True)
             if link:
                 try:
-                    os.link(path, there)
+                    os.link(path.resolve() if path.is_symlink() else path, there)
                     continue
                 except OSError as error:
                     if error.errno in (errno.ENOSPC, errno.EDQUOT):

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usdfoliage import _native
-from usdfoliage.asset.provenance import package_versions
+from usdfoliage.asset.provenance import PACKAGES, package_versions
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.capture.depth_agreement import AgreementSettings
 from usdfoliage.jobs.build.inputs import BuildInputs
+from usdfoliage.jobs.build.outside_tools import describe_interpreter, describe_validators
 from usdfoliage.jobs.build.settings import BuildSettings, TaskSettings
 from usdfoliage.jobs.build.store import Stamp, Store, find_finished
 from usdfoliage.jobs.capture_work import task_key
@@ -44,6 +45,7 @@ STAGES = (
 _CODE = (".py", ".html", ".css", ".js", ".toml", ".glslfx", ".usda")
 _RESOURCES = ("schemas", "usd_plugins", "hydra_preview")
 # What poses and depth are made by: a test follows the imports.
+_NOT_OF_DEPTH = ("laspy", "lazrs", "jinja2")  # packages that read clouds and write pages
 CODE_OF_DEPTH = ("[!_]*.py", "capture/*", "geometry/*", "jobs/capture_*.py", "jobs/build/capture_stages.py")
 
 
@@ -58,7 +60,7 @@ class Task:
     round: int = 0  # of matching
     needs: tuple[str, ...] = ()  # names of tasks whose results it reads
     key: str = ""
-    estimate_s: float = 0.0  # on one core or two, as far as can be told
+    estimate_s: float = 0.0  # on one core or two, as far as its size tells, or what others took (times.py)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,9 +80,11 @@ def build_code_version(stage: str) -> str:
 
     Of matching, which takes longest, only what it can reach: another report is no reason to match again.
     """
-    digest = hashlib.sha256(repr(sorted(package_versions().items())).encode())
+    of_depth = stage in (POSES, MATCHING, DEPTH)
+    packages = [name for name in PACKAGES if not (of_depth and name in _NOT_OF_DEPTH)]
+    digest = hashlib.sha256(repr(sorted(package_versions(packages).items())).encode())
     package = Path(__file__).parents[2]
-    patterns = CODE_OF_DEPTH if stage in (POSES, MATCHING, DEPTH) else ("**/*",)
+    patterns = CODE_OF_DEPTH if of_depth else ("**/*",)
     files = {path for pattern in patterns for path in package.glob(pattern) if path.suffix in _CODE}
     folders = [] if patterns == CODE_OF_DEPTH else [resource_folder(name) for name in _RESOURCES]
     others = [path for folder in folders for path in sorted(folder.rglob("*")) if path.suffix in _CODE]
@@ -170,26 +174,29 @@ def plan_build(
         megapixels_of_all = len(inputs.photographs) * megapixels
         isolation = add(ISOLATION, (settings.isolation, given), has_cloud, 5.0 + 0.7 * megapixels_of_all)
         plant = [isolation]
+    species = settings.plant.species  # which is written into the asset of every part
     if settings.branches.make != "off":
-        said_of_branches = (settings.seed, settings.branches, settings.plant.species, name, *([] if cloud else source))
+        said_of_branches = (settings.seed, settings.branches, species, name, *([] if cloud else source))
         parts.append(add(BRANCHES, said_of_branches, plant, 25.0))
     if settings.leaves.make and cloud:
-        said_of_leaves = (settings.seed, settings.leaves, name, settings.leaves.depth, source)
+        said_of_leaves = (settings.seed, settings.leaves, species, name, source)
         parts.append(add(LEAVES, said_of_leaves, plant, 5.0 + 3.0 * len(inputs.photographs) * megapixels))
     if settings.crown.make:
-        said_of_crown = (settings.seed, settings.crown, name, *([] if cloud else source))
-        parts.append(add(CROWN, said_of_crown, [*plant, *parts], 10.0))
-    said_of_asset = (replace(settings, tasks=TaskSettings()), name, inputs.name, source)
-    asset = add(ASSET, said_of_asset, [*plant, *parts], 8.0)
+        said_of_crown = (settings.seed, settings.crown, species, name, *([] if cloud else source))
+        parts.append(add(CROWN, said_of_crown, [*plant, *parts], 40.0))
+    draws = describe_interpreter() if settings.pictures.make else ()  # the thumbnail too
+    said_of_asset = (replace(settings, tasks=TaskSettings()), name, inputs.name, source, draws)
+    asset = add(ASSET, said_of_asset, [*plant, *parts], 20.0)
     pictures: list[str] = []
     if settings.pictures.make:
         drawn = settings.pictures
-        pictures.append(add(TURNTABLE, drawn, [asset], 4.0 + 1.2 * drawn.turntable_frames))
+        said_of_pictures = (drawn, draws)
+        pictures.append(add(TURNTABLE, said_of_pictures, [asset], 4.0 + 1.2 * drawn.turntable_frames))
         if cloud:
-            pictures.append(add(COMPARISONS, drawn, [poses, asset], 6.0 + 2.5 * drawn.comparisons))
-        pictures.append(add(VARIANTS, drawn, [asset], 30.0))
+            pictures.append(add(COMPARISONS, said_of_pictures, [*plant, asset], 6.0 + 2.5 * drawn.comparisons))
+        pictures.append(add(VARIANTS, said_of_pictures, [asset], 30.0))
     everything = [*([poses] if cloud else []), *dict.fromkeys([*has_cloud, *plant]), *parts, asset, *pictures]
-    report = add(REPORT, profile, everything, 8.0)
+    report = add(REPORT, (profile, describe_validators()), everything, 20.0)
     last = tuple(task.name for task in tasks.values() if task.stage in only) if only else (report,)
     return BuildPlan(tasks=tasks, last=last)
 
