@@ -87,7 +87,8 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
         if task is None or task.key != order.key:
             raise FoliageError(
                 f"{order.name} is planned otherwise here than where the build was started: {order.request.capture} "
-                "has changed meanwhile, or this worker has another version of usdfoliage or its libraries"
+                "has changed meanwhile, or this worker has another version of usdfoliage, its libraries, validators or "
+                "preview interpreter"
             )
         note_task(order.request, plan, task)
         with use_plant(order.request):
