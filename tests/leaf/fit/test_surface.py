@@ -243,3 +243,17 @@ def test_points_on_a_line_do_not_stop_the_others():
 
     assert {0, 2} <= set(fitted.source.tolist())
     assert isinstance(points, LeafPoints)
+
+
+def test_no_leaf_has_a_silhouette_beyond_its_axis():
+    leaves = known_leaves(12)
+    points = leaf_points(leaves)
+    rng = np.random.default_rng(3)
+    crooked = replace(points, points_m=points.points_m + rng.normal(0, 0.12, points.points_m.shape) * leaves[3][0])
+
+    crossing = fit_surfaces(crooked).parameters[:, 2:5, 1]
+    fitted = fit_leaves_to_surface(crooked, SurfaceFitSettings(max_residual=1.0))
+
+    assert (crossing < 0).any()
+    assert len(fitted.leaves)
+    assert (fitted.leaves.parameters[:, 2:5, 1] >= 0).all()

@@ -134,8 +134,11 @@ def fit_leaves_to_surface(
     for reason, failed in reasons.items():
         dropped[reason] = int((failed & kept).sum())
         kept &= ~failed
+    parameters = fits.parameters.copy()
+    # Points behind the edge pull it past the axis here and there: a leaf has no width less than none.
+    parameters[:, 2:5, 1] = np.maximum(parameters[:, 2:5, 1], 0.0)
     leaves = Leaves(
-        parameters=fits.parameters,
+        parameters=parameters,
         base_m=fits.base_m,
         orientation=Rotation.from_matrix(fits.axes).as_quat() if len(fits.axes) else np.zeros((0, 4)),
         length_m=fits.length_m,
