@@ -30,12 +30,16 @@ def some_leaves(count: int = 6, *representations: str) -> BranchLeaves:
 
 
 @lru_cache
-def round_crown(size: int = 8) -> CrownModel:
+def round_crown(
+    size: int = 8,
+    axes_m: tuple[float, float, float] = CROWN_AXES,
+    center_m: tuple[float, float, float] = CROWN_CENTER,
+) -> CrownModel:
     """An ellipsoid, green."""
     return CrownModel(
-        radius_m=ellipsoid_radius(CROWN_AXES, size).astype(np.float32),
+        radius_m=ellipsoid_radius(axes_m, size).astype(np.float32),
         color=np.broadcast_to(np.array([0.1, 0.3, 0.05], np.float32), (6, size, size, 3)).copy(),
-        center_m=np.array(CROWN_CENTER),
+        center_m=np.array(center_m),
         relief_weight=0.0,
         asset_from_photo=np.eye(4),
     )
@@ -62,8 +66,19 @@ def fork_branches(folder: Path, name: str = "fork") -> OtherParts:
     return parts
 
 
+def high_crown() -> CrownModel:
+    """A ball of 0.6 m around the upper end of the fork's trunk: 1.4 m of it, and its branch, stand out."""
+    return round_crown(8, (0.6, 0.6, 0.6), (0.0, 2.0, 0.0))
+
+
 def write_whole_plant(
-    folder: Path, name: str = "oak", *, leaves: bool = True, branches: bool = True, crown: bool = True, count: int = 6
+    folder: Path,
+    name: str = "oak",
+    *,
+    leaves: bool = True,
+    branches: bool = True,
+    crown: bool | CrownModel = True,
+    count: int = 6,
 ) -> Path:
     """The asset of the plant in folder, with a thumbnail; returns its interface layer."""
     folder.mkdir(parents=True)
@@ -76,6 +91,6 @@ def write_whole_plant(
         asset_from_capture=np.eye(4),
         branches=fork_branches(folder.parent / f"{folder.name}_branches") if branches else None,
         foliage=some_leaves(count) if leaves else None,
-        crown=round_crown() if crown else None,
+        crown=(round_crown() if crown is True else crown) or None,
         thumbnail=picture,
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdMedia
 
+from usdfoliage.asset.bare_branches import BARE_LAYER
 from usdfoliage.asset.interface import PAYLOAD
 from usdfoliage.asset.layer import save_layer
 from usdfoliage.asset.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion, read_points
@@ -31,7 +32,16 @@ from usdfoliage.asset.package import (
     leaf_jitter,
     write_leaf_layers,
 )
-from usdfoliage.asset.plant import BRANCHES, COLLECTIONS, CROWN, LEAVES, SKELETON, Plant, box_around
+from usdfoliage.asset.plant import (
+    BARE_BRANCHES,
+    BRANCHES,
+    COLLECTIONS,
+    CROWN,
+    LEAVES,
+    SKELETON,
+    Plant,
+    box_around,
+)
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.errors import AssetError
@@ -55,6 +65,7 @@ class OtherParts:
     extents_m: Sequence[NDArray[np.float64]]  # (2, 3) each, of what is no guide
     guide_extents_m: Sequence[NDArray[np.float64]]
     crown_m: NDArray[np.float64] | None = None  # (2, 3) around its crown, None where it has none
+    bare_m: NDArray[np.float64] | None = None  # (2, 3) around what stands out of its crown, None where nothing does
     is_whole: bool = False  # it is of a whole plant (usdfoliage.asset.plant_package)
     lod: str = ""  # the one that is selected, of a whole plant
     thumbnail: Path | None = None
@@ -130,7 +141,9 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
         hint = root.variantSets["lod"].variants["leaves"].primSpec.attributes.get("extentsHint")
         extents += [np.array(hint.default[:2], np.float64)] if hint is not None else []
     crown = f"./{CROWN_LAYER}"
-    has_crown = any(crown in _layers(spec) for spec in lods.values())
+    has_crown, has_bare = (
+        any(layer in _layers(spec) for spec in lods.values()) for layer in (crown, f"./{BARE_LAYER}")
+    )
     thumbnail = UsdMedia.AssetPreviewsAPI(plant).GetDefaultThumbnails()
     picture = interface.parent / thumbnail.defaultImage.path if thumbnail is not None else None
     return OtherParts(
@@ -142,6 +155,7 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
         extents_m=[box for box in extents if box is not None],
         guide_extents_m=[box for box in guides if box is not None],
         crown_m=_layer_extent(payload / CROWN_LAYER, f"/{name}/{CROWN}") if has_crown else None,
+        bare_m=_layer_extent(payload / BARE_LAYER, f"/{name}/{BARE_BRANCHES}") if has_bare else None,
         is_whole=True,
         lod=selected.get("lod", ""),
         thumbnail=picture if picture is not None and picture.is_file() else None,
@@ -262,8 +276,8 @@ def copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeaves
     boxes = []
     source = others.interface.parent / "payload"
     layers = {*others.shared, *(layer for held in others.sets for each in held.variants.values() for layer in each)}
-    if others.crown_m is not None:
-        layers.add(f"./{CROWN_LAYER}")
+    layers |= {f"./{CROWN_LAYER}"} if others.crown_m is not None else set()
+    layers |= {f"./{BARE_LAYER}"} if others.bare_m is not None else set()
     for layer in sorted(layers):
         copied = _open_renamed(source / layer, others.name, name)
         _copy_pictures(copied, Sdf.Path.absoluteRootPath, source, payload)

@@ -16,9 +16,10 @@ LEAVES = "geo/render/Leaves"  # in every representation
 LEAVES_GUIDE = "geo/guide/Leaves"  # in every representation but bezier: the leaves themselves are below
 CROWN = "geo/proxy/Crown"
 BRANCHES = "geo/render/Branches"
+BARE_BRANCHES = "geo/proxy/Branches"  # those that stand out of the crown
 SKELETON = "geo/guide/Skeleton"
 
-COLLECTIONS: Mapping[str, str] = {"leaves": LEAVES, "branches": BRANCHES, "crown": CROWN}  # of a whole plant
+COLLECTIONS = ("leaves", "branches", "crown")  # of a whole plant
 
 _RELATIONSHIPS: Mapping[str, str] = {LEAVES: "foliage:leaves", CROWN: "foliage:crown", SKELETON: "foliage:skeleton"}
 
@@ -46,7 +47,7 @@ class Plant:
     lods: Mapping[str, PurposeBoxes] = field(
         default_factory=dict
     )  # where several hold different things: what each does
-    collections: Sequence[str] = ()  # some of COLLECTIONS
+    collections: Mapping[str, Sequence[str]] = field(default_factory=dict)  # what each includes, by COLLECTIONS
     thumbnail: str = ""  # picture, as a path from the interface layer
 
 
@@ -95,8 +96,10 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
         prim.CreateAttribute(attribute, value_type, custom=False).Set(value)
     for part in plant.parts:
         prim.CreateRelationship(_RELATIONSHIPS[part], custom=False).SetTargets([path.AppendPath(part)])
-    for part in plant.collections:
-        Usd.CollectionAPI.Apply(prim, part).IncludePath(path.AppendPath(COLLECTIONS[part]))
+    for collection, parts in plant.collections.items():
+        held = Usd.CollectionAPI.Apply(prim, collection)
+        for part in parts:
+            held.IncludePath(path.AppendPath(part))
     return prim
 
 

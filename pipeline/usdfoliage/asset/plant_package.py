@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.asset.bare_branches import BARE_LAYER, write_bare_branches_layer
 from usdfoliage.asset.branch_package import BranchLeaves
 from usdfoliage.asset.interface import PAYLOAD
 from usdfoliage.asset.leaf_motion import DrawnLeaves
@@ -28,7 +29,7 @@ from usdfoliage.asset.package import (
     write_crown_layers,
     write_leaf_layers,
 )
-from usdfoliage.asset.plant import COLLECTIONS, CROWN, Plant, PurposeBoxes, box_around
+from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES, CROWN, LEAVES, Plant, PurposeBoxes, box_around
 from usdfoliage.asset.provenance import Provenance, needs_file, write_provenance_file
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
@@ -107,7 +108,7 @@ def write_plant_asset(
     if crown is not None:
         layers = write_crown_layers(folder, name, crown, settings.crown_mesh_size)
         crown_m, material = layers.extent_m, layers.material
-        branches = replace(branches, crown_m=None) if branches is not None else None
+        branches = replace(branches, crown_m=None, bare_m=None) if branches is not None else None
     leaf_layers = None
     if foliage is None:
         write_materials_layer(payload / MATERIAL_LAYER, name, crown=material)
@@ -118,6 +119,13 @@ def write_plant_asset(
     moving_m: Sequence[Box] = ()
     if branches is not None:
         branches, moving_m = _copy_branches(branches, payload, name, foliage)
+        surface = _coarse_surface(branches)
+        if crown is not None and surface is not None:
+            bare_m = write_bare_branches_layer(payload / BARE_LAYER, name, payload / surface, crown)
+            branches = replace(branches, bare_m=bare_m)
+    bare_m = branches.bare_m if branches is not None else None
+    crown_m = box_around([crown_m, bare_m]) if crown_m is not None and bare_m is not None else crown_m
+    far = [*([f"./{BARE_LAYER}"] if bare_m is not None else []), f"./{CROWN_LAYER}"]
     has_leaves = foliage is not None and len(foliage.leaves) > 0
     near_m: list[Box] = [*(branches.extents_m if branches is not None else ()), *moving_m]
     if leaf_layers is not None and (has_leaves or not near_m):
@@ -134,9 +142,9 @@ def write_plant_asset(
     guides = list(branches.shared) if branches is not None else []
     shown = {
         "leaves": guides,
-        "both": [f"./{BOTH_LAYER}", f"./{CROWN_LAYER}", *guides],
-        "crown": [f"./{CROWN_LAYER}"],
-        "auto": [f"./{AUTO_LAYER}", f"./{CROWN_LAYER}"],
+        "both": [f"./{BOTH_LAYER}", *far, *guides],
+        "crown": far,
+        "auto": [f"./{AUTO_LAYER}", *far],
     }
     # Of the sets inside a lod the first is strongest: what moves goes over what stands still.
     moving = [held for held in branches.sets if held.name in MOVING] if branches is not None else []
@@ -147,7 +155,11 @@ def write_plant_asset(
         *([leaf_layers.variants] if leaf_layers is not None else []),
         *(replace(held, inside=leafy) for held in still),
     ]
-    present = {"leaves": foliage is not None, "branches": has_branches, "crown": has_crown}
+    collections = {
+        **({"leaves": [LEAVES]} if foliage is not None else {}),
+        **({"branches": [BRANCHES, *([BARE_BRANCHES] if bare_m is not None else [])]} if has_branches else {}),
+        **({"crown": [CROWN]} if has_crown else {}),
+    }
     plant = Plant(
         provenance=provenance,
         asset_from_capture=asset_from_capture,
@@ -159,7 +171,7 @@ def write_plant_asset(
         ],
         version=settings.version,
         lods=boxes,
-        collections=[part for part in COLLECTIONS if present[part]],
+        collections=collections,
         thumbnail=_copy_thumbnail(folder, name, thumbnail),
     )
     interface = finish_asset(folder, name, plant, sets)
@@ -201,6 +213,15 @@ def _copy_branches(
         jitter=leaf_jitter(foliage.edits, foliage.look),
     )
     return branches, copy_layers(branches, payload, name, drawn)
+
+
+def _coarse_surface(branches: OtherParts) -> str | None:
+    """The layer of the surface with the fewest orders of branches, from the payload's folder."""
+    for held in branches.sets:
+        if held.name == "branches":
+            layers = held.variants.get("order1") or next(iter(held.variants.values()))
+            return layers[0] if layers else None
+    return None
 
 
 def _lod_boxes(

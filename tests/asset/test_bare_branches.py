@@ -1,0 +1,99 @@
+"""The trunk that a crown leaves bare, in each lod that shows the crown."""
+
+import numpy as np
+import pytest
+from plant_assets import RUN, high_crown, round_crown, write_whole_plant
+from pxr import Sdf, Usd, UsdGeom, UsdShade
+from usdfoliage.asset.other_parts import read_other_parts
+from usdfoliage.asset.plant_package import write_plant_asset
+from usdfoliage.asset.studio_profile import default_profile, read_profile
+from usdfoliage.asset.validation import validate_asset
+
+BARE = "/oak/geo/proxy/Branches"
+TRUNK_M, BRANCH_M = 0.05, 0.03  # radii
+
+
+@pytest.fixture(scope="module")
+def asset(tmp_path_factory):
+    return write_whole_plant(tmp_path_factory.mktemp("plant") / "oak", crown=high_crown())
+
+
+def open_lod(asset, lod):
+    session = Sdf.Layer.CreateAnonymous(".usda")
+    Sdf.CreatePrimInLayer(session, "/oak").variantSelections["lod"] = lod
+    return Usd.Stage.Open(Sdf.Layer.FindOrOpen(str(asset)), session)
+
+
+@pytest.mark.parametrize("lod", ["crown", "both", "auto"])
+def test_the_trunk_is_shown_with_the_crown_down_to_the_root(asset, lod):
+    stage = open_lod(asset, lod)
+    bare = UsdGeom.Mesh(stage.GetPrimAtPath(BARE))
+    points = np.array(bare.GetPointsAttr().Get())
+    assert points[:, 1].min() == pytest.approx(-TRUNK_M, abs=2 * TRUNK_M)
+    assert points[:, 0].max() >= 1  # the branch too, which stands out at the side; of order 1, not the twig's 1.35
+    assert points[:, 0].max() < 1.2
+    inside = np.linalg.norm(points - (0, 2, 0), axis=1) < 0.6 * (1 - 0.15)
+    faces = np.array(bare.GetFaceVertexIndicesAttr().Get()).reshape(-1, 4)
+    assert not inside[faces].all(axis=1).any()
+    assert UsdGeom.Imageable(bare).ComputePurpose() == ("proxy" if lod == "both" else "default")
+    bound, _ = UsdShade.MaterialBindingAPI(bare).ComputeBoundMaterial()
+    assert bound.GetPath() == Sdf.Path("/oak/mtl/Bark")
+
+
+def test_what_is_kept_of_the_surface_is_as_it_was(asset):
+    stage = open_lod(asset, "crown")
+    bare = UsdGeom.Mesh(stage.GetPrimAtPath(BARE))
+    layer = Usd.Stage.Open(str(asset.parent / "payload" / "branches_order1.usdc"))
+    whole = UsdGeom.Mesh(layer.GetPrimAtPath("/oak/geo/render/Branches"))
+
+    def corners(mesh):
+        points, faces = (np.array(a.Get()) for a in (mesh.GetPointsAttr(), mesh.GetFaceVertexIndicesAttr()))
+        st = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").ComputeFlattened())
+        return {tuple(face.ravel()) for face in np.concatenate([points[faces], st], axis=1).reshape(-1, 4, 5)}
+
+    kept, all_of_them = corners(bare), corners(whole)
+    assert kept < all_of_them
+    color = [UsdGeom.PrimvarsAPI(mesh).GetPrimvar("displayColor").Get()[0] for mesh in (bare, whole)]
+    assert color[0] == color[1]
+    assert bare.GetSubdivisionSchemeAttr().Get() == "catmullClark"
+
+
+def test_a_crown_down_to_the_ground_leaves_nothing_bare(tmp_path):
+    asset = write_whole_plant(tmp_path / "oak", crown=round_crown())
+    assert not open_lod(asset, "crown").GetPrimAtPath(BARE)
+    assert not (asset.parent / "payload" / "branches_bare.usdc").exists()
+
+
+def test_hints_hold_the_trunk(asset):
+    for lod, number in (("crown", 0), ("both", 2)):
+        stage = open_lod(asset, lod)
+        hint = np.array(UsdGeom.ModelAPI(stage.GetDefaultPrim()).GetExtentsHint()).reshape(-1, 2, 3)[number]
+        held = np.array(UsdGeom.Mesh(stage.GetPrimAtPath(BARE)).GetExtentAttr().Get())
+        assert (hint[0] <= held[0]).all()
+        assert (hint[1] >= held[1]).all()
+        assert hint[1, 1] == pytest.approx(2.6, abs=0.02)  # the crown's top
+
+
+def test_the_branches_collection_holds_it_so_that_looks_reach_it(asset):
+    stage = open_lod(asset, "crown")
+    query = Usd.CollectionAPI(stage.GetDefaultPrim(), "branches").ComputeMembershipQuery()
+    assert query.IsPathIncluded(Sdf.Path(BARE))
+
+
+def test_it_is_sound_in_every_selection(asset):
+    report = validate_asset(asset, read_profile(default_profile()))
+    assert [finding for finding in report.findings if not finding.accepted] == []
+
+
+def test_other_leaves_leave_it_and_another_crown_renews_it(asset, tmp_path):
+    parts = read_other_parts(asset)
+    for name, crown in (("same", None), ("low", round_crown())):
+        (tmp_path / name).mkdir()
+        made = write_plant_asset(
+            tmp_path / name, "oak", provenance=RUN, asset_from_capture=np.eye(4), branches=parts, crown=crown
+        )
+        stages = [open_lod(each, "crown") for each in (asset, made)]
+        before, after = (UsdGeom.Mesh(stage.GetPrimAtPath(BARE)) for stage in stages)
+        assert bool(after) == (crown is None)
+        if after:
+            assert np.array_equal(before.GetPointsAttr().Get(), after.GetPointsAttr().Get())
