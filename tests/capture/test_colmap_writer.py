@@ -44,7 +44,7 @@ def registered(poses, lenses=LENSES, names=None, points=None) -> Registered:
         matches=np.zeros((len(photos), len(photos)), np.int64),
         failures=(),
         notes=(),
-        doubtful=False,
+        doubts=(),
     )
 
 

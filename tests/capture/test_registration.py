@@ -73,7 +73,7 @@ def test_cameras_are_where_they_were(registered):
 
 
 def test_a_horizon_is_no_ground_for_cameras(registered):
-    assert not registered.doubtful
+    assert registered.doubts == ()
     wide, band = registered.track_places_px, registered.track_places_px * (1, 0.02)
     assert list_doubts(registered.photos, registered.track_photos, wide, 15) == ()
     (doubt,) = list_doubts(registered.photos, registered.track_photos, band, 15)

@@ -60,7 +60,7 @@ def scene(count=12, angle=2 * math.pi, height=1.5, radius=2.0, ground=True, seed
         matches=np.zeros((count, count), np.int64),
         failures=(),
         notes=(),
-        doubtful=False,
+        doubts=(),
     )
 
 

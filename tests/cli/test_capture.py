@@ -520,7 +520,7 @@ def registration(monkeypatch):
         matches=np.full((5, 5), 40, np.int64),
         failures=(Unregistered(name="leaf 4.png", reason="it shows another place"),),
         notes=("1 of 5 photographs have no camera: leaf 4.png",),
-        doubtful=False,
+        doubts=(),
     )
     monkeypatch.setattr(capture_poses, "register_photos", lambda *_words, **_named: found)
     return found

@@ -445,7 +445,7 @@ def _registered(
         matches=found.verified,
         failures=list_failures(photo_set, features, model["group"], found, failed, settings.least_matches),
         notes=(*doubts, *write_notes(photos, images, found, registered, settings.least_matches)),
-        doubtful=bool(doubts),
+        doubts=doubts,
     )
 
 

@@ -48,7 +48,7 @@ class Registered:
     matches: NDArray[np.int64]  # (P, P), features of all photographs that one motion explains; symmetric
     failures: tuple[Unregistered, ...]  # by name
     notes: tuple[str, ...]  # in sentences for the user
-    doubtful: bool  # whether the cameras are probably wrong; notes say why
+    doubts: tuple[str, ...]  # those of the notes by which the cameras are probably wrong
 
     @property
     def mean_error_px(self) -> float:

@@ -108,7 +108,7 @@ def estimate_poses(
         progress: Told of the steps.
 
     Raises:
-        CaptureError: The photographs give no poses, or a hint at scale or up is wrong.
+        CaptureError: The photographs give no poses, or probably wrong ones; or a hint at scale or up is wrong.
     """
     images = folder / IMAGES
     stated, remarks = read_capture_settings(folder)
@@ -129,7 +129,12 @@ def estimate_poses(
         more = len(photo_set.dropped) - _MOST_NAMED
         told = f"{left_out}; and {more} more" if more > 0 else left_out
         raise CaptureError(f"{error} ({told})" if told else str(error)) from error
-    if registered.doubtful:
+    if registered.doubts and settings.doubtful_poses == "stop":
+        raise CaptureError(
+            f"the cameras that were found for {images} are probably wrong, and nothing is made of them: "
+            f'{"; ".join(registered.doubts)} (capture.doubtful_poses = "use" goes on with them)'
+        )
+    if registered.doubts:
         logger.warning("the estimated poses are probably wrong, and so will be the cloud; the notes say why")
     world = _with_hints(settings.world, folder)
     if world.up_vector is not None:  # said in the axes that are written

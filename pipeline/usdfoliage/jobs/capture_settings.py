@@ -19,6 +19,7 @@ from usdfoliage.jobs.settings_file import read_settings_file
 
 DenseChoice = Literal["own", "colmap"]
 PosesChoice = Literal["auto", "known", "estimate"]
+DoubtfulPoses = Literal["stop", "use"]
 MaskChoice = Literal["auto", "given", "none"]
 
 
@@ -27,6 +28,7 @@ class CaptureRunSettings:
     """Everything that decides the cloud of a capture."""
 
     poses: PosesChoice = "auto"  # known where there are cameras/, else estimated
+    doubtful_poses: DoubtfulPoses = "stop"  # use: estimated poses that are probably wrong are used all the same
     dense: DenseChoice = "own"  # colmap: by COLMAP's PatchMatch, which needs CUDA
     mask: MaskChoice = "auto"  # given masks, and without one the sky is left out; given: only those; none: nothing is
     sky: ClearSkySettings = field(default_factory=ClearSkySettings)

@@ -70,8 +70,9 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
     prepared = _prepare(read_posed(capture, None).capture, store_of_views(call), settings, call.threads)
     failures = failures_of(posed, prepared.dropped)
     warnings = [*posed.doubts, *(prepared.doubts if known else ())]
-    if posed.registered is not None and posed.registered.doubtful:
-        warnings.append("the estimated poses are probably wrong, and so will be all that follows")
+    if posed.registered is not None and posed.registered.doubts:
+        wrong = "; ".join(posed.registered.doubts)
+        warnings.insert(0, f"the estimated poses are probably wrong, and so will be all that follows: {wrong}")
     if failures:
         warnings.append(
             f"{len(failures)} of {len(call.inputs.photographs)} photographs are left out: "
