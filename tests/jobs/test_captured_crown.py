@@ -10,6 +10,7 @@ from pxr import Usd
 from usdfoliage.__main__ import main
 from usdfoliage.asset.cubemap_exr import read_cubemap
 from usdfoliage.branch.roots import RootSettings
+from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.crown_capture import PlantPoints, move_camera, read_crown_capture
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest
@@ -153,3 +154,26 @@ def test_a_camera_in_a_larger_frame_sees_the_same():
     assert again == pytest.approx(place, abs=1e-9)
     assert deeper_m == pytest.approx(2.5 * depth_m)
     assert replace(moved, cam_from_world=camera.cam_from_world).position_m == pytest.approx(camera.position_m)
+
+
+def test_a_cloud_alone_becomes_a_crown_in_its_own_colours(capture, tmp_path, capsys):
+    cloud = tmp_path / "my scan.ply"
+    cloud.write_bytes((capture / "cloud.ply").read_bytes())
+    said = ("--up", "Z", "--unit", "m")
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "plan"), *SMALL, *said, "--dry-run"]) == 0
+    plan = capsys.readouterr().out
+    assert "a cloud alone" in plan
+    assert "photographs" not in plan
+    assert not (tmp_path / "plan").exists()
+
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "ball"), *SMALL, *said]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any("colours of its points" in line for line in lines)
+    radius = read_cubemap(tmp_path / "ball" / "maps" / "ball_crown_radius.exr").pixels
+    assert np.median(radius) == pytest.approx(1.0, abs=0.05)
+    color = np.median(read_cubemap(tmp_path / "ball" / "maps" / "ball_crown_color.exr").pixels.reshape(-1, 3), axis=0)
+    np.testing.assert_allclose(color, decode_srgb(np.array([60, 120, 40]) / 255), rtol=0.02)
+    assert "my scan" in (tmp_path / "ball" / "report" / "index.html").read_text()
+
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "no"), "--height", "3"]) == 2
+    assert "is a cloud, not one photograph" in capsys.readouterr().err

@@ -65,6 +65,7 @@ def _cloud(name: str, text: bool = False) -> Kind:
         commands=(
             ("branches", f"cloud/{name}", "--no-preview", "-o", "out"),
             ("branches", f"cloud/{name}", "-o", "out", "--dry-run"),
+            ("crown", f"cloud/{name}", *_SMALL, "-o", "out"),
         ),
     )
 

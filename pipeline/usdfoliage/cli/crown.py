@@ -1,10 +1,11 @@
-"""Make an asset of the crown of a tree or shrub, from one photograph or from a capture.
+"""Make an asset of the crown of a tree or shrub, from one photograph, a capture or a cloud.
 
 PHOTO shows the whole of a dense crown from the side; without --mask a mask is proposed and kept in the asset as
 <name>_mask_proposal.png: look at it, correct it, and give it with --mask. CAPTURE is the folder of a capture with
 photographs, cameras and the cloud that `usdfoliage capture` makes of them: the crown then is where the points are and
-the photographs show it. The asset gets a crown mesh, a radius and a colour cubemap (EXR), a report and, where the
-preview interpreter is installed, pictures.
+the photographs show it. CLOUD is a point cloud alone: the crown is where its points are, in their colours. The asset
+gets a crown mesh, a radius and a colour cubemap (EXR), a report and, where the preview interpreter is installed,
+pictures.
 """
 
 import argparse
@@ -18,13 +19,16 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "photo", metavar="PHOTO|CAPTURE", type=Path, help="JPEG, PNG, TIFF or EXR; or the folder of a capture"
+        "photo",
+        metavar="PHOTO|CAPTURE|CLOUD",
+        type=Path,
+        help="JPEG, PNG, TIFF or EXR; the folder of a capture; or PLY, LAS, LAZ, XYZ, ...",
     )
     parser.add_argument("-o", "--output", metavar="OUT", type=Path, required=True, help="the asset's folder")
     parser.add_argument("--name", help="name of the asset (OUT's basename)")
     parser.add_argument("--size", type=int, default=256, help="texels a side of a cubemap face (%(default)s)")
     _add_photo_options(parser.add_argument_group("of a photograph"))
-    _add_capture_options(parser.add_argument_group("of a capture"))
+    _add_capture_options(parser.add_argument_group("of a capture or a cloud"))
     parser.add_argument("--mesh-size", type=int, default=129, help="vertices along an edge of the mesh (%(default)s)")
     parser.add_argument("--species", default="", help="written into the asset")
     parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
@@ -71,11 +75,12 @@ def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from usdfoliage.capture.cloud_input import CLOUD_SUFFIXES
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
 
     made: MadeCrown | MadeCapturedCrown
-    if options.photo.is_dir():
+    if options.photo.is_dir() or options.photo.suffix.lower() in CLOUD_SUFFIXES:
         from usdfoliage.jobs.captured_crown import (
             CapturedCrownRequest,
             make_captured_crown_asset,
@@ -94,7 +99,9 @@ def run(options: argparse.Namespace) -> int:
         from usdfoliage.jobs.crown_asset import CrownRequest, make_crown_asset, plan_crown_asset
 
         handle_interrupts()
-        refuse_options(options, CAPTURE_OPTIONS, f"{options.photo} is no folder, and taken for a photograph")
+        refuse_options(
+            options, CAPTURE_OPTIONS, f"{options.photo} is no folder and no cloud, and taken for a photograph"
+        )
         request = CrownRequest.from_options(options)
         if options.dry_run:
             print(plan_crown_asset(request))

@@ -1,4 +1,4 @@
-"""A crown from posed photographs and the cloud made of them: the main job, on arrays."""
+"""A crown from posed photographs and the cloud made of them, or from a cloud alone: the main jobs, on arrays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,21 +16,25 @@ from usdfoliage.crown.captured_measures import (
     measure_view,
 )
 from usdfoliage.crown.color_map import ColorMapSettings, Progress
-from usdfoliage.crown.crown_points import CrownPointSettings, choose_crown_points, find_crown_center
+from usdfoliage.crown.crown_points import CrownCenter, CrownPointSettings, choose_crown_points, find_crown_center
 from usdfoliage.crown.hull import HullSettings, fit_crown_hull
 from usdfoliage.crown.model import CrownModel
-from usdfoliage.crown.seen_colors import SeenColorSettings, fill_unseen, gather_colors
+from usdfoliage.crown.point_colors import gather_point_colors, shade_points
+from usdfoliage.crown.seen_colors import SeenColorSettings, fill_unseen, gather_colors, stretch_colors
 from usdfoliage.crown.texture import TextureSettings
 from usdfoliage.crown.views import CrownView, ReducedView, reduce_view
 from usdfoliage.errors import FitError
+from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.steps import StepProgress, follow_step
 
 CAPTURED_STEPS = ("points", "photographs", "hull", "colours", "texture", "measures")
+CLOUD_STEPS = ("points", "hull", "colours", "measures")
 
 MIN_SIZE, MAX_SIZE = 32, 4096  # texels a side, as for a crown of one photograph
 _HELD_BYTES = 1 << 30  # of all reduced photographs together
 _COVERED = 1.0  # distances to the sixth neighbour: what is between points closer than that is the plant as well
 _PIXEL_BYTES = 9  # colour, depth, mask, sky
+_AROUND, _AROUND_PX = 5.0, 256  # distance in reaches of the crown, and picture, of cameras that measure a cloud's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,11 +85,7 @@ def reconstruct_captured_crown(
         ValueError: Shapes do not fit each other, or points are not finite.
         FitError: Too few points, or no photograph shows the crown.
     """
-    plant_m: NDArray[np.float64] = np.asarray(points_m, np.float64)
-    if plant_m.ndim != 2 or plant_m.shape[1] != 3 or not np.isfinite(plant_m).all():
-        raise ValueError(f"points_m must be (N, 3) finite numbers, not {plant_m.shape}")
-    if foliage is not None and foliage.shape != plant_m.shape[:1]:
-        raise ValueError(f"foliage must be {plant_m.shape[:1]}, not {foliage.shape}")
+    plant_m = _check_points(points_m, foliage)
     seconds: dict[str, float] = {}
     step = partial(follow_step, seconds=seconds, progress=progress)
 
@@ -93,7 +93,7 @@ def reconstruct_captured_crown(
         chosen = choose_crown_points(plant_m, settings.points, foliage)
         crown_m = plant_m[chosen.chosen]
         center = find_crown_center(crown_m, settings.points)
-        reach_m = float(np.quantile(np.linalg.norm(crown_m - center.center_m, axis=1), 0.998))
+        reach_m = _reach(crown_m, center)
     with step("photographs") as report:
         reduced = _read_views(views, center.center_m, reach_m, settings.size, report)
         reduced = [_cover(view, crown_m) for view in reduced]
@@ -136,6 +136,112 @@ def reconstruct_captured_crown(
         seconds=seconds,
     )
     return model, measures
+
+
+def reconstruct_cloud_crown(
+    points_m: NDArray[np.floating],
+    settings: CapturedCrownSettings = CapturedCrownSettings(),
+    *,
+    plain: tuple[float, float, float],
+    colors: NDArray[np.floating] | None = None,
+    foliage: NDArray[np.bool_] | None = None,
+    asset_from_capture: NDArray[np.float64] | None = None,
+    progress: StepProgress | None = None,
+) -> tuple[CrownModel, CapturedCrownMeasures]:
+    """Reconstruct a crown from the points of a plant alone: their hull, which nothing carves, and their colours.
+
+    Args:
+        points_m: As reconstruct_captured_crown.
+        settings: What to make.
+        plain: Linear Rec.709, colour of the crown's outside where its points have none.
+        colors: (N, 3), the same, of the points.
+        foliage: As reconstruct_captured_crown.
+        asset_from_capture: Likewise.
+        progress: Told of each step.
+
+    Returns:
+        The crown, and its measures: their views are of four cameras around it.
+
+    Raises:
+        ValueError: Shapes do not fit each other, or points are not finite.
+        FitError: Too few points.
+    """
+    plant_m = _check_points(points_m, foliage)
+    if colors is not None and np.shape(colors) != plant_m.shape:
+        raise ValueError(f"colors must be {plant_m.shape}, not {np.shape(colors)}")
+    seconds: dict[str, float] = {}
+    step = partial(follow_step, seconds=seconds, progress=progress)
+
+    with step("points"):
+        chosen = choose_crown_points(plant_m, settings.points, foliage)
+        crown_m = plant_m[chosen.chosen]
+        center = find_crown_center(crown_m, settings.points)
+    with step("hull"):
+        hull = fit_crown_hull(crown_m, center.center_m, chosen.base_m, (), settings.size, settings.hull)
+    with step("colours"):
+        radius_m = hull.radius_m.astype(np.float32)
+        if colors is None:
+            own = shade_points(radius_m, center.center_m, crown_m, plain)
+            told = "the points have no colours that show leaves: the crown has one, darker where they lie deeper"
+        else:
+            own, told = np.asarray(colors, np.float64)[chosen.chosen], "the crown has the colours of its points"
+        color, seen = gather_point_colors(radius_m, center.center_m, crown_m, own)
+        color = stretch_colors(color, seen)
+    model = CrownModel(
+        radius_m=radius_m,
+        color=color,
+        center_m=center.center_m,
+        relief_weight=0.0,
+        asset_from_photo=np.eye(4) if asset_from_capture is None else asset_from_capture,
+    )
+    with step("measures"):
+        around = _stand_around(center.center_m, _reach(crown_m, center))
+        measured = tuple(measure_view(model, view, crown_m, crown_m[:0], 0) for view in around)
+    return model, CapturedCrownMeasures(
+        center=center,
+        base_m=chosen.base_m,
+        points=len(crown_m),
+        strays=chosen.strays,
+        known=hull.known,
+        carved=hull.carved,
+        seen=float(seen.mean()),
+        volume_m3=crown_volume(radius_m),
+        distance_m=distance_from_points(model, crown_m),
+        views=measured,
+        notes=(told,),
+        seconds=seconds,
+    )
+
+
+def _check_points(points_m: NDArray[np.floating], foliage: NDArray[np.bool_] | None) -> NDArray[np.float64]:
+    plant_m: NDArray[np.float64] = np.asarray(points_m, np.float64)
+    if plant_m.ndim != 2 or plant_m.shape[1] != 3 or not np.isfinite(plant_m).all():
+        raise ValueError(f"points_m must be (N, 3) finite numbers, not {plant_m.shape}")
+    if foliage is not None and foliage.shape != plant_m.shape[:1]:
+        raise ValueError(f"foliage must be {plant_m.shape[:1]}, not {foliage.shape}")
+    return plant_m
+
+
+def _reach(crown_m: NDArray[np.float64], center: CrownCenter) -> float:
+    return float(np.quantile(np.linalg.norm(crown_m - center.center_m, axis=1), 0.998))
+
+
+def _stand_around(center_m: NDArray[np.float64], reach_m: float) -> list[ReducedView]:
+    """Four level cameras without pictures, that show all of the crown."""
+    views = []
+    for name, (x, z) in {"front": (0, 1), "right": (1, 0), "back": (0, -1), "left": (-1, 0)}.items():
+        place_m = center_m + _AROUND * reach_m * np.array([x, 0, z])
+        turn = np.array([[z, 0, -x], [0, -1, 0], [-x, 0, -z]], np.float64)
+        camera = Pinhole(
+            width_px=_AROUND_PX,
+            height_px=_AROUND_PX,
+            focal_px=(_AROUND_PX * _AROUND / 2.4,) * 2,
+            center_px=(_AROUND_PX / 2,) * 2,
+            cam_from_world=np.column_stack([turn, -turn @ place_m]),
+        )
+        blank = np.zeros((_AROUND_PX, _AROUND_PX, 3), np.uint8)
+        views.append(ReducedView(name=name, camera=camera, srgb=blank, mask=None, sky=None, depth_m=None))
+    return views
 
 
 def _read_views(

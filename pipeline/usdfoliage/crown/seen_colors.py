@@ -265,7 +265,7 @@ def fill_unseen(
         raise FitError("no photograph shows the crown; check that the cameras and the cloud are of one world")
     color, seen = _fill_specks(colors, settings.speck_texels)
     if (~seen).mean() < settings.least_unseen:
-        return _stretch(color, seen), "photographs show all of the crown"
+        return stretch_colors(color, seen), "photographs show all of the crown"
     inner = np.stack([binary_erosion(face, iterations=2, border_value=1) for face in seen])
     weight = np.where(inner, 1.0, np.where(seen, 0.6, 0.0))  # of build_color_map: kept, and free to be cut
     missing = f"{100 * (~colors.seen).mean():.0f} % of the crown"
@@ -283,7 +283,7 @@ def fill_unseen(
             progress,
         )
     except FitError as error:
-        return _stretch(color, seen), f"{missing} is seen by no photograph, and smooth: {error}"
+        return stretch_colors(color, seen), f"{missing} is seen by no photograph, and smooth: {error}"
     # The synthesis' tone is matched as a whole; where photographs see the crown they stay as they are.
     share = blur_colors(inner[..., None].astype(np.float32), settings.feather_texels)
     share = np.where(seen[..., None], np.clip(2 * share - 1, 0, 1), 0)
@@ -314,8 +314,8 @@ def _fill_specks(colors: SeenColors, texels: int) -> tuple[NDArray[np.float32], 
     return color, seen | specks
 
 
-def _stretch(color: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Unseen texels smoothly between seen ones."""
+def stretch_colors(color: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """A colour cubemap (6, N, N, 3) with what is not seen smoothly between what is, borders shared."""
     filled = color
     if not seen.all():
         nothing = np.zeros(seen.shape)

@@ -1,4 +1,4 @@
-"""From a capture on disk to an asset of its plant's crown."""
+"""From a capture or a cloud on disk to an asset of its plant's crown."""
 
 import argparse
 import hashlib
@@ -11,14 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
+from usdfoliage.asset.leaf_material import LEAF_COLOR
 from usdfoliage.asset.package import AssetSettings, write_crown_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.crown.captured_measures import CapturedCrownMeasures
+from usdfoliage.crown.leaf_colors import find_green_points
 from usdfoliage.crown.model import CrownModel
-from usdfoliage.crown.reconstruct import CAPTURED_STEPS, CapturedCrownSettings, reconstruct_captured_crown
+from usdfoliage.crown.reconstruct import (
+    CAPTURED_STEPS,
+    CLOUD_STEPS,
+    CapturedCrownSettings,
+    reconstruct_captured_crown,
+    reconstruct_cloud_crown,
+)
 from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.capture_work import digest_file
 from usdfoliage.jobs.captured_crown_report import captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown_capture import CrownCapture, PlantPoints, read_crown_capture
@@ -45,7 +54,7 @@ CAPTURE_OPTIONS: dict[str, object] = {"roots": "auto", "up": "auto", "unit": "au
 class CapturedCrownRequest:
     """What the user asked for, checked."""
 
-    cloud: PlantCloudRequest  # its path is the capture's folder
+    cloud: PlantCloudRequest  # its path is the capture's folder, or a cloud
     output: Path
     name: str
     settings: CapturedCrownSettings = field(default_factory=CapturedCrownSettings)
@@ -59,7 +68,8 @@ class CapturedCrownRequest:
     @classmethod
     def from_options(cls, options: argparse.Namespace) -> "CapturedCrownRequest":
         """The request that a command line makes; FoliageError for values that cannot be."""
-        refuse_options(options, PHOTO_OPTIONS, f"{options.photo} is a folder: a capture, not one photograph")
+        kind = "a folder: a capture" if options.photo.is_dir() else "a cloud"
+        refuse_options(options, PHOTO_OPTIONS, f"{options.photo} is {kind}, not one photograph")
         roots, given = read_roots(options.roots)
         if options.report_views < 0:
             raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
@@ -133,7 +143,7 @@ def make_captured_crown_asset(
         model, measures = fit_captured_crown(request, read, progress)
         provenance = Provenance(
             species=request.species,
-            capture=read.capture.name,
+            capture=read.name,
             generator=f"usdfoliage {__version__}",
             seed=request.settings.seed,
             settings=describe_settings(request),
@@ -150,7 +160,7 @@ def make_captured_crown_asset(
             notes.append(f"no pictures of the asset: {drawn.complaint}")
         report = CrownReport(
             name=request.name,
-            capture=read.capture.name,
+            capture=read.name,
             generator=provenance.generator,
             notes=notes,
             settings=provenance.settings,
@@ -178,6 +188,16 @@ def fit_captured_crown(
         FitError: It has no crown, or no photograph shows it.
     """
     try:
+        if read.capture is None:
+            return reconstruct_cloud_crown(
+                read.plant.points_m,
+                request.settings,
+                plain=LEAF_COLOR,
+                colors=_leaf_colors(read.plant),
+                foliage=read.plant.foliage,
+                asset_from_capture=read.plant.asset_from_capture,
+                progress=progress,
+            )
         return reconstruct_captured_crown(
             read.plant.points_m,
             read.views,
@@ -190,19 +210,27 @@ def fit_captured_crown(
         raise FitError(f"{error} ({request.cloud.path})") from error
 
 
+def _leaf_colors(plant: PlantPoints) -> NDArray[np.float64] | None:
+    """(N, 3), linear; None where the cloud has no colours, or those of heights or echoes."""
+    if plant.colors is None or find_green_points(plant.points_m, plant.colors) is None:
+        return None
+    return np.asarray(decode_srgb(plant.colors / 255), np.float64)
+
+
 def plan_captured_crown_asset(request: CapturedCrownRequest) -> str:
     """What make_captured_crown_asset would do, in lines, after checking the input; writes nothing."""
     would = plan_folder(request.output, f"{request.name}.usda", request.force)
     read = read_crown_capture(request.cloud)
-    views = read.capture.views
+    views = () if read.capture is None else read.capture.views
     masks, depths = (sum(getattr(view, what) is not None for view in views) for what in ("mask", "depth"))
+    told = f", {len(views)} photographs with cameras, {masks} with masks, {depths} with depth"
+    steps = CLOUD_STEPS if read.capture is None else CAPTURED_STEPS
     lines = [
-        f"capture: {request.cloud.path}, {len(views)} photographs with cameras, {masks} with masks, "
-        f"{depths} with depth",
+        f"capture: {request.cloud.path}{told if read.capture is not None else ', a cloud alone'}",
         f"cloud: {len(read.plant.points_m):,} points of the plant, {np.ptp(read.plant.points_m[:, 1]):.2f} m high",
         *(f"note: {note}" for note in read.notes),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
-        f"steps: {', '.join(CAPTURED_STEPS)}{', preview' if request.preview else ''}",
+        f"steps: {', '.join(steps)}{', preview' if request.preview else ''}",
         would,
     ]
     return "\n".join(lines)
@@ -221,10 +249,14 @@ def describe_settings(request: CapturedCrownRequest) -> dict[str, str]:
 
 
 def _fingerprint(read: CrownCapture) -> str:
-    """Of the cloud, or of the points that were given, and of the photographs."""
+    """Of the cloud, or of the points that were given, with their colours where these count, and of the photographs."""
     digest = hashlib.sha256()
     digest.update(np.ascontiguousarray(read.plant.points_m).tobytes())
     digest.update(np.ascontiguousarray(read.plant.asset_from_capture, np.float64).tobytes())
+    if read.capture is None:
+        if read.plant.colors is not None:
+            digest.update(np.ascontiguousarray(read.plant.colors, np.float64).tobytes())
+        return digest.hexdigest()
     for view in read.capture.views:
         digest.update(np.ascontiguousarray(view.cam_from_world).tobytes())
         for path in (view.photo, view.mask, view.depth):

@@ -1,4 +1,4 @@
-"""A capture folder as a crown is made of it: points of the plant and photographs with cameras, in the asset's frame."""
+"""A capture folder, or a cloud, as a crown is made of it: points of the plant and photographs, in the asset's frame."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,6 +26,7 @@ class PlantPoints:
 
     points_m: NDArray[np.float64]  # (N, 3), in the asset's frame, without ground
     foliage: NDArray[np.bool_] | None  # (N,), which are leaves; None where that is not known
+    colors: NDArray[np.float64] | None = None  # (N, 3), red, green and blue, 0 to 255
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the coordinates in the capture's files
 
 
@@ -33,7 +34,8 @@ class PlantPoints:
 class CrownCapture:
     """All that a crown is made of."""
 
-    capture: Capture
+    name: str
+    capture: Capture | None  # None of a cloud alone
     plant: PlantPoints
     views: tuple[CrownView, ...]
     notes: tuple[str, ...]
@@ -45,10 +47,10 @@ def read_crown_capture(
     asset_from_capture: NDArray[np.float64] | None = None,
     progress: StepProgress | None = None,
 ) -> CrownCapture:
-    """Read a capture with its cloud; photographs are read later, when their turn comes.
+    """Read a capture with its cloud, or a cloud alone; photographs are read later, when their turn comes.
 
     Args:
-        request: The capture's folder, and what the user knows of its cloud.
+        request: The capture's folder, or a cloud, and what the user knows of it.
         plant: Points that were read already; their frame decides.
         asset_from_capture: (4, 4), the frame to use instead of the one that the cloud's root gives.
         progress: Told of the cloud.
@@ -57,13 +59,15 @@ def read_crown_capture(
         CaptureError: The folder, its cameras or its cloud cannot be used.
         FitError: The cloud shows no plant.
     """
-    capture = read_capture(request.path)
-    notes = list(capture.notes)
+    capture = None if request.path.is_file() else read_capture(request.path)
+    notes = [] if capture is None else list(capture.notes)
     if plant is None:
         plant, told = _read_points(request, asset_from_capture, progress)
         notes.extend(told)
+    if capture is None:
+        return CrownCapture(name=request.path.stem, capture=None, plant=plant, views=(), notes=tuple(notes))
     views = tuple(_make_view(capture, number, plant.asset_from_capture) for number in range(len(capture.views)))
-    return CrownCapture(capture=capture, plant=plant, views=views, notes=tuple(notes))
+    return CrownCapture(name=capture.name, capture=capture, plant=plant, views=views, notes=tuple(notes))
 
 
 def _read_points(
@@ -84,6 +88,7 @@ def _read_points(
         PlantPoints(
             points_m=points_m,
             foliage=foliage,
+            colors=cloud.colors,
             asset_from_capture=cloud.asset_from_cloud if frame is None else np.asarray(frame, np.float64),
         ),
         notes,

@@ -61,6 +61,7 @@ def traced(leafy_m: np.ndarray, *, knows_leaves: bool = True) -> TracedPlant:
         points_m=np.concatenate([wood_m, leafy_m]),
         wood=np.arange(200 + len(leafy_m)) < 200,
         knows_leaves=knows_leaves,
+        colors=None,
         plant_from_capture=FRAME,
         skeleton=twig_through(leafy_m) if len(leafy_m) else random_tree(3),
         lost=np.zeros(0, np.int32),

@@ -10,6 +10,7 @@ from typing import Literal
 import OpenImageIO as oiio
 
 from usdfoliage.capture.capture_settings import FILE_NAME, read_capture_settings
+from usdfoliage.capture.cloud_input import CLOUD_SUFFIXES
 from usdfoliage.capture.listing import files_below
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.build.json_file import read_json
@@ -21,7 +22,6 @@ from usdfoliage.jobs.capture_work import digest_file, task_key, write_whole
 logger = logging.getLogger(__name__)
 
 DEPTH_FOLDER = "depth"
-CLOUDS = (".ply", ".las", ".laz", ".xyz", ".txt", ".csv", ".asc", ".pts")
 Look = Literal["bytes", "memory", "files", "names"]
 _UNREAD = ""  # digest of a file that nobody looked at
 
@@ -59,9 +59,10 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
     except OSError as error:  # such a name cannot be
         raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}; name a capture") from error
     if is_file:
-        if source.suffix.lower() not in CLOUDS:
+        if source.suffix.lower() not in CLOUD_SUFFIXES:
             raise CaptureError(
-                f"{source} is neither a folder nor a point cloud ({', '.join(CLOUDS)}); name a folder of photographs"
+                f"{source} is neither a folder nor a point cloud ({', '.join(CLOUD_SUFFIXES)}); "
+                "name a folder of photographs"
             )
         files = {source.name: source}
         _require_names(files)

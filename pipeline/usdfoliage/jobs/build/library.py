@@ -8,10 +8,10 @@ from pathlib import Path
 
 from usdfoliage import __version__
 from usdfoliage.asset.plant import asset_name
+from usdfoliage.capture.cloud_input import CLOUD_SUFFIXES
 from usdfoliage.capture.listing import is_picture
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.build.finish import BuiltPlant
-from usdfoliage.jobs.build.inputs import CLOUDS
 from usdfoliage.jobs.build.library_page import Library, LibraryPlant, PlantState, write_library_page
 from usdfoliage.jobs.capture_folder import IMAGES
 
@@ -88,7 +88,7 @@ def _read_folder(folder: Path) -> LibraryList:
                 else:
                     advice = "put photographs there, or move the folder elsewhere"
                     skipped.append(_skip(path, "the folder has no photographs", advice))
-            elif path.suffix.lower() in CLOUDS and path.suffix.lower() not in (".txt", ".csv"):
+            elif path.suffix.lower() in CLOUD_SUFFIXES and path.suffix.lower() not in (".txt", ".csv"):
                 entries.append(_entry(path, str(folder)))
     except OSError as error:
         raise CaptureError(f"{error.filename or folder} cannot be read: {error.strerror}; check permissions") from error
@@ -143,7 +143,7 @@ def _split_csv(line: str, place: str) -> list[str]:
 
 
 def _entry(capture: Path, place: str, name: str = "", plan: Path | None = None) -> LibraryEntry:
-    named = name or (capture.stem if capture.suffix.lower() in CLOUDS else capture.absolute().name)
+    named = name or (capture.stem if capture.suffix.lower() in CLOUD_SUFFIXES else capture.absolute().name)
     return LibraryEntry(name=asset_name(named), capture=capture, plan=plan, place=place)
 
 

@@ -86,6 +86,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         points_m=made.plant.points_m,
         wood=made.traced.wood,
         knows_leaves=made.traced.knows_leaves,
+        colors=np.zeros((0, 3), np.float32) if made.plant.colors is None else made.plant.colors.astype(np.float32),
         plant_from_capture=made.plant.asset_from_cloud,
         lost=np.array(made.lost, np.int32),
         **{f"skeleton_{field.name}": getattr(skeleton, field.name) for field in fields(Skeleton)},
@@ -168,11 +169,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
 
 
 def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
-    """The crown of the cloud and the photographs, in the plant's frame; where none can be made, the plant has none."""
-    if not call.has(CLOUD):
-        note = "the plant has no crown: that takes its colours from photographs, and there is only a cloud"
-        write_summary(call.out, StageSummary(notes=[note]))
-        return ()
+    """The crown of the cloud and of photographs, if any, in the plant's frame; where none can be made, it has none."""
     settings = call.settings.crown
     traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
     plant = None
@@ -183,11 +180,12 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
         plant = PlantPoints(
             points_m=traced.points_m,
             foliage=~traced.wood if traced.knows_leaves and not traced.wood.all() else None,
+            colors=traced.colors,
             asset_from_capture=traced.plant_from_capture,
         )
     frame = read_leaf_frame(call.result_of(LEAVES) / ASSET_FOLDER) if call.has(LEAVES) and traced is None else None
     request = CapturedCrownRequest(
-        cloud=PlantCloudRequest(path=plant_capture(call), roots=RootSettings(), has_ground=not is_floorless(call)),
+        cloud=PlantCloudRequest(path=_cloud_of(call), roots=RootSettings(), has_ground=not is_floorless(call)),
         output=call.out / ASSET_FOLDER,
         name=call.request.name,
         settings=CapturedCrownSettings(
@@ -251,6 +249,7 @@ class TracedPlant:
     points_m: NDArray[np.float64]  # (N, 3), the cloud without its ground
     wood: NDArray[np.bool_]  # (N,), points of branches; the others are of leaves
     knows_leaves: bool  # whether the cloud is dense enough to tell them apart
+    colors: NDArray[np.float64] | None  # (N, 3), red, green and blue, 0 to 255
     plant_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
     skeleton: Skeleton
     lost: NDArray[np.int32]  # branches that the surface lacks
@@ -271,6 +270,7 @@ def read_traced_plant(folder: Path) -> TracedPlant | None:
             points_m=held["points_m"],
             wood=held["wood"],
             knows_leaves=bool(held["knows_leaves"]),
+            colors=held["colors"].astype(np.float64) if len(held["colors"]) else None,
             plant_from_capture=held["plant_from_capture"],
             skeleton=Skeleton(**{field.name: held[f"skeleton_{field.name}"] for field in fields(Skeleton)}),
             lost=held["lost"],

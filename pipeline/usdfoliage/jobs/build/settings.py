@@ -128,7 +128,7 @@ class FoliageSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class CrownStageSettings:
-    """How the crown is made of cloud and photographs."""
+    """How the crown is made of the cloud and of photographs, if any."""
 
     make: bool = True  # false: the plant has no crown
     size: int = 256  # texels a side of a cubemap face
