@@ -357,3 +357,14 @@ def test_a_cloud_of_another_program():
     assert not held.has_colors
     assert not held.not_finite
     assert 4 < np.ptp(held.cloud.points_m[:, 2]) < 6  # a tree of 5 m, in metres
+
+
+def test_numbers_that_are_none_make_no_noise(tmp_path):
+    places = np.zeros((3, 3), "<f4")
+    places[:, 0] = range(3)
+    places.view("<u4")[1, 2] = 0x7F800001  # which complains when it is converted
+    header = "format binary_little_endian 1.0\nelement vertex 3\n" + "".join(
+        f"property float {axis}\n" for axis in "xyz"
+    )
+    cloud = read_cloud(ply(tmp_path / "a.ply", header, places.tobytes()))
+    assert cloud.points_m[:, 0].tolist() == [0, 2]

@@ -124,13 +124,15 @@ def test_black_is_no_colour(tmp_path):
     assert "its colours are all black and not used" in cloud.notes
 
 
-@pytest.mark.parametrize("damage", ["chunks", "points", "signature", "scale", "records", "late records"])
+@pytest.mark.parametrize("damage", ["chunks", "chunk size", "points", "signature", "scale", "records", "late records"])
 def test_damage_is_told(tmp_path, damage):
     path = write_las(tmp_path / "a.laz", some_points())
     data = bytearray(path.read_bytes())
     start = struct.unpack_from("<I", data, 96)[0]
     if damage == "chunks":
         struct.pack_into("<I", data, struct.unpack_from("<q", data, start)[0] + 4, 4_000_000_000)
+    elif damage == "chunk size":  # for which lazrs would end the process
+        struct.pack_into("<I", data, data.find(b"laszip encoded") - 2 + 54 + 12, 2**31 - 1)
     elif damage == "points":
         struct.pack_into("<Q", data, 247, 10**12)
     elif damage.endswith("records"):

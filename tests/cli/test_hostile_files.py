@@ -33,6 +33,19 @@ def test_a_payload_that_is_a_pipe(copy, tmp_path, capsys):
     assert run("validate", copy) == 3
 
 
+@pytest.mark.parametrize(("layer", "name"), [("payload.usda", b"materials.usda"), ("materials.usda", b"Surface")])
+def test_a_layer_that_is_no_text_where_usd_quotes_it(copy, tmp_path, capsys, layer, name):
+    path = copy / "payload" / layer
+    held = path.read_bytes()
+    assert name in held
+    path.write_bytes(held.replace(name, b"caf\xe9" + name))
+    for command in (("edit", copy, "--width", 2, "-o", tmp_path / "a.usda"), ("bake", copy, "-o", tmp_path / "b")):
+        said = refused(capsys, *command)
+        assert layer in said
+        assert "no UTF-8" in said
+    assert run("validate", copy) == 3
+
+
 def test_a_layer_that_is_a_loop(copy):
     materials = copy / "payload" / "materials.usda"
     materials.unlink()

@@ -97,9 +97,12 @@ def read_skeleton(prim: Usd.Prim) -> Skeleton:
     if missing:
         raise AssetError(f"<{prim.GetPath()}> has no {', '.join(missing)}; write the asset again")
     try:
+        with np.errstate(invalid="ignore"):  # of bytes that are no number at all, which Skeleton refuses
+            points_m = np.array(held["points_m"], np.float64).reshape(-1, 3)
+            widths_m = np.array(held["widths"], np.float64)
         return Skeleton(
-            points_m=np.array(held["points_m"], np.float64).reshape(-1, 3),
-            radius_m=np.array(held["widths"], np.float64) / 2,
+            points_m=points_m,
+            radius_m=widths_m / 2,
             counts=np.array(held["counts"], np.int32),
             parent_curve=np.array(held["parentCurve"], np.int32),
             parent_vertex=np.array(held["parentVertex"], np.int32),

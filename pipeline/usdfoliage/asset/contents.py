@@ -1,6 +1,5 @@
 """What an asset holds, as its layers say it."""
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from usdfoliage.asset.leaf_material import STORM_SURFACE, TEXTURE_COLOR
 from usdfoliage.asset.leaf_primvars import place
-from usdfoliage.asset.locate import find_interface, find_plants, first_reason, lost_layers, open_layer
+from usdfoliage.asset.locate import find_interface, find_plants, first_reason, log_diagnostics, lost_layers, open_layer
 from usdfoliage.asset.look import Look, read_look
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
@@ -19,8 +18,6 @@ from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
 from usdfoliage.errors import AssetError
-
-logger = logging.getLogger(__name__)
 
 _FOLIAGE = "Foliage"  # begins the names of our schemas
 
@@ -222,8 +219,7 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
         lost = next(lost_layers(open_layer(interface)), None)
         why = f"it needs {lost[0]}, which cannot be read ({lost[1]})" if lost else first_reason(error)
         raise AssetError(f"{interface} cannot be read: {why}; write the asset again") from error
-    for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
-        logger.info("USD: %s", diagnostic.commentary)
+    log_diagnostics(diagnostics)
     first, *rest = [_file_of(Path(layer.realPath), folder) for layer in layers] or [
         _file_of(interface.absolute(), folder)
     ]

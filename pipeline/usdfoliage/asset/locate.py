@@ -1,15 +1,18 @@
 """Which file an asset is, and which prims of a stage are plants and leaves."""
 
+import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from usdfoliage.asset.look_layer import LEAFY_LODS, LOD, REPRESENTATION, leafy_lods, select_lod
 from usdfoliage.asset.schema import LEAF_API, PLANT_API
 from usdfoliage.errors import AssetError
+
+logger = logging.getLogger(__name__)
 
 USD_SUFFIXES = (".usda", ".usdc", ".usd", ".usdz")
 
@@ -60,6 +63,7 @@ def open_layer(path: Path) -> Sdf.Layer:
 
 MISSING = "no such file"
 NO_FILE = "no regular file"
+NO_TEXT = "no UTF-8"  # USD's messages quote it, and cannot be read then
 MAX_DEPTH = 500  # of prims in prims in a text layer: USD's parser and its traversals go down by calling themselves
 INCOMPLETE = "prims or properties that it lists are missing"
 TOO_DEEP = f"its prims are nested more than {MAX_DEPTH} deep"
@@ -79,7 +83,7 @@ def try_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
                     return None, TOO_DEEP
         return Sdf.Layer.FindOrOpen(usd_path(path)), "unknown format"
     except UnicodeDecodeError as error:
-        return None, f"byte {error.start} is no UTF-8"
+        return None, f"byte {error.start} is {NO_TEXT}"
     except OSError as error:
         return None, error.strerror or "unreadable"
     except Tf.ErrorException as error:
@@ -112,12 +116,12 @@ def check_layers(root: Sdf.Layer, path: Path) -> None:
     """Refuse what would stop USD itself while it composes a layer; path is what the user calls that.
 
     Raises:
-        AssetError: A layer that it needs is no file, too deep, or lists what it does not hold.
+        AssetError: A layer that it needs is no file, no text, too deep, or lists what it does not hold.
     """
     if _is_incomplete(root):
         raise AssetError(f"{path} cannot be read as USD ({INCOMPLETE}); write it again")
     for lost, reason in lost_layers(root):
-        if reason in (NO_FILE, TOO_DEEP, INCOMPLETE):
+        if reason in (NO_FILE, TOO_DEEP, INCOMPLETE) or reason.endswith(NO_TEXT):
             raise AssetError(f"{path} needs {lost}, which cannot be read as USD ({reason}); write it again")
 
 
@@ -167,6 +171,16 @@ def first_reason(error: Exception) -> str:
     _, _, reason = text.partition(" : '")
     reason = (reason or text).split("' Error in '", 1)[0]
     return reason.rstrip("'") or "no reason given"
+
+
+def log_diagnostics(diagnostics: UsdUtils.CoalescingDiagnosticDelegate) -> None:
+    """Take what USD would print, and put it into the log."""
+    for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
+        try:
+            said = diagnostic.commentary
+        except UnicodeDecodeError:  # it quotes a damaged file
+            said = f"a message of {diagnostic.sourceFunction} that is no text"
+        logger.info("USD: %s", said)
 
 
 def find_plants(stage: Usd.Stage) -> list[Usd.Prim]:

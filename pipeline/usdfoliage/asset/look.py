@@ -6,7 +6,6 @@ no plant of its own and does not touch the asset. What it says stands in the cla
 representation, for the other representations have other prims at the same paths.
 """
 
-import logging
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from usdfoliage.asset.locate import (
     find_interface,
     find_leaves,
     find_plants,
+    log_diagnostics,
     open_layer,
     require_leaves,
     select_leafy_lod,
@@ -46,8 +46,6 @@ from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.asset.schema import PLANT_API, require_schemas
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import LeafEdits
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +73,7 @@ def open_asset(asset: Path, load: Usd.Stage.InitialLoadSet = Usd.Stage.LoadAll) 
     root = open_root_layer(path)
     check_layers(root, path)
     stage = Usd.Stage.Open(root, load)
-    for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
-        logger.info("USD: %s", diagnostic.commentary)
+    log_diagnostics(diagnostics)
     plants = find_plants(stage)
     for error in stage.GetCompositionErrors():
         if not plants or any(error.rootSite.path.HasPrefix(plant.GetPath()) for plant in plants):

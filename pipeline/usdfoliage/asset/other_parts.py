@@ -332,6 +332,8 @@ def _open_renamed(path: Path, old: str, new: str) -> Sdf.Layer:
     """A copy of a layer, in memory, whose root prim has another name; what points into it follows."""
     layer = _open_copy(path)
     if old != new and layer.GetPrimAtPath(f"/{old}"):
+        if old not in layer.rootPrims:
+            raise AssetError(f"{path} is damaged: it holds </{old}> and does not list it; write the asset again")
         Sdf.CopySpec(layer, f"/{old}", layer, f"/{new}")
         del layer.rootPrims[old]
         layer.defaultPrim = new

@@ -6,7 +6,6 @@ what concerns only a file that others refer to.
 """
 
 import itertools
-import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from usdfoliage.asset.contents import interface_of
 from usdfoliage.asset.findings import SEVERITIES, Finding
 from usdfoliage.asset.instances import iterate_prims
 from usdfoliage.asset.known_findings import KnownFindings
-from usdfoliage.asset.locate import MISSING, find_interface, lost_layers
+from usdfoliage.asset.locate import MISSING, find_interface, log_diagnostics, lost_layers
 from usdfoliage.asset.look import open_root_layer
 from usdfoliage.asset.nvidia_rules import nvidia_version, run_nvidia_rules
 from usdfoliage.asset.schema import PLANT_API, SCHEMAS, require_schemas
@@ -25,8 +24,6 @@ from usdfoliage.asset.studio_profile import StudioProfile, StudioRules
 from usdfoliage.asset.studio_rules import check_composition, check_files
 from usdfoliage.asset.usd_validators import PRESENT, run_usd_validators
 from usdfoliage.errors import AssetError
-
-logger = logging.getLogger(__name__)
 
 MOST_SELECTIONS = 64  # beyond it the variants of one set are tried while the others stay as they are
 
@@ -77,8 +74,7 @@ def validate_asset(asset: Path, profile: StudioProfile = StudioProfile()) -> Val
         findings = _validate_scene(root, path) if is_scene else _validate_interface(root, selections, profile.rules)
         interface, _ = interface_of(path)
         findings |= {} if is_scene else {finding: [] for finding in check_files(interface, profile.rules)}
-    for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
-        logger.info("USD: %s", diagnostic.commentary)
+    log_diagnostics(diagnostics)
 
     finished = []
     for finding, labels in findings.items():

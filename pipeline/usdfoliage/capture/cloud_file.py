@@ -551,7 +551,8 @@ def _stack(
         if found is None and count:
             return None
         if found is not None:
-            stacked[:, axis] = found
+            with np.errstate(invalid="ignore"):  # of bytes that are no number at all
+                stacked[:, axis] = found
     return stacked
 
 

@@ -19,6 +19,8 @@ from usdfoliage.capture.las_units import LasUnit, read_key_unit, read_wkt_unit
 from usdfoliage.errors import CaptureError
 
 _NOISE = (7, 18)  # classes of points, low and high
+_VARIABLE = 2**32 - 1  # size of a LAZ file's chunks, where its table tells that of each
+_MOST_IN_CHUNK = 10_000_000  # points; writers put 50,000 into one
 _DEGREES_WIDE = 0.05  # what is wider is no plant in degrees: 5 km
 _SAME_UNIT = 1e-4  # relative: feet are of two sizes, which differ by less
 # What laspy and lazrs raise over bytes that are no LAS; a panic in Rust is no Exception, and has no public name.
@@ -108,6 +110,9 @@ def _check_chunk_table(path: Path, start: int, count: int, packing: bytes) -> No
         file.seek(table)
         _, chunks = struct.unpack("<II", file.read(8))
         (in_chunk,) = struct.unpack_from("<I", packing, 12)  # all bits set: as the table tells of each
+        is_fixed = in_chunk != _VARIABLE
+        if is_fixed and in_chunk > max(count, _MOST_IN_CHUNK):  # lazrs asks for the memory of a whole one
+            raise CaptureError(f"{path} is damaged: it tells of {in_chunk:,} points in a chunk; copy it again")
         if chunks > table - start or count > chunks * in_chunk:  # none is empty
             raise CaptureError(f"{path} is damaged: it tells of {count:,} points in {chunks:,} chunks; copy it again")
 
