@@ -3,10 +3,12 @@
 
 usage: tools/bench/build_faults.py [--kills 20] [--seed 0] [--only NAME …]
 
-Every fault happens to a build of a small synthetic capture by the command line; then the same command runs again. Asked
-each time: what it said, its exit code, whether the output is absent or whole, whether the second run makes the same
-bytes as a build that nothing happened to, and whether it did anything again that was done. Disks are small tmpfs, which
-need root; without it those are left out. Exit 1 if anything is otherwise than it should be.
+Every fault happens to a build of a small synthetic capture by the command line, without branches, crown and
+pictures; then the same command runs again. A whole plant with all of these, and a registration, are killed run
+after run until one comes to its end. Asked each time: what it said, its exit code, whether the output is absent or
+whole, whether the second run makes the same bytes as a build that nothing happened to, and whether it did anything
+again that was done. Disks are small tmpfs, which need root; without it those are left out. Exit 1 if anything is
+otherwise than it should be.
 """
 
 import argparse
@@ -18,15 +20,41 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+import textured_scene
+from plant_captures import write_known_plant
 from small_builds import digests, spawned_by, write_quick_plan, write_small_capture
 from synthetic.scene import SceneSettings
 from synthetic_foliage import CaptureSettings, make_capture, write_capture
+
+# A whole plant in a minute.
+WHOLE = """
+[leaves]
+depth = "estimated"
+[crown]
+size = 64
+mesh_size = 17
+[pictures]
+turntable_frames = 4
+turntable_px = 200
+comparisons = 2
+comparison_px = 240
+variant_px = 120
+complexity = "low"
+[tasks]
+photographs_a_task = 2
+[capture.depth]
+max_side_px = 160
+rounds = [{ level = 1, iterations = 1, coherent = false, segments = false },
+          { level = 0, iterations = 1, coherent = true, segments = false }]
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +134,65 @@ def kill_at_random(given: Given, folder: Path) -> Outcome:
     return Outcome(good=not bad, said="; ".join([told, *bad]))
 
 
+def write_whole(folder: Path) -> list[str]:
+    """A capture with branches, and the command that builds all of it in the folder PLACE."""
+    write_known_plant(folder / "plant capture")
+    plan = folder / "whole.toml"
+    plan.write_text(WHOLE)
+    return command(folder / "plant capture", plan, Path("PLACE"))
+
+
+def placed(words: Sequence[str], place: Path) -> list[str]:
+    """A command in a folder."""
+    return [word.replace("PLACE", str(place)) for word in words]
+
+
+def kill_whole(given: Given, folder: Path) -> Outcome:
+    """kill -9 of builds with branches, leaves, crown, pictures and report, one after another in one work folder."""
+    return _kill_until_done(given, folder, write_whole(folder), "plant")
+
+
+def kill_registration(given: Given, folder: Path) -> Outcome:
+    """The same of a build that estimates poses, and nothing more."""
+    photographs = folder / "photographs"
+    photographs.mkdir(parents=True)
+    for name, pose in textured_scene.arc(10).items():
+        cv2.imwrite(str(photographs / name), textured_scene.render(pose))
+    words = command(photographs, given.plan, Path("PLACE"), "--only", "poses")
+    return _kill_until_done(given, folder, words, "work/results")
+
+
+def _kill_until_done(given: Given, folder: Path, words: Sequence[str], made: str) -> Outcome:
+    """Kill runs of a command at random moments until one ends, again and again; made is what must be the same then."""
+
+    begin = time.perf_counter()
+    subprocess.run(placed(words, folder / "truth"), check=True, capture_output=True)
+    seconds, truth = time.perf_counter() - begin, digests(folder / "truth" / made)
+    kills, bad = 0, list[str]()
+    while kills < given.kills and not bad:
+        place = folder / f"after {kills}"
+        known: dict[Path, int] = {}
+        code = None
+        while code is None:
+            process = subprocess.Popen(
+                placed(words, place), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+            )
+            try:
+                code = process.wait(given.rng.uniform(0.1, 0.8) * seconds)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+                kills += 1
+            after = stamps(place)
+            bad += [f"{path.name} was done again" for path, mark in known.items() if after.get(path) != mark]
+            known = after
+        if code != 0 or digests(place / made) != truth:
+            bad.append(f"exit {code}, {'same bytes' if digests(place / made) == truth else 'OTHER BYTES'}")
+        shutil.rmtree(place)
+    told = f"{kills} kills of builds of {seconds:.0f} s and {len(truth)} files; {len(bad)} went wrong"
+    return Outcome(good=not bad, said="; ".join([told, *bad]))
+
+
 def kill_parent(given: Given, folder: Path) -> Outcome:
     """kill -9 of the process that has two workers: these must end too."""
     process = start(given, folder, "--jobs", "2")
@@ -154,6 +241,42 @@ def fill_disk(given: Given, folder: Path) -> Outcome:
         mount("-o", "remount,size=200m", str(disk))
         outcome = judge(given, disk, first, before, run(given, disk).returncode, codes=f"exits {codes}")
         return Outcome(good=outcome.good and set(codes) == {2}, said=outcome.said)
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def fill_disk_whole(given: Given, folder: Path) -> Outcome:
+    """A whole plant on a disk that is full, its folder of temporary files too, and that grows by a little each time."""
+    words = write_whole(folder)
+    subprocess.run(placed(words, folder / "truth"), check=True, capture_output=True)
+    truth = digests(folder / "truth" / "plant")
+    needed = sum(path.stat().st_size for path in (folder / "truth").rglob("*") if path.is_file())
+    disk = folder / "disk"
+    disk.mkdir(parents=True)
+    mount("-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk))
+    bad, said, full = [], set[str](), 0
+    try:
+        for step in range(1, 100):
+            mount("-o", f"remount,size={step * needed // 16}", str(disk))
+            (disk / "tmp").mkdir(exist_ok=True)
+            ended = subprocess.run(
+                placed(words, disk),
+                capture_output=True,
+                text=True,
+                check=False,
+                env={**os.environ, "TMPDIR": str(disk / "tmp")},
+            )
+            if ended.returncode == 0:
+                break
+            full += 1
+            said.add(last_line(ended.stderr))
+            if ended.returncode != 2 or "Traceback" in ended.stderr:
+                bad.append(f"exit {ended.returncode} at {step} sixteenths: {last_line(ended.stderr)}")
+            if (disk / "plant").exists():
+                bad.append(f"AN ASSET ON A FULL DISK at {step} sixteenths")
+        same = digests(disk / "plant") == truth
+        told = f"full {full} times, then exit {ended.returncode}, {'same bytes' if same else 'OTHER BYTES'}"
+        return Outcome(good=same and not bad and full > 0, said="; ".join([told, *bad, *sorted(said)]))
     finally:
         subprocess.run(["umount", str(disk)], check=True)
 
@@ -239,15 +362,18 @@ def break_photographs(given: Given, folder: Path) -> Outcome:
 
 FAULTS: Mapping[str, Callable[[Given, Path], Outcome]] = {
     "random kills": kill_at_random,
+    "kills, whole plant": kill_whole,
+    "kills, poses": kill_registration,
     "parent killed": kill_parent,
     "worker killed": kill_worker,
     "disk full": fill_disk,
+    "disk full, whole": fill_disk_whole,
     "read-only output": write_protect,
     "damaged results": damage,
     "two runs at once": meet,
     "30 % broken files": break_photographs,
 }
-NEED_ROOT = ("disk full", "read-only output")
+NEED_ROOT = ("disk full", "disk full, whole", "read-only output")
 
 
 def mount(*arguments: str) -> None:
@@ -281,12 +407,12 @@ def main() -> int:
         print(f"a build takes {given.seconds:.1f} s and makes {len(given.truth)} files")
         for name in options.only:
             if name in NEED_ROOT and os.geteuid() != 0:
-                print(f"{name:<18} left out: it needs root")
+                print(f"{name:<20} left out: it needs root")
                 continue
             outcome = FAULTS[name](given, folder / name.replace(" ", "-"))
             good &= outcome.good
             said = outcome.said.replace(str(folder), "…")
-            print(f"{name:<18} {'good' if outcome.good else 'BAD '}  {said}", flush=True)
+            print(f"{name:<20} {'good' if outcome.good else 'BAD '}  {said}", flush=True)
     return 0 if good else 1
 
 
