@@ -256,8 +256,8 @@ def fill_disk_whole(given: Given, folder: Path) -> Outcome:
     mount("-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk))
     bad, said, full = [], set[str](), 0
     try:
-        for step in range(1, 100):
-            mount("-o", f"remount,size={step * needed // 16}", str(disk))
+        for step in range(1, 200):
+            mount("-o", f"remount,size={step * needed // 48}", str(disk))
             (disk / "tmp").mkdir(exist_ok=True)
             ended = subprocess.run(
                 placed(words, disk),
@@ -271,9 +271,9 @@ def fill_disk_whole(given: Given, folder: Path) -> Outcome:
             full += 1
             said.add(last_line(ended.stderr))
             if ended.returncode != 2 or "Traceback" in ended.stderr:
-                bad.append(f"exit {ended.returncode} at {step} sixteenths: {last_line(ended.stderr)}")
+                bad.append(f"exit {ended.returncode} at {step} forty-eighths: {last_line(ended.stderr)}")
             if (disk / "plant").exists():
-                bad.append(f"AN ASSET ON A FULL DISK at {step} sixteenths")
+                bad.append(f"AN ASSET ON A FULL DISK at {step} forty-eighths")
         same = digests(disk / "plant") == truth
         told = f"full {full} times, then exit {ended.returncode}, {'same bytes' if same else 'OTHER BYTES'}"
         return Outcome(good=same and not bad and full > 0, said="; ".join([told, *bad, *sorted(said)]))

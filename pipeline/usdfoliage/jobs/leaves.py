@@ -2,7 +2,6 @@
 
 import argparse
 import logging
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -31,6 +30,7 @@ from usdfoliage.jobs.leaves_report import LeavesReport, choose_shown, measure_ro
 from usdfoliage.jobs.leaves_settings import LeavesSettings, read_leaves_settings
 from usdfoliage.jobs.preview import PreviewSettings, PreviewView, encode_png, render_views
 from usdfoliage.jobs.settings_file import list_settings
+from usdfoliage.jobs.temporary_folder import temporary_folder
 from usdfoliage.leaf.average_texture import AverageTexture
 from usdfoliage.leaf.bounds import leaf_bounds_m
 from usdfoliage.leaf.jitter import NO_JITTER, spread_phases
@@ -312,9 +312,9 @@ def write_asset(
     look = LeafLook()
     if leaves.color is not None and len(leaves):
         look = replace(look, color=_three(np.median(leaves.color, axis=0)))
-    with tempfile.TemporaryDirectory(prefix="usdfoliage-leaf-") as work:
+    with temporary_folder("leaf") as work:
         if found.texture is not None:
-            texture = Path(work) / "leaf.png"
+            texture = work / "leaf.png"
             texture.write_bytes(encode_texture(found.texture))
             look = replace(look, texture=texture, texture_color=usual_color(found.texture))
         return write_leaf_asset(

@@ -6,7 +6,6 @@ The request and the result are JSON files, pictures come back as linear EXR; hyd
 import logging
 import math
 import os
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -24,6 +23,7 @@ from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.recorder import run_recorder
+from usdfoliage.jobs.temporary_folder import temporary_folder
 
 logger = logging.getLogger(__name__)
 
@@ -204,8 +204,7 @@ def draw_views(
     """
     if not usd_file.is_file():
         raise PreviewError(f"no such file ({usd_file})")
-    with tempfile.TemporaryDirectory(prefix="usdfoliage-preview-") as name:
-        work = Path(name)
+    with temporary_folder("preview", PreviewError) as work:
         request = _build_request(file_to_draw(usd_file, work), views, settings, work)
         started = time.monotonic()
         try:

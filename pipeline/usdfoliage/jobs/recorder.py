@@ -95,9 +95,9 @@ def run_recorder(
             if process.stdout is not None:
                 process.stdout.close()
     text = complaints_file.read_text(encoding="utf-8", errors="replace")
-    if not result_file.is_file():
+    result = read_result(result_file)
+    if result is None:
         raise PreviewError(describe_crash(process.returncode, text, python))
-    result: dict[str, Any] = json.loads(result_file.read_text(encoding="utf-8"))
     faults, warnings = sort_complaints(text)
     if "error" in result:
         kind, message = result["error"]["kind"], result["error"]["message"]
@@ -108,6 +108,15 @@ def run_recorder(
         logger.warning("%s (%s)", warning, request["usd_file"])
     if faults:
         raise PreviewError(f"Storm could not draw all of it: {'; '.join(faults)} ({request['usd_file']})")
+    return result
+
+
+def read_result(result_file: Path) -> dict[str, Any] | None:
+    """What the preview interpreter wrote at its end; None where it did not come so far."""
+    try:
+        result: dict[str, Any] = json.loads(result_file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
     return result
 
 

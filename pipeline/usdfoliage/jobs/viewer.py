@@ -15,7 +15,6 @@ import logging
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -38,9 +37,11 @@ from usdfoliage.jobs.recorder import (
     describe_crash,
     describe_refusal,
     find_interpreter,
+    read_result,
     recorder_environment,
     sort_complaints,
 )
+from usdfoliage.jobs.temporary_folder import temporary_folder
 from usdfoliage.leaf.bounds import common_bounds, leaf_bounds_m
 from usdfoliage.leaf.curves import leaf_curves
 from usdfoliage.leaf.edits import LeafEdits, apply_edits
@@ -78,8 +79,7 @@ def view_asset(asset: Path, settings: ViewerSettings = ViewerSettings()) -> None
     _require_display()
     layer, _ = try_layer(usd_file)
     look = read_look(layer) if layer is not None else None
-    with tempfile.TemporaryDirectory(prefix="usdfoliage-view-") as name:
-        work = Path(name)
+    with temporary_folder("view", PreviewError) as work:
         write_dome(work / "dome.exr")
         request = {
             "usd_file": str(file_to_draw(usd_file, work).resolve()),
@@ -125,9 +125,9 @@ def _run_window(python: Path, request: Mapping[str, Any], work: Path) -> None:
             process.wait()
     text = complaints_file.read_text(encoding="utf-8", errors="replace")
     logger.info("the viewer said: %s", text.strip() or "nothing")
-    if not result_file.is_file():
+    result = read_result(result_file)
+    if result is None:
         raise PreviewError(_describe_end(process.returncode, text, python))
-    result = json.loads(result_file.read_text(encoding="utf-8"))
     if "error" in result:
         kind, message = result["error"]["kind"], result["error"]["message"]
         raise PreviewError(

@@ -114,6 +114,28 @@ def test_of_a_photograph_that_changes_while_it_is_read_nothing_is_kept(request_o
     assert seen.read_bytes() == good
 
 
+@pytest.mark.parametrize(
+    "told", ["{} was not written: No space left on device", "{} cannot be written: No space left on device"]
+)
+def test_what_was_not_written_is_a_file_of_the_task_and_what_was_not_read_one_of_the_capture(
+    request_of_two, set_stages, told
+):
+    places: list[Path] = []
+
+    def fail(text: str) -> Stage:
+        def stage(call: StageCall) -> None:
+            places.append(call.scratch / "fern" / "cloud.ply")
+            raise CaptureError(text.format(places[-1]))
+
+        return stage
+
+    set_stages(poses=fail(told))
+    made = build(request_of_two)
+    assert made.error.endswith(told.format(places[-1]))
+    set_stages(poses=fail("{} is damaged"))
+    assert build(request_of_two).error.endswith(f"{request_of_two.capture / 'cloud.ply'} is damaged")
+
+
 def make_poor(runs_of_it: list[str]) -> Stage:
     """An asset without thumbnail, with a file that only this one has."""
 

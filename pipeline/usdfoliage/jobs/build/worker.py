@@ -75,6 +75,8 @@ STAGES: Mapping[str, Stage] = {
 # These read many files of others, each of which tells its own damage.
 _READ_MANY = (MATCHING, DEPTH)
 
+_NOT_WRITTEN = re.compile("was not written|cannot be written")
+
 
 def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Done:
     """Do one task, unless another run has done it meanwhile.
@@ -210,7 +212,12 @@ def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -
 
 
 def _as_given(text: str, request: BuildRequest, source: str) -> str:
-    """A message with files of the capture as source has them: tasks work on links and copies in the work folder."""
+    """A message with files of the capture as source has them: tasks work on links and copies in the work folder.
+
+    What could not be written is a file of the task itself, and the disk of the work folder the one to look at.
+    """
+    if _NOT_WRITTEN.search(text):
+        return text
     name = re.escape(request.capture.resolve().name)
     laid = rf"{re.escape(str(request.store.folder))}/(?:scratch/[^/\s]+|results/[^/\s]+/capture)/{name}"
     if not (request.capture / IMAGES).is_dir():  # a plain folder of photographs
