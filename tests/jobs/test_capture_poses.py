@@ -30,7 +30,7 @@ def test_cameras_that_are_probably_wrong_end_the_run_unless_they_are_wanted(
     horizon = "the points lie in a band, as of a horizon"
     stand_in(monkeypatch, doubts=(horizon,))
     (tmp_path / "images").mkdir()
-    with pytest.raises(CaptureError, match=r'images are probably wrong.*a horizon \(capture.doubtful_poses = "use"'):
+    with pytest.raises(CaptureError, match=r'images are probably wrong.*a horizon \(doubtful_poses = "use"'):
         estimate_poses(tmp_path, None, CaptureRunSettings())
     used = estimate_poses(tmp_path, None, CaptureRunSettings(doubtful_poses="use"))
     assert used.registered is not None

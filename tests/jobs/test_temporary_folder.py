@@ -1,8 +1,11 @@
 """Folders for files that nobody keeps, on disks that are full."""
 
 import json
+import shutil
 import tempfile
 from contextlib import suppress
+from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -44,6 +47,17 @@ def test_what_goes_wrong_on_a_full_disk_says_so(full_disk):
         json.loads("")
     with pytest.raises(AssetError, match="no leaves; 0 MB are free"), temporary_folder("preview") as work:
         raise AssetError("no leaves")
+
+
+def test_a_folder_that_is_gone_hides_no_fault(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with pytest.raises(AssetError, match=r"^no leaves$"), temporary_folder("preview") as work:
+        fail_without(work)
+
+
+def fail_without(work: Path) -> NoReturn:
+    shutil.rmtree(work)
+    raise AssetError("no leaves")
 
 
 def test_without_a_place_for_temporary_files_it_is_said(tmp_path, monkeypatch):

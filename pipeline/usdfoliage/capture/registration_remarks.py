@@ -104,14 +104,14 @@ def list_doubts(
     odd = [share for share in focal if not _FOCAL_SHARES[0] <= share <= _FOCAL_SHARES[1]]
     if odd:
         doubts.append(
-            f"a focal length of {odd[0]:g} of the longer side is improbable; the cameras may be wrong: "
+            f"a focal length of {odd[0]:g} of the longer side is improbable: "
             f"give focal_px under [registration] with --settings"
         )
     sparse = [photo.name for photo in registered if photo.points < 4 * least_matches]
     if len(sparse) > len(registered) / 2:
         doubts.append(
             f"{len(sparse)} of {counted(len(registered), 'photograph')} see fewer than {4 * least_matches} "
-            f"points; the cameras may be wrong: take more photographs, nearer to each other"
+            f"points: take more photographs, nearer to each other"
         )
     narrow = []
     for number, photo in enumerate(registered):
@@ -122,7 +122,7 @@ def list_doubts(
     if narrow and float(np.median(narrow)) < _LEAST_SPREAD:
         doubts.append(
             f"the points of most photographs lie in a band {float(np.median(narrow)):.1%} of the longer side wide, as "
-            f"of a horizon behind the plant, and leave the cameras open: they are probably wrong; put something "
+            f"of a horizon behind the plant, and leave the cameras open: put something "
             f"textured around the plant, take photographs nearer to each other, or give the poses in cameras/"
         )
     return tuple(doubts)

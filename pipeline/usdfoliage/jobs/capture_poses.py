@@ -132,7 +132,7 @@ def estimate_poses(
     if registered.doubts and settings.doubtful_poses == "stop":
         raise CaptureError(
             f"the cameras that were found for {images} are probably wrong, and nothing is made of them: "
-            f'{"; ".join(registered.doubts)} (capture.doubtful_poses = "use" goes on with them)'
+            f'{"; ".join(registered.doubts)} (doubtful_poses = "use" with --settings goes on with them)'
         )
     if registered.doubts:
         logger.warning("the estimated poses are probably wrong, and so will be the cloud; the notes say why")

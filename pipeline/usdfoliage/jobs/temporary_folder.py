@@ -3,7 +3,7 @@
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from usdfoliage.errors import FoliageError
@@ -34,7 +34,9 @@ def temporary_folder(purpose: str, failure: type[FoliageError] = FoliageError) -
         try:
             yield Path(name)
         except Exception as error:
-            free_bytes = shutil.disk_usage(name).free
+            free_bytes = _LITTLE_BYTES + 1
+            with suppress(OSError):  # the folder may be what is gone; the fault within is what is told
+                free_bytes = shutil.disk_usage(Path(name).parent).free
             if free_bytes > _LITTLE_BYTES:
                 raise
             kind = type(error) if isinstance(error, FoliageError) else failure

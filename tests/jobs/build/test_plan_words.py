@@ -21,6 +21,7 @@ from usdfoliage.jobs.settings_file import list_settings, read_settings_file
         "give --scale, its true length over that one; or say a known distance",
         *(f"gps is taken: say --up {up} for the other" for up in UPS if up != "auto"),
         "give focal_px under [registration] with --settings",
+        'probably wrong (doubtful_poses = "use" with --settings goes on with them)',
         "say --leaf-length if their capture had no scale",
     ],
 )

@@ -328,3 +328,17 @@ def _imports(package: Path, path: Path) -> list[Path]:
                 if file.is_file():
                     found.append(file)
     return found
+
+
+def test_a_run_that_stops_at_doubtful_poses_takes_none_of_a_run_that_used_them() -> None:
+    estimated = replace(make_inputs(), has_cameras=False)
+    stop, use = (plan_build(estimated, changed(capture={"doubtful_poses": said}), "fern") for said in ("stop", "use"))
+    assert stop.tasks["poses"].key != use.tasks["poses"].key
+
+
+def test_nobody_doubts_poses_that_are_given() -> None:
+    use = plan_build(make_inputs(), changed(capture={"doubtful_poses": "use"}), "fern")
+    assert stages_that_change(PLAN, use) == AFTER_PARTS
+    both = [{"poses": "estimate", "doubtful_poses": said} for said in ("stop", "use")]
+    again = [plan_build(make_inputs(), changed(capture=said), "fern").tasks["poses"].key for said in both]
+    assert again[0] != again[1]

@@ -15,6 +15,7 @@ _WORDS: tuple[tuple[str, str], ...] = (
     (r"--up (gps|elevation|level|ground|ring|trunk|photographs)", r'capture.world.up = "\1"'),
     (r"--poses estimate\b", 'capture.poses = "estimate"'),
     (r"under \[registration\] with --settings", "under [capture.registration] in the plan"),
+    (r'doubtful_poses = "use" with --settings', 'capture.doubtful_poses = "use" in the plan'),
     (r"with --settings", "in the plan"),
 )
 

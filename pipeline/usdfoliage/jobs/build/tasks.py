@@ -135,7 +135,9 @@ def plan_build(
         capture = settings.capture
         photographs = len(inputs.photographs)
         posing = (capture.poses, capture.mask, capture.sky, capture.registration, capture.world)
-        said = (source, inputs.name, settings.seed, posing, capture.depth.max_side_px)
+        # A run that used doubtful poses leaves none for one that would have stopped at them; nobody doubts given ones.
+        doubtful = capture.doubtful_poses if capture.poses == "estimate" or not inputs.has_cameras else ""
+        said = (source, inputs.name, settings.seed, posing, doubtful, capture.depth.max_side_px)
         estimated = 0.0 if inputs.has_cameras else 1.0
         poses = add(POSES, said, (), 2.0 + photographs * (0.15 * megapixels + estimated))
         chunks = -(-photographs // settings.tasks.photographs_a_task)
@@ -164,7 +166,8 @@ def plan_build(
         if rounds:
             cost_s = 0.3 + matched / chunks
             finished = [add(DEPTH, finishing, before, cost_s, chunk=k, chunks=chunks) for k in range(chunks)]
-        cloud = add(CLOUD, capture, [poses, *finished], 3.0 + 1.2 * matched)
+        said_of_cloud = replace(capture, doubtful_poses="stop")  # which decides nothing once there are poses
+        cloud = add(CLOUD, said_of_cloud, [poses, *finished], 3.0 + 1.2 * matched)
     else:
         cloud = ""
     has_cloud = [cloud] if cloud else []
