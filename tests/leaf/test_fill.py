@@ -31,6 +31,49 @@ def test_a_leaf_lies_in_the_plane_of_its_points_and_points_away_from_its_twig() 
     assert np.linalg.norm(places.base_m[0] + 0.5 * LENGTH_M * own.apply([0, 1, 0]) - middle_m) < 0.015
 
 
+@pytest.mark.parametrize(("share", "found"), [(0.1, 0.3), (0.5, 0.5), (0.8, 0.8), (1.0, 1.0)])
+def test_a_leaf_is_as_long_as_its_points_where_they_end(share: float, found: float) -> None:
+    rng = np.random.default_rng(8)
+    turn = Rotation.from_euler("xyz", [-70, 25, 10], degrees=True)
+    points_m = turn.apply(
+        rng.uniform([-0.01, -0.5 * share * LENGTH_M, 0], [0.01, 0.5 * share * LENGTH_M, 0], (4000, 3))
+    )
+    twig_m = -turn.apply([0, 0.06, 0])[None]
+    settings = FillSettings(apart=1.2, around=1.2)
+    places = fill_places(points_m, twig_m, LENGTH_M, rng, settings)
+    np.testing.assert_allclose(places.length_m, [found * LENGTH_M], atol=0.002)
+    own = Rotation.from_quat(places.orientation[0])
+    middle_m = places.base_m[0] + 0.5 * places.length_m[0] * own.apply([0, 1, 0])
+    np.testing.assert_allclose(middle_m, 0, atol=0.003)
+    usual = fill_places(points_m, twig_m, LENGTH_M, rng, FillSettings(apart=1.2, around=1.2, shortest=1))
+    np.testing.assert_array_equal(usual.length_m, [LENGTH_M])
+
+
+def test_points_that_are_far_apart_do_not_tell_where_a_leaf_ends() -> None:
+    across, along = np.meshgrid([-1.0, 0, 1], np.arange(-4.0, 5))
+    points_m = 0.007 * np.column_stack([across.ravel(), along.ravel(), np.zeros(across.size)])
+    twig_m = np.array([[0.0, -0.06, 0.0]])
+    settings = FillSettings(apart=1.2, around=1.2)
+    assert fill_places(points_m, twig_m, LENGTH_M, np.random.default_rng(8), settings).length_m == LENGTH_M
+    denser = fill_places(0.7 * points_m, twig_m, LENGTH_M, np.random.default_rng(8), settings)
+    assert denser.length_m == pytest.approx(8 * 0.7 * 0.007)
+
+
+def test_points_beyond_a_gap_are_of_another_leaf() -> None:
+    rng = np.random.default_rng(9)
+    leaf_m = rng.uniform([-0.01, -0.02, 0], [0.01, 0.02, 0], (2000, 3))
+    beyond_m = rng.uniform([-0.01, 0.04, 0], [0.01, 0.06, 0], (1000, 3))
+    beside_m = rng.uniform([0.04, -0.04, 0], [0.05, 0.04, 0], (1000, 3))
+    above_m = rng.uniform([-0.01, -0.06, 0.02], [0.01, 0.06, 0.02], (1000, 3))
+    twig_m = np.array([[0.0, -0.1, 0.0]])
+    settings = FillSettings(apart=0.25, around=0.2)
+    places = fill_places(np.concatenate([leaf_m, beyond_m, beside_m, above_m]), twig_m, LENGTH_M, rng, settings)
+    own = places.length_m[places.point < len(leaf_m)]
+    assert len(own)
+    assert (own <= 0.07).all()
+    assert np.median(own) < 0.05
+
+
 def test_leaves_keep_apart_and_fill_all() -> None:
     rng = np.random.default_rng(2)
     points_m = rng.uniform(0, 0.4, (4000, 3))

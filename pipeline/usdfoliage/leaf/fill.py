@@ -1,7 +1,8 @@
 """Leaves at the points of a cloud that are of leaves, but of which no single leaf could be told.
 
-Every place gets one leaf of a usual length: in the plane that the points around it lie in, pointing away from the
-branch that it grows on. Our own idea: the leaves of a plant seen from afar are known by where they are, not one by one.
+Every place gets one leaf: in the plane that the points around it lie in, pointing away from the branch that it grows
+on, of a usual length, or shorter where its points end sooner. Our own idea: the leaves of a plant seen from afar are
+known by where they are, not one by one.
 """
 
 from dataclasses import dataclass
@@ -21,12 +22,19 @@ class FillSettings:
     least_points: int = 4  # around it: fewer are no leaf
     flat: float = 0.5  # spread across the plane over that along it, above which it is no plane and tells nothing
     tilt: float = 0.7  # of a leaf there, from level: standard deviation of its normal's parts, whose upward one is 1
+    shortest: float = 0.3  # a leaf whose points end sooner on both sides; 1: all have the usual length
+    wide: float = 0.25  # from its axis, and half of that from its plane, points that tell how long it is
+    gap: float = 0.1  # between points along the axis, where they end; points half as far apart as that tell no end
     farthest: float = 3.5  # from what leaves grow from: beyond it are no leaves of the plant
     most_leaves: int = 200_000
 
     def __post_init__(self) -> None:
-        if not (min(self.apart, self.around, self.flat, self.farthest) > 0 and self.tilt >= 0):
-            raise ValueError(f"apart, around, flat and farthest must be above 0, tilt not below it, not {self}")
+        if not (min(self.apart, self.around, self.flat, self.wide, self.gap, self.farthest) > 0 and self.tilt >= 0):
+            raise ValueError(
+                f"apart, around, flat, wide, gap and farthest must be above 0, tilt not below it, not {self}"
+            )
+        if not 0 < self.shortest <= 1:
+            raise ValueError(f"shortest must be above 0 and at most 1, not {self.shortest}")
         if self.least_points < 3 or self.most_leaves < 1:
             raise ValueError(f"least_points must be at least 3, most_leaves at least 1, not {self}")
 
@@ -37,6 +45,7 @@ class FilledPlaces:
 
     base_m: NDArray[np.float64]  # (N, 3)
     orientation: NDArray[np.float64]  # (N, 4), unit quaternions (x, y, z, w), from leaf space
+    length_m: NDArray[np.float64]  # (N,), at most the usual one
     point: NDArray[np.int64]  # (N,), of the cloud, amid each leaf
 
 
@@ -47,12 +56,12 @@ def fill_places(
     rng: np.random.Generator,
     settings: FillSettings = FillSettings(),
 ) -> FilledPlaces:
-    """Put leaves of one length on points.
+    """Put leaves on points.
 
     Args:
         points_m: (N, 3), of leaves, Y up.
         origins_m: (M, 3), places that leaves grow from: points of twigs and branches; at least one.
-        length_m: Of a leaf.
+        length_m: Of a usual leaf, which is the longest.
         rng: Of the order in which places are tried.
         settings: How closely.
 
@@ -73,7 +82,7 @@ def fill_places(
         kept = np.sort(rng.choice(len(chosen), settings.most_leaves, replace=False))
         middle_m, normal, along, chosen = middle_m[kept], normal[kept], along[kept], chosen[kept]
     if not len(chosen):
-        return FilledPlaces(base_m=np.zeros((0, 3)), orientation=np.zeros((0, 4)), point=chosen)
+        return FilledPlaces(base_m=np.zeros((0, 3)), orientation=np.zeros((0, 4)), length_m=np.zeros(0), point=chosen)
     _, nearest = cKDTree(origins_m).query(middle_m)
     away = middle_m - origins_m[nearest]
     axis = _in_plane(away, normal)
@@ -82,9 +91,11 @@ def fill_places(
     axis[short] = _in_plane(along, normal)[short]
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     turn = np.stack([np.cross(axis, normal), axis, normal], axis=-1)
+    begin_m, own_m = _find_ends(points_m, middle_m, turn, length_m, settings)
     return FilledPlaces(
-        base_m=middle_m - 0.5 * length_m * axis,
+        base_m=middle_m + begin_m[:, None] * axis,
         orientation=Rotation.from_matrix(turn).as_quat(canonical=True),
+        length_m=own_m,
         point=chosen,
     )
 
@@ -135,6 +146,44 @@ def _fit_planes(
     sideways = rng.normal(size=(len(chosen), 3))  # points that are all in one place have no direction
     along = np.where(thick[:, None], sideways, directions[:, :, 2])
     return middle_m, normal, along, chosen
+
+
+def _find_ends(
+    points_m: NDArray[np.float64],
+    middle_m: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    length_m: float,
+    settings: FillSettings,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where along its axis each leaf begins, from its middle, and its length.
+
+    Both ends are where the points beside the axis end; where they go on beyond half the usual length on either side,
+    they are of other leaves too, and tell nothing.
+    """
+    half_m = 0.5 * length_m
+    begin_m, end_m = np.full(len(middle_m), -half_m), np.full(len(middle_m), half_m)
+    tree = cKDTree(points_m)
+    away_m = np.asarray(tree.query(points_m, [2])[0])  # infinite of a single point
+    apart_m = float(np.median(away_m)) if len(away_m) else np.inf
+    if settings.shortest < 1 and apart_m <= 0.5 * settings.gap * length_m:
+        lists = tree.query_ball_point(middle_m, np.hypot(half_m, settings.wide * length_m))
+        for leaf, inside in enumerate(lists):
+            across, along, above = (points_m[inside] - middle_m[leaf]).dot(turn[leaf]).T
+            beside = (abs(across) <= settings.wide * length_m) & (abs(above) <= 0.5 * settings.wide * length_m)
+            along = np.sort(along[beside & (abs(along) <= half_m)])
+            begin_m[leaf] = -_reach(-along[along <= 0][::-1], settings.gap * length_m)
+            end_m[leaf] = _reach(along[along > 0], settings.gap * length_m)
+    own_m = np.clip(end_m - begin_m, settings.shortest * length_m, length_m)
+    return 0.5 * (begin_m + end_m - own_m), own_m
+
+
+def _reach(along_m: NDArray[np.float64], gap_m: float) -> float:
+    """How far points that are sorted from 0 outwards go on without a gap."""
+    if not len(along_m):
+        return 0.0
+    steps = np.diff(along_m, prepend=0.0) > gap_m
+    last = int(np.argmax(steps)) if steps.any() else len(along_m)
+    return float(along_m[last - 1]) if last else 0.0
 
 
 def _in_plane(vectors: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -118,11 +118,12 @@ def _fill(
     most = max(settings.foliage.most_leaves - len(placed), 1)
     places = fill_places(bare_m, traced.skeleton.points_m, length_m, rng, FillSettings(most_leaves=most))
     drawn = rng.integers(len(sure), size=len(places.base_m))
+    usual = places.length_m >= length_m  # a length that the points tell is not varied
     others = Leaves(
         parameters=sure.parameters[drawn],
         base_m=places.base_m,
         orientation=places.orientation,
-        length_m=length_m * sure.length_m[drawn] / float(np.median(sure.length_m)),
+        length_m=np.where(usual, sure.length_m[drawn] / float(np.median(sure.length_m)), 1.0) * places.length_m,
         phase=np.zeros(len(drawn)),
         color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_ALIKE),
     )
