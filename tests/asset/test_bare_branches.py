@@ -8,6 +8,7 @@ from usdfoliage.asset.other_parts import read_other_parts
 from usdfoliage.asset.plant_package import write_plant_asset
 from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation import validate_asset
+from usdfoliage.errors import AssetError
 
 BARE = "/oak/geo/proxy/Branches"
 TRUNK_M, BRANCH_M = 0.05, 0.03  # radii
@@ -97,3 +98,67 @@ def test_other_leaves_leave_it_and_another_crown_renews_it(asset, tmp_path):
         assert bool(after) == (crown is None)
         if after:
             assert np.array_equal(before.GetPointsAttr().Get(), after.GetPointsAttr().Get())
+
+
+SURFACE = "/oak/geo/render/Branches"
+
+
+def with_surface(tmp_path, change):
+    """The asset built again on branches whose coarse surface somebody changed."""
+    source = write_whole_plant(tmp_path / "oak", crown=high_crown())
+    layer = Sdf.Layer.FindOrOpen(str(source.parent / "payload" / "branches_order1.usdc"))
+    change(layer)
+    layer.Save()
+    (tmp_path / "again").mkdir()
+    return write_plant_asset(
+        tmp_path / "again",
+        "oak",
+        provenance=RUN,
+        asset_from_capture=np.eye(4),
+        branches=read_other_parts(source),
+        crown=high_crown(),
+    )
+
+
+def set_value(name, change):
+    def apply(layer):
+        attribute = layer.GetAttributeAtPath(f"{SURFACE}.{name}")
+        attribute.default = type(attribute.default)(change(list(attribute.default)))
+
+    return apply
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("faceVertexIndices", lambda held: held[:-1], "Sum"),
+        ("faceVertexIndices", lambda held: [99999, *held[1:]], "range"),
+        ("faceVertexIndices", lambda held: [-1, *held[1:]], "range"),
+        ("faceVertexCounts", lambda held: [0, held[0] + held[1], *held[2:]], "fewer than 3 vertices"),
+        ("points", lambda held: [(np.nan, 0, 0), *held[1:]], "no finite number"),
+    ],
+)
+def test_a_surface_that_somebody_broke_is_told_of(tmp_path, name, change, said):
+    with pytest.raises(AssetError, match=rf"^payload/branches_order1.usdc: .* {SURFACE} is broken \(.*{said}.*mend"):
+        with_surface(tmp_path, set_value(name, change))
+
+
+def test_a_texture_that_somebody_broke_is_left_out(tmp_path):
+    asset = with_surface(tmp_path, set_value("primvars:st:indices", lambda held: [99999, *held[1:]]))
+    stage = open_lod(asset, "crown")
+    bare = UsdGeom.Mesh(stage.GetPrimAtPath(BARE))
+    assert len(bare.GetPointsAttr().Get())
+    assert not UsdGeom.PrimvarsAPI(bare).GetPrimvar("st")
+
+
+def test_a_surface_that_moves_gives_the_trunk_at_its_first_time(tmp_path, asset):
+    def move(layer):
+        points = layer.GetAttributeAtPath(f"{SURFACE}.points")
+        rest = points.default
+        layer.SetTimeSample(points.path, 1, rest)
+        layer.SetTimeSample(points.path, 24, type(rest)([point + point for point in rest]))
+        points.ClearDefaultValue()
+
+    stages = [open_lod(each, "crown") for each in (with_surface(tmp_path, move), asset)]
+    moved, still = (UsdGeom.Mesh(stage.GetPrimAtPath(BARE)) for stage in stages)
+    assert np.array_equal(moved.GetPointsAttr().Get(), still.GetPointsAttr().Get())

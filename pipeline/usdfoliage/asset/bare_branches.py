@@ -11,8 +11,11 @@ from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES
 from usdfoliage.crown.bare_faces import find_bare_faces
 from usdfoliage.crown.model import CrownModel
+from usdfoliage.errors import AssetError
 
 BARE_LAYER = "branches_bare.usdc"
+# What moves stands at its first time, as it does where the crown was made.
+_REST = Usd.TimeCode.EarliestTime()
 
 
 def write_bare_branches_layer(path: Path, name: str, surface: Path, crown: CrownModel) -> NDArray[np.float64] | None:
@@ -30,15 +33,13 @@ def write_bare_branches_layer(path: Path, name: str, surface: Path, crown: Crown
         Bounds (2, 3) of what was written; None where nothing stands out, and nothing is written.
 
     Raises:
-        AssetError: The one layer cannot be read, or the other not written.
+        AssetError: The one layer cannot be read, or is of a mesh that cannot be; or the other cannot be written.
     """
     source = Usd.Stage.Open(open_layer(surface), Usd.Stage.LoadNone)
     whole = UsdGeom.Mesh(source.GetPrimAtPath(f"/{name}/{BRANCHES}"))
     if not whole:
         return None
-    points_m = np.array(whole.GetPointsAttr().Get() or np.zeros((0, 3)), np.float32)
-    counts = np.array(whole.GetFaceVertexCountsAttr().Get() or [], np.int64)
-    vertices = np.array(whole.GetFaceVertexIndicesAttr().Get() or [], np.int64)
+    points_m, counts, vertices = _read_mesh(whole, surface)
     kept = find_bare_faces(points_m, counts, vertices, crown)
     if not kept.any():
         return None
@@ -52,8 +53,8 @@ def write_bare_branches_layer(path: Path, name: str, surface: Path, crown: Crown
     mesh.CreatePointsAttr(points)
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(counts[kept].astype(np.int32)))
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(index.astype(np.int32)))
-    mesh.CreateSubdivisionSchemeAttr(whole.GetSubdivisionSchemeAttr().Get())
-    mesh.CreateOrientationAttr(whole.GetOrientationAttr().Get())
+    mesh.CreateSubdivisionSchemeAttr(whole.GetSubdivisionSchemeAttr().Get(_REST))
+    mesh.CreateOrientationAttr(whole.GetOrientationAttr().Get(_REST))
     mesh.CreateDoubleSidedAttr(False)  # open, but where the crown is around it
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
     _copy_primvars(whole, mesh, corner)
@@ -65,16 +66,36 @@ def write_bare_branches_layer(path: Path, name: str, surface: Path, crown: Crown
     return np.array(mesh.GetExtentAttr().Get(), np.float64)
 
 
+def _read_mesh(mesh: UsdGeom.Mesh, surface: Path) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.int64]]:
+    """Points (P, 3), vertices of each face (F,) and their indices; whoever worked on the layer may have broken it."""
+    points = mesh.GetPointsAttr().Get(_REST) or Vt.Vec3fArray()
+    counts = mesh.GetFaceVertexCountsAttr().Get(_REST) or Vt.IntArray()
+    vertices = mesh.GetFaceVertexIndicesAttr().Get(_REST) or Vt.IntArray()
+    good, reason = UsdGeom.Mesh.ValidateTopology(vertices, counts, len(points))
+    points_m, face_counts = np.array(points, np.float32).reshape(-1, 3), np.array(counts, np.int64)
+    if good and len(face_counts) and face_counts.min() < 3:
+        good, reason = False, "a face has fewer than 3 vertices"
+    if good and not np.isfinite(points_m).all():
+        good, reason = False, "a point is no finite number"
+    if not good:
+        file = f"{surface.parent.name}/{surface.name}"  # a copy, where no one looks; the same below the asset's folder
+        raise AssetError(
+            f"{file}: the mesh {mesh.GetPath()} is broken ({reason}); mend it, or build the branches again"
+        )
+    return points_m, face_counts, np.array(vertices, np.int64)
+
+
 def _copy_primvars(whole: UsdGeom.Mesh, mesh: UsdGeom.Mesh, corner: NDArray[np.bool_]) -> None:
     """The colour, if it is one, and the st of the corners that are kept, if each has its own."""
     old, new = UsdGeom.PrimvarsAPI(whole), UsdGeom.PrimvarsAPI(mesh)
     color = old.GetPrimvar("displayColor")
     if color.HasAuthoredValue() and color.GetInterpolation() == UsdGeom.Tokens.constant:
-        new.CreatePrimvar(color.GetPrimvarName(), color.GetTypeName(), UsdGeom.Tokens.constant).Set(color.Get())
+        new.CreatePrimvar(color.GetPrimvarName(), color.GetTypeName(), UsdGeom.Tokens.constant).Set(color.Get(_REST))
     st = old.GetPrimvar("st")
     if st.HasAuthoredValue() and st.GetInterpolation() == UsdGeom.Tokens.faceVarying:
-        flat = np.array(st.ComputeFlattened(), np.float32)
-        if len(flat) == len(corner):
+        computed = st.ComputeFlattened(_REST)  # None where an index is of no value
+        flat = np.array([] if computed is None else computed, np.float32)
+        if len(flat) == len(corner) and flat.ndim == 2:
             values, indices = np.unique(flat[corner], axis=0, return_inverse=True)
             held = new.CreatePrimvar("st", st.GetTypeName(), UsdGeom.Tokens.faceVarying)
             held.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(values)))

@@ -216,7 +216,7 @@ def _copy_branches(
 
 
 def _coarse_surface(branches: OtherParts) -> str | None:
-    """The layer of the surface with the fewest orders of branches, from the payload's folder."""
+    """The surface of the branches of order 1, or without such the first that there is, from the payload's folder."""
     for held in branches.sets:
         if held.name == "branches":
             layers = held.variants.get("order1") or next(iter(held.variants.values()))

@@ -22,7 +22,7 @@ def find_bare_faces(
 
     Args:
         points_m: (P, 3), in the crown's frame.
-        face_counts: (F,), vertices of each face, at least 1.
+        face_counts: (F,), vertices of each face, at least 1 each.
         face_vertices: (sum of face_counts,), indices of points_m.
         crown: Its radius, and where its centre is.
         sunk: In [0, 1), depth below the crown's surface, as a share of its radius there, at which they end.
@@ -49,11 +49,11 @@ def find_bare_faces(
     linked = shallow[face]
     shape = (len(face_counts), len(points_m))
     touches = coo_array((np.ones(int(linked.sum()), np.int8), (face[linked], face_vertices[linked])), shape=shape)
-    parts = connected_components(_square(touches), directed=False)[1][: len(face_counts)]
+    parts = connected_components(_as_graph(touches), directed=False)[1][: len(face_counts)]
     return np.asarray(shallow & np.isin(parts, parts[outside]))
 
 
-def _square(touches: coo_array) -> coo_array:
+def _as_graph(touches: coo_array) -> coo_array:
     """Faces and the vertices that they touch as nodes of one graph, faces first."""
     faces, vertices = touches.shape
     row, column = touches.coords
