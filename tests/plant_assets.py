@@ -1,5 +1,6 @@
 """A small whole plant: a fork with branches of two orders, leaves on it, and a crown around them."""
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -45,12 +46,13 @@ def round_crown(
     )
 
 
-def fork_branches(folder: Path, name: str = "fork") -> OtherParts:
+def fork_branches(folder: Path, name: str = "fork", at_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> OtherParts:
     """The branches of an asset of a fork, which is written to folder: with a picture of bark, and two orders."""
     folder.mkdir(parents=True)
     bark = folder.parent / "bark.png"
     cv2.imwrite(str(bark), np.full((4, 4, 3), 90, np.uint8))
     skeleton = fork()
+    skeleton = replace(skeleton, points_m=skeleton.points_m + at_m)
     interface = write_branch_asset(
         folder,
         name,

@@ -1,16 +1,21 @@
 """Branches that travel into an asset with other leaves."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from branch_shapes import fork
 from leaf_assets import random_leaves, two_leaves
+from plant_assets import fork_branches, round_crown, some_leaves
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 from usdfoliage.asset.branch_package import BranchAssetSettings, BranchLeaves, BranchSurfaces, write_branch_asset
 from usdfoliage.asset.branches import SkeletonPrim
-from usdfoliage.asset.other_parts import find_other_parts, write_leaves_beside
+from usdfoliage.asset.other_parts import find_other_parts, read_other_parts, write_leaves_beside
 from usdfoliage.asset.package import LeafAssetSettings
+from usdfoliage.asset.plant_package import write_plant_asset
 from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation import validate_asset
 from usdfoliage.branch.cage import build_branch_cage
 from usdfoliage.errors import AssetError
@@ -96,3 +101,30 @@ def test_branches_of_a_scene_are_not_guessed_at(plant, tmp_path):
     scene.DefinePrim("/hedge").GetReferences().AddReference(str(plant))
     with pytest.raises(AssetError, match="has branches besides its leaves"):
         find_other_parts(scene.GetPrimAtPath("/hedge"), tmp_path / "scene.usda")
+
+
+def test_hints_hold_every_surface_and_leaves_that_there_are_none_of(tmp_path):
+    """A fork beside the origin: its surfaces of several orders reach differently far; no leaves are at the origin."""
+    parts = fork_branches(tmp_path / "fork", at_m=(5.0, 0.0, 3.0))
+    assert len(parts.extents_m) == len(next(held for held in parts.sets if held.name == "branches").variants) >= 2
+    folder = tmp_path / "oak"
+    folder.mkdir()
+    nothing = some_leaves(2, "bezier", "mesh")
+    nothing = replace(nothing, leaves=nothing.leaves.take(np.zeros(0, np.int64)))
+    asset = write_plant_asset(
+        folder,
+        "oak",
+        provenance=RUN,
+        asset_from_capture=np.eye(4),
+        branches=parts,
+        foliage=nothing,
+        crown=round_crown(),
+    )
+    findings = validate_asset(asset, read_profile(default_profile())).findings
+    assert [finding for finding in findings if not finding.accepted] == []
+    assert not (folder / "payload" / "leaves.usdc").exists()
+    assert len(read_other_parts(asset).extents_m) == len(parts.extents_m)
+    (tmp_path / "again").mkdir()
+    beside = write_leaves_beside(tmp_path / "again", "oak", nothing.leaves, parts, RUN)
+    findings = validate_asset(beside, read_profile(default_profile())).findings
+    assert [finding for finding in findings if "ExtentsHint" in finding.error or finding.severity == "error"] == []

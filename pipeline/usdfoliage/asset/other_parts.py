@@ -112,13 +112,15 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
     root = open_layer(interface).GetPrimAtPath(f"/{name}")
     selected = dict(root.variantSelections) if root else {}
     names = list(held.variantSetNameList.prependedItems)
+    sets = [_read_set(held, each, selected.get(each, "")) for each in names]
+    surfaces = _surface_extents(interface.parent / "payload", name, sets) or _extents(branches)
     return OtherParts(
         interface=interface,
         name=name,
         shared=_layers(held),
-        sets=[_read_set(held, each, selected.get(each, "")) for each in names],
+        sets=sets,
         parts=(SKELETON,) if skeleton else (),
-        extents_m=[*_extents(branches), *(_hint(plant) if {"rig", "growth"} & set(names) else [])],
+        extents_m=[*surfaces, *(_hint(plant) if {"rig", "growth"} & set(names) else [])],
         guide_extents_m=_extents(skeleton),
     )
 
@@ -134,8 +136,7 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
     sets = [_read_set(near, each, selected.get(each, "")) for each in names if each != REPRESENTATION]
     shared = _layers(near) if near is not None else []
     payload = interface.parent / "payload"
-    surfaces = [layer for each in sets if each.name == "branches" for some in each.variants.values() for layer in some]
-    extents = [_layer_extent(payload / layer, f"/{name}/{BRANCHES}") for layer in surfaces]
+    extents = _surface_extents(payload, name, sets)
     guides = [_layer_extent(payload / layer, f"/{name}/{SKELETON}") for layer in shared]
     if {"rig", "growth"} & {each.name for each in sets}:  # what moves goes farther than its extents at rest
         hint = root.variantSets["lod"].variants["leaves"].primSpec.attributes.get("extentsHint")
@@ -151,8 +152,8 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
         name=name,
         shared=shared,
         sets=sets,
-        parts=(SKELETON,) if surfaces else (),
-        extents_m=[box for box in extents if box is not None],
+        parts=(SKELETON,) if any(each.name == "branches" for each in sets) else (),
+        extents_m=extents,
         guide_extents_m=[box for box in guides if box is not None],
         crown_m=_layer_extent(payload / CROWN_LAYER, f"/{name}/{CROWN}") if has_crown else None,
         bare_m=_layer_extent(payload / BARE_LAYER, f"/{name}/{BARE_BRANCHES}") if has_bare else None,
@@ -160,6 +161,13 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
         lod=selected.get("lod", ""),
         thumbnail=picture if picture is not None and picture.is_file() else None,
     )
+
+
+def _surface_extents(payload: Path, name: str, sets: Sequence[VariantSet]) -> list[NDArray[np.float64]]:
+    """Of every surface of the branches: hints hold whichever is selected, and coarser ones reach out of the finer."""
+    layers = [layer for each in sets if each.name == "branches" for some in each.variants.values() for layer in some]
+    boxes = [_layer_extent(payload / layer, f"/{name}/{BRANCHES}") for layer in layers]
+    return [box for box in boxes if box is not None]
 
 
 def _layer_extent(path: Path, prim: str) -> NDArray[np.float64] | None:
@@ -200,7 +208,8 @@ def write_leaves_beside(
     plant = Plant(
         provenance=provenance,
         asset_from_capture=np.eye(4) if asset_from_capture is None else asset_from_capture,
-        extent_m=box_around([*others.extents_m, layers.extent_m, *moving] if len(leaves) else others.extents_m),
+        # Of no leaves too: their prims have an extent all the same, at the origin.
+        extent_m=box_around([*others.extents_m, layers.extent_m, *moving]),
         guide_extent_m=box_around(guides) if guides else None,
         parts=[*layers.parts, *others.parts],
         version=settings.version,

@@ -101,6 +101,8 @@ def write_plant_asset(
     has_crown = crown is not None or (branches is not None and branches.crown_m is not None)
     if not has_branches and foliage is None and not has_crown:
         raise ValueError("a plant has leaves, branches or a crown, and none of them was given")
+    if foliage is not None and not len(foliage.leaves) and (has_branches or has_crown):
+        foliage = None  # empty prims would have an extent all the same, which validators mistrust
     payload = begin_asset(folder, name)
     lods = _lods(near=has_branches or foliage is not None, crown=has_crown)
     leafy = [lod for lod in lods if lod != "crown"]
@@ -126,9 +128,8 @@ def write_plant_asset(
     bare_m = branches.bare_m if branches is not None else None
     crown_m = box_around([crown_m, bare_m]) if crown_m is not None and bare_m is not None else crown_m
     far = [*([f"./{BARE_LAYER}"] if bare_m is not None else []), f"./{CROWN_LAYER}"]
-    has_leaves = foliage is not None and len(foliage.leaves) > 0
     near_m: list[Box] = [*(branches.extents_m if branches is not None else ()), *moving_m]
-    if leaf_layers is not None and (has_leaves or not near_m):
+    if leaf_layers is not None:
         near_m.append(leaf_layers.extent_m)
     guides_m = [
         *([leaf_layers.guide_extent_m] if leaf_layers is not None and leaf_layers.guide_extent_m is not None else []),

@@ -97,6 +97,9 @@ def choose_foliage(
     grown = grow_leaves(traced.skeleton, request, fitted, settings.seed, traced.lost.tolist())
     if grown is None:
         raise FoliageError("no leaves were grown")
+    if not len(grown.foliage.leaves):
+        notes.append("no leaf is on the few twigs that there are: the plant has none")
+        return ChosenFoliage(leaves=None, kind="none", notes=tuple(notes), rows=())
     return ChosenFoliage(leaves=grown.foliage, kind=kind, notes=(*notes, *grown.notes), rows=grown.rows)
 
 
