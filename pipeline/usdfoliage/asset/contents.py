@@ -14,6 +14,7 @@ from usdfoliage.asset.locate import find_interface, find_plants, first_reason, l
 from usdfoliage.asset.look import Look, read_look
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
+from usdfoliage.asset.packed_files import is_packed, shown_name, size_bytes
 from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
@@ -26,7 +27,7 @@ _FOLIAGE = "Foliage"  # begins the names of our schemas
 class AssetFile:
     """One file of an asset."""
 
-    path: str  # from the folder of the interface layer
+    path: str  # from the folder of the interface layer, or from the package that it is packed in
     size_bytes: int
 
 
@@ -220,9 +221,10 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
         why = f"it needs {lost[0]}, which cannot be read ({lost[1]})" if lost else first_reason(error)
         raise AssetError(f"{interface} cannot be read: {why}; write the asset again") from error
     log_diagnostics(diagnostics)
-    first, *rest = [_file_of(Path(layer.realPath), folder) for layer in layers] or [
-        _file_of(interface.absolute(), folder)
-    ]
+    paths = [Path(layer.realPath) for layer in layers] or [interface.absolute()]
+    if interface.suffix.lower() == ".usdz":  # by itself its first layer is called by the name of the package
+        paths[0] = Path(f"{interface.absolute()}[{Sdf.ZipFile.Open(str(interface)).GetFileNames()[0]}]")
+    first, *rest = [_file_of(path, folder) for path in paths]
     return (
         [first, *sorted(rest, key=lambda file: file.path)],
         sorted((_file_of(Path(str(path)), folder) for path in others), key=lambda file: file.path),
@@ -281,6 +283,8 @@ def _read_texture(gprim: Usd.Prim) -> Path | None:
     path = _file(held)
     if path is None:
         raise AssetError(f"the texture {held.path} is missing ({place(gprim)}); put the file there")
+    if is_packed(path):
+        raise AssetError(f"the texture {path} ({place(gprim)}) lies in a package; unpack that, as any zip file, first")
     return path
 
 
@@ -303,9 +307,8 @@ def _text(prim: Usd.Prim, name: str) -> str:
 
 def _file(held: Sdf.AssetPath) -> Path | None:
     path = held.resolvedPath or Ar.GetResolver().Resolve(held.path)
-    return Path(str(path)) if str(path) and Path(str(path)).is_file() else None
+    return Path(str(path)) if str(path) and (Path(str(path)).is_file() or is_packed(Path(str(path)))) else None
 
 
 def _file_of(path: Path, folder: Path) -> AssetFile:
-    shown = path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
-    return AssetFile(path=shown, size_bytes=path.stat().st_size)
+    return AssetFile(path=shown_name(path, folder), size_bytes=size_bytes(path))

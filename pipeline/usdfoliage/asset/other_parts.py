@@ -104,6 +104,8 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
     layer = interface.parent / PAYLOAD
     held = open_layer(layer).GetPrimAtPath(f"/{name}") if layer.is_file() else None
     if held is None:
+        if interface.suffix.lower() == ".usdz":
+            raise AssetError(f"{interface} is a package; unpack it, as any zip file, and name the folder")
         raise AssetError(
             f"<{plant.GetPath()}> has branches besides its leaves, and {interface} is not their asset; name its folder"
         )

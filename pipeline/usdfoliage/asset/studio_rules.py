@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom
 from usdfoliage.asset.contents import list_files
 from usdfoliage.asset.findings import Finding
 from usdfoliage.asset.instances import iterate_prims
+from usdfoliage.asset.packed_files import file_of, unpacked
 from usdfoliage.asset.studio_profile import StudioRules
 
 VALIDATOR = "studio"
@@ -67,7 +68,7 @@ def check_files(interface: Path, rules: StudioRules) -> Iterator[Finding]:
         if rules.texture_formats and path.suffix.lower().removeprefix(".") not in rules.texture_formats:
             text = f"is a {path.suffix or 'file without suffix'}; {_one_of(rules.texture_formats)} is allowed"
             yield _finding(rules, "TextureFormat", file.path, text)
-        side = _side_px(interface.parent / path) if rules.texture_side_px is not None else None
+        side = _side_px(file_of(interface, file.path)) if rules.texture_side_px is not None else None
         if side is not None and rules.texture_side_px is not None and side > rules.texture_side_px:
             text = f"is {side:,} pixels along its longer side; {rules.texture_side_px:,} are allowed"
             yield _finding(rules, "TextureSize", file.path, text)
@@ -110,12 +111,13 @@ def count_drawn(root: Usd.Prim) -> tuple[int, int]:
 
 def _side_px(path: Path) -> int | None:
     """The longer side of a picture; None where it cannot be read, which is another rule's."""
-    image = oiio.ImageInput.open(str(path))
-    if image is None:
-        oiio.geterror()
-        return None
-    spec: Any = image.spec()
-    image.close()
+    with unpacked(path) as readable:
+        image = oiio.ImageInput.open(str(readable))
+        if image is None:
+            oiio.geterror()
+            return None
+        spec: Any = image.spec()
+        image.close()
     return int(max(spec.width, spec.height))
 
 

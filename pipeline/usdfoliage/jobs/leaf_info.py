@@ -25,6 +25,7 @@ from usdfoliage.asset.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.locate import find_leaves, select_representation
 from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.look_layer import LOD, select_lod
+from usdfoliage.asset.packed_files import unpacked
 from usdfoliage.jobs.branch_info import BranchInfo, branch_rows, measure_branches
 from usdfoliage.jobs.leaf_edit import Value, changed_edits, show_value
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits
@@ -163,7 +164,10 @@ def _measure_crown(facts: CrownFacts) -> CrownInfo:
 
 
 def _face_size(cubemap: Path | None) -> int | None:
-    return None if cubemap is None else int(read_cubemap(cubemap).pixels.shape[1])
+    if cubemap is None:
+        return None
+    with unpacked(cubemap) as file:
+        return int(read_cubemap(file).pixels.shape[1])
 
 
 def measure_leaves(leaves: Leaves, edits: LeafEdits = NEUTRAL, jitter_map: Path | None = None) -> LeafInfo:

@@ -1,0 +1,59 @@
+"""Files that lie in a usdz package, which USD names package.usdz[file within]."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pxr import Ar
+
+from usdfoliage.errors import AssetError
+
+
+def is_packed(path: Path) -> bool:
+    return bool(Ar.IsPackageRelativePath(str(path)))
+
+
+def shown_name(path: Path, folder: Path) -> str:
+    """How users are told of a file: from folder, or from the package that holds it."""
+    if is_packed(path):
+        return str(Ar.SplitPackageRelativePathOuter(str(path))[1])
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+
+
+def file_of(interface: Path, shown: str) -> Path:
+    """The file that shown_name names, of the asset of that interface layer or package."""
+    return Path(f"{interface}[{shown}]") if interface.suffix.lower() == ".usdz" else interface.parent / shown
+
+
+def size_bytes(path: Path) -> int:
+    """Of a file, wherever it lies.
+
+    Raises:
+        AssetError: It is not in its package.
+    """
+    return int(_open(path).GetSize()) if is_packed(path) else path.stat().st_size
+
+
+@contextmanager
+def unpacked(path: Path) -> Iterator[Path]:
+    """The file itself, or for so long a copy of what lies in a package, for readers that know no packages.
+
+    Raises:
+        AssetError: It is not in its package.
+    """
+    if not is_packed(path):
+        yield path
+        return
+    inner = Path(str(Ar.SplitPackageRelativePathInner(str(path))[1]))
+    with tempfile.TemporaryDirectory(prefix="usdfoliage-unpacked-") as folder:
+        copy = Path(folder) / inner.name
+        copy.write_bytes(_open(path).GetBuffer())
+        yield copy
+
+
+def _open(path: Path) -> Ar.Ar_PyAsset:
+    held = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(str(path)))
+    if held is None:
+        raise AssetError(f"{path} cannot be read; pack the asset again")
+    return held

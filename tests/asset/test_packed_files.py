@@ -1,0 +1,77 @@
+"""Assets that are packed as usdz."""
+
+import zipfile
+from pathlib import Path
+
+import pytest
+from plant_assets import write_whole_plant
+from pxr import Sdf, UsdUtils
+from usdfoliage.asset.contents import list_files
+from usdfoliage.asset.other_parts import read_other_parts
+from usdfoliage.asset.packed_files import file_of, size_bytes, unpacked
+from usdfoliage.asset.studio_profile import StudioRules
+from usdfoliage.asset.studio_rules import check_files
+from usdfoliage.asset.validation import validate_asset
+from usdfoliage.errors import AssetError
+from usdfoliage.jobs.leaf_info import describe_asset
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory):
+    """The package of a whole plant, and the asset that it is of."""
+    asset = write_whole_plant(tmp_path_factory.mktemp("plant") / "oak")
+    package = tmp_path_factory.mktemp("packages") / "oak.usdz"
+    assert UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(asset)), str(package))
+    return package, asset
+
+
+def test_a_package_holds_the_files_of_its_asset(packed):
+    package, asset = packed
+    layers, others, missing = list_files(package)
+    expected_layers, expected_others, _ = list_files(asset)
+    assert not missing
+    assert [file.path for file in layers] == [file.path for file in expected_layers]
+    assert {file.path for file in expected_others} == {file.path for file in others}
+    with zipfile.ZipFile(package) as held:
+        sizes = {each.filename: each.file_size for each in held.infolist()}
+    assert {file.path: file.size_bytes for file in (*layers, *others)} == sizes
+
+
+def test_what_a_package_holds_is_told_as_of_a_folder(packed):
+    info, expected = (describe_asset(path) for path in packed)
+    assert info.crown == expected.crown  # its cubemaps were read out of the package
+    assert info.branches == expected.branches
+    assert info.leaves == expected.leaves
+
+
+def test_a_package_is_validated(packed):
+    report = validate_asset(packed[0])
+    assert {finding.error for finding in report.findings if finding.severity == "error"} == {
+        "UnsupportedFileExtensionInPackage"  # of Storm's shaders
+    }
+    assert len(report.selections) == len(validate_asset(packed[1]).selections)
+
+
+def test_rules_of_files_hold_in_a_package(packed):
+    rules = StudioRules(texture_side_px=4, texture_formats=("png",))
+    assert {str(finding) for finding in check_files(packed[0], rules)} == {
+        str(finding) for finding in check_files(packed[1], rules)
+    }
+    assert [finding for finding in check_files(packed[0], rules) if finding.error == "TextureSize"]
+
+
+def test_a_file_is_unpacked_for_so_long(packed):
+    package, asset = packed
+    name = "maps/oak_crown_radius.exr"
+    with unpacked(file_of(package, name)) as file:
+        assert file.read_bytes() == (asset.parent / name).read_bytes()
+    assert not file.exists()
+    with unpacked(file_of(asset, name)) as file:
+        assert file == asset.parent / name
+    with pytest.raises(AssetError, match=r"none.exr.* cannot be read"):
+        size_bytes(Path(f"{package}[maps/none.exr]"))
+
+
+def test_parts_are_taken_from_folders_alone(packed):
+    with pytest.raises(AssetError, match=r"oak.usdz is a package; unpack it"):
+        read_other_parts(packed[0])
