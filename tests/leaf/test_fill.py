@@ -1,5 +1,7 @@
 """Leaves that are put where a cloud has leaves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -49,6 +51,17 @@ def test_a_leaf_is_as_long_as_its_points_where_they_end(share: float, found: flo
     np.testing.assert_array_equal(usual.length_m, [LENGTH_M])
 
 
+@pytest.mark.parametrize(("away_m", "begins_m"), [(0.03, 0.03), (0.045, 0.045), (0.06, 0.01), (0.012, 0.012)])
+def test_a_short_leaf_begins_at_its_twig_where_that_is_near(away_m: float, begins_m: float) -> None:
+    """Points from 1 cm before the middle to 1 cm behind it."""
+    rng = np.random.default_rng(10)
+    points_m = rng.uniform([-0.01, -0.01, 0], [0.01, 0.01, 0], (4000, 3))
+    settings = FillSettings(apart=1.2, around=1.2, shortest=0.05)
+    places = fill_places(points_m, np.array([[0.0, -away_m, 0.0]]), LENGTH_M, rng, settings)
+    np.testing.assert_allclose(places.base_m, [[0, -begins_m, 0]], atol=0.001)
+    np.testing.assert_allclose(places.length_m, [begins_m + 0.01], atol=0.001)
+
+
 def test_points_that_are_far_apart_do_not_tell_where_a_leaf_ends() -> None:
     across, along = np.meshgrid([-1.0, 0, 1], np.arange(-4.0, 5))
     points_m = 0.007 * np.column_stack([across.ravel(), along.ravel(), np.zeros(across.size)])
@@ -57,6 +70,18 @@ def test_points_that_are_far_apart_do_not_tell_where_a_leaf_ends() -> None:
     assert fill_places(points_m, twig_m, LENGTH_M, np.random.default_rng(8), settings).length_m == LENGTH_M
     denser = fill_places(0.7 * points_m, twig_m, LENGTH_M, np.random.default_rng(8), settings)
     assert denser.length_m == pytest.approx(8 * 0.7 * 0.007)
+
+
+def test_the_plant_tells_where_a_leaf_ends_that_is_known_in_part() -> None:
+    rng = np.random.default_rng(11)
+    known_m = rng.uniform([-0.01, -0.01, 0], [0.01, 0.01, 0], (2000, 3))
+    rest_m = rng.uniform([-0.01, 0.01, 0], [0.01, 0.03, 0], (2000, 3))
+    settings = FillSettings(apart=1.2, around=1.2, shortest=0.05)
+    twig_m = np.array([[0.0, -0.5, 0.0]])
+    settings = replace(settings, farthest=10)
+    places = fill_places(known_m, twig_m, LENGTH_M, rng, settings, plant_m=np.concatenate([known_m, rest_m]))
+    np.testing.assert_allclose(places.length_m, [0.04], atol=0.002)
+    np.testing.assert_allclose(places.base_m, [[0, -0.01, 0]], atol=0.002)
 
 
 def test_points_beyond_a_gap_are_of_another_leaf() -> None:

@@ -55,6 +55,8 @@ def fill_places(
     length_m: float,
     rng: np.random.Generator,
     settings: FillSettings = FillSettings(),
+    *,
+    plant_m: NDArray[np.float64] | None = None,
 ) -> FilledPlaces:
     """Put leaves on points.
 
@@ -64,6 +66,8 @@ def fill_places(
         length_m: Of a usual leaf, which is the longest.
         rng: Of the order in which places are tried.
         settings: How closely.
+        plant_m: (P, 3), all points of the plant, which tell where a leaf ends better than those that are surely of
+            leaves; None: points_m.
 
     Raises:
         ValueError: The length is not above 0, or there is nothing that leaves grow from.
@@ -91,7 +95,10 @@ def fill_places(
     axis[short] = _in_plane(along, normal)[short]
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     turn = np.stack([np.cross(axis, normal), axis, normal], axis=-1)
-    begin_m, own_m = _find_ends(points_m, middle_m, turn, length_m, settings)
+    plant_m = points_m if plant_m is None else plant_m
+    foot_m = (away * axis).sum(axis=1)
+    beside = np.linalg.norm(away - foot_m[:, None] * axis, axis=1) <= settings.wide * length_m
+    begin_m, own_m = _find_ends(plant_m, middle_m, turn, np.where(beside & ~short, foot_m, 0), length_m, settings)
     return FilledPlaces(
         base_m=middle_m + begin_m[:, None] * axis,
         orientation=Rotation.from_matrix(turn).as_quat(canonical=True),
@@ -152,13 +159,15 @@ def _find_ends(
     points_m: NDArray[np.float64],
     middle_m: NDArray[np.float64],
     turn: NDArray[np.float64],
+    foot_m: NDArray[np.float64],
     length_m: float,
     settings: FillSettings,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where along its axis each leaf begins, from its middle, and its length.
 
     Both ends are where the points beside the axis end; where they go on beyond half the usual length on either side,
-    they are of other leaves too, and tell nothing.
+    they are of other leaves too, and tell nothing. A twig that the axis points at, foot_m (N,) back from the middle, is
+    where a shorter leaf begins, as nothing between them was seen; 0 for none.
     """
     half_m = 0.5 * length_m
     begin_m, end_m = np.full(len(middle_m), -half_m), np.full(len(middle_m), half_m)
@@ -173,6 +182,8 @@ def _find_ends(
             along = np.sort(along[beside & (abs(along) <= half_m)])
             begin_m[leaf] = -_reach(-along[along <= 0][::-1], settings.gap * length_m)
             end_m[leaf] = _reach(along[along > 0], settings.gap * length_m)
+        grown = (foot_m > 0) & (foot_m <= half_m)
+        begin_m[grown] = -foot_m[grown]
     own_m = np.clip(end_m - begin_m, settings.shortest * length_m, length_m)
     return 0.5 * (begin_m + end_m - own_m), own_m
 

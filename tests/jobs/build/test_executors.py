@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -114,13 +115,17 @@ def test_a_task_that_kills_its_process_each_time_is_given_up_and_no_other(tmp_pa
 
 
 PARENT = """
+import faulthandler
+import signal
 import sys
+import time
 from pathlib import Path
 from fake_builds import fake_plant, sleep_long
 from usdfoliage.jobs.build.executors import run_on
 from usdfoliage.jobs.build.processes import open_processes
 
 if __name__ == "__main__":
+    faulthandler.register(signal.SIGUSR1)  # tells where it hangs
     plants = [fake_plant(Path(sys.argv[1]), "p", {"a": [], "b": []})]
     with open_processes(2) as workers:
         list(run_on(lambda: plants.pop() if plants else None, sleep_long, workers, 1))
@@ -142,7 +147,14 @@ def test_no_process_outlives_the_one_that_opened_it(tmp_path, number):
         pids = [int(line.split()[2]) for line in (tmp_path / "log").read_text().splitlines()]
         assert all(is_alive(pid) for pid in pids)
         parent.send_signal(number)
-        parent.communicate(timeout=60)
+        try:
+            parent.communicate(timeout=60)
+        except subprocess.TimeoutExpired:
+            parent.send_signal(signal.SIGUSR1)
+            time.sleep(2)
+            parent.kill()
+            alive = [pid for pid in pids if is_alive(pid)]
+            pytest.fail(f"it goes on, and of its processes {alive}: {parent.communicate(timeout=10)[1].decode()}")
         wait_until(lambda: not any(is_alive(pid) for pid in pids))
     finally:
         parent.kill()

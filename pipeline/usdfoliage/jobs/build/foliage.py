@@ -119,7 +119,8 @@ def _fill(
     leafy_m = traced.points_m[~traced.wood]
     bare_m = leafy_m[~near_leaves(leafy_m, placed)]
     most = max(settings.foliage.most_leaves - len(placed), 1)
-    places = fill_places(bare_m, traced.skeleton.points_m, length_m, rng, FillSettings(most_leaves=most))
+    settings_of_fill = FillSettings(most_leaves=most)
+    places = fill_places(bare_m, traced.skeleton.points_m, length_m, rng, settings_of_fill, plant_m=traced.points_m)
     drawn = rng.integers(len(sure), size=len(places.base_m))
     usual = places.length_m >= length_m  # a length that the points tell is not varied
     others = Leaves(
