@@ -118,7 +118,6 @@ PARENT = """
 import faulthandler
 import signal
 import sys
-import time
 from pathlib import Path
 from fake_builds import fake_plant, sleep_long
 from usdfoliage.jobs.build.executors import run_on
