@@ -40,7 +40,7 @@ def test_a_leaf_is_as_long_as_its_points_where_they_end(share: float, found: flo
     points_m = turn.apply(
         rng.uniform([-0.01, -0.5 * share * LENGTH_M, 0], [0.01, 0.5 * share * LENGTH_M, 0], (4000, 3))
     )
-    twig_m = -turn.apply([0, 0.06, 0])[None]
+    twig_m = -turn.apply([0, 0.08, 0])[None]
     settings = FillSettings(apart=1.2, around=1.2)
     places = fill_places(points_m, twig_m, LENGTH_M, rng, settings)
     np.testing.assert_allclose(places.length_m, [found * LENGTH_M], atol=0.002)
@@ -51,7 +51,7 @@ def test_a_leaf_is_as_long_as_its_points_where_they_end(share: float, found: flo
     np.testing.assert_array_equal(usual.length_m, [LENGTH_M])
 
 
-@pytest.mark.parametrize(("away_m", "begins_m"), [(0.03, 0.03), (0.045, 0.045), (0.06, 0.01), (0.012, 0.012)])
+@pytest.mark.parametrize(("away_m", "begins_m"), [(0.03, 0.03), (0.034, 0.034), (0.04, 0.01), (0.012, 0.012)])
 def test_a_short_leaf_begins_at_its_twig_where_that_is_near(away_m: float, begins_m: float) -> None:
     """Points from 1 cm before the middle to 1 cm behind it."""
     rng = np.random.default_rng(10)
@@ -157,3 +157,39 @@ def test_most_leaves_are_kept_evenly() -> None:
 def test_a_length_that_cannot_be_is_refused(length_m: float) -> None:
     with pytest.raises(ValueError, match="length_m"):
         fill_places(np.zeros((4, 3)), np.zeros((1, 3)), length_m, np.random.default_rng(0))
+
+
+def rod(begin_m: tuple[float, float, float], end_m: tuple[float, float, float], count: int = 2000) -> np.ndarray:
+    """Points in a rod, 4 mm thick."""
+    rng = np.random.default_rng(12)
+    return np.linspace(begin_m, end_m, count) + rng.uniform(-0.002, 0.002, (count, 3))
+
+
+@pytest.mark.parametrize("tip_m", [(0.05, 0.05, 0.0), (0.0, 0.06, -0.03), (0.03, -0.05, 0.0)])
+def test_a_pod_lies_along_its_points_from_the_stem(tip_m: tuple[float, float, float]) -> None:
+    """Away from the nearest point of the stem is another direction."""
+    stem_m = np.column_stack([np.zeros(200), np.linspace(-0.5, 0.5, 200), np.zeros(200)])
+    pod_m = rod((0, 0, 0), tip_m)
+    plant_m = np.concatenate([pod_m, rod((0, -0.5, 0), (0, 0.5, 0), 20000)])
+    places = fill_places(pod_m, stem_m, LENGTH_M, np.random.default_rng(13), plant_m=plant_m)
+    assert len(places.point) == 1
+    along = Rotation.from_quat(places.orientation[0]).apply([0, 1, 0])
+    assert along @ tip_m > 0.99 * np.linalg.norm(tip_m)
+    np.testing.assert_allclose(places.base_m[0], 0, atol=0.012)
+    np.testing.assert_allclose(places.base_m[0] + places.length_m[0] * along, tip_m, atol=0.006)
+    assert places.width_m[0] == pytest.approx(0.004, abs=0.0015)
+
+
+def test_a_twig_is_no_leaf() -> None:
+    twig_m = rod((0, 0, 0), (0.2, 0.1, 0))
+    places = fill_places(twig_m, np.linspace((0, 0, 0), (0.2, 0.1, 0), 50), LENGTH_M, np.random.default_rng(14))
+    assert not len(places.point)
+
+
+def test_a_leaf_that_is_longer_than_usual_stays_on_its_points() -> None:
+    pod_m = rod((0, 0, 0), (0.15, 0, 0), 4000)
+    places = fill_places(pod_m, np.array([[-0.1, 0.0, 0.0]]), LENGTH_M, np.random.default_rng(15))
+    tips_m = places.base_m + places.length_m[:, None] * Rotation.from_quat(places.orientation).apply([0, 1, 0])
+    assert len(tips_m)
+    assert (places.base_m[:, 0] > -0.01).all()
+    assert (tips_m[:, 0] < 0.16).all()

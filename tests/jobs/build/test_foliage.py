@@ -15,6 +15,7 @@ from usdfoliage.jobs.build.foliage import choose_foliage, leaf_cover
 from usdfoliage.jobs.build.plant_stages import TracedPlant, known_species
 from usdfoliage.jobs.build.settings import BuildSettings, FoliageSettings
 from usdfoliage.leaf.edits import NEUTRAL
+from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 
@@ -147,6 +148,23 @@ def test_what_found_leaves_leave_bare_is_filled_with_leaves_like_them() -> None:
     again = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
     assert again.leaves is not None
     np.testing.assert_array_equal(again.leaves.leaves.base_m, held.base_m)
+
+
+def test_pods_get_leaves_as_slim_as_they_are() -> None:
+    leaves = sure_leaves()
+    rng = np.random.default_rng(3)
+    pods_m = [
+        np.linspace((0, 20 + k, 0), (0.09, 20 + k, 0), 3000) + rng.uniform(-0.002, 0.002, (3000, 3)) for k in range(3)
+    ]
+    plant = traced(np.concatenate([points_on(leaves), points_on(leaves) + 10, *pods_m]))
+    plant = replace(plant, skeleton=twig_through(np.array([[-0.05, 20.0 + k, 0] for k in range(3)])))
+    chosen = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
+    assert chosen.leaves is not None
+    held = chosen.leaves.leaves
+    pods = held.base_m[:, 1] > 19
+    assert pods.sum() == 3
+    assert (leaf_width(held.parameters[pods]) * held.length_m[pods] < 0.006).all()
+    assert (leaf_width(held.parameters[~pods]) * held.length_m[~pods] > 0.006).all()
 
 
 def test_a_bare_plant_stays_bare_unless_leaves_cannot_be_told() -> None:

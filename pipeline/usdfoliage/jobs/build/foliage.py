@@ -25,13 +25,16 @@ from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.jobs.leaf_asset import MOST_LEAVES_OF_ALL
 from usdfoliage.jobs.leaf_change import move_leaves
+from usdfoliage.leaf.edits import NEUTRAL, apply_edits, scale_width
 from usdfoliage.leaf.fill import FillSettings, fill_places
 from usdfoliage.leaf.jitter import spread_phases
+from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.surface import evaluate_points, grid_places
 from usdfoliage.leaf.variation import vary_colors
 
 _ACROSS, _ALONG = 5, 9  # points of a leaf that its cover is told by
+_NARROWEST = 0.1  # of a leaf's width: as slim as the points of a pod or a needle tell
 _NEAR = 0.25  # of a leaf's length, within which a point of the cloud is of it
 
 
@@ -124,7 +127,7 @@ def _fill(
     drawn = rng.integers(len(sure), size=len(places.base_m))
     usual = places.length_m >= length_m  # a length that the points tell is not varied
     others = Leaves(
-        parameters=sure.parameters[drawn],
+        parameters=_narrow(sure.parameters[drawn], places.width_m / places.length_m),
         base_m=places.base_m,
         orientation=places.orientation,
         length_m=np.where(usual, sure.length_m[drawn] / float(np.median(sure.length_m)), 1.0) * places.length_m,
@@ -142,6 +145,16 @@ def _fill(
     )
     rows = (Row(name="found", value=f"{len(placed):,}"), Row(name="filled in", value=f"{len(others):,}"))
     return ChosenFoliage(leaves=foliage, kind="filled", notes=tuple(notes), rows=rows)
+
+
+def _narrow(parameters: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Leaves (N, 7, 3) no wider than that (N,), in their lengths, where it is a number."""
+    factors = np.clip(width / leaf_width(parameters), _NARROWEST, 1) if len(parameters) else np.ones(0)
+    narrowed = [
+        leaf[None] if np.isnan(factor) else apply_edits(leaf[None], scale_width(NEUTRAL, float(factor)))
+        for leaf, factor in zip(parameters, factors, strict=True)
+    ]
+    return np.concatenate([parameters[:0], *narrowed])
 
 
 def join_leaves(groups: Sequence[Leaves]) -> Leaves:
