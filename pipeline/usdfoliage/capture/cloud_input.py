@@ -16,6 +16,7 @@ from usdfoliage.capture.cloud_parts import CloudParts
 from usdfoliage.capture.cloud_text import open_text_parts
 from usdfoliage.capture.cloud_thinning import PointThinner, ThinnedPoints
 from usdfoliage.capture.cloud_units import OVERRIDE, guess_unit
+from usdfoliage.capture.false_colors import SampledColors, doubt_colors
 from usdfoliage.capture.listing import named
 from usdfoliage.errors import CaptureError
 from usdfoliage.toml_file import read_toml
@@ -52,12 +53,13 @@ class CloudInput:
     path: Path  # of the file, also where a folder was given
     points_m: NDArray[np.float64]  # (N, 3), the file's axes, from origin_m; in its order unless they were thinned
     origin_m: NDArray[np.float64]  # (3,), whole metres amid the cloud
-    colors: NDArray[np.uint8] | None  # (N, 3), sRGB
+    colors: NDArray[np.uint8] | None  # (N, 3), sRGB; black where a point has none
     metres_per_unit: float
     stated_up: str | None  # the axis that capture.toml or the file says is up, X, Y or Z with + or -; None: not said
     usual_up: str | None  # the axis that is up in files of this format; None: none is usual
     total: int  # points in the file, with those left out
     notes: tuple[str, ...]  # what was left out or assumed, in sentences for the user
+    warnings: tuple[str, ...] = ()  # what of it is not used, and why
 
 
 def read_cloud_input(
@@ -93,7 +95,8 @@ def read_cloud_input(
         notes.append(f"the capture's cloud is {path.name}")
     parts = _open_parts(path, metres_per_unit is not None)
     notes += parts.notes
-    thinned, total, highest, left_out = _read_points(parts, settings.most_points, progress)
+    sampled = SampledColors()
+    thinned, total, highest, left_out = _read_points(parts, settings.most_points, sampled, progress)
     _check_points(path, thinned.points, total, left_out)
     if parts.is_single and not fits_single(thinned.points):
         step = float(np.spacing(np.float32(np.abs(thinned.points).max())))
@@ -117,6 +120,16 @@ def read_cloud_input(
     colors = _as_srgb(thinned.colors, highest, parts.color_levels)
     if colors is None and thinned.colors is not None:
         notes.append("its colours are all black and not used")
+    warnings = []
+    if colors is not None:
+        some, of_some = sampled.finish()
+        doubt = doubt_colors(some, np.asarray(_as_srgb(of_some, highest, parts.color_levels)))
+        if doubt:
+            colors = None
+            warnings.append(
+                f"the cloud's colours are {doubt}, and none of a plant: they are not used, as if it had none; export "
+                "it with those of photographs, or without any"
+            )
 
     points_m = thinned.points * metres_per_unit
     origin_m = np.round(np.median(points_m, axis=0)) + 0.0  # stray points do not move it; -0 is 0
@@ -132,6 +145,7 @@ def read_cloud_input(
         usual_up="+Z" if parts.is_survey else None,
         total=total,
         notes=tuple(notes),
+        warnings=tuple(warnings),
     )
 
 
@@ -200,9 +214,9 @@ def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
 
 
 def _read_points(
-    parts: CloudParts, most_points: int, progress: Callable[[int, int], None] | None
+    parts: CloudParts, most_points: int, sampled: SampledColors, progress: Callable[[int, int], None] | None
 ) -> tuple[ThinnedPoints, int, float, Counter[str]]:
-    """The points that are left, how many there were, the highest colour, and what was left out."""
+    """The points that are left, how many there were, the highest colour, and what was left out; sampled gets some."""
     thinner = PointThinner(most_points)
     left_out: Counter[str] = Counter()
     total, done, highest = 0, 0, 0.0
@@ -219,6 +233,7 @@ def _read_points(
         if colors is not None:
             colors = np.maximum(np.nan_to_num(colors, nan=0, posinf=0, neginf=0), 0)
             highest = max(highest, float(colors.max(initial=0)))
+            sampled.add(points, colors)
         thinner.add(points, colors)
         done += part.work
         if progress is not None:

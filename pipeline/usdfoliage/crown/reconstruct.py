@@ -154,7 +154,7 @@ def reconstruct_cloud_crown(
         points_m: As reconstruct_captured_crown.
         settings: What to make.
         plain: Linear Rec.709, colour of the crown's outside where its points have none.
-        colors: (N, 3), the same, of the points.
+        colors: (N, 3), the same, of the points; NaN where one has none.
         foliage: As reconstruct_captured_crown.
         asset_from_capture: Likewise.
         progress: Told of each step.
@@ -180,11 +180,9 @@ def reconstruct_cloud_crown(
         hull = fit_crown_hull(crown_m, center.center_m, chosen.base_m, (), settings.size, settings.hull)
     with step("colours"):
         radius_m = hull.radius_m.astype(np.float32)
-        if colors is None:
+        own, told = _own_colors(None if colors is None else np.asarray(colors, np.float64)[chosen.chosen])
+        if own is None:
             own = shade_points(radius_m, center.center_m, crown_m, plain)
-            told = "the points have no colours that show leaves: the crown has one, darker where they lie deeper"
-        else:
-            own, told = np.asarray(colors, np.float64)[chosen.chosen], "the crown has the colours of its points"
         color, seen = gather_point_colors(radius_m, center.center_m, crown_m, own)
         color = stretch_colors(color, seen)
     model = CrownModel(
@@ -210,6 +208,19 @@ def reconstruct_cloud_crown(
         views=measured,
         notes=(told,),
         seconds=seconds,
+    )
+
+
+def _own_colors(colors: NDArray[np.float64] | None) -> tuple[NDArray[np.float64] | None, str]:
+    """The colours of a crown's points (N, 3), None where they have none, and what the user should know of them."""
+    colored = 0.0 if colors is None else float(np.isfinite(colors).all(axis=1).mean())
+    if colors is None or colored == 0:
+        return None, "the points have no colours that show leaves: the crown has one, darker where they lie deeper"
+    if colored == 1:
+        return colors, "the crown has the colours of its points"
+    return colors, (
+        f"the crown has the colours of {colored:.0%} of its points; the others are black, which is taken for no "
+        "colour, and the crown has there what is around them"
     )
 
 

@@ -17,7 +17,7 @@ from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.crown.captured_measures import CapturedCrownMeasures
-from usdfoliage.crown.leaf_colors import find_green_points
+from usdfoliage.crown.leaf_colors import find_green_points, have_color
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.reconstruct import (
     CAPTURED_STEPS,
@@ -211,10 +211,12 @@ def fit_captured_crown(
 
 
 def _leaf_colors(plant: PlantPoints) -> NDArray[np.float64] | None:
-    """(N, 3), linear; None where the cloud has no colours, or those of heights or echoes."""
+    """(N, 3), linear, NaN where a point has none; None where the cloud has no colours that show leaves."""
     if plant.colors is None or find_green_points(plant.points_m, plant.colors) is None:
         return None
-    return np.asarray(decode_srgb(plant.colors / 255), np.float64)
+    light = np.asarray(decode_srgb(plant.colors / 255), np.float64)
+    light[~have_color(plant.colors)] = np.nan
+    return light
 
 
 def plan_captured_crown_asset(request: CapturedCrownRequest) -> str:

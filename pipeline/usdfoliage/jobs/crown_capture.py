@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.clear_sky import elevations_deg, find_clear_sky
 from usdfoliage.capture.folder import Capture, read_capture, read_view
 from usdfoliage.capture.view import View
-from usdfoliage.crown.leaf_colors import find_green_points
+from usdfoliage.crown.leaf_colors import find_green_points, have_color
 from usdfoliage.crown.views import CrownPicture, CrownView
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.leaves_pictures import shrink_to
@@ -26,7 +26,7 @@ class PlantPoints:
 
     points_m: NDArray[np.float64]  # (N, 3), in the asset's frame, without ground
     foliage: NDArray[np.bool_] | None  # (N,), which are leaves; None where that is not known
-    colors: NDArray[np.float64] | None = None  # (N, 3), red, green and blue, 0 to 255
+    colors: NDArray[np.float64] | None = None  # (N, 3), red, green and blue, 0 to 255; black where one has none
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the coordinates in the capture's files
 
 
@@ -80,6 +80,12 @@ def _read_points(
         notes.append("leaves are not told by their colour: what of the cloud is wide is taken for the crown")
     else:
         notes.append(f"the crown is made of the {100 * foliage.mean():.0f} % of the plant's points that are green")
+        black = 0.0 if cloud.colors is None else 1 - float(have_color(cloud.colors).mean())
+        if black > 0:
+            notes.append(
+                f"{black:.1%} of the plant's points are black, which is taken for no colour: they are leaves where "
+                "most of the coloured points nearest to them are"
+            )
     points_m = cloud.points_m
     if frame is not None:
         moved = frame @ np.linalg.inv(cloud.asset_from_cloud)
