@@ -15,7 +15,8 @@ from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.crown_capture import PlantPoints, move_camera, read_crown_capture
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 
-SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview", "--report-views", "2")
+ALONE = ("--size", "32", "--mesh-size", "17", "--no-preview")
+SMALL = (*ALONE, "--report-views", "2")
 
 
 @pytest.fixture(scope="module")
@@ -160,13 +161,13 @@ def test_a_cloud_alone_becomes_a_crown_in_its_own_colours(capture, tmp_path, cap
     cloud = tmp_path / "my scan.ply"
     cloud.write_bytes((capture / "cloud.ply").read_bytes())
     said = ("--up", "Z", "--unit", "m")
-    assert main(["crown", str(cloud), "-o", str(tmp_path / "plan"), *SMALL, *said, "--dry-run"]) == 0
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "plan"), *ALONE, *said, "--dry-run"]) == 0
     plan = capsys.readouterr().out
     assert "a cloud alone" in plan
     assert "photographs" not in plan
     assert not (tmp_path / "plan").exists()
 
-    assert main(["crown", str(cloud), "-o", str(tmp_path / "ball"), *SMALL, *said]) == 0
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "ball"), *ALONE, *said]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any("colours of its points" in line for line in lines)
     radius = read_cubemap(tmp_path / "ball" / "maps" / "ball_crown_radius.exr").pixels

@@ -27,7 +27,8 @@ LEAST_POINTS = 50  # in different places; with fewer nothing can be said of a pl
 _PLY, _LAS, _TEXT = (".ply",), (".las", ".laz"), (".xyz", ".txt", ".pts", ".csv", ".asc")
 CLOUD_SUFFIXES = (*_PLY, *_LAS, *_TEXT)
 _SURELY_CLOUDS = (*_PLY, *_LAS, ".xyz", ".pts")  # a capture's other text files are no clouds
-_E57 = b"ASTM-E57"
+_E57, _E57_SUFFIX = b"ASTM-E57", ".e57"
+_PLY_STARTS, _LAS_START = (b"ply\n", b"ply\r"), b"LASF"
 _TOO_FAR = 1e11  # units: the Earth is smaller, in millimetres too
 _THIN = 1e-5  # second spread over the first, of points on a line
 
@@ -174,6 +175,23 @@ def find_cloud(folder: Path) -> Path:
     raise CaptureError(f"{folder} has no cloud; put one there as cloud.ply, .las, .laz or .xyz, or give a file")
 
 
+def looks_like_cloud(path: Path) -> bool:
+    """Whether a file, which need not be there, is a cloud by its suffix or its first bytes, or one that is not read.
+
+    What is wrong with it read_cloud_input says.
+    """
+    if path.is_dir():
+        return False
+    if path.suffix.lower() in (*CLOUD_SUFFIXES, _E57_SUFFIX):
+        return True
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(_E57))
+    except OSError:
+        return False
+    return start == _E57 or start[:4] in (*_PLY_STARTS, _LAS_START)
+
+
 def _read_stated(folder: Path) -> tuple[float | None, str | None]:
     """The unit and the axis that is up, where capture.toml says them: its defaults say nothing of a scan."""
     settings, _ = read_capture_settings(folder)
@@ -185,7 +203,12 @@ def _read_stated(folder: Path) -> tuple[float | None, str | None]:
     )
 
 
-def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
+def check_cloud_file(path: Path) -> bytes:
+    """The first bytes of a cloud's file.
+
+    Raises:
+        CaptureError: It is not there, cannot be read, is empty, or of a kind that is not read.
+    """
     known = ", ".join(CLOUD_SUFFIXES)
     if not path.exists():
         raise CaptureError(f"{path} does not exist; give a cloud ({known}) or a capture folder")
@@ -198,19 +221,25 @@ def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
         raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
     if not start:
         raise CaptureError(f"{path} is empty (0 bytes); copy it again")
-    suffix = path.suffix.lower()
-    if start == _E57 or suffix == ".e57":
+    if start == _E57 or path.suffix.lower() == _E57_SUFFIX:
         raise CaptureError(
             f"{path} is E57, which is not read; convert it to LAZ, with 'pdal translate {path.name} {path.stem}.laz' "
             f"or CloudCompare (File, Save as LAS)"
         )
-    if start[:4] in (b"ply\n", b"ply\r") or suffix in _PLY:
+    return start
+
+
+def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
+    start, suffix = check_cloud_file(path), path.suffix.lower()
+    if start[:4] in _PLY_STARTS or suffix in _PLY:
         return open_cloud_parts(path)
-    if start[:4] == b"LASF" or suffix in _LAS:
+    if start[:4] == _LAS_START or suffix in _LAS:
         return open_las_parts(path, unit_is_given)
     if suffix in _TEXT:
         return open_text_parts(path)
-    raise CaptureError(f"{path} is no cloud that can be read: {suffix or 'no suffix'}; give one of {known}")
+    raise CaptureError(
+        f"{path} is no cloud that can be read: {suffix or 'no suffix'}; give one of {', '.join(CLOUD_SUFFIXES)}"
+    )
 
 
 def _read_points(
