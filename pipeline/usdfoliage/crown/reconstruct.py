@@ -34,7 +34,7 @@ MIN_SIZE, MAX_SIZE = 32, 4096  # texels a side, as for a crown of one photograph
 _HELD_BYTES = 1 << 30  # of all reduced photographs together
 _COVERED = 1.0  # distances to the sixth neighbour: what is between points closer than that is the plant as well
 _PIXEL_BYTES = 9  # colour, depth, mask, sky
-_LEAST_KNOWN, _FEW_KNOWN = 0.1, 0.5  # share of the directions with points: refused below, and doubted
+_LEAST_KNOWN, _FEW_KNOWN = 0.1, 0.3  # share of the directions with points: refused below, and doubted
 _AROUND, _AROUND_PX = 5.0, 256  # distance in reaches of the crown, and picture, of cameras that measure a cloud's
 
 
