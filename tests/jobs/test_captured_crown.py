@@ -188,7 +188,7 @@ def test_the_report_of_a_cloud_says_nothing_of_photographs(capture, tmp_path, ca
 
     for word in ("photograph", "carved", "texels seen", "IoU with the mask", "capture"):
         assert word not in page
-    assert "100 %</td><td>of the texels have a point&#39;s colour" in page
+    assert "100 %</td><td>of the texels have a point&#39;s colour or shade" in page
     assert "a crown from the cloud scan" in page
     assert "directions carved" not in capsys.readouterr().out
 

@@ -184,7 +184,7 @@ def _colored(measures: CapturedCrownMeasures) -> Row:
     share = f"{100 * measures.seen:.0f} %"
     if measures.carved is None:
         return Row(
-            name="coloured", value=share, remark="of the texels have a point's colour, the others what is around"
+            name="coloured", value=share, remark="of the texels have a point's colour or shade, others what is around"
         )
     return Row(name="seen", value=share, remark="of the texels, in some photograph")
 
