@@ -88,3 +88,19 @@ def test_what_is_no_cloud_is_refused():
     for wrong in ({"colors": np.ones((3, 3))}, {"foliage": np.ones(3, bool)}):
         with pytest.raises(ValueError, match=r"must be \(500"):
             reconstruct_cloud_crown(points, SETTINGS, plain=PLAIN, **wrong)
+
+
+def test_points_without_colour_leave_the_shape_and_take_what_is_around():
+    points = surface_points(lumpy, 8000)
+    colors = colors_of(points)
+    colors[np.random.default_rng(2).random(len(points)) < 0.5] = np.nan
+
+    whole, _ = reconstruct_cloud_crown(points, SETTINGS, plain=PLAIN, colors=colors_of(points))
+    model, measures = reconstruct_cloud_crown(points, SETTINGS, plain=PLAIN, colors=colors)
+
+    np.testing.assert_array_equal(model.radius_m, whole.radius_m)
+    assert np.abs(model.color - whole.color).mean() < 0.01
+    assert "of 50% of its points" in measures.notes[0] or "of 49% of its points" in measures.notes[0]
+    bare, measures = reconstruct_cloud_crown(points, SETTINGS, plain=PLAIN, colors=np.full_like(colors, np.nan))
+    assert "no colours that show leaves" in measures.notes[0]
+    np.testing.assert_allclose(np.ptp(bare.color / np.array(PLAIN), axis=-1), 0, atol=1e-4)

@@ -15,7 +15,8 @@ from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.crown_capture import PlantPoints, move_camera, read_crown_capture
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 
-SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview", "--report-views", "2")
+ALONE = ("--size", "32", "--mesh-size", "17", "--no-preview")
+SMALL = (*ALONE, "--report-views", "2")
 
 
 @pytest.fixture(scope="module")
@@ -160,13 +161,13 @@ def test_a_cloud_alone_becomes_a_crown_in_its_own_colours(capture, tmp_path, cap
     cloud = tmp_path / "my scan.ply"
     cloud.write_bytes((capture / "cloud.ply").read_bytes())
     said = ("--up", "Z", "--unit", "m")
-    assert main(["crown", str(cloud), "-o", str(tmp_path / "plan"), *SMALL, *said, "--dry-run"]) == 0
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "plan"), *ALONE, *said, "--dry-run"]) == 0
     plan = capsys.readouterr().out
     assert "a cloud alone" in plan
     assert "photographs" not in plan
     assert not (tmp_path / "plan").exists()
 
-    assert main(["crown", str(cloud), "-o", str(tmp_path / "ball"), *SMALL, *said]) == 0
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "ball"), *ALONE, *said]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any("colours of its points" in line for line in lines)
     radius = read_cubemap(tmp_path / "ball" / "maps" / "ball_crown_radius.exr").pixels
@@ -177,3 +178,81 @@ def test_a_cloud_alone_becomes_a_crown_in_its_own_colours(capture, tmp_path, cap
 
     assert main(["crown", str(cloud), "-o", str(tmp_path / "no"), "--height", "3"]) == 2
     assert "is a cloud, not one photograph" in capsys.readouterr().err
+
+
+def test_the_report_of_a_cloud_says_nothing_of_photographs(capture, tmp_path, capsys):
+    cloud = tmp_path / "scan.ply"
+    cloud.write_bytes((capture / "cloud.ply").read_bytes())
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "ball"), *ALONE, "--up", "Z", "--unit", "m"]) == 0
+    page = (tmp_path / "ball" / "report" / "index.html").read_text()
+
+    for word in ("photograph", "carved", "texels seen", "IoU with the mask", "capture"):
+        assert word not in page
+    assert "100 %</td><td>of the texels have a point&#39;s colour or shade" in page
+    assert "a crown from the cloud scan" in page
+    assert "directions carved" not in capsys.readouterr().out
+
+    told = refused(capsys, cloud, "-o", tmp_path / "no", "--report-views", "2")
+    assert "is a cloud alone, without photographs; --report-views has no meaning there" in told
+    assert not (tmp_path / "no").exists()
+
+
+def test_the_report_of_a_capture_says_what_photographs_show(capture, tmp_path):
+    assert main(["crown", str(capture), "-o", str(tmp_path / "ball"), *SMALL]) == 0
+    page = (tmp_path / "ball" / "report" / "index.html").read_text()
+
+    for words in ("directions carved", "in some photograph", "texels seen", "IoU with the mask", "from the capture"):
+        assert words in page
+
+
+def test_what_is_no_cloud_that_can_be_read_is_said_as_of_any_cloud(tmp_path, capsys):
+    (tmp_path / "scan.e57").write_bytes(b"ASTM-E57" + bytes(40))
+    (tmp_path / "renamed.jpg").write_bytes(b"ASTM-E57" + bytes(40))
+    (tmp_path / "empty.laz").touch()
+    for name, expected in {
+        "missing.laz": "missing.laz does not exist; give a cloud (.ply",
+        "missing.e57": "missing.e57 does not exist; give a cloud (.ply",
+        "scan.e57": "scan.e57 is E57, which is not read; convert it to LAZ",
+        "renamed.jpg": "renamed.jpg is E57, which is not read; convert it to LAZ",
+        "empty.laz": "empty.laz is empty (0 bytes); copy it again",
+    }.items():
+        assert expected in refused(capsys, tmp_path / name, "-o", tmp_path / "out")
+        assert main(["build", str(tmp_path / name), "-o", str(tmp_path / "out"), "--work", str(tmp_path / "work")]) == 2
+        assert expected in capsys.readouterr().err
+    assert "missing.jpg does not exist" in refused(capsys, tmp_path / "missing.jpg", "-o", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_plane_of_points_is_refused_by_its_name(tmp_path, capsys):
+    rng = np.random.default_rng(5)
+    path = tmp_path / "wall.xyz"
+    np.savetxt(path, np.column_stack([rng.uniform(0, 2, 2000), np.zeros(2000), rng.uniform(0, 3, 2000)]))
+
+    told = refused(capsys, path, "-o", tmp_path / "out", "--up", "Z", "--unit", "m")
+
+    assert "points of the crown lie in a plane" in told
+    assert str(path) in told
+
+
+@pytest.mark.parametrize("by", ["height", "intensity"])
+def test_a_ramp_makes_no_holes_and_no_rainbow(capture, tmp_path, capsys, by):
+    text = (capture / "cloud.ply").read_text().split("end_header\n")
+    points = np.array([line.split()[:3] for line in text[1].splitlines()], float)
+    value = points[:, 2] if by == "height" else np.random.default_rng(6).random(len(points))
+    value = np.rint(255 * (value - value.min()) / np.ptp(value)).astype(np.uint8)
+    colors = cv2.applyColorMap(value[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
+    rows = [" ".join(f"{c:.5f}" for c in p) + " " + " ".join(map(str, c)) for p, c in zip(points, colors, strict=True)]
+    path = tmp_path / "ramp.ply"
+    path.write_text(text[0] + "end_header\n" + "\n".join(rows) + "\n")
+
+    assert main(["crown", str(path), "-o", str(tmp_path / "ball"), *ALONE, "--up", "Z", "--unit", "m"]) == 0
+
+    lines = capsys.readouterr().out.splitlines()
+    assert "warning: the cloud's colours are a ramp" in lines[0]
+    assert any("the points have no colours that show leaves" in line for line in lines)
+    radius = read_cubemap(tmp_path / "ball" / "maps" / "ball_crown_radius.exr").pixels
+    assert np.median(radius) == pytest.approx(1.0, abs=0.05)
+    color = read_cubemap(tmp_path / "ball" / "maps" / "ball_crown_color.exr").pixels.reshape(-1, 3)
+    assert (color[:, 1] > color[:, 0]).all()
+    assert (color[:, 1] > color[:, 2]).all()
+    assert "colours are a ramp" in (tmp_path / "ball" / "report" / "index.html").read_text()

@@ -73,3 +73,18 @@ def test_of_a_plant_whose_ground_was_left_out_what_lies_low_stays(tmp_path):
     kept = read(tmp_path / "plant.ply", points, has_ground=False)
     assert len(kept.points_m) == len(points)
     assert kept.ground == 0
+
+
+@pytest.mark.parametrize("most", [500, 400_000])
+def test_black_points_have_no_colour_and_darken_none(tmp_path, most):
+    points, colors = pole(40_000)
+    colors = np.tile([60, 120, 40], (len(points), 1))
+    colors[np.random.default_rng(3).random(len(points)) < 0.7] = 0
+
+    cloud = read(tmp_path / "a.ply", points, colors, most_points=most)
+
+    assert len(cloud.points_m) < len(points)
+    assert cloud.colors is not None
+    black = ~cloud.colors.any(axis=1)
+    np.testing.assert_allclose(cloud.colors[~black], np.tile([60, 120, 40], ((~black).sum(), 1)), atol=1e-3)
+    assert black.mean() < 0.7

@@ -21,20 +21,21 @@ def color_odds(colors: NDArray[np.number], is_wood: NDArray[np.bool_]) -> NDArra
     """(N,) logarithm of how much more often a point's colour is found in wood than in leaves.
 
     Args:
-        colors: (N, 3), red, green and blue, 0 to 255.
+        colors: (N, 3), red, green and blue, 0 to 255; black ones are no colours and tell nothing.
         is_wood: (N,), what is taken for wood so far; the others are taken for leaves.
     """
-    if min(int(is_wood.sum()), int((~is_wood).sum())) < _FEW:
+    has = np.asarray(np.asarray(colors).any(axis=1))
+    if min(int((is_wood & has).sum()), int((~is_wood & has).sum())) < _FEW:
         return np.zeros(len(colors))
     # Without brightness, which is that of the light.
     shade = np.asarray(colors, np.float64) / 255 + _DARK
     tone = np.column_stack([shade[:, 1], shade[:, 0] - shade[:, 2]]) / shade.sum(axis=1, keepdims=True)
-    low, high = np.quantile(tone, [_SPAN, 1 - _SPAN], axis=0)
+    low, high = np.quantile(tone[has], [_SPAN, 1 - _SPAN], axis=0)
     scale = np.where(high > low, _BINS / np.where(high > low, high - low, 1), 0)
     place = np.clip(((tone - low) * scale).astype(np.int64), 0, _BINS - 1)
     key = place[:, 0] * _BINS + place[:, 1]
-    wood, leaves = (_shares(key[kind]) for kind in (is_wood, ~is_wood))
-    return np.asarray(np.log(wood / leaves)[key])
+    wood, leaves = (_shares(key[kind & has]) for kind in (is_wood, ~is_wood))
+    return np.asarray(np.where(has, np.log(wood / leaves)[key], 0.0))
 
 
 def _shares(key: NDArray[np.int64]) -> NDArray[np.float64]:

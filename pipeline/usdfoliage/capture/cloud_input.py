@@ -16,6 +16,7 @@ from usdfoliage.capture.cloud_parts import CloudParts
 from usdfoliage.capture.cloud_text import open_text_parts
 from usdfoliage.capture.cloud_thinning import PointThinner, ThinnedPoints
 from usdfoliage.capture.cloud_units import OVERRIDE, guess_unit
+from usdfoliage.capture.false_colors import SampledColors, doubt_colors
 from usdfoliage.capture.listing import named
 from usdfoliage.errors import CaptureError
 from usdfoliage.toml_file import read_toml
@@ -26,7 +27,8 @@ LEAST_POINTS = 50  # in different places; with fewer nothing can be said of a pl
 _PLY, _LAS, _TEXT = (".ply",), (".las", ".laz"), (".xyz", ".txt", ".pts", ".csv", ".asc")
 CLOUD_SUFFIXES = (*_PLY, *_LAS, *_TEXT)
 _SURELY_CLOUDS = (*_PLY, *_LAS, ".xyz", ".pts")  # a capture's other text files are no clouds
-_E57 = b"ASTM-E57"
+_E57, _E57_SUFFIX = b"ASTM-E57", ".e57"
+_PLY_STARTS, _LAS_START = (b"ply\n", b"ply\r"), b"LASF"
 _TOO_FAR = 1e11  # units: the Earth is smaller, in millimetres too
 _THIN = 1e-5  # second spread over the first, of points on a line
 
@@ -52,12 +54,13 @@ class CloudInput:
     path: Path  # of the file, also where a folder was given
     points_m: NDArray[np.float64]  # (N, 3), the file's axes, from origin_m; in its order unless they were thinned
     origin_m: NDArray[np.float64]  # (3,), whole metres amid the cloud
-    colors: NDArray[np.uint8] | None  # (N, 3), sRGB
+    colors: NDArray[np.uint8] | None  # (N, 3), sRGB; black where a point has none
     metres_per_unit: float
     stated_up: str | None  # the axis that capture.toml or the file says is up, X, Y or Z with + or -; None: not said
     usual_up: str | None  # the axis that is up in files of this format; None: none is usual
     total: int  # points in the file, with those left out
     notes: tuple[str, ...]  # what was left out or assumed, in sentences for the user
+    warnings: tuple[str, ...] = ()  # what of it is not used, and why
 
 
 def read_cloud_input(
@@ -93,7 +96,8 @@ def read_cloud_input(
         notes.append(f"the capture's cloud is {path.name}")
     parts = _open_parts(path, metres_per_unit is not None)
     notes += parts.notes
-    thinned, total, highest, left_out = _read_points(parts, settings.most_points, progress)
+    sampled = SampledColors()
+    thinned, total, highest, left_out = _read_points(parts, settings.most_points, sampled, progress)
     _check_points(path, thinned.points, total, left_out)
     if parts.is_single and not fits_single(thinned.points):
         step = float(np.spacing(np.float32(np.abs(thinned.points).max())))
@@ -117,6 +121,16 @@ def read_cloud_input(
     colors = _as_srgb(thinned.colors, highest, parts.color_levels)
     if colors is None and thinned.colors is not None:
         notes.append("its colours are all black and not used")
+    warnings = []
+    if colors is not None:
+        some, of_some = sampled.finish()
+        doubt = doubt_colors(some, np.asarray(_as_srgb(of_some, highest, parts.color_levels)))
+        if doubt:
+            colors = None
+            warnings.append(
+                f"the cloud's colours are {doubt}, and none of a plant: they are not used, as if it had none; export "
+                "it with those of photographs, or without any"
+            )
 
     points_m = thinned.points * metres_per_unit
     origin_m = np.round(np.median(points_m, axis=0)) + 0.0  # stray points do not move it; -0 is 0
@@ -132,6 +146,7 @@ def read_cloud_input(
         usual_up="+Z" if parts.is_survey else None,
         total=total,
         notes=tuple(notes),
+        warnings=tuple(warnings),
     )
 
 
@@ -160,6 +175,23 @@ def find_cloud(folder: Path) -> Path:
     raise CaptureError(f"{folder} has no cloud; put one there as cloud.ply, .las, .laz or .xyz, or give a file")
 
 
+def looks_like_cloud(path: Path) -> bool:
+    """Whether a file, which need not be there, is a cloud by its suffix or its first bytes, or one that is not read.
+
+    What is wrong with it read_cloud_input says.
+    """
+    if path.is_dir():
+        return False
+    if path.suffix.lower() in (*CLOUD_SUFFIXES, _E57_SUFFIX):
+        return True
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(_E57))
+    except OSError:
+        return False
+    return start == _E57 or start[:4] in (*_PLY_STARTS, _LAS_START)
+
+
 def _read_stated(folder: Path) -> tuple[float | None, str | None]:
     """The unit and the axis that is up, where capture.toml says them: its defaults say nothing of a scan."""
     settings, _ = read_capture_settings(folder)
@@ -171,7 +203,12 @@ def _read_stated(folder: Path) -> tuple[float | None, str | None]:
     )
 
 
-def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
+def check_cloud_file(path: Path) -> bytes:
+    """The first bytes of a cloud's file.
+
+    Raises:
+        CaptureError: It is not there, cannot be read, is empty, or of a kind that is not read.
+    """
     known = ", ".join(CLOUD_SUFFIXES)
     if not path.exists():
         raise CaptureError(f"{path} does not exist; give a cloud ({known}) or a capture folder")
@@ -184,25 +221,31 @@ def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
         raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
     if not start:
         raise CaptureError(f"{path} is empty (0 bytes); copy it again")
-    suffix = path.suffix.lower()
-    if start == _E57 or suffix == ".e57":
+    if start == _E57 or path.suffix.lower() == _E57_SUFFIX:
         raise CaptureError(
             f"{path} is E57, which is not read; convert it to LAZ, with 'pdal translate {path.name} {path.stem}.laz' "
             f"or CloudCompare (File, Save as LAS)"
         )
-    if start[:4] in (b"ply\n", b"ply\r") or suffix in _PLY:
+    return start
+
+
+def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
+    start, suffix = check_cloud_file(path), path.suffix.lower()
+    if start[:4] in _PLY_STARTS or suffix in _PLY:
         return open_cloud_parts(path)
-    if start[:4] == b"LASF" or suffix in _LAS:
+    if start[:4] == _LAS_START or suffix in _LAS:
         return open_las_parts(path, unit_is_given)
     if suffix in _TEXT:
         return open_text_parts(path)
-    raise CaptureError(f"{path} is no cloud that can be read: {suffix or 'no suffix'}; give one of {known}")
+    raise CaptureError(
+        f"{path} is no cloud that can be read: {suffix or 'no suffix'}; give one of {', '.join(CLOUD_SUFFIXES)}"
+    )
 
 
 def _read_points(
-    parts: CloudParts, most_points: int, progress: Callable[[int, int], None] | None
+    parts: CloudParts, most_points: int, sampled: SampledColors, progress: Callable[[int, int], None] | None
 ) -> tuple[ThinnedPoints, int, float, Counter[str]]:
-    """The points that are left, how many there were, the highest colour, and what was left out."""
+    """The points that are left, how many there were, the highest colour, and what was left out; sampled gets some."""
     thinner = PointThinner(most_points)
     left_out: Counter[str] = Counter()
     total, done, highest = 0, 0, 0.0
@@ -219,6 +262,7 @@ def _read_points(
         if colors is not None:
             colors = np.maximum(np.nan_to_num(colors, nan=0, posinf=0, neginf=0), 0)
             highest = max(highest, float(colors.max(initial=0)))
+            sampled.add(points, colors)
         thinner.add(points, colors)
         done += part.work
         if progress is not None:

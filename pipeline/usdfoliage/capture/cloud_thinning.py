@@ -29,7 +29,7 @@ class _Cells:
 
     keys: NDArray[np.int64]  # (C,)
     count: NDArray[np.float64]  # (C,)
-    sums: list[NDArray[np.float64]]  # 3 or 6 of (C,): coordinates from the origin, and colours
+    sums: list[NDArray[np.float64]]  # 3 or 7 of (C,): coordinates from the origin, colours, and points that have one
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -39,10 +39,11 @@ class PointThinner:
     """Takes points and gives back most_points at most; in memory are never more than some three times as many.
 
     Points that are not too many come back as they are, in their order, but for exact duplicates. Others become the mean
-    of all points in their cell, in the order of numbers that depend on the cells alone. The cells grow with what comes,
-    by steps of a fifth at least; means so far then count with the weight of their points. The same parts give the same
-    bytes. Our own; cells as in O. Teschner et al., Optimized spatial hashing for collision detection, 2003: a key may
-    be that of two cells, but not once in a million clouds.
+    of all points in their cell, in the order of numbers that depend on the cells alone; their colour is the mean of
+    those that are not black, which is no colour. The cells grow with what comes, by steps of a fifth at least; means so
+    far then count with the weight of their points. The same parts give the same bytes. Our own; cells as in
+    O. Teschner et al., Optimized spatial hashing for collision detection, 2003: a key may be that of two cells, but not
+    once in a million clouds.
     """
 
     def __init__(self, most_points: int) -> None:
@@ -60,7 +61,7 @@ class PointThinner:
 
         Args:
             points: (N, 3) float, finite.
-            colors: (N, 3) float, or None for all points of the cloud.
+            colors: (N, 3) float, black where a point has none, or None for all points of the cloud.
         """
         if not len(points):
             return
@@ -83,7 +84,8 @@ class PointThinner:
         points = np.column_stack([line / cells.count for line in cells.sums[:3]]) + self._origin
         colors = None
         if len(cells.sums) > 3:
-            colors = np.column_stack([(line / cells.count).astype(np.float32) for line in cells.sums[3:]])
+            colored = np.maximum(cells.sums[6], 1)
+            colors = np.column_stack([(line / colored).astype(np.float32) for line in cells.sums[3:6]])
         return ThinnedPoints(points, colors, self._cell, 0)
 
     def _finish_held(self) -> ThinnedPoints:
@@ -116,6 +118,7 @@ class PointThinner:
         lines = [points[:, axis] - self._origin[axis] for axis in range(3)]
         if colors is not None:
             lines += [colors[:, channel].astype(np.float64) for channel in range(3)]
+            lines.append(np.asarray(colors.any(axis=1), np.float64))
         return _sum_up(_number_cells(lines[:3], self._cell), np.ones(len(points)), lines)
 
     def _shrink(self) -> None:

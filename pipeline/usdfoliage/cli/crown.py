@@ -70,17 +70,21 @@ def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
     parser.add_argument("--up", default="auto", metavar="AXIS", help="axis of the cloud that is up (%(default)s)")
     parser.add_argument("--unit", default="auto", help="of the cloud, where its file does not say it (%(default)s)")
     parser.add_argument(
-        "--report-views", type=int, default=6, metavar="N", help="photographs that the report shows (%(default)s)"
+        "--report-views",
+        type=int,
+        default=6,
+        metavar="N",
+        help="photographs that the report shows, of a capture (%(default)s)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.capture.cloud_input import CLOUD_SUFFIXES
+    from usdfoliage.capture.cloud_input import looks_like_cloud
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
 
     made: MadeCrown | MadeCapturedCrown
-    if options.photo.is_dir() or options.photo.suffix.lower() in CLOUD_SUFFIXES:
+    if options.photo.is_dir() or looks_like_cloud(options.photo):
         from usdfoliage.jobs.captured_crown import (
             CapturedCrownRequest,
             make_captured_crown_asset,
@@ -94,6 +98,8 @@ def run(options: argparse.Namespace) -> int:
             return 0
         with StepBar() as bar:
             made = make_captured_crown_asset(captured, bar.show)
+        for warning in made.warnings:
+            print(f"warning: {warning}")
     else:
         from usdfoliage.jobs.captured_crown import CAPTURE_OPTIONS, refuse_options
         from usdfoliage.jobs.crown_asset import CrownRequest, make_crown_asset, plan_crown_asset

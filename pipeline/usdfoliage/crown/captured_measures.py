@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from usdfoliage.crown.crown_points import CrownCenter
 from usdfoliage.crown.model import CrownModel
@@ -13,7 +14,10 @@ from usdfoliage.crown.views import ReducedView
 from usdfoliage.geometry.cubemap import face_coordinates, face_directions, sample_cubemap
 from usdfoliage.geometry.pinhole import Pinhole
 
-_GAP = 0.06  # of the median radius: gaps between points that a silhouette of them does not show
+# Gaps between points that a silhouette of them does not show: of the median radius, as between leaves, and distances to
+# the sixth neighbour, as between the points of a sparse cloud.
+_GAP, _SPACINGS = 0.06, 1.6
+_NEIGHBOR, _ASKED = 6, 5000  # points that tell how far they are apart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +25,7 @@ class ViewMeasure:
     """How well a crown agrees with one view."""
 
     name: str
-    texels: int  # that it sees
+    texels: int  # that it sees; 0 of a cloud alone, whose views are no photographs
     cloud_iou: float  # of the crown's silhouette and that of the crown's points
     mask_iou: float | None  # of the crown's silhouette and the mask without the trunk; None without a mask
 
@@ -35,12 +39,13 @@ class CapturedCrownMeasures:
     points: int  # of the crown
     strays: int
     known: float  # share of directions in which there are points
-    carved: float  # share of directions that photographs made shorter
-    seen: float  # share of texels that a photograph shows
+    carved: float | None  # share of directions that photographs made shorter; None of a cloud alone
+    seen: float  # share of texels that a photograph shows; of a cloud alone, that have the colour of a point
     volume_m3: float
     distance_m: float  # median, of the outermost points from the surface along their direction
     views: tuple[ViewMeasure, ...]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()  # what puts the crown in doubt
     seconds: dict[str, float] = field(default_factory=dict)  # by step
 
 
@@ -50,6 +55,7 @@ def measure_view(
     crown_m: NDArray[np.float64],
     below_m: NDArray[np.float64],
     texels: int,
+    spacing_m: float = 0.0,
 ) -> ViewMeasure:
     """Compare the crown's silhouette with those of its points and of the mask.
 
@@ -59,10 +65,12 @@ def measure_view(
         crown_m: (N, 3), the crown's points.
         below_m: (M, 3), points of the plant below the crown: what of a mask is near them alone is trunk.
         texels: That the view sees.
+        spacing_m: Of the crown's points: what lies between those closer than that is the crown as well.
     """
     camera = view.camera
     usual_m = float(np.median(model.radius_m))
-    gap_px = _GAP * usual_m * camera.focal_px[0] / float(camera.project(model.center_m[None])[1][0])
+    gap_m = max(_GAP * usual_m, _SPACINGS * spacing_m)
+    gap_px = gap_m * camera.focal_px[0] / float(camera.project(model.center_m[None])[1][0])
     crown = draw_silhouette(model.radius_m, model.center_m, camera)
     mask_iou = None
     if view.mask is not None and view.mask.any():
@@ -70,6 +78,14 @@ def measure_view(
         mask_iou = silhouette_iou(crown & ~trunk, view.mask & ~trunk)
     cloud_iou = silhouette_iou(crown, draw_points(crown_m, camera, gap_px))
     return ViewMeasure(name=view.name, texels=texels, cloud_iou=cloud_iou, mask_iou=mask_iou)
+
+
+def point_spacing(points_m: NDArray[np.float64]) -> float:
+    """Median distance of points (N, 3) to their sixth neighbour; 0 where there are fewer."""
+    if len(points_m) <= _NEIGHBOR:
+        return 0.0
+    some = points_m[:: max(1, len(points_m) // _ASKED)]
+    return float(np.median(cKDTree(points_m).query(some, k=[_NEIGHBOR + 1], workers=-1)[0]))
 
 
 def draw_points(points_m: NDArray[np.float64], camera: Pinhole, gap_px: float) -> NDArray[np.bool_]:

@@ -29,6 +29,7 @@ class CrownPointSettings:
     least_part: float = 0.02  # of the points of the largest part, that others must have
     stray_neighbors: int = 8
     stray_distance: float = 5.0  # usual distances to that neighbour, beyond which a point stands alone
+    flat: float = 0.02  # third spread over the second, below which points are a plane and have no inside
     center_faces: int = 16  # texels a side of the cubemap on which centres are compared
     center_gain: float = 0.03  # of the volume, that a centre must save to be better than the middle
 
@@ -37,8 +38,8 @@ class CrownPointSettings:
             raise ValueError(f"counts must be 1 or more, not {self}")
         if self.least_points < 4 or self.slices < 4 * self.layer_slices:
             raise ValueError(f"least_points >= 4 and slices >= 4 layer_slices are needed, not {self}")
-        if not (0 < self.trunk_width < 1 and self.gap > 0 and self.farthest >= 1):
-            raise ValueError(f"trunk_width in (0, 1), gap > 0 and farthest >= 1 are needed, not {self}")
+        if not (0 < self.trunk_width < 1 and self.gap > 0 and self.farthest >= 1 and 0 <= self.flat < 1):
+            raise ValueError(f"trunk_width in (0, 1), gap > 0, farthest >= 1, flat in [0, 1) are needed, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +62,7 @@ def choose_crown_points(
     made of leaves alone: they are its outside, and what is no leaf may be a wall or a pot.
 
     Raises:
-        FitError: Too few points.
+        FitError: Too few points, or they lie in a plane.
     """
     if len(points_m) < settings.least_points:
         raise FitError(f"{len(points_m)} points of the plant, {settings.least_points} needed for a crown")
@@ -79,7 +80,19 @@ def choose_crown_points(
         chosen[np.flatnonzero(chosen)[~part]] = False
     if chosen.sum() < settings.least_points:
         raise FitError(f"{int(chosen.sum())} points above the crown's base, {settings.least_points} needed")
+    _refuse_plane(points_m[chosen], settings.flat)
     return CrownPoints(chosen=chosen, base_m=max(base_m, float(points_m[chosen, 1].min())), strays=strays)
+
+
+def _refuse_plane(points_m: Array, flat: float) -> None:
+    """FitError for points (N, 3) without depth, as of a wall or of one leaf."""
+    spread_m = np.linalg.svd(points_m - points_m.mean(axis=0), compute_uv=False) / np.sqrt(len(points_m))
+    if spread_m[2] < flat * spread_m[1]:
+        raise FitError(
+            f"the {len(points_m):,} points of the crown lie in a plane: they spread {spread_m[2]:.3g} m across it, and "
+            f"{flat * spread_m[1]:.3g} m are needed for {spread_m[1]:.3g} m along it; give a cloud of the plant from "
+            "all sides, without walls, and check its axes"
+        )
 
 
 def _stand_alone(points_m: Array, settings: CrownPointSettings) -> NDArray[np.bool_]:

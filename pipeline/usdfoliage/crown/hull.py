@@ -34,7 +34,8 @@ class HullSettings:
     """How points become a surface, and how photographs carve it."""
 
     neighbors: int = 24  # points about a direction that are looked at
-    widest_rad: float = 0.1  # cone in which they must lie
+    widest_rad: float = 0.1  # cone in which they must lie; of few points a wider one, in which there are points enough
+    sparse_rad: float = 0.4  # the widest for few points
     least: int = 5  # points in that cone, below which nothing is known of a direction
     outermost: float = 0.85  # share of them that lies within the radius
     shell: float = 0.65  # of the radius around, within which points are not of the surface
@@ -136,7 +137,9 @@ def outermost_points(offsets_m: Array, size: int, settings: HullSettings) -> tup
     toward, away_m = toward[outer], away_m[outer]
     texels = np.column_stack([distinct_texels(face_directions(size)[..., axis]) for axis in range(3)])
     k = min(settings.neighbors, len(toward))
-    chord = 2 * np.sin(settings.widest_rad / 2)
+    # Wide enough for twice the least in each cone, were the points even about the centre.
+    even_rad = float(np.sqrt(8 * settings.least / len(toward)))
+    chord = 2 * np.sin(np.clip(even_rad, settings.widest_rad, max(settings.widest_rad, settings.sparse_rad)) / 2)
     _, near = cKDTree(toward).query(texels, k=k, distance_upper_bound=chord, workers=-1)
     near = np.reshape(near, (len(texels), k))
     found = near < len(toward)

@@ -42,7 +42,7 @@ def gather_point_colors(
         radius_m: (6, N, N), the crown's radius cubemap.
         center_m: (3,), in the points' frame.
         points_m: (P, 3), of the crown, one at least.
-        colors: (P, 3), linear Rec.709.
+        colors: (P, 3), linear Rec.709; NaN where a point has none.
 
     Returns:
         Colours (6, N, N, 3), 0 where there is none, and where there are some (6, N, N).
@@ -50,7 +50,7 @@ def gather_point_colors(
     size = radius_m.shape[1]
     offset_m = np.asarray(points_m, np.float64) - center_m
     away_m = np.linalg.norm(offset_m, axis=1)
-    there = away_m > 0
+    there = (away_m > 0) & np.isfinite(colors).all(axis=1)
     toward = offset_m[there] / away_m[there, None]
     outer = away_m[there] >= SHELL * sample_cubemap(radius_m, toward)
     if not outer.any():

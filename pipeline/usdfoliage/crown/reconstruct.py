@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdfoliage.crown.captured_measures import (
     CapturedCrownMeasures,
@@ -14,6 +13,7 @@ from usdfoliage.crown.captured_measures import (
     distance_from_points,
     draw_points,
     measure_view,
+    point_spacing,
 )
 from usdfoliage.crown.color_map import ColorMapSettings, Progress
 from usdfoliage.crown.crown_points import CrownCenter, CrownPointSettings, choose_crown_points, find_crown_center
@@ -34,6 +34,7 @@ MIN_SIZE, MAX_SIZE = 32, 4096  # texels a side, as for a crown of one photograph
 _HELD_BYTES = 1 << 30  # of all reduced photographs together
 _COVERED = 1.0  # distances to the sixth neighbour: what is between points closer than that is the plant as well
 _PIXEL_BYTES = 9  # colour, depth, mask, sky
+_LEAST_KNOWN, _FEW_KNOWN = 0.1, 0.3  # share of the directions with points: refused below, and doubted
 _AROUND, _AROUND_PX = 5.0, 256  # distance in reaches of the crown, and picture, of cameras that measure a cloud's
 
 
@@ -96,7 +97,8 @@ def reconstruct_captured_crown(
         reach_m = _reach(crown_m, center)
     with step("photographs") as report:
         reduced = _read_views(views, center.center_m, reach_m, settings.size, report)
-        reduced = [_cover(view, crown_m) for view in reduced]
+        spacing_m = point_spacing(crown_m)
+        reduced = [_cover(view, crown_m, spacing_m) for view in reduced]
         if not reduced:
             raise FitError(f"none of {len(views)} photographs shows the crown from outside")
     with step("hull"):
@@ -117,7 +119,7 @@ def reconstruct_captured_crown(
     with step("measures"):
         below_m = plant_m[plant_m[:, 1] < chosen.base_m]
         measured = tuple(
-            measure_view(model, view, crown_m, below_m, int(texels))
+            measure_view(model, view, crown_m, below_m, int(texels), spacing_m)
             for view, texels in zip(reduced, colors.texels, strict=True)
         )
     notes = [told] if len(reduced) == len(views) else [_tell_left_out(len(views), len(reduced)), told]
@@ -154,7 +156,7 @@ def reconstruct_cloud_crown(
         points_m: As reconstruct_captured_crown.
         settings: What to make.
         plain: Linear Rec.709, colour of the crown's outside where its points have none.
-        colors: (N, 3), the same, of the points.
+        colors: (N, 3), the same, of the points; NaN where one has none.
         foliage: As reconstruct_captured_crown.
         asset_from_capture: Likewise.
         progress: Told of each step.
@@ -164,7 +166,7 @@ def reconstruct_cloud_crown(
 
     Raises:
         ValueError: Shapes do not fit each other, or points are not finite.
-        FitError: Too few points.
+        FitError: Too few points, in a plane, or in too few directions from the crown's centre.
     """
     plant_m = _check_points(points_m, foliage)
     if colors is not None and np.shape(colors) != plant_m.shape:
@@ -178,13 +180,12 @@ def reconstruct_cloud_crown(
         center = find_crown_center(crown_m, settings.points)
     with step("hull"):
         hull = fit_crown_hull(crown_m, center.center_m, chosen.base_m, (), settings.size, settings.hull)
+        doubts = _doubt_directions(hull.known)
     with step("colours"):
         radius_m = hull.radius_m.astype(np.float32)
-        if colors is None:
+        own, told = _own_colors(None if colors is None else np.asarray(colors, np.float64)[chosen.chosen])
+        if own is None:
             own = shade_points(radius_m, center.center_m, crown_m, plain)
-            told = "the points have no colours that show leaves: the crown has one, darker where they lie deeper"
-        else:
-            own, told = np.asarray(colors, np.float64)[chosen.chosen], "the crown has the colours of its points"
         color, seen = gather_point_colors(radius_m, center.center_m, crown_m, own)
         color = stretch_colors(color, seen)
     model = CrownModel(
@@ -196,20 +197,48 @@ def reconstruct_cloud_crown(
     )
     with step("measures"):
         around = _stand_around(center.center_m, _reach(crown_m, center))
-        measured = tuple(measure_view(model, view, crown_m, crown_m[:0], 0) for view in around)
+        spacing_m = point_spacing(crown_m)
+        measured = tuple(measure_view(model, view, crown_m, crown_m[:0], 0, spacing_m) for view in around)
     return model, CapturedCrownMeasures(
         center=center,
         base_m=chosen.base_m,
         points=len(crown_m),
         strays=chosen.strays,
         known=hull.known,
-        carved=hull.carved,
+        carved=None,
         seen=float(seen.mean()),
         volume_m3=crown_volume(radius_m),
         distance_m=distance_from_points(model, crown_m),
         views=measured,
         notes=(told,),
+        warnings=doubts,
         seconds=seconds,
+    )
+
+
+def _doubt_directions(known: float) -> tuple[str, ...]:
+    """What to say of a share of directions in which a cloud has points.
+
+    Raises:
+        FitError: They are too few.
+    """
+    told = f"from the crown's centre there are points in {known:.0%} of the directions"
+    advice = "give a cloud from all sides, of one plant"
+    if known < _LEAST_KNOWN:
+        raise FitError(f"{told}, {_LEAST_KNOWN:.0%} needed; {advice}")
+    return (f"{told}; elsewhere its surface is a guess between them: {advice}",) if known < _FEW_KNOWN else ()
+
+
+def _own_colors(colors: NDArray[np.float64] | None) -> tuple[NDArray[np.float64] | None, str]:
+    """The colours of a crown's points (N, 3), None where they have none, and what the user should know of them."""
+    colored = 0.0 if colors is None else float(np.isfinite(colors).all(axis=1).mean())
+    if colors is None or colored == 0:
+        return None, "the points have no colours that show leaves: the crown has one, darker where they lie deeper"
+    if colored == 1:
+        return colors, "the crown has the colours of its points"
+    return colors, (
+        f"the crown has the colours of {colored:.0%} of its points; the others are black, which is taken for no "
+        "colour, and the crown has there what is around them"
     )
 
 
@@ -258,13 +287,11 @@ def _read_views(
     return reduced
 
 
-def _cover(view: ReducedView, crown_m: NDArray[np.float64]) -> ReducedView:
+def _cover(view: ReducedView, crown_m: NDArray[np.float64], spacing_m: float) -> ReducedView:
     """The view with where points of the crown are, for want of a mask."""
     if view.mask is not None:
         return view
-    some = crown_m[:: max(1, len(crown_m) // 5000)]
-    spacing_m = float(np.median(cKDTree(crown_m).query(some, k=[7], workers=-1)[0]))
-    depth_m = float(np.median(view.camera.project(some)[1]))
+    depth_m = float(np.median(view.camera.project(crown_m[:: max(1, len(crown_m) // 5000)])[1]))
     gap_px = _COVERED * spacing_m * view.camera.focal_px[0] / max(depth_m, 1e-9)
     return replace(view, covered=draw_points(crown_m, view.camera, gap_px))
 

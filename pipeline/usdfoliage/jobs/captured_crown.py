@@ -17,7 +17,7 @@ from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.crown.captured_measures import CapturedCrownMeasures
-from usdfoliage.crown.leaf_colors import find_green_points
+from usdfoliage.crown.leaf_colors import find_green_points, have_color
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.reconstruct import (
     CAPTURED_STEPS,
@@ -70,6 +70,9 @@ class CapturedCrownRequest:
         """The request that a command line makes; FoliageError for values that cannot be."""
         kind = "a folder: a capture" if options.photo.is_dir() else "a cloud"
         refuse_options(options, PHOTO_OPTIONS, f"{options.photo} is {kind}, not one photograph")
+        if not options.photo.is_dir():
+            told = f"{options.photo} is a cloud alone, without photographs"
+            refuse_options(options, {"report_views": CAPTURE_OPTIONS["report_views"]}, told)
         roots, given = read_roots(options.roots)
         if options.report_views < 0:
             raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
@@ -113,6 +116,7 @@ class MadeCapturedCrown:
     report: Path
     preview: Path | None
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]  # what puts the crown in doubt
     measures: tuple[Row, ...]
     model: CrownModel
     overlap: float  # of its silhouettes with those of the points, median IoU
@@ -150,7 +154,7 @@ def make_captured_crown_asset(
             input_sha256=_fingerprint(read),
         )
         interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings)
-        notes = [*read.notes, *measures.notes]
+        notes, warnings = [*read.notes, *measures.notes], (*read.warnings, *measures.warnings)
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
         drawn = draw_captured_crown(
@@ -162,7 +166,7 @@ def make_captured_crown_asset(
             name=request.name,
             capture=read.name,
             generator=provenance.generator,
-            notes=notes,
+            notes=[*warnings, *notes],
             settings=provenance.settings,
             views=drawn.views,
             seconds={"cloud": read_s, **measures.seconds} if request.times else {},
@@ -173,6 +177,7 @@ def make_captured_crown_asset(
         report=request.output / "report" / "index.html",
         preview=request.output / "report" / drawn.views[0].file if drawn.views else None,
         notes=tuple(notes),
+        warnings=warnings,
         measures=tuple(captured_rows(model, measures)),
         model=model,
         overlap=float(np.median([view.cloud_iou for view in measures.views])),
@@ -211,10 +216,12 @@ def fit_captured_crown(
 
 
 def _leaf_colors(plant: PlantPoints) -> NDArray[np.float64] | None:
-    """(N, 3), linear; None where the cloud has no colours, or those of heights or echoes."""
+    """(N, 3), linear, NaN where a point has none; None where the cloud has no colours that show leaves."""
     if plant.colors is None or find_green_points(plant.points_m, plant.colors) is None:
         return None
-    return np.asarray(decode_srgb(plant.colors / 255), np.float64)
+    light = np.asarray(decode_srgb(plant.colors / 255), np.float64)
+    light[~have_color(plant.colors)] = np.nan
+    return light
 
 
 def plan_captured_crown_asset(request: CapturedCrownRequest) -> str:
@@ -228,6 +235,7 @@ def plan_captured_crown_asset(request: CapturedCrownRequest) -> str:
     lines = [
         f"capture: {request.cloud.path}{told if read.capture is not None else ', a cloud alone'}",
         f"cloud: {len(read.plant.points_m):,} points of the plant, {np.ptp(read.plant.points_m[:, 1]):.2f} m high",
+        *(f"warning: {warning}" for warning in read.warnings),
         *(f"note: {note}" for note in read.notes),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         f"steps: {', '.join(steps)}{', preview' if request.preview else ''}",

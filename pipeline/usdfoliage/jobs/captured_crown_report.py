@@ -121,6 +121,7 @@ def write_captured_report(
         pairs=drawn.pairs,
         measures=captured_rows(model, measures),
         by_view=measures.views,
+        of_photographs=measures.carved is not None,
         radius_low=f"{low:.2f}",
         radius_high=f"{high:.2f}",
         seconds=[Row(name=name, value=f"{value:.2f}") for name, value in report.seconds.items()]
@@ -147,13 +148,13 @@ def captured_rows(model: CrownModel, measures: CapturedCrownMeasures) -> list[Ro
         Row(name="radius", value=f"{model.radius_m.min():.2f} to {model.radius_m.max():.2f} m"),
         Row(name="volume", value=f"{measures.volume_m3:.3g} m³"),
         Row(name="directions with points", value=f"{100 * measures.known:.0f} %", remark="stretched over elsewhere"),
-        Row(name="directions carved", value=f"{100 * measures.carved:.0f} %", remark="photographs see past the points"),
+        *_carved(measures.carved),
         Row(
             name="distance from outermost points",
             value=f"{1000 * measures.distance_m:.0f} mm",
             remark="median, along the direction",
         ),
-        Row(name="seen", value=f"{100 * measures.seen:.0f} %", remark="of the texels, in some photograph"),
+        _colored(measures),
         Row(
             name="silhouette IoU with the points",
             value=_spread([view.cloud_iou for view in measures.views]),
@@ -170,6 +171,22 @@ def captured_rows(model: CrownModel, measures: CapturedCrownMeasures) -> list[Ro
             )
         )
     return rows
+
+
+def _carved(carved: float | None) -> list[Row]:
+    """Nothing of a cloud alone."""
+    if carved is None:
+        return []
+    return [Row(name="directions carved", value=f"{100 * carved:.0f} %", remark="photographs see past the points")]
+
+
+def _colored(measures: CapturedCrownMeasures) -> Row:
+    share = f"{100 * measures.seen:.0f} %"
+    if measures.carved is None:
+        return Row(
+            name="coloured", value=share, remark="of the texels have a point's colour or shade, others what is around"
+        )
+    return Row(name="seen", value=share, remark="of the texels, in some photograph")
 
 
 def _spread(values: Sequence[float]) -> str:

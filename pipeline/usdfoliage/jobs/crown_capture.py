@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.clear_sky import elevations_deg, find_clear_sky
+from usdfoliage.capture.cloud_input import looks_like_cloud
 from usdfoliage.capture.folder import Capture, read_capture, read_view
 from usdfoliage.capture.view import View
-from usdfoliage.crown.leaf_colors import find_green_points
+from usdfoliage.crown.leaf_colors import find_green_points, have_color
 from usdfoliage.crown.views import CrownPicture, CrownView
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.leaves_pictures import shrink_to
@@ -26,7 +27,7 @@ class PlantPoints:
 
     points_m: NDArray[np.float64]  # (N, 3), in the asset's frame, without ground
     foliage: NDArray[np.bool_] | None  # (N,), which are leaves; None where that is not known
-    colors: NDArray[np.float64] | None = None  # (N, 3), red, green and blue, 0 to 255
+    colors: NDArray[np.float64] | None = None  # (N, 3), red, green and blue, 0 to 255; black where one has none
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the coordinates in the capture's files
 
 
@@ -39,6 +40,7 @@ class CrownCapture:
     plant: PlantPoints
     views: tuple[CrownView, ...]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()  # what puts the cloud in doubt
 
 
 def read_crown_capture(
@@ -59,27 +61,39 @@ def read_crown_capture(
         CaptureError: The folder, its cameras or its cloud cannot be used.
         FitError: The cloud shows no plant.
     """
-    capture = None if request.path.is_file() else read_capture(request.path)
+    capture = None if looks_like_cloud(request.path) else read_capture(request.path)
     notes = [] if capture is None else list(capture.notes)
+    warnings: tuple[str, ...] = ()
     if plant is None:
-        plant, told = _read_points(request, asset_from_capture, progress)
+        plant, told, warnings = _read_points(request, asset_from_capture, progress)
         notes.extend(told)
     if capture is None:
-        return CrownCapture(name=request.path.stem, capture=None, plant=plant, views=(), notes=tuple(notes))
+        return CrownCapture(
+            name=request.path.stem, capture=None, plant=plant, views=(), notes=tuple(notes), warnings=warnings
+        )
     views = tuple(_make_view(capture, number, plant.asset_from_capture) for number in range(len(capture.views)))
-    return CrownCapture(name=capture.name, capture=capture, plant=plant, views=views, notes=tuple(notes))
+    return CrownCapture(
+        name=capture.name, capture=capture, plant=plant, views=views, notes=tuple(notes), warnings=warnings
+    )
 
 
 def _read_points(
     request: PlantCloudRequest, frame: NDArray[np.float64] | None, progress: StepProgress | None
-) -> tuple[PlantPoints, list[str]]:
+) -> tuple[PlantPoints, list[str], tuple[str, ...]]:
+    """The points, notes, and warnings."""
     cloud = read_plant_cloud(request, progress)
-    notes = [*cloud.warnings, *cloud.notes]
+    notes = list(cloud.notes)
     foliage = None if cloud.colors is None else find_green_points(cloud.points_m, cloud.colors)
     if foliage is None:
         notes.append("leaves are not told by their colour: what of the cloud is wide is taken for the crown")
     else:
         notes.append(f"the crown is made of the {100 * foliage.mean():.0f} % of the plant's points that are green")
+        black = 0.0 if cloud.colors is None else 1 - float(have_color(cloud.colors).mean())
+        if black > 0:
+            notes.append(
+                f"{black:.1%} of the plant's points are black, which is taken for no colour: they are leaves where "
+                "most of the coloured points nearest to them are"
+            )
     points_m = cloud.points_m
     if frame is not None:
         moved = frame @ np.linalg.inv(cloud.asset_from_cloud)
@@ -92,6 +106,7 @@ def _read_points(
             asset_from_capture=cloud.asset_from_cloud if frame is None else np.asarray(frame, np.float64),
         ),
         notes,
+        cloud.warnings,
     )
 
 

@@ -111,7 +111,7 @@ class PlantCloud:
     """A cloud as branches are traced through it."""
 
     points_m: NDArray[np.float64]  # (N, 3), Y up, the first root at the origin, without ground
-    colors: NDArray[np.float64] | None  # (N, 3), red, green and blue, 0 to 255; None where the file has none
+    colors: NDArray[np.float64] | None  # (N, 3), red, green, blue, 0 to 255, black: none; None where the file has none
     roots_m: NDArray[np.float64]  # (R, 3)
     asset_from_cloud: NDArray[np.float64]  # (4, 4), from the file's coordinates
     source: CloudInput
@@ -189,7 +189,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         source=source,
         ground=int(ground.points.sum()),
         notes=tuple(notes),
-        warnings=tuple(doubt_height(float(np.ptp(points_m[:, 1])), source.metres_per_unit)),
+        warnings=(*source.warnings, *doubt_height(float(np.ptp(points_m[:, 1])), source.metres_per_unit)),
     )
 
 
@@ -223,7 +223,9 @@ def _thin_plant(
 
     A side of 0: all of them, as they were.
     """
-    values = points_m if colors is None else np.column_stack([points_m, colors])
+    values = points_m
+    if colors is not None:  # black is no colour, and none of what is mixed of several
+        values = np.column_stack([points_m, colors, colors.any(axis=1)])
     cell_m = 0.0
     if len(points_m):
         internode_m = request.internode_m or BranchSettings().internode_of_height * float(np.ptp(points_m[:, 1]))
@@ -232,13 +234,14 @@ def _thin_plant(
             if int(cell.max()) + 1 < _WORTH * len(points_m):
                 cell_m = _CLOSEST * internode_m
                 values = cell_means(values, cell)
+                values[:, 3:6] /= np.where(values[:, 6:] > 0, values[:, 6:], 1)
     if len(values) > request.most_points:
         thinner = PointThinner(request.most_points)
-        thinner.add(values[:, :3], None if colors is None else values[:, 3:].astype(np.float32))
+        thinner.add(values[:, :3], None if colors is None else values[:, 3:6].astype(np.float32))
         thinned = thinner.finish()
         cell_m = thinned.cell
         values = thinned.points if thinned.colors is None else np.column_stack([thinned.points, thinned.colors])
-    return values[:, :3], None if colors is None else values[:, 3:], cell_m
+    return values[:, :3], None if colors is None else values[:, 3:6], cell_m
 
 
 def _check_roots(roots_m: NDArray[np.float64], points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:

@@ -10,7 +10,7 @@ from typing import Literal
 import OpenImageIO as oiio
 
 from usdfoliage.capture.capture_settings import FILE_NAME, read_capture_settings
-from usdfoliage.capture.cloud_input import CLOUD_SUFFIXES
+from usdfoliage.capture.cloud_input import CLOUD_SUFFIXES, check_cloud_file, looks_like_cloud
 from usdfoliage.capture.listing import files_below
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.build.json_file import read_json
@@ -58,8 +58,10 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         is_file = source.is_file()
     except OSError as error:  # such a name cannot be
         raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}; name a capture") from error
+    if looks_like_cloud(source):
+        check_cloud_file(source)
     if is_file:
-        if source.suffix.lower() not in CLOUD_SUFFIXES:
+        if not looks_like_cloud(source):
             raise CaptureError(
                 f"{source} is neither a folder nor a point cloud ({', '.join(CLOUD_SUFFIXES)}); "
                 "name a folder of photographs"

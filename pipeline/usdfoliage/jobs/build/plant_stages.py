@@ -210,11 +210,14 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
         StagePicture(file=path.relative_to(call.out).as_posix(), caption=path.stem.replace("_", " "))
         for path in sorted(report.glob("*.png"))
     ]
-    notes = list(made.notes)
-    write_summary(
-        call.out,
-        StageSummary(rows=made.measures, notes=notes, pictures=pictures, detail=f"{ASSET_FOLDER}/report/index.html"),
+    summary = StageSummary(
+        rows=made.measures,
+        notes=list(made.notes),
+        warnings=list(made.warnings),
+        pictures=pictures,
+        detail=f"{ASSET_FOLDER}/report/index.html",
     )
+    write_summary(call.out, summary)
     return ()
 
 
