@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from leaf_assets import random_leaves
 from usdfoliage.leaf.edits import (
     NEUTRAL,
     LeafEdits,
@@ -20,8 +21,11 @@ from usdfoliage.leaf.edits import (
     scale_width,
     shift_silhouette,
     skew_axis,
+    slim_leaves,
 )
+from usdfoliage.leaf.fold import find_folds
 from usdfoliage.leaf.jitter import Jitter
+from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.surface import evaluate_grid
 
 FEW = settings(max_examples=40, deadline=None)
@@ -255,3 +259,26 @@ def test_is_neutral(operation, neutral):
 def test_what_cannot_be_is_refused(build, message):
     with pytest.raises(ValueError, match=message):
         build()
+
+
+def test_a_slim_leaf_is_nearer_to_the_line_from_base_to_apex():
+    leaves = random_leaves(200, seed=4).parameters
+    leaves[:100, :2] = (0, 1 / 3, 0), (0, 2 / 3, 0)
+    factors = np.linspace(0.05, 1, 200)
+    slim = slim_leaves(leaves, factors)
+    before, after = (evaluate_grid(each, U, V).points for each in (leaves, slim))
+    np.testing.assert_allclose(after[:100, ..., 1], before[:100, ..., 1], atol=1e-12)
+    for side in (0, 2):  # exactly, where the axis is straight
+        scaled = factors[:100, None, None] * before[:100, ..., side]
+        np.testing.assert_allclose(after[:100, ..., side], scaled, atol=1e-12)
+    np.testing.assert_array_less(leaf_width(slim[:-1]), leaf_width(leaves[:-1]) + 1e-9)
+    np.testing.assert_array_equal(slim[-1], leaves[-1])
+
+
+def test_no_leaf_folds_that_gets_slim():
+    bent = random_leaves(300, seed=5).parameters
+    bent[:, :2, 0] += 0.3
+    bent[:, 5:] += 0.1
+    slim = slim_leaves(bent, np.tile([0.05, 0.3, 0.8], 100))
+    assert not (find_folds(slim) & ~find_folds(bent)).any()
+    assert (np.abs(slim - bent).max(axis=(1, 2)) > 0).mean() > 0.9

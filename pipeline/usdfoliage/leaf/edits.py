@@ -14,6 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.leaf.fold import find_folds
+
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
@@ -64,6 +66,23 @@ def apply_edits(parameters: NDArray[np.floating], edits: LeafEdits) -> NDArray[n
     edited[:, 6] += outer
     edited[:, 2:5, 2] += silhouette
     return edited
+
+
+def slim_leaves(parameters: NDArray[np.floating], factors: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Each leaf (N, 7, 3) slimmer as a whole by its factor (N,) in [0, 1]: beside and above the line from base to apex.
+
+    No edit: with another width alone a leaf stays as bent and as curled as it was, and one that is very slim would
+    fold. One that would fold here is left as it is.
+    """
+    wide = np.array(parameters, np.float64)
+    factor = np.asarray(factors, np.float64)[:, None, None]
+    straight = np.array([[0, 1 / 3, 0], [0, 2 / 3, 0]])
+    slim = wide.copy()
+    slim[:, :2] = straight + factor * (wide[:, :2] - straight)
+    slim[:, 2:5, 1:] *= factor
+    slim[:, 5:] *= factor
+    folded = find_folds(slim) & ~find_folds(wide)
+    return np.where(folded[:, None, None], wide, slim)
 
 
 def compose_edits(first: LeafEdits, second: LeafEdits) -> LeafEdits:

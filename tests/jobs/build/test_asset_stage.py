@@ -6,8 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from branch_shapes import fork
 from leaf_assets import write_spray
-from plant_assets import round_crown
+from plant_assets import fork_branches, round_crown
 from pxr import Usd
 from usdfoliage.asset.contents import interface_of
 from usdfoliage.capture.cloud import Cloud
@@ -72,3 +73,45 @@ def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_pa
     assert any("lod crown" in warning for warning in told) == (has_crown and away > 1)
     assert any("crown is left out" in warning for warning in summary.warnings) == (with_crown and not has_crown)
     assert ("crown" in stage.GetDefaultPrim().GetVariantSet("lod").GetVariantNames()) == has_crown
+
+
+@pytest.mark.parametrize(("width_m", "lod"), [(0.1, "leaves"), (3.0, "crown")])
+def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, width_m, lod):
+    """A fork in a cloud as slim as it is, and in one that is much wider."""
+    results = {name: tmp_path / name for name in ("branches", "crown")}
+    fork_branches(results["branches"] / "asset")
+    rng = np.random.default_rng(0)
+    around_m = rng.uniform([-width_m, 0, -width_m], [width_m, 2, width_m], (3000, 3))
+    skeleton = fork()
+    np.savez(
+        results["branches"] / "plant.npz",
+        points_m=np.concatenate([skeleton.points_m, around_m]),
+        wood=np.zeros(len(skeleton.points_m) + 3000, bool),
+        knows_leaves=True,
+        colors=np.zeros((0, 3)),
+        plant_from_capture=np.eye(4),
+        lost=np.zeros(0, np.int32),
+        **{f"skeleton_{field.name}": getattr(skeleton, field.name) for field in fields(skeleton)},
+    )
+    results["crown"].mkdir()
+    held = {field.name: getattr(round_crown(), field.name) for field in fields(CrownModel)}
+    np.savez(results["crown"] / "crown.npz", overlap=0.8, **held)
+    settings = BuildSettings()
+    call = SimpleNamespace(
+        out=tmp_path / "out",
+        inputs=SimpleNamespace(name="fork", source=Path("fork.ply"), digests=()),
+        settings=replace(
+            settings,
+            pictures=PictureStageSettings(make=False),
+            foliage=replace(settings.foliage, kind="none"),
+        ),
+        request=SimpleNamespace(name="fork", capture=Path("fork.ply")),
+        result_of=results.__getitem__,
+        has=results.__contains__,
+    )
+    call.out.mkdir()
+    assemble_asset(call)  # type: ignore[arg-type]
+    stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
+    assert stage.GetDefaultPrim().GetVariantSet("lod").GetVariantSelection() == lod
+    told = [warning for warning in read_summary(call.out).warnings if "the lod crown is shown" in warning]
+    assert len(told) == (lod == "crown")

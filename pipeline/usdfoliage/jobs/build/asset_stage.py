@@ -7,6 +7,7 @@ from textwrap import shorten
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from usdfoliage import __version__
 from usdfoliage.asset.contents import interface_of, require_plant
@@ -34,6 +35,8 @@ from usdfoliage.leaf.reconstruct import doubt_confidence
 
 _FEW = 0.2  # share of the cloud that is near leaves, below which they do not stand for the plant
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
+_NEAR, _REACHED = 0.1, 0.5  # of the plant's height, and share of the cloud that is so near to branches or leaves
+_BETWEEN = (0.2, 0.4, 0.6, 0.8)  # places on a branch between two of its points
 _MOST_POINTS = 50_000  # that this is told by
 _MOST_TOLD = 400  # characters of why a part could not be made
 
@@ -58,6 +61,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     if traced is None and chosen.leaves is not None and call.has(CLOUD):
         cover = _cover(call, chosen.leaves.leaves, plant_from_capture)
     few = cover is not None and cover < _FEW
+    reached = 1.0 if traced is None else _reached(traced, chosen.leaves.leaves if chosen.leaves is not None else None)
     if branches is None and chosen.leaves is None and crown is None:
         raise FitError(
             f"neither branches nor leaves nor a crown could be made of {call.request.capture}. {_why_none(call)}"
@@ -84,7 +88,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             settings=PlantAssetSettings(
                 crown_mesh_size=call.settings.crown.mesh_size,
                 version=call.settings.plant.version,
-                lod="crown" if few else None,
+                lod="crown" if few or reached < _REACHED else None,
             ),
             thumbnail=thumbnail,
         )
@@ -94,6 +98,12 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         warnings.append(
             f"the leaves that were found cover {cover:.0%} of the cloud, without branches for others{instead}; leaves "
             "are too small in the photographs, or these show something else"
+        )
+    if reached < _REACHED:
+        instead = "; the lod crown is shown" if crown is not None else ""
+        warnings.append(
+            f"branches and leaves reach {reached:.0%} of the cloud{instead}; its points are too far apart for "
+            "branches, or it shows more than one plant"
         )
     if captured is not None and chosen.kind in ("captured", "filled"):
         warnings.extend(doubt_confidence(captured.fitted.leaves))
@@ -141,6 +151,20 @@ def _cover(call: StageCall, leaves: Leaves, plant_from_capture: NDArray[np.float
     cloud = read_cloud(folder / CLOUD_FILE)
     some = np.linspace(0, len(cloud) - 1, min(len(cloud), _MOST_POINTS)).astype(np.int64)
     return leaf_cover(cloud.points_m[some] @ plant_from_capture[:3, :3].T + plant_from_capture[:3, 3], leaves)
+
+
+def _reached(traced: TracedPlant, leaves: Leaves | None) -> float:
+    """Which share of the plant's points lies near its branches and leaves."""
+    some = np.linspace(0, len(traced.points_m) - 1, min(len(traced.points_m), _MOST_POINTS)).astype(np.int64)
+    points_m = traced.points_m[some]
+    if not len(points_m):
+        return 1.0
+    ends_m = traced.skeleton.points_m
+    joined = np.flatnonzero(np.diff(traced.skeleton.curve) == 0)  # to the next point
+    between_m = [ends_m[joined] + share * (ends_m[joined + 1] - ends_m[joined]) for share in _BETWEEN]
+    drawn_m = np.concatenate([ends_m, *between_m, *([leaves.base_m] if leaves is not None else [])])
+    away_m = np.asarray(cKDTree(drawn_m).query(points_m)[0])
+    return float((away_m <= _NEAR * float(np.ptp(points_m[:, 1]))).mean())
 
 
 def plant_frame(

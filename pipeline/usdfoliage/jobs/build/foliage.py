@@ -25,7 +25,7 @@ from usdfoliage.jobs.build.settings import BuildSettings
 from usdfoliage.jobs.crown_report import Row
 from usdfoliage.jobs.leaf_asset import MOST_LEAVES_OF_ALL
 from usdfoliage.jobs.leaf_change import move_leaves
-from usdfoliage.leaf.edits import NEUTRAL, apply_edits, scale_width
+from usdfoliage.leaf.edits import slim_leaves
 from usdfoliage.leaf.fill import FillSettings, fill_places
 from usdfoliage.leaf.jitter import spread_phases
 from usdfoliage.leaf.measures import leaf_width
@@ -149,12 +149,10 @@ def _fill(
 
 def _narrow(parameters: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
     """Leaves (N, 7, 3) no wider than that (N,), in their lengths, where it is a number."""
-    factors = np.clip(width / leaf_width(parameters), _NARROWEST, 1) if len(parameters) else np.ones(0)
-    narrowed = [
-        leaf[None] if np.isnan(factor) else apply_edits(leaf[None], scale_width(NEUTRAL, float(factor)))
-        for leaf, factor in zip(parameters, factors, strict=True)
-    ]
-    return np.concatenate([parameters[:0], *narrowed])
+    if not len(parameters):
+        return parameters
+    factors = np.nan_to_num(np.clip(width / leaf_width(parameters), _NARROWEST, 1), nan=1.0)
+    return slim_leaves(parameters, factors)
 
 
 def join_leaves(groups: Sequence[Leaves]) -> Leaves:
