@@ -10,7 +10,6 @@ from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES
 from usdfoliage.crown.bare_faces import find_bare_faces
-from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 
 BARE_LAYER = "branches_bare.usdc"
@@ -18,7 +17,9 @@ BARE_LAYER = "branches_bare.usdc"
 _REST = Usd.TimeCode.EarliestTime()
 
 
-def write_bare_branches_layer(path: Path, name: str, surface: Path, crown: CrownModel) -> NDArray[np.float64] | None:
+def write_bare_branches_layer(
+    path: Path, name: str, surface: Path, radius_m: NDArray[np.floating], center_m: NDArray[np.floating]
+) -> NDArray[np.float64] | None:
     """Write the faces of branches that stand out of a crown, at /name/geo/proxy/Branches.
 
     Of the surface, whoever worked on it, they keep points, st, one colour and the material.
@@ -27,7 +28,8 @@ def write_bare_branches_layer(path: Path, name: str, surface: Path, crown: Crown
         path: Layer to write.
         name: Of the root prim of both layers.
         surface: Layer of the branches (usdfoliage.asset.branches.write_branches_layer), in the crown's frame.
-        crown: The crown.
+        radius_m: (6, N, N), the crown's distance from its centre.
+        center_m: (3,), its centre.
 
     Returns:
         Bounds (2, 3) of what was written; None where nothing stands out, and nothing is written.
@@ -40,7 +42,7 @@ def write_bare_branches_layer(path: Path, name: str, surface: Path, crown: Crown
     if not whole:
         return None
     points_m, counts, vertices = _read_mesh(whole, surface)
-    kept = find_bare_faces(points_m, counts, vertices, crown)
+    kept = find_bare_faces(points_m, counts, vertices, radius_m, center_m)
     if not kept.any():
         return None
     stage = new_layer(path, name)
