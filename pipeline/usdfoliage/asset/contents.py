@@ -14,7 +14,7 @@ from usdfoliage.asset.locate import find_interface, find_plants, first_reason, l
 from usdfoliage.asset.look import Look, read_look
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
-from usdfoliage.asset.packed_files import is_packed, shown_name, size_bytes
+from usdfoliage.asset.packed_files import is_package, is_packed, shown_name, size_bytes
 from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
@@ -222,7 +222,7 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
         raise AssetError(f"{interface} cannot be read: {why}; write the asset again") from error
     log_diagnostics(diagnostics)
     paths = [Path(layer.realPath) for layer in layers] or [interface.absolute()]
-    if interface.suffix.lower() == ".usdz":  # by itself its first layer is called by the name of the package
+    if is_package(interface):  # by itself its first layer is called by the name of the package
         paths[0] = Path(f"{interface.absolute()}[{Sdf.ZipFile.Open(str(interface)).GetFileNames()[0]}]")
     first, *rest = [_file_of(path, folder) for path in paths]
     return (

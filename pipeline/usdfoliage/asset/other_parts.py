@@ -32,6 +32,7 @@ from usdfoliage.asset.package import (
     leaf_jitter,
     write_leaf_layers,
 )
+from usdfoliage.asset.packed_files import is_package
 from usdfoliage.asset.plant import (
     BARE_BRANCHES,
     BRANCHES,
@@ -104,7 +105,7 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
     layer = interface.parent / PAYLOAD
     held = open_layer(layer).GetPrimAtPath(f"/{name}") if layer.is_file() else None
     if held is None:
-        if interface.suffix.lower() == ".usdz":
+        if is_package(interface):
             raise AssetError(f"{interface} is a package; unpack it, as any zip file, and name the folder")
         raise AssetError(
             f"<{plant.GetPath()}> has branches besides its leaves, and {interface} is not their asset; name its folder"
