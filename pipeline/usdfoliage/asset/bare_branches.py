@@ -1,6 +1,7 @@
 """What a crown leaves bare of a plant's branches, as a mesh that is shown with it: a trunk, a limb below the crown."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from usdfoliage.errors import AssetError
 BARE_LAYER = "branches_bare.usdc"
 # What moves stands at its first time, as it does where the crown was made.
 _REST = Usd.TimeCode.EarliestTime()
+_KINDS = (Vt.Vec3fArray, Vt.IntArray, Vt.IntArray)  # of points, of vertices of each face, and of their indices
 
 
 def write_bare_branches_layer(
@@ -70,21 +72,34 @@ def write_bare_branches_layer(
 
 def _read_mesh(mesh: UsdGeom.Mesh, surface: Path) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.int64]]:
     """Points (P, 3), vertices of each face (F,) and their indices; whoever worked on the layer may have broken it."""
-    points = mesh.GetPointsAttr().Get(_REST) or Vt.Vec3fArray()
-    counts = mesh.GetFaceVertexCountsAttr().Get(_REST) or Vt.IntArray()
-    vertices = mesh.GetFaceVertexIndicesAttr().Get(_REST) or Vt.IntArray()
-    good, reason = UsdGeom.Mesh.ValidateTopology(vertices, counts, len(points))
-    points_m, face_counts = np.array(points, np.float32).reshape(-1, 3), np.array(counts, np.int64)
-    if good and len(face_counts) and face_counts.min() < 3:
-        good, reason = False, "a face has fewer than 3 vertices"
-    if good and not np.isfinite(points_m).all():
-        good, reason = False, "a point is no finite number"
-    if not good:
+    held = [
+        attribute.Get(_REST)
+        for attribute in (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr())
+    ]
+    points, counts, vertices = (kind() if value is None else value for value, kind in zip(held, _KINDS, strict=True))
+    reason = _why_no_mesh(points, counts, vertices)
+    if reason:
         file = f"{surface.parent.name}/{surface.name}"  # a copy, where no one looks; the same below the asset's folder
         raise AssetError(
             f"{file}: the mesh {mesh.GetPath()} is broken ({reason}); mend it, or build the branches again"
         )
-    return points_m, face_counts, np.array(vertices, np.int64)
+    return (
+        np.array(points, np.float32).reshape(-1, 3),
+        np.array(counts, np.int64),
+        np.array(vertices, np.int64),
+    )
+
+
+def _why_no_mesh(points: Any, counts: Any, vertices: Any) -> str:
+    """What is wrong with the values of a mesh; empty where nothing is."""
+    if not all(isinstance(value, kind) for value, kind in zip((points, counts, vertices), _KINDS, strict=True)):
+        return "its points, counts or indices are of another type"
+    good, reason = UsdGeom.Mesh.ValidateTopology(vertices, counts, len(points))
+    if not good:
+        return str(reason)
+    if np.min(counts, initial=3) < 3:
+        return "a face has fewer than 3 vertices"
+    return "" if np.isfinite(np.array(points)).all() else "a point is no finite number"
 
 
 def _copy_primvars(whole: UsdGeom.Mesh, mesh: UsdGeom.Mesh, corner: NDArray[np.bool_]) -> None:

@@ -13,6 +13,7 @@ from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.materials import CROWN_MATERIAL
 from usdfoliage.asset.plant import CROWN
 from usdfoliage.asset.schema import CROWN_API
+from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 from usdfoliage.geometry.crown_mesh import CrownMesh, build_crown_mesh
@@ -95,13 +96,14 @@ def read_crown_radius(path: Path, name: str) -> tuple[NDArray[np.floating], NDAr
         crown.GetAttribute(f"foliage:crown:{fact}").Get(Usd.TimeCode.EarliestTime()) if crown else None
         for fact in ("radiusMap", "center")
     )
-    if not isinstance(radius_map, Sdf.AssetPath) or not radius_map.path or center is None:
+    center_m = stored_numbers(center, (3,))
+    if not isinstance(radius_map, Sdf.AssetPath) or not radius_map.path or center_m is None:
         raise AssetError(f"{path} lacks the radius map or the centre of the crown </{name}/{CROWN}>; build it again")
     file = Path(radius_map.resolvedPath or path.parent / radius_map.path)
     pixels = read_cubemap(file).pixels
     if pixels.ndim != 3 or not (np.isfinite(pixels).all() and pixels.min() > 0):
         raise AssetError(f"{file} holds no radii, which are one number above 0 a texel; build the crown again")
-    return pixels, np.array(center, np.float64)
+    return pixels, center_m
 
 
 def author_crown(stage: Usd.Stage, path: Sdf.Path, crown: CrownPrim) -> UsdGeom.Mesh:
