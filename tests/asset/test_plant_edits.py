@@ -99,7 +99,7 @@ def test_baking_carries_branches_crown_and_thumbnail_over(asset, tmp_path, selec
 
 def bake(asset, output):
     request = BakeRequest(
-        asset=asset, output=output, name="oak", representations=None, resolution=None, source="bezier"
+        asset=asset, output=output, name="ash", representations=None, resolution=None, source="bezier"
     )
     return bake_asset(request)
 
@@ -122,6 +122,10 @@ def test_baking_an_older_asset_puts_its_crown_on_the_trunk(older, tmp_path):
     made = [bake(asset, tmp_path / name) for asset, name in zip(older, ("a", "b"), strict=True)]
     assert files(made[0].asset.parent) == files(made[1].asset.parent)
     assert "payload/branches_bare.usdc" in files(made[0].asset.parent)
+    stage = open_asset(made[0].asset)
+    show(stage, "crown")
+    bound, _ = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/ash/geo/proxy/Branches")).ComputeBoundMaterial()
+    assert bound.GetPath() == Sdf.Path("/ash/mtl/Bark")
     assert [any("stands out of the crown" in note for note in each.notes) for each in made] == [True, False]
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
-from usdfoliage.asset.locate import open_layer
+from usdfoliage.asset.locate import open_copy
 from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES
 from usdfoliage.crown.bare_faces import find_bare_faces
 from usdfoliage.errors import AssetError
@@ -20,7 +20,12 @@ _KINDS = (Vt.Vec3fArray, Vt.IntArray, Vt.IntArray)  # of points, of vertices of 
 
 
 def write_bare_branches_layer(
-    path: Path, name: str, surface: Path, radius_m: NDArray[np.floating], center_m: NDArray[np.floating]
+    path: Path,
+    name: str,
+    surface: Path,
+    surface_name: str,
+    radius_m: NDArray[np.floating],
+    center_m: NDArray[np.floating],
 ) -> NDArray[np.float64] | None:
     """Write the faces of branches that stand out of a crown, at /name/geo/proxy/Branches.
 
@@ -28,8 +33,9 @@ def write_bare_branches_layer(
 
     Args:
         path: Layer to write.
-        name: Of the root prim of both layers.
+        name: Of its root prim.
         surface: Layer of the branches (usdfoliage.asset.branches.write_branches_layer), in the crown's frame.
+        surface_name: Of that layer's root prim.
         radius_m: (6, N, N), the crown's distance from its centre.
         center_m: (3,), its centre.
 
@@ -39,8 +45,8 @@ def write_bare_branches_layer(
     Raises:
         AssetError: The one layer cannot be read, or is of a mesh that cannot be; or the other cannot be written.
     """
-    source = Usd.Stage.Open(open_layer(surface), Usd.Stage.LoadNone)
-    whole = UsdGeom.Mesh(source.GetPrimAtPath(f"/{name}/{BRANCHES}"))
+    source = Usd.Stage.Open(open_copy(surface), Usd.Stage.LoadNone)
+    whole = UsdGeom.Mesh(source.GetPrimAtPath(f"/{surface_name}/{BRANCHES}"))
     if not whole:
         return None
     points_m, counts, vertices = _read_mesh(whole, surface)
@@ -65,7 +71,8 @@ def write_bare_branches_layer(
     material = UsdShade.MaterialBindingAPI(whole).GetDirectBinding().GetMaterialPath()
     if material:
         binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
-        binding.Bind(UsdShade.Material(stage.OverridePrim(material)))
+        here = material.ReplacePrefix(Sdf.Path(f"/{surface_name}"), Sdf.Path(f"/{name}"))
+        binding.Bind(UsdShade.Material(stage.OverridePrim(here)))
     export_layer(stage, path)
     return np.array(mesh.GetExtentAttr().Get(), np.float64)
 
@@ -79,9 +86,8 @@ def _read_mesh(mesh: UsdGeom.Mesh, surface: Path) -> tuple[NDArray[np.float32], 
     points, counts, vertices = (kind() if value is None else value for value, kind in zip(held, _KINDS, strict=True))
     reason = _why_no_mesh(points, counts, vertices)
     if reason:
-        file = f"{surface.parent.name}/{surface.name}"  # a copy, where no one looks; the same below the asset's folder
         raise AssetError(
-            f"{file}: the mesh {mesh.GetPath()} is broken ({reason}); mend it, or build the branches again"
+            f"{surface}: the mesh <{mesh.GetPath()}> is broken ({reason}); mend it, or build the branches again"
         )
     return (
         np.array(points, np.float32).reshape(-1, 3),

@@ -112,8 +112,8 @@ def read_edits(prim: Usd.Prim) -> LeafEdits:
         single = isinstance(getattr(NEUTRAL, field), float)
         numbers = stored_numbers(value, () if single else (3,))
         if numbers is None:
-            needed = "one number" if single else "three numbers"
-            raise AssetError(f"primvars:{name} holds {value} where {needed} are an edit ({place(prim)}); set it again")
+            needed = "one number is" if single else "three numbers are"
+            raise AssetError(f"primvars:{name} holds {value}, {needed} needed ({place(prim)}); set the edit again")
         held[field] = float(numbers) if single else tuple(map(float, numbers))
     try:
         return LeafEdits(**held)
@@ -160,7 +160,7 @@ def read_array(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.
     values = np.asarray(held)
     if values.dtype.kind not in "iuf" or not values.ndim:
         raise AssetError(
-            f"{name} holds a {attribute.GetTypeName()} where numbers are needed, one element a leaf ({place(prim)}); "
+            f"{name} holds no numbers, and {shape[0]} elements are needed, one a leaf ({place(prim)}); "
             "write the leaves again, or drop the layer that changed them"
         )
     if values.shape != shape:

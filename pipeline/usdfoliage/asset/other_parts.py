@@ -135,7 +135,7 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
     name = plant.GetName()
     root = open_layer(interface).GetPrimAtPath(f"/{name}")
     selected = dict(root.variantSelections) if root else {}
-    lods = {each: variant.primSpec for each, variant in held.variantSets["lod"].variants.items()}
+    lods = {each: variant.primSpec for each, variant in _variants(held, "lod").items()}
     near = lods.get("leaves")
     names = list(near.variantSetNameList.prependedItems) if near is not None else []
     sets = [_read_set(near, each, selected.get(each, "")) for each in names if each != REPRESENTATION]
@@ -144,8 +144,10 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
     extents = _surface_extents(payload, name, sets)
     guides = [_layer_extent(payload / layer, f"/{name}/{SKELETON}") for layer in shared]
     if {"rig", "growth"} & {each.name for each in sets}:  # what moves goes farther than its extents at rest
-        hint = root.variantSets["lod"].variants["leaves"].primSpec.attributes.get("extentsHint")
-        extents += [_box(hint.default[:2], f"{interface} <{root.path}>")] if hint is not None else []
+        shown = _variants(root, "lod").get("leaves")
+        hint = shown.primSpec.attributes.get("extentsHint") if shown is not None else None
+        if hint is not None and hint.default is not None:
+            extents.append(_box(hint.default[:2], f"{interface} <{root.path}>"))
     crown = f"./{CROWN_LAYER}"
     has_crown, has_bare = (
         any(layer in _layers(spec) for spec in lods.values()) for layer in (crown, f"./{BARE_LAYER}")
@@ -310,9 +312,16 @@ def copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeaves
 
 
 def _read_set(held: Sdf.PrimSpec, name: str, selected: str) -> VariantSet:
-    variants = held.variantSets[name].variants
+    variants = _variants(held, name)
     names = sorted(variants.keys(), key=lambda each: (each != selected, each))
     return VariantSet(name=name, variants={each: _layers(variants[each].primSpec) for each in names})
+
+
+def _variants(prim: Sdf.PrimSpec, name: str) -> dict[str, Sdf.VariantSpec]:
+    if name not in prim.variantSets:
+        layer = prim.layer
+        raise AssetError(f"{layer.realPath} <{prim.path}> has no variant set {name}; write the asset again")
+    return dict(prim.variantSets[name].variants.items())
 
 
 def _layers(prim: Sdf.PrimSpec) -> list[str]:

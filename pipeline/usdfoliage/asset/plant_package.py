@@ -125,7 +125,8 @@ def write_plant_asset(
         surface = _coarse_surface(branches)
         hull = _hull_to_pierce(branches, crown) if surface is not None else None
         if surface is not None and hull is not None:
-            bare_m = write_bare_branches_layer(payload / BARE_LAYER, name, payload / surface, *hull)
+            source = branches.interface.parent / "payload" / surface
+            bare_m = write_bare_branches_layer(payload / BARE_LAYER, name, source, branches.name, *hull)
             branches = replace(branches, bare_m=bare_m)
     bare_m = branches.bare_m if branches is not None else None
     crown_m = box_around([crown_m, bare_m]) if crown_m is not None and bare_m is not None else crown_m
