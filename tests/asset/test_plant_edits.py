@@ -97,10 +97,8 @@ def test_baking_carries_branches_crown_and_thumbnail_over(asset, tmp_path, selec
     assert bound.GetPath() == Sdf.Path("/ash/mtl/Crown")
 
 
-def bake(asset, output):
-    request = BakeRequest(
-        asset=asset, output=output, name="ash", representations=None, resolution=None, source="bezier"
-    )
+def bake(asset, output, name="oak"):
+    request = BakeRequest(asset=asset, output=output, name=name, representations=None, resolution=None, source="bezier")
     return bake_asset(request)
 
 
@@ -122,7 +120,7 @@ def test_baking_an_older_asset_puts_its_crown_on_the_trunk(older, tmp_path):
     made = [bake(asset, tmp_path / name) for asset, name in zip(older, ("a", "b"), strict=True)]
     assert files(made[0].asset.parent) == files(made[1].asset.parent)
     assert "payload/branches_bare.usdc" in files(made[0].asset.parent)
-    stage = open_asset(made[0].asset)
+    stage = open_asset(bake(older[0], tmp_path / "c", "ash").asset)
     show(stage, "crown")
     bound, _ = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/ash/geo/proxy/Branches")).ComputeBoundMaterial()
     assert bound.GetPath() == Sdf.Path("/ash/mtl/Bark")

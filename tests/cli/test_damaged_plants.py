@@ -86,6 +86,14 @@ def test_bake_of_an_extent_that_is_no_box(copy, tmp_path, capsys, prim, held):
     assert not (tmp_path / "baked").exists()
 
 
+@pytest.mark.parametrize(
+    "held", [STRING, (Sdf.ValueTypeNames.Float3Array, Vt.Vec3fArray([(0, 0, 0)]))], ids=["text", "one"]
+)
+def test_edit_of_leaves_whose_extent_is_no_box(copy, tmp_path, held):
+    put(copy, LEAVES, "extent", *held)
+    assert run("edit", copy, "--width", 9, "-o", tmp_path / "look.usda") == 0
+
+
 @pytest.mark.parametrize("name", ["points", "faceVertexCounts", "faceVertexIndices"])
 def test_bake_of_a_surface_of_another_type_that_the_crown_is_to_pierce(copy, tmp_path, capsys, name):
     put(copy, BRANCHES, name, *STRING)
