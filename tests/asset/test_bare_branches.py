@@ -139,7 +139,7 @@ def set_value(name, change):
     ],
 )
 def test_a_surface_that_somebody_broke_is_told_of(tmp_path, name, change, said):
-    with pytest.raises(AssetError, match=rf"^payload/branches_order1.usdc: .* {SURFACE} is broken \(.*{said}.*mend"):
+    with pytest.raises(AssetError, match=rf"payload/branches_order1.usdc: .* <{SURFACE}> is broken \(.*{said}.*mend"):
         with_surface(tmp_path, set_value(name, change))
 
 

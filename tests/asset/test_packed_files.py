@@ -1,14 +1,18 @@
 """Assets that are packed as usdz."""
 
+import shutil
 import zipfile
 from pathlib import Path
 
 import pytest
+from cli.leaf_commands import refused, run
 from plant_assets import write_whole_plant
 from pxr import Sdf, UsdUtils
 from usdfoliage.asset.contents import list_files
+from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.other_parts import read_other_parts
 from usdfoliage.asset.packed_files import file_of, size_bytes, unpacked
+from usdfoliage.asset.publish import is_asset_folder
 from usdfoliage.asset.studio_profile import StudioRules
 from usdfoliage.asset.studio_rules import check_files
 from usdfoliage.asset.validation import validate_asset
@@ -75,3 +79,18 @@ def test_a_file_is_unpacked_for_so_long(packed):
 def test_parts_are_taken_from_folders_alone(packed):
     with pytest.raises(AssetError, match=r"oak.usdz is a package; unpack it"):
         read_other_parts(packed[0])
+
+
+def test_the_folder_of_a_package_is_the_users(packed, tmp_path, capsys):
+    package = Path(shutil.copy(packed[0], tmp_path))
+    notes = tmp_path / "notes.txt"
+    notes.write_text("mine")
+    assert not is_asset_folder(tmp_path)
+    assert "other things than one asset" in refused(capsys, "scatter", "-n", 1, "-o", tmp_path)
+    assert package.is_file()
+    assert notes.is_file()
+    look = tmp_path / "wide.usda"
+    assert run("edit", package, "--width", 2, "-o", look) == 0  # beside the package, as anywhere else
+    assert open_asset(look).GetPrimAtPath("/oak/geo/render/Leaves").GetAttribute("primvars:leaf:edit:width").Get() == 2
+    for asset in (package, look):
+        assert "is a package; unpack it" in refused(capsys, "bake", asset, "-o", tmp_path / "baked")

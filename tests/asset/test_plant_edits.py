@@ -1,8 +1,11 @@
 """Looks of a whole plant, and what baking carries over."""
 
+import shutil
+
 import numpy as np
 import pytest
-from plant_assets import RUN, round_crown, write_whole_plant
+from cli.leaf_commands import files
+from plant_assets import RUN, high_crown, round_crown, write_whole_plant
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 from usdfoliage.asset.look import open_asset, write_look_layer
 from usdfoliage.asset.other_parts import read_other_parts
@@ -92,6 +95,70 @@ def test_baking_carries_branches_crown_and_thumbnail_over(asset, tmp_path, selec
                 assert after.GetAttribute(attribute.GetName()).Get() == held
     bound, _ = UsdShade.MaterialBindingAPI(new.GetPrimAtPath("/ash/geo/proxy/Crown")).ComputeBoundMaterial()
     assert bound.GetPath() == Sdf.Path("/ash/mtl/Crown")
+
+
+def bake(asset, output, name="oak"):
+    request = BakeRequest(asset=asset, output=output, name=name, representations=None, resolution=None, source="bezier")
+    return bake_asset(request)
+
+
+@pytest.fixture
+def older(tmp_path):
+    """An asset as it was written before crowns were shown with the trunk below them, and one of today."""
+    today = write_whole_plant(tmp_path / "oak", crown=high_crown())
+    shutil.copytree(today.parent, tmp_path / "older")
+    payload = tmp_path / "older" / "payload"
+    (payload / "branches_bare.usdc").unlink()
+    text = (payload / "payload.usda").read_text()
+    (payload / "payload.usda").write_text(
+        "".join(line for line in text.splitlines(keepends=True) if "branches_bare" not in line)
+    )
+    return tmp_path / "older" / "oak.usda", today
+
+
+def test_baking_an_older_asset_puts_its_crown_on_the_trunk(older, tmp_path):
+    made = [bake(asset, tmp_path / name) for asset, name in zip(older, ("a", "b"), strict=True)]
+    assert files(made[0].asset.parent) == files(made[1].asset.parent)
+    assert "payload/branches_bare.usdc" in files(made[0].asset.parent)
+    stage = open_asset(bake(older[0], tmp_path / "c", "ash").asset)
+    show(stage, "crown")
+    bound, _ = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/ash/geo/proxy/Branches")).ComputeBoundMaterial()
+    assert bound.GetPath() == Sdf.Path("/ash/mtl/Bark")
+    assert [any("stands out of the crown" in note for note in each.notes) for each in made] == [True, False]
+
+
+def test_a_crown_to_the_ground_and_one_without_branches_are_baked_without_a_note(tmp_path):
+    for name, branches in (("whole", True), ("leafy", False)):
+        made = bake(write_whole_plant(tmp_path / name, branches=branches), tmp_path / f"{name}_baked")
+        assert made.notes == ()
+        assert not (made.asset.parent / "payload" / "branches_bare.usdc").exists()
+
+
+@pytest.mark.parametrize(
+    ("break_it", "said"),
+    [
+        (lambda folder: (folder / "maps" / "oak_crown_radius.exr").unlink(), "oak_crown_radius.exr cannot be read"),
+        (
+            lambda folder: shutil.copy(*(folder / "maps" / f"oak_crown_{which}.exr" for which in ("color", "radius"))),
+            "oak_crown_radius.exr holds no radii",
+        ),
+        (
+            lambda folder: clear_value(folder / "payload" / "crown.usdc", "/oak/geo/proxy/Crown.foliage:crown:center"),
+            "crown.usdc lacks the radius map or the centre",
+        ),
+    ],
+)
+def test_an_older_asset_whose_crown_says_no_radius_is_refused(older, tmp_path, break_it, said):
+    break_it(older[0].parent)
+    with pytest.raises(AssetError, match=said):
+        bake(older[0], tmp_path / "baked")
+    assert not (tmp_path / "baked").exists()
+
+
+def clear_value(path, attribute):
+    layer = Sdf.Layer.FindOrOpen(str(path))
+    layer.GetAttributeAtPath(attribute).ClearDefaultValue()
+    layer.Save()
 
 
 def test_a_crown_takes_the_place_of_another(asset, tmp_path):

@@ -4,19 +4,13 @@ import numpy as np
 import pytest
 from crown_shapes import ellipsoid_radius
 from usdfoliage.crown.bare_faces import find_bare_faces
-from usdfoliage.crown.model import CrownModel
 
 CENTER = np.array([1.0, 5.0, -2.0])
 
 
 def ball(radius_m=2.0, size=17):
-    return CrownModel(
-        radius_m=ellipsoid_radius((radius_m,) * 3, size).astype(np.float32),
-        color=np.zeros((6, size, size, 3), np.float32),
-        center_m=CENTER,
-        relief_weight=0.0,
-        asset_from_photo=np.eye(4),
-    )
+    """Radius and centre of a crown."""
+    return ellipsoid_radius((radius_m,) * 3, size).astype(np.float32), CENTER
 
 
 def tube(first, last, rings, sides=4, radius_m=0.01):
@@ -36,7 +30,7 @@ def tube(first, last, rings, sides=4, radius_m=0.01):
 def test_a_trunk_ends_as_deep_in_the_crown_as_was_asked():
     points, counts, vertices = tube((0, -4, 0), (0, 1, 0), rings=501)
     for sunk in (0.0, 0.15, 0.5):
-        kept = find_bare_faces(points, counts, vertices, ball(), sunk)
+        kept = find_bare_faces(points, counts, vertices, *ball(), sunk)
         seen = points[np.unique(vertices[np.repeat(kept, counts)]), 1] - CENTER[1]
         assert seen.min() == pytest.approx(-4)
         assert seen.max() == pytest.approx(-2 * (1 - sunk), abs=0.011)  # a ring is 0.01 m
@@ -44,9 +38,9 @@ def test_a_trunk_ends_as_deep_in_the_crown_as_was_asked():
 
 def test_what_stays_below_the_surface_is_left_out():
     shallow = tube((-0.9, -1.6, 0), (0.9, -1.6, 0), rings=50)  # nowhere farther than 1.84 from the centre
-    assert not find_bare_faces(*shallow, ball()).any()
+    assert not find_bare_faces(*shallow, *ball()).any()
     deep = tube((0, 0, 0), (0, 1, 0), rings=50)  # through the centre itself
-    assert not find_bare_faces(*deep, ball()).any()
+    assert not find_bare_faces(*deep, *ball()).any()
 
 
 def test_of_several_branches_those_alone_are_kept_that_come_out():
@@ -58,7 +52,9 @@ def test_of_several_branches_those_alone_are_kept_that_come_out():
     first = np.cumsum([0] + [len(points) for points, _, _ in parts])
     points, counts = (np.concatenate([part[number] for part in parts]) for number in (0, 1))
     vertices = np.concatenate([part[2] + start for part, start in zip(parts, first, strict=False)])
-    kept = np.split(find_bare_faces(points, counts, vertices, ball()), np.cumsum([len(part[1]) for part in parts])[:-1])
+    kept = np.split(
+        find_bare_faces(points, counts, vertices, *ball()), np.cumsum([len(part[1]) for part in parts])[:-1]
+    )
     assert kept[0].any()
     assert not kept[0].all()
     assert not kept[1].any()
@@ -67,12 +63,12 @@ def test_of_several_branches_those_alone_are_kept_that_come_out():
 
 def test_faces_of_any_size_and_none_at_all_are_borne():
     points = CENTER + np.array([[3, 0, 0], [3, 1, 0], [3, 0, 1], [0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0.1, 0.1]])
-    kept = find_bare_faces(points, np.array([3, 4]), np.array([0, 1, 2, 3, 4, 5, 6]), ball())
+    kept = find_bare_faces(points, np.array([3, 4]), np.array([0, 1, 2, 3, 4, 5, 6]), *ball())
     assert kept.tolist() == [True, False]
-    assert find_bare_faces(np.zeros((0, 3)), np.zeros(0, int), np.zeros(0, int), ball()).shape == (0,)
+    assert find_bare_faces(np.zeros((0, 3)), np.zeros(0, int), np.zeros(0, int), *ball()).shape == (0,)
 
 
 def test_a_depth_that_cannot_be_is_refused():
     for sunk in (-0.1, 1.0, np.nan):
         with pytest.raises(ValueError, match="sunk"):
-            find_bare_faces(*tube((0, -4, 0), (0, 1, 0), rings=4), ball(), sunk)
+            find_bare_faces(*tube((0, -4, 0), (0, 1, 0), rings=4), *ball(), sunk)

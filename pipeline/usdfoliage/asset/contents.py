@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,11 @@ from usdfoliage.asset.locate import find_interface, find_plants, first_reason, l
 from usdfoliage.asset.look import Look, read_look
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.package import REPRESENTATIONS, LeafLook
-from usdfoliage.asset.packed_files import is_packed, shown_name, size_bytes
+from usdfoliage.asset.packed_files import is_package, is_packed, shown_name, size_bytes
 from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
+from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.errors import AssetError
 
 _FOLIAGE = "Foliage"  # begins the names of our schemas
@@ -102,13 +104,13 @@ def read_plant_facts(plant: Usd.Prim, interface: Path) -> PlantFacts:
     stage = plant.GetStage()
     sets = plant.GetVariantSets()
     names = list(sets.GetNames())
-    hint = UsdGeom.ModelAPI(plant).GetExtentsHint()
-    corners = np.array(hint, np.float64).reshape(-1, 2, 3) if hint else np.zeros((0, 2, 3))
+    hint = stored_numbers(UsdGeom.ModelAPI(plant).GetExtentsHint(), (None, 3))
+    corners = np.zeros((0, 2, 3)) if hint is None else hint[: len(hint) // 2 * 2].reshape(-1, 2, 3)
     held = corners[(corners[:, 0] <= corners[:, 1]).all(axis=1)]  # an empty purpose has its corners swapped
-    matrix = plant.GetAttribute("foliage:captureToAsset").Get()
+    matrix = stored_numbers(plant.GetAttribute("foliage:captureToAsset").Get(), (4, 4))
     return PlantFacts(
         name=plant.GetName(),
-        asset_from_capture=np.eye(4) if matrix is None else np.array(matrix).T,
+        asset_from_capture=np.eye(4) if matrix is None else matrix.T,
         version=str(Usd.ModelAPI(plant).GetAssetVersion() or ""),
         provenance=_read_provenance(plant, interface),
         variants={name: tuple(_variant_names(plant, name)) for name in names},
@@ -166,23 +168,33 @@ def read_crown_facts(prim: Usd.Prim) -> CrownFacts:
     """What the crown at prim says.
 
     Raises:
-        AssetError: A fact is missing.
+        AssetError: A fact is missing, or is no such number.
     """
-    held = {}
-    for name in ("center", "radiusRange", "reliefWeight", "radiusMap", "colorMap"):
-        value = prim.GetAttribute(f"foliage:crown:{name}").Get()
-        if value is None:
-            raise AssetError(f"foliage:crown:{name} is missing ({place(prim)}); write the asset again")
-        held[name] = value
-    x, y, z = map(float, held["center"])
-    low, high = map(float, held["radiusRange"])
+    x, y, z = _crown_numbers(prim, "center", (3,))
+    low, high = _crown_numbers(prim, "radiusRange", (2,))
     return CrownFacts(
-        center_m=(x, y, z),
-        radius_range_m=(low, high),
-        relief_weight=float(held["reliefWeight"]),
-        radius_map=_file(held["radiusMap"]),
-        color_map=_file(held["colorMap"]),
+        center_m=(float(x), float(y), float(z)),
+        radius_range_m=(float(low), float(high)),
+        relief_weight=float(_crown_numbers(prim, "reliefWeight", ())),
+        radius_map=_file(_crown_value(prim, "radiusMap")),
+        color_map=_file(_crown_value(prim, "colorMap")),
     )
+
+
+def _crown_value(prim: Usd.Prim, name: str) -> Any:
+    value = prim.GetAttribute(f"foliage:crown:{name}").Get()
+    if value is None:
+        raise AssetError(f"foliage:crown:{name} is missing ({place(prim)}); write the asset again")
+    return value
+
+
+def _crown_numbers(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    value = _crown_value(prim, name)
+    numbers = stored_numbers(value, shape)
+    if numbers is None:
+        needed = f"{shape[0]} numbers are" if shape else "a number is"
+        raise AssetError(f"foliage:crown:{name} holds {value}, {needed} needed ({place(prim)}); write the asset again")
+    return numbers
 
 
 def prototype_segments(leaves: Usd.Prim) -> int | None:
@@ -222,7 +234,7 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
         raise AssetError(f"{interface} cannot be read: {why}; write the asset again") from error
     log_diagnostics(diagnostics)
     paths = [Path(layer.realPath) for layer in layers] or [interface.absolute()]
-    if interface.suffix.lower() == ".usdz":  # by itself its first layer is called by the name of the package
+    if is_package(interface):  # by itself its first layer is called by the name of the package
         paths[0] = Path(f"{interface.absolute()}[{Sdf.ZipFile.Open(str(interface)).GetFileNames()[0]}]")
     first, *rest = [_file_of(path, folder) for path in paths]
     return (
@@ -305,7 +317,9 @@ def _text(prim: Usd.Prim, name: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _file(held: Sdf.AssetPath) -> Path | None:
+def _file(held: object) -> Path | None:
+    if not isinstance(held, Sdf.AssetPath):
+        return None
     path = held.resolvedPath or Ar.GetResolver().Resolve(held.path)
     return Path(str(path)) if str(path) and (Path(str(path)).is_file() or is_packed(Path(str(path)))) else None
 

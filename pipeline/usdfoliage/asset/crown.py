@@ -7,12 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from usdfoliage.asset.cubemap_exr import write_color_cubemap, write_radius_cubemap
+from usdfoliage.asset.cubemap_exr import read_cubemap, write_color_cubemap, write_radius_cubemap
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
+from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.materials import CROWN_MATERIAL
 from usdfoliage.asset.plant import CROWN
 from usdfoliage.asset.schema import CROWN_API
+from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.crown.model import CrownModel
+from usdfoliage.errors import AssetError
 from usdfoliage.geometry.crown_mesh import CrownMesh, build_crown_mesh
 
 
@@ -79,6 +82,28 @@ def write_crown_layer(path: Path, name: str, crown: CrownPrim) -> None:
     author_crown(stage, crown_path, crown)
     author_crown_binding(stage, crown_path, Sdf.Path(f"/{name}/{CROWN_MATERIAL}"))
     export_layer(stage, path)
+
+
+def read_crown_radius(path: Path, name: str) -> tuple[NDArray[np.floating], NDArray[np.float64]]:
+    """The radius cubemap (6, N, N) of a crown, in metres, and its centre (3,), as write_crown_layer wrote them.
+
+    Raises:
+        AssetError: The layer or the cubemap cannot be read, or the crown does not say where they are.
+    """
+    stage = Usd.Stage.Open(open_layer(path), Usd.Stage.LoadNone)
+    crown = stage.GetPrimAtPath(f"/{name}/{CROWN}")
+    radius_map, center = (
+        crown.GetAttribute(f"foliage:crown:{fact}").Get(Usd.TimeCode.EarliestTime()) if crown else None
+        for fact in ("radiusMap", "center")
+    )
+    center_m = stored_numbers(center, (3,))
+    if not isinstance(radius_map, Sdf.AssetPath) or not radius_map.path or center_m is None:
+        raise AssetError(f"{path} lacks the radius map or the centre of the crown </{name}/{CROWN}>; build it again")
+    file = Path(radius_map.resolvedPath or path.parent / radius_map.path)
+    pixels = read_cubemap(file).pixels
+    if pixels.ndim != 3 or not (np.isfinite(pixels).all() and pixels.min() > 0):
+        raise AssetError(f"{file} holds no radii, which are one number above 0 a texel; build the crown again")
+    return pixels, center_m
 
 
 def author_crown(stage: Usd.Stage, path: Sdf.Path, crown: CrownPrim) -> UsdGeom.Mesh:

@@ -6,6 +6,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from usdfoliage.asset.packed_files import is_packed, unpacked
 from usdfoliage.errors import CaptureError
 
 LEAST_TEXELS = 2  # one alone is no wave
@@ -16,9 +17,13 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
     """One cycle of the jitter (M,), -1 inwards to 1 outwards: the first row of the image's first channel, 0 to 1.
 
     Raises:
+        AssetError: It is not in the package that it should lie in.
         CaptureError: The file is missing, is no image, is narrower than LEAST_TEXELS or wider than MOST_TEXELS, or has
             values outside 0 to 1.
     """
+    if is_packed(path):
+        with unpacked(path) as file:
+            return read_jitter_map(file)
     if not path.is_file():
         raise CaptureError(f"{path} is missing; name an image whose first row is one cycle of the jitter")
     try:

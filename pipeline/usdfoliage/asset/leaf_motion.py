@@ -18,8 +18,10 @@ from usdfoliage.asset.layer import FIRST_FRAME, author_frames, export_layer, new
 from usdfoliage.asset.leaf_fallbacks import patch_paths
 from usdfoliage.asset.leaf_gprims import outward_corners
 from usdfoliage.asset.leaves import PLACE, edited_leaves, set_places
+from usdfoliage.asset.locate import open_copy
 from usdfoliage.asset.package import REPRESENTATIONS
 from usdfoliage.asset.plant import LEAVES, box_around
+from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.asset.variants import each_variant
 from usdfoliage.branch.rig import Skin
 from usdfoliage.leaf.bounds import leaf_bounds_m
@@ -186,9 +188,10 @@ def adapt_leaf_motion(layer: Sdf.Layer, name: str, drawn: DrawnLeaves) -> list[B
 
 def read_points(layer: Path, path: Sdf.Path) -> NDArray[np.float64]:
     """Points (P, 3) of the prim at path in a layer of ours; none where it has none."""
-    held = Sdf.Layer.OpenAsAnonymous(str(layer))  # a name of its own: path may be open with what it held before
+    held = open_copy(layer)  # that goes when nothing holds it, and what is in it too
     points = held.GetAttributeAtPath(path.AppendProperty("points"))
-    return np.zeros((0, 3)) if points is None else np.array(points.default, np.float64).reshape(-1, 3)
+    points_m = None if points is None else stored_numbers(points.default, (None, 3))
+    return np.zeros((0, 3)) if points_m is None else points_m
 
 
 def _moves(placed: Leaves, still: Leaves, name: str) -> bool:

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from pxr import Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.look_layer import EDITS, EditValue, author_edit
+from usdfoliage.asset.packed_files import is_packed
+from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.errors import AssetError
-from usdfoliage.leaf.edits import LeafEdits
+from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.model import PARAMETERS, Leaves
 
 JITTER_MAP = "foliage:leaf:jitterMap"
@@ -107,7 +109,12 @@ def read_edits(prim: Usd.Prim) -> LeafEdits:
         if not attribute or not attribute.HasAuthoredValue():
             continue
         value = attribute.Get(Usd.TimeCode.EarliestTime())
-        held[field] = tuple(map(float, value)) if isinstance(value, Gf.Vec3f) else float(value)
+        single = isinstance(getattr(NEUTRAL, field), float)
+        numbers = stored_numbers(value, () if single else (3,))
+        if numbers is None:
+            needed = "one number is" if single else "three numbers are"
+            raise AssetError(f"primvars:{name} holds {value}, {needed} needed ({place(prim)}); set the edit again")
+        held[field] = float(numbers) if single else tuple(map(float, numbers))
     try:
         return LeafEdits(**held)
     except ValueError as error:
@@ -128,11 +135,12 @@ def read_jitter_map_path(prim: Usd.Prim) -> Path | None:
     """
     attribute = prim.GetAttribute(JITTER_MAP)
     held = attribute.Get() if attribute and attribute.HasAuthoredValue() else None
-    if held is None or not held.path:
+    if not isinstance(held, Sdf.AssetPath) or not held.path:
         return None
-    if not held.resolvedPath or not Path(held.resolvedPath).is_file():
+    path = Path(held.resolvedPath)
+    if not held.resolvedPath or not (path.is_file() or is_packed(path)):
         raise AssetError(f"the jitter map {held.path} is missing ({place(prim)}); put the file there or block the map")
-    return Path(held.resolvedPath)
+    return path
 
 
 def read_array(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -150,6 +158,11 @@ def read_array(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.
     if held is None:
         raise AssetError(f"{name} is missing ({place(prim)}); {shape[0]} elements are needed, one a leaf")
     values = np.asarray(held)
+    if values.dtype.kind not in "iuf" or not values.ndim:
+        raise AssetError(
+            f"{name} holds no numbers, and {shape[0]} elements are needed, one a leaf ({place(prim)}); "
+            "write the leaves again, or drop the layer that changed them"
+        )
     if values.shape != shape:
         raise AssetError(
             f"{name} has {len(values)} elements where {shape[0]} are needed, one a leaf ({place(prim)}); "

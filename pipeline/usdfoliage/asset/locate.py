@@ -61,6 +61,21 @@ def open_layer(path: Path) -> Sdf.Layer:
     return layer
 
 
+def open_copy(path: Path) -> Sdf.Layer:
+    """A copy of a layer, in memory, of what the file holds now; USD may have it open as it was.
+
+    Raises:
+        AssetError: It cannot be read as USD.
+    """
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(path))
+    except Tf.ErrorException as error:
+        raise AssetError(f"{path} cannot be read as USD; write the asset again") from error
+    if layer is None:
+        raise AssetError(f"{path} is missing or no USD; write the asset again")
+    return layer
+
+
 MISSING = "no such file"
 NO_FILE = "no regular file"
 NO_TEXT = "no UTF-8"  # USD's messages quote it, and cannot be read then

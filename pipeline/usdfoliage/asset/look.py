@@ -42,6 +42,7 @@ from usdfoliage.asset.look_layer import (
     placement_class,
     way_between,
 )
+from usdfoliage.asset.packed_files import is_package
 from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.asset.schema import PLANT_API, require_schemas
 from usdfoliage.errors import AssetError
@@ -238,7 +239,7 @@ def check_look_output(path: Path, interface: Path, *, force: bool = False) -> Pa
     if path.suffix != ".usda":
         raise AssetError(f"{path} cannot be a look: its name must end with .usda")
     folder = Path(os.path.realpath(interface)).parent
-    if target.is_relative_to(folder):
+    if target.is_relative_to(folder) and not is_package(interface):
         raise AssetError(
             f"{path} lies in the asset's folder {folder}, which a look leaves as it is; write it elsewhere"
         )

@@ -8,7 +8,7 @@ import os
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 EditValue = float | tuple[float, float, float]
 
@@ -207,7 +207,10 @@ def _widen(
 ) -> None:
     """Where the extent does not hold what is needed, author one that holds what is wanted."""
     corners = boundable.GetExtentAttr().Get()
-    extent = _range(corners) if corners else needed
+    is_box = (
+        isinstance(corners, Vt.Vec3fArray) and len(corners) == 2
+    )  # else it is for validators, as one that is missing
+    extent = _range(corners) if is_box else needed
     if _contains(extent, needed):
         return
     over = stage.OverridePrim(boundable.GetPath().ReplacePrefix(plant.GetPath(), class_path))
@@ -217,7 +220,8 @@ def _widen(
 def _widen_hint(stage: Usd.Stage, class_path: Sdf.Path, plant: Usd.Prim, needed: Gf.Range3d) -> None:
     """The same for extentsHint, a pair of corners a purpose; an empty purpose has its corners swapped."""
     attribute = UsdGeom.ModelAPI(plant).GetExtentsHintAttr()
-    hint = list(attribute.Get() if attribute and attribute.HasAuthoredValue() else ())
+    held = attribute.Get() if attribute and attribute.HasAuthoredValue() else None
+    hint = list(held) if isinstance(held, Vt.Vec3fArray) else []
     pairs = [hint[first : first + 2] for first in range(0, len(hint) - 1, 2)]
     grown = [number < _SHOWN and not _range(pair).IsEmpty() for number, pair in enumerate(pairs)]
     if all(_contains(_range(pair), needed) for pair, grows in zip(pairs, grown, strict=True) if grows):

@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdMedia
+from pxr import Sdf, Usd, UsdGeom, UsdMedia
 
 from usdfoliage.asset.bare_branches import BARE_LAYER
 from usdfoliage.asset.interface import PAYLOAD
 from usdfoliage.asset.layer import save_layer
 from usdfoliage.asset.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion, read_points
-from usdfoliage.asset.locate import find_interface, find_plants, open_layer
+from usdfoliage.asset.leaf_primvars import place
+from usdfoliage.asset.locate import find_interface, find_plants, open_copy, open_layer
 from usdfoliage.asset.look_layer import REPRESENTATION
 from usdfoliage.asset.materials import LEAF_MATERIAL, MATERIALS
 from usdfoliage.asset.package import (
@@ -32,6 +33,7 @@ from usdfoliage.asset.package import (
     leaf_jitter,
     write_leaf_layers,
 )
+from usdfoliage.asset.packed_files import is_package
 from usdfoliage.asset.plant import (
     BARE_BRANCHES,
     BRANCHES,
@@ -43,6 +45,7 @@ from usdfoliage.asset.plant import (
     box_around,
 )
 from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits
@@ -104,7 +107,7 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
     layer = interface.parent / PAYLOAD
     held = open_layer(layer).GetPrimAtPath(f"/{name}") if layer.is_file() else None
     if held is None:
-        if interface.suffix.lower() == ".usdz":
+        if is_package(interface):
             raise AssetError(f"{interface} is a package; unpack it, as any zip file, and name the folder")
         raise AssetError(
             f"<{plant.GetPath()}> has branches besides its leaves, and {interface} is not their asset; name its folder"
@@ -132,7 +135,7 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
     name = plant.GetName()
     root = open_layer(interface).GetPrimAtPath(f"/{name}")
     selected = dict(root.variantSelections) if root else {}
-    lods = {each: variant.primSpec for each, variant in held.variantSets["lod"].variants.items()}
+    lods = {each: variant.primSpec for each, variant in _variants(held, "lod").items()}
     near = lods.get("leaves")
     names = list(near.variantSetNameList.prependedItems) if near is not None else []
     sets = [_read_set(near, each, selected.get(each, "")) for each in names if each != REPRESENTATION]
@@ -141,8 +144,10 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
     extents = _surface_extents(payload, name, sets)
     guides = [_layer_extent(payload / layer, f"/{name}/{SKELETON}") for layer in shared]
     if {"rig", "growth"} & {each.name for each in sets}:  # what moves goes farther than its extents at rest
-        hint = root.variantSets["lod"].variants["leaves"].primSpec.attributes.get("extentsHint")
-        extents += [np.array(hint.default[:2], np.float64)] if hint is not None else []
+        shown = _variants(root, "lod").get("leaves")
+        hint = shown.primSpec.attributes.get("extentsHint") if shown is not None else None
+        if hint is not None and hint.default is not None:
+            extents.append(_box(hint.default[:2], f"{interface} <{root.path}>"))
     crown = f"./{CROWN_LAYER}"
     has_crown, has_bare = (
         any(layer in _layers(spec) for spec in lods.values()) for layer in (crown, f"./{BARE_LAYER}")
@@ -175,7 +180,7 @@ def _surface_extents(payload: Path, name: str, sets: Sequence[VariantSet]) -> li
 def _layer_extent(path: Path, prim: str) -> NDArray[np.float64] | None:
     layer = open_layer(path)
     extent = layer.GetAttributeAtPath(f"{prim}.extent")
-    return None if extent is None or extent.default is None else np.array(extent.default, np.float64)
+    return None if extent is None or extent.default is None else _box(extent.default, f"{path} <{prim}>")
 
 
 def write_leaves_beside(
@@ -247,7 +252,7 @@ def fits_motion(others: OtherParts, payload: Path, name: str, representations: S
             return False
     if "bezier" not in representations:
         return False
-    before, after = (_open_copy(path / REPRESENTATIONS["bezier"]) for path in (source, payload))
+    before, after = (open_copy(path / REPRESENTATIONS["bezier"]) for path in (source, payload))
     for field in ("positions", "scales", "orientationsf"):
         was, now = (
             layer.GetAttributeAtPath(path.AppendProperty(field)) for layer, path in ((before, old), (after, new))
@@ -296,7 +301,7 @@ def copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeaves
             boxes += adapt_leaf_motion(copied, name, drawn)
         save_layer(copied, payload / layer)
     old = _open_renamed(source / MATERIAL_LAYER, others.name, name)
-    new = _open_copy(payload / MATERIAL_LAYER)
+    new = open_copy(payload / MATERIAL_LAYER)
     scope = old.GetPrimAtPath(f"/{name}/{MATERIALS}")
     for material in scope.nameChildren if scope else ():
         if material.path != Sdf.Path(f"/{name}/{LEAF_MATERIAL}") and not new.GetPrimAtPath(material.path):
@@ -307,9 +312,16 @@ def copy_layers(others: OtherParts, payload: Path, name: str, drawn: DrawnLeaves
 
 
 def _read_set(held: Sdf.PrimSpec, name: str, selected: str) -> VariantSet:
-    variants = held.variantSets[name].variants
+    variants = _variants(held, name)
     names = sorted(variants.keys(), key=lambda each: (each != selected, each))
     return VariantSet(name=name, variants={each: _layers(variants[each].primSpec) for each in names})
+
+
+def _variants(prim: Sdf.PrimSpec, name: str) -> dict[str, Sdf.VariantSpec]:
+    if name not in prim.variantSets:
+        layer = prim.layer
+        raise AssetError(f"{layer.realPath} <{prim.path}> has no variant set {name}; write the asset again")
+    return dict(prim.variantSets[name].variants.items())
 
 
 def _layers(prim: Sdf.PrimSpec) -> list[str]:
@@ -320,28 +332,26 @@ def _layers(prim: Sdf.PrimSpec) -> list[str]:
 
 def _extents(prim: Usd.Prim) -> list[NDArray[np.float64]]:
     held = UsdGeom.Boundable(prim).GetExtentAttr().Get() if prim else None
-    return [] if held is None or len(held) != 2 else [np.array(held, np.float64)]
+    return [] if held is None else [_box(held, place(prim))]
+
+
+def _box(extent: object, where: str) -> NDArray[np.float64]:
+    """An extent as a box (2, 3); AssetError for what is none, which would make hints of the new asset wrong."""
+    corners = stored_numbers(extent, (2, 3))
+    if corners is None or not np.isfinite(corners).all():
+        raise AssetError(f"the extent of {where} is no two corners of a box; compute it again")
+    return corners
 
 
 def _hint(plant: Usd.Prim) -> list[NDArray[np.float64]]:
     """The box of what is no guide, as the plant has it: what moves goes farther than its extents at rest."""
     held = UsdGeom.ModelAPI(plant).GetExtentsHint()
-    return [np.array(held[:2], np.float64)] if held else []
-
-
-def _open_copy(path: Path) -> Sdf.Layer:
-    try:
-        layer = Sdf.Layer.OpenAsAnonymous(str(path))
-    except Tf.ErrorException as error:
-        raise AssetError(f"{path} cannot be read as USD; write the asset again") from error
-    if layer is None:
-        raise AssetError(f"{path} is missing or no USD; write the asset again")
-    return layer
+    return [_box(held[:2], place(plant))] if held else []
 
 
 def _open_renamed(path: Path, old: str, new: str) -> Sdf.Layer:
     """A copy of a layer, in memory, whose root prim has another name; what points into it follows."""
-    layer = _open_copy(path)
+    layer = open_copy(path)
     if old != new and layer.GetPrimAtPath(f"/{old}"):
         if old not in layer.rootPrims:
             raise AssetError(f"{path} is damaged: it holds </{old}> and does not list it; write the asset again")
@@ -375,7 +385,7 @@ def keep_times(old: Sdf.Layer, path: Path) -> None:
     """Give a layer the range of time that another has."""
     known = [field for field in _TIMES if old.pseudoRoot.HasInfo(field)]
     if known:
-        layer = _open_copy(path)
+        layer = open_copy(path)
         for field in known:
             layer.pseudoRoot.SetInfo(field, old.pseudoRoot.GetInfo(field))
         save_layer(layer, path)

@@ -10,7 +10,13 @@ from pxr import Ar
 from usdfoliage.errors import AssetError
 
 
+def is_package(path: Path) -> bool:
+    """Whether a file is a package by its name; it is an asset by itself, and its folder is the user's."""
+    return path.suffix.lower() == ".usdz"
+
+
 def is_packed(path: Path) -> bool:
+    """Whether a path leads into a package."""
     return bool(Ar.IsPackageRelativePath(str(path)))
 
 
@@ -23,7 +29,7 @@ def shown_name(path: Path, folder: Path) -> str:
 
 def file_of(interface: Path, shown: str) -> Path:
     """The file that shown_name names, of the asset of that interface layer or package."""
-    return Path(f"{interface}[{shown}]") if interface.suffix.lower() == ".usdz" else interface.parent / shown
+    return Path(f"{interface}[{shown}]") if is_package(interface) else interface.parent / shown
 
 
 def size_bytes(path: Path) -> int:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.bare_branches import BARE_LAYER, write_bare_branches_layer
 from usdfoliage.asset.branch_package import BranchLeaves
+from usdfoliage.asset.crown import read_crown_radius
 from usdfoliage.asset.interface import PAYLOAD
 from usdfoliage.asset.leaf_motion import DrawnLeaves
 from usdfoliage.asset.locate import open_layer
@@ -122,8 +123,10 @@ def write_plant_asset(
     if branches is not None:
         branches, moving_m = _copy_branches(branches, payload, name, foliage)
         surface = _coarse_surface(branches)
-        if crown is not None and surface is not None:
-            bare_m = write_bare_branches_layer(payload / BARE_LAYER, name, payload / surface, crown)
+        hull = _hull_to_pierce(branches, crown) if surface is not None else None
+        if surface is not None and hull is not None:
+            source = branches.interface.parent / "payload" / surface
+            bare_m = write_bare_branches_layer(payload / BARE_LAYER, name, source, branches.name, *hull)
             branches = replace(branches, bare_m=bare_m)
     bare_m = branches.bare_m if branches is not None else None
     crown_m = box_around([crown_m, bare_m]) if crown_m is not None and bare_m is not None else crown_m
@@ -214,6 +217,20 @@ def _copy_branches(
         jitter=leaf_jitter(foliage.edits, foliage.look),
     )
     return branches, copy_layers(branches, payload, name, drawn)
+
+
+def _hull_to_pierce(
+    branches: OtherParts, crown: CrownModel | None
+) -> tuple[NDArray[np.floating], NDArray[np.float64]] | None:
+    """Radius and centre of the crown out of which branches are still to be found; None where there is none.
+
+    Earlier versions left out what stands out of a crown: it is made when such an asset is written anew.
+    """
+    if crown is not None:
+        return crown.radius_m, crown.center_m
+    if branches.crown_m is None or branches.bare_m is not None:
+        return None
+    return read_crown_radius(branches.interface.parent / "payload" / CROWN_LAYER, branches.name)
 
 
 def _coarse_surface(branches: OtherParts) -> str | None:

@@ -29,6 +29,7 @@ from pxr import Sdf, Tf, Vt
 
 from usdfoliage.asset.locate import check_usd_name, usd_files_at_top
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
+from usdfoliage.asset.packed_files import is_package
 from usdfoliage.errors import AssetError
 
 logger = logging.getLogger(__name__)
@@ -126,9 +127,9 @@ def foreign_files(folder: Path) -> list[str]:
 
 
 def _interface(folder: Path) -> Path | None:
-    """The one USD file at the top of folder."""
+    """The one USD file at the top of folder; None where it is a package, which users make, and put where they like."""
     layers = usd_files_at_top(folder)
-    return layers[0] if len(layers) == 1 else None
+    return layers[0] if len(layers) == 1 and not is_package(layers[0]) else None
 
 
 def _read_record(folder: Path) -> dict[str, Any] | None:

@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.cubemap import sample_cubemap
 
 SUNK = 0.15  # of the crown's radius: how deep what stands out goes on into it, where it ends unseen
@@ -15,7 +14,8 @@ def find_bare_faces(
     points_m: NDArray[np.floating],
     face_counts: NDArray[np.integer],
     face_vertices: NDArray[np.integer],
-    crown: CrownModel,
+    radius_m: NDArray[np.floating],
+    center_m: NDArray[np.floating],
     sunk: float = SUNK,
 ) -> NDArray[np.bool_]:
     """The faces that stand out of the crown, and those through which they reach into it.
@@ -24,7 +24,8 @@ def find_bare_faces(
         points_m: (P, 3), in the crown's frame.
         face_counts: (F,), vertices of each face, at least 1 each.
         face_vertices: (sum of face_counts,), indices of points_m.
-        crown: Its radius, and where its centre is.
+        radius_m: (6, N, N), the crown's distance from its centre (usdfoliage.crown.model.CrownModel).
+        center_m: (3,), its centre.
         sunk: In [0, 1), depth below the crown's surface, as a share of its radius there, at which they end.
 
     Returns:
@@ -37,10 +38,10 @@ def find_bare_faces(
         raise ValueError(f"sunk must be in [0, 1), not {sunk}")
     if not len(face_counts):
         return np.zeros(0, bool)
-    offset_m = np.asarray(points_m, np.float64) - crown.center_m
+    offset_m = np.asarray(points_m, np.float64) - center_m
     away_m = np.linalg.norm(offset_m, axis=1)
     toward = np.where(away_m[:, None] > 0, offset_m, (0.0, 1.0, 0.0))
-    surface_m = sample_cubemap(crown.radius_m, toward)
+    surface_m = sample_cubemap(radius_m, toward)
     first = np.concatenate([[0], np.cumsum(face_counts)[:-1]])
     outside = np.logical_or.reduceat((away_m > surface_m)[face_vertices], first)
     shallow = np.logical_or.reduceat((away_m > (1 - sunk) * surface_m)[face_vertices], first)

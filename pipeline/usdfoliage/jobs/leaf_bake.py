@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from usdfoliage import __version__
+from usdfoliage.asset.bare_branches import BARE_LAYER
 from usdfoliage.asset.branch_package import BranchLeaves
 from usdfoliage.asset.contents import (
     PlantFacts,
@@ -43,6 +44,8 @@ _STIFF = (
     "the leaves no longer follow branches that grow or sway, since they stand elsewhere or are divided otherwise; "
     "`usdfoliage branches` makes leaves that do"
 )
+
+_BARED = "what stands out of the crown, the trunk below it above all, is now shown with it; the asset had it in no lod"
 
 StepProgress = Callable[[str, float], None]
 
@@ -135,7 +138,8 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
         else:
             interface = write_leaves_beside(folder, given.name, leaves, given.others, provenance, *rest)
         stiff = given.others is not None and lost_leaf_motion(given.others, folder)
-    notes = (*given.notes, _STIFF) if stiff else given.notes
+        bared = given.others is not None and given.others.bare_m is None and (folder / "payload" / BARE_LAYER).exists()
+    notes = (*given.notes, *([_STIFF] if stiff else []), *([_BARED] if bared else []))
     return BakedAsset(asset=request.output / interface.name, lines=tuple(_lines(request, given)), notes=notes)
 
 

@@ -1,0 +1,23 @@
+"""Numbers in layers that others worked on: USD gives back whatever the strongest layer says, of whatever type."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def stored_numbers(value: object, shape: Sequence[int | None]) -> NDArray[np.float64] | None:
+    """A value of USD as float64 of that shape; None where it is missing, no numbers, or of another shape.
+
+    Args:
+        value: What an attribute holds.
+        shape: () for a single number; None stands for any length.
+    """
+    if value is None:
+        return None
+    held = np.asarray(value)
+    if held.dtype.kind not in "iuf" or held.ndim != len(shape):
+        return None
+    if any(needed is not None and length != needed for length, needed in zip(held.shape, shape, strict=True)):
+        return None
+    return held.astype(np.float64)
