@@ -151,6 +151,24 @@ def test_a_texture_that_somebody_broke_is_left_out(tmp_path):
     assert not UsdGeom.PrimvarsAPI(bare).GetPrimvar("st")
 
 
+@pytest.mark.parametrize("name", ["subdivisionScheme", "orientation", "primvars:displayColor", "primvars:st"])
+def test_what_is_of_another_type_is_left_out(tmp_path, name):
+    def change(layer):
+        prim = layer.GetPrimAtPath(SURFACE)
+        old = prim.attributes[name]
+        interpolation = old.GetInfo("interpolation") if old.HasInfo("interpolation") else None
+        prim.RemoveProperty(old)
+        new = Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.Int)
+        new.default = 3
+        if interpolation:
+            new.SetInfo("interpolation", interpolation)
+
+    stage = open_lod(with_surface(tmp_path, change), "crown")
+    bare = UsdGeom.Mesh(stage.GetPrimAtPath(BARE))
+    assert len(bare.GetPointsAttr().Get())
+    assert not bare.GetPrim().GetAttribute(name).HasAuthoredValue()
+
+
 def test_a_surface_that_moves_gives_the_trunk_at_its_first_time(tmp_path, asset):
     def move(layer):
         points = layer.GetAttributeAtPath(f"{SURFACE}.points")

@@ -4,8 +4,10 @@ import shutil
 import zipfile
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
-from cli.leaf_commands import refused, run
+from cli.leaf_commands import printed, refused, run
 from plant_assets import write_whole_plant
 from pxr import Sdf, UsdUtils
 from usdfoliage.asset.contents import list_files
@@ -79,6 +81,18 @@ def test_a_file_is_unpacked_for_so_long(packed):
 def test_parts_are_taken_from_folders_alone(packed):
     with pytest.raises(AssetError, match=r"oak.usdz is a package; unpack it"):
         read_other_parts(packed[0])
+
+
+def test_leaves_with_a_jitter_map_in_a_package(tmp_path, capsys):
+    wave = tmp_path / "wave.png"
+    cv2.imwrite(str(wave), np.linspace(0, 255, 32).astype(np.uint8)[None])
+    assert run("scatter", "-n", 2, "-o", tmp_path / "spray", "--representation", "bezier", "--jitter-map", wave) == 0
+    package = tmp_path / "spray.usdz"
+    assert UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(tmp_path / "spray" / "spray.usda")), str(package))
+    assert any(line.split() == ["jitter", "map", "spray_leaf_jitter.png"] for line in printed(capsys, "info", package))
+    assert run("edit", package, "--jitter", 0.02, 5, "-o", tmp_path / "look.usda") == 0
+    line = refused(capsys, "bake", package, "-o", tmp_path / "baked")
+    assert "spray_leaf_jitter.png] lies in a package; unpack that" in line
 
 
 def test_the_folder_of_a_package_is_the_users(packed, tmp_path, capsys):

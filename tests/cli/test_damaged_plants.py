@@ -30,7 +30,9 @@ def put(folder, prim, name, value_type, value):
     layer = Sdf.Layer.FindOrOpen(str(folder / "payload" / f"{CRATES[prim]}.usdc"))
     spec = layer.GetPrimAtPath(prim)
     spec.RemoveProperty(spec.attributes[name])
-    Sdf.AttributeSpec(spec, name, value_type).default = value
+    attribute = Sdf.AttributeSpec(spec, name, value_type)
+    if value is not None:
+        attribute.default = value
     layer.Save()
 
 
@@ -67,6 +69,19 @@ def test_info_of_a_hint_that_is_no_boxes(copy, capsys, corners):
     assert run("info", copy) == 0
     assert run("validate", copy) == 3
     assert "ExtentsHint" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "held",
+    [STRING, (Sdf.ValueTypeNames.Point3dArray, Vt.Vec3dArray([(0, 0, 0)])), (Sdf.ValueTypeNames.Point3fArray, None)],
+    ids=["text", "double", "none"],
+)
+def test_validate_finds_points_that_are_none(copy, capsys, held):
+    put(copy, BRANCHES, "points", *held)
+    assert run("validate", copy) == 3
+    streams = capsys.readouterr()
+    assert "internal fault" not in streams.err
+    assert "geo/render/Branches" in streams.out
 
 
 @pytest.mark.parametrize("prim", [BRANCHES, CROWN])

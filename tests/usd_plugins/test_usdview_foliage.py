@@ -206,6 +206,25 @@ def test_a_look_is_refused_where_it_cannot_be(tmp_path) -> None:
         live.write(str(tmp_path / "look.usdc"), edit_values(EDITED))
 
 
+@pytest.mark.parametrize(
+    ("primvar", "value_type", "value"),
+    [
+        ("curl", Sdf.ValueTypeNames.String, "x"),
+        ("curl", Sdf.ValueTypeNames.Float, 1.0),
+        ("width", Sdf.ValueTypeNames.Float3, Gf.Vec3f(1)),
+    ],
+)
+def test_an_edit_of_another_type_is_as_none(tmp_path, primvar, value_type, value) -> None:
+    stage = Usd.Stage.Open(str(write_spray(tmp_path / "spray", random_leaves(2))))
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    held = Sdf.CreatePrimInLayer(layer, leaves_of(stage).GetPath())
+    Sdf.AttributeSpec(held, f"primvars:leaf:edit:{primvar}", value_type).default = value
+    stage.GetSessionLayer().subLayerPaths.append(layer.identifier)
+    live = LiveLook(stage, stage.GetDefaultPrim())
+    assert primvar not in live.values()
+    assert "axis1" in live.values()
+
+
 def test_what_cannot_be_edited_is_said(tmp_path) -> None:
     stage, live = open_live(write_spray(tmp_path / "spray"))
     assert live.why_not() == ""

@@ -144,12 +144,17 @@ class LiveLook:
         return self._ranges[path]
 
 
+_SINGLE = ("width", "jitter_amplitude", "jitter_frequency")  # edits of one number; the others have three
+
+
 def _read(prim: Usd.Prim) -> dict:
-    """The edits of leaves that are authored."""
+    """The edits of leaves that are authored; one of another type, which a broken layer may hold, is as none."""
     held = {}
     for name, primvar in EDITS.items():
         attribute = prim.GetAttribute(f"primvars:{primvar}")
         value = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
-        if value is not None:
-            held[name] = float(value) if isinstance(value, (int, float)) else tuple(map(float, value))
+        if name in _SINGLE and isinstance(value, (int, float)):
+            held[name] = float(value)
+        elif name not in _SINGLE and isinstance(value, (Gf.Vec3f, Gf.Vec3d, Gf.Vec3h)):
+            held[name] = tuple(map(float, value))
     return held

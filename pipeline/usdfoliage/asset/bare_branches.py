@@ -10,6 +10,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.locate import open_copy
 from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES
+from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.crown.bare_faces import find_bare_faces
 from usdfoliage.errors import AssetError
 
@@ -63,8 +64,10 @@ def write_bare_branches_layer(
     mesh.CreatePointsAttr(points)
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(counts[kept].astype(np.int32)))
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(index.astype(np.int32)))
-    mesh.CreateSubdivisionSchemeAttr(whole.GetSubdivisionSchemeAttr().Get(_REST))
-    mesh.CreateOrientationAttr(whole.GetOrientationAttr().Get(_REST))
+    for attribute in (whole.GetSubdivisionSchemeAttr(), whole.GetOrientationAttr()):
+        token = attribute.Get(_REST)
+        if isinstance(token, str):  # else what the schema says
+            mesh.GetPrim().GetAttribute(attribute.GetName()).Set(token)
     mesh.CreateDoubleSidedAttr(False)  # open, but where the crown is around it
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
     _copy_primvars(whole, mesh, corner)
@@ -112,14 +115,15 @@ def _copy_primvars(whole: UsdGeom.Mesh, mesh: UsdGeom.Mesh, corner: NDArray[np.b
     """The colour, if it is one, and the st of the corners that are kept, if each has its own."""
     old, new = UsdGeom.PrimvarsAPI(whole), UsdGeom.PrimvarsAPI(mesh)
     color = old.GetPrimvar("displayColor")
-    if color.HasAuthoredValue() and color.GetInterpolation() == UsdGeom.Tokens.constant:
-        new.CreatePrimvar(color.GetPrimvarName(), color.GetTypeName(), UsdGeom.Tokens.constant).Set(color.Get(_REST))
+    one = stored_numbers(color.Get(_REST), (1, 3)) if color.HasAuthoredValue() else None
+    if one is not None and color.GetInterpolation() == UsdGeom.Tokens.constant:
+        shade = new.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.constant)
+        shade.Set(Vt.Vec3fArray.FromNumpy(one.astype(np.float32)))
     st = old.GetPrimvar("st")
     if st.HasAuthoredValue() and st.GetInterpolation() == UsdGeom.Tokens.faceVarying:
-        computed = st.ComputeFlattened(_REST)  # None where an index is of no value
-        flat = np.array([] if computed is None else computed, np.float32)
-        if len(flat) == len(corner) and flat.ndim == 2:
-            values, indices = np.unique(flat[corner], axis=0, return_inverse=True)
-            held = new.CreatePrimvar("st", st.GetTypeName(), UsdGeom.Tokens.faceVarying)
+        flat = stored_numbers(st.ComputeFlattened(_REST), (len(corner), 2))  # None where an index is of no value
+        if flat is not None:
+            values, indices = np.unique(flat[corner].astype(np.float32), axis=0, return_inverse=True)
+            held = new.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
             held.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(values)))
             held.SetIndices(Vt.IntArray.FromNumpy(indices.ravel().astype(np.int32)))

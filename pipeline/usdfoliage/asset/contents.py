@@ -144,8 +144,10 @@ def read_leaf_look(leaves: Usd.Prim, jitter_map: Path | None) -> LeafLook:
     """What the leaves of an instancer look alike in: the colour of its prototype, the texture of its material.
 
     Raises:
-        AssetError: The texture is missing.
+        AssetError: The texture is missing, or it or the jitter map lies in a package.
     """
+    if jitter_map is not None and is_packed(jitter_map):
+        raise AssetError(f"the jitter map {jitter_map} lies in a package; unpack that, as any zip file, first")
     targets = UsdGeom.PointInstancer(leaves).GetPrototypesRel().GetForwardedTargets()
     prototype = leaves.GetStage().GetPrimAtPath(targets[0]) if targets else None
     if not prototype:

@@ -175,6 +175,8 @@ def _with_our_rules(finding: Finding, stage: Usd.Stage) -> Finding:
     rule demands what USD guesses from the joints at rest.
     """
     prim = stage.GetPrimAtPath(Sdf.Path(finding.path).GetPrimPath() if finding.path.startswith("/") else "/")
+    if not prim:  # of the asset as a whole, or of a rule that came to grief over what is damaged
+        return finding
     if finding.severity == "error" and finding.validator == "nvidia:ExtentsChecker" and prim.IsA(UsdSkel.Root):
         ours = "it holds the surfaces in every frame, which is less than USD guesses from the joints"
         return replace(finding, severity="warning", message=f"{finding.message} ({ours})")

@@ -27,6 +27,11 @@ def shown_name(path: Path, folder: Path) -> str:
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
 
 
+def file_name(path: Path) -> str:
+    """The name of a file, wherever it lies."""
+    return Path(str(Ar.SplitPackageRelativePathInner(str(path))[1])).name if is_packed(path) else path.name
+
+
 def file_of(interface: Path, shown: str) -> Path:
     """The file that shown_name names, of the asset of that interface layer or package."""
     return Path(f"{interface}[{shown}]") if is_package(interface) else interface.parent / shown
@@ -51,9 +56,8 @@ def unpacked(path: Path) -> Iterator[Path]:
     if not is_packed(path):
         yield path
         return
-    inner = Path(str(Ar.SplitPackageRelativePathInner(str(path))[1]))
     with tempfile.TemporaryDirectory(prefix="usdfoliage-unpacked-") as folder:
-        copy = Path(folder) / inner.name
+        copy = Path(folder) / file_name(path)
         copy.write_bytes(_open(path).GetBuffer())
         yield copy
 

@@ -25,7 +25,7 @@ from usdfoliage.asset.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.locate import find_leaves, select_representation
 from usdfoliage.asset.look import open_asset
 from usdfoliage.asset.look_layer import LOD, select_lod
-from usdfoliage.asset.packed_files import unpacked
+from usdfoliage.asset.packed_files import file_name, unpacked
 from usdfoliage.jobs.branch_info import BranchInfo, branch_rows, measure_branches
 from usdfoliage.jobs.leaf_edit import Value, changed_edits, show_value
 from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, apply_edits
@@ -192,7 +192,7 @@ def measure_leaves(leaves: Leaves, edits: LeafEdits = NEUTRAL, jitter_map: Path 
         area_m2=float(np.sum(areas * leaves.length_m**2)),
         parameters=ranges,
         edits=changed_edits(edits),
-        jitter_map=jitter_map.name if jitter_map else "",
+        jitter_map=file_name(jitter_map) if jitter_map else "",
         confidence=_spread(leaves.confidence),
         residual_m=_spread(leaves.residual_m),
         views=len(np.unique(seen)),
