@@ -7,11 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.geometry.color import decode_srgb, encode_srgb
+from usdfoliage.geometry.color import decode_srgb, encode_srgb, luminance
 from usdfoliage.geometry.pinhole import Pinhole
 
 _MARGIN = 1.15  # of the crown's radius, that is cut out of a photograph
 _LEAST_PX = 16  # of the crown in a photograph, below which it shows nothing
+_NEAR_SKY_PX, _SKY_LIGHT = 12, 0.1  # from the sky, how near pixels hold its light, and how much of it is too much
 _DECODED = np.asarray(decode_srgb(np.arange(256, dtype=np.float32) / 255), np.float32)
 
 
@@ -21,7 +22,9 @@ class CrownPicture:
 
     srgb: NDArray[np.uint8]  # (H, W, 3), encoded for display
     mask: NDArray[np.bool_] | None = None  # (H, W), True on the plant, its trunk included
-    sky: NDArray[np.bool_] | None = None  # (H, W), True where nothing stands; not needed beside a mask
+    sky: NDArray[np.bool_] | None = (
+        None  # (H, W), True where nothing stands; beside a mask it matters for colours alone
+    )
     depth_m: NDArray[np.float32] | None = None  # (H, W), along the optical axis, 0 where there is none
 
 
@@ -49,16 +52,29 @@ class ReducedView:
     @property
     def shown(self) -> NDArray[np.bool_]:
         """(h, w), False where the photograph surely shows something else than the plant."""
-        shown = np.ones(self.srgb.shape[:2], bool) if self.mask is None else self.mask
-        return shown if self.sky is None else shown & ~self.sky
+        if self.mask is not None:
+            return self.mask
+        return np.ones(self.srgb.shape[:2], bool) if self.sky is None else ~self.sky
 
     @property
     def leaves(self) -> NDArray[np.bool_]:
         """(h, w), True where colours are surely the plant's: through gaps between leaves one sees what is behind."""
         leaves = self.shown
-        if self.sky is not None:  # pixels beside it hold some of its light
-            leaves = leaves & (cv2.dilate(self.sky.astype(np.uint8), np.ones((5, 5), np.uint8)) == 0)
-        return leaves if self.mask is not None or self.covered is None else leaves & self.covered
+        if self.mask is None and self.covered is not None:
+            leaves = leaves & self.covered
+        if self.sky is None or not self.sky.any():
+            return leaves
+        sky = self.sky.astype(np.uint8)
+        leaves = leaves & (cv2.dilate(sky, np.ones((5, 5), np.uint8)) == 0)  # pixels beside it hold some of its light
+        if not leaves.any():
+            return leaves
+        # Among leaves and gaps finer than a pixel more of them do: all that are much brighter than leaves are.
+        light = luminance(self.linear())
+        usual, behind = np.median(light[leaves]), np.median(light[self.sky])
+        if behind <= usual:  # a dark wall, whose light in them does no harm
+            return leaves
+        near = cv2.dilate(sky, np.ones((2 * _NEAR_SKY_PX + 1, 2 * _NEAR_SKY_PX + 1), np.uint8)) > 0
+        return leaves & ~(near & (light > usual + _SKY_LIGHT * (behind - usual)))
 
     def linear(self) -> NDArray[np.float32]:
         """(h, w, 3), linear Rec.709."""

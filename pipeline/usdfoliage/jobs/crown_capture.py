@@ -137,7 +137,7 @@ def _reader(capture: Capture, number: int, scale: float) -> Callable[[], CrownPi
         return CrownPicture(
             srgb=view.srgb,
             mask=view.mask,
-            sky=None if view.mask is not None else _find_sky(view, capture.up),
+            sky=_find_sky(view, capture.up),  # beside a mask too: outlines of leaves are not drawn to the pixel
             depth_m=np.asarray(view.depth_m * np.float32(scale)) if view.has_depth else None,
         )
 
