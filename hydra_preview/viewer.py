@@ -1,7 +1,7 @@
 """The window of `usdfoliage view`: viewer.py REQUEST.json RESULT.json REQUEST_FD REPLY_FD, in the preview interpreter.
 
 The request and the result are described in README.md; over the two pipes it asks the process that started it what only
-usdfoliage knows (usdfoliage.jobs.viewer).
+usdfoliage knows (usdfoliage.jobs.preview.viewer).
 """
 
 import json

@@ -89,6 +89,8 @@ make_venv() { # make_venv FOLDER PYTHON REQUIREMENTS
 
 build_product() {
   make_venv .venv "$(product_python)" requirements/develop.txt
+  # Tools and tests import one another as tools.* and tests.support.*, whichever folder they are started in.
+  pwd > "$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/usdfoliage_develop.pth"
   local stamp
   stamp=$(find pipeline/native pyproject.toml -type f | LC_ALL=C sort | xargs cat | sha256sum | cut -c1-16)
   if [ "$(cat .venv/built 2>/dev/null)" = "$stamp" ] && .venv/bin/python -c 'import usdfoliage._native' 2>/dev/null; then return; fi

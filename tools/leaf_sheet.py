@@ -14,11 +14,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
-from usdfoliage.asset.look import write_look_layer
-from usdfoliage.asset.package import write_leaf_asset
+from usdfoliage.asset.looks.look import write_look_layer
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, finish_picture
-from usdfoliage.leaf.edits import (
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.edits import (
     NEUTRAL,
     LeafEdits,
     apply_edits,
@@ -29,9 +30,8 @@ from usdfoliage.leaf.edits import (
     shift_silhouette,
     skew_axis,
 )
-from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.surface import leaf_nets
-from usdfoliage.leaf.variation import default_leaf
+from usdfoliage.leaf.shape.surface import leaf_nets
+from usdfoliage.leaf.shape.variation import default_leaf
 
 EDITS: dict[str, LeafEdits] = {
     "the leaf": NEUTRAL,

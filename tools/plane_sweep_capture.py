@@ -20,14 +20,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-
-sys.path.insert(0, str(Path(__file__).parent))
-from synthetic.files import write_depth, write_picture
-from usdfoliage.capture.folder import Capture, read_capture, read_view, read_views
-from usdfoliage.capture.plane_sweep import PlaneSweepSettings, sweep_depths
+from usdfoliage.capture.folder.read import Capture, read_capture, read_view, read_views
+from usdfoliage.capture.mvs.plane_sweep import PlaneSweepSettings, sweep_depths
 from usdfoliage.capture.view import View
 from usdfoliage.errors import FoliageError
 from usdfoliage.geometry.pinhole import Pinhole
+
+from tools.synthetic.files import write_depth, write_picture
 
 _PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uint": "<u4", "short": "<i2"}
 

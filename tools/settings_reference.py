@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from usdfoliage.jobs.build.settings import BuildSettings
-from usdfoliage.jobs.field_comments import field_comments
-from usdfoliage.jobs.settings_file import format_value
+from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.work.field_comments import field_comments
+from usdfoliage.jobs.work.settings_file import format_value
 
 SETTINGS_PAGE = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
 ONCE = ("seed", "threads")  # said for all tables at once, at the top or by an option

@@ -17,14 +17,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).parent))
-from synthetic.depth import NoiseSettings, SeenDepth, degrade_depth, see_depth
-from synthetic.files import write_cameras, write_depth, write_picture, write_truth
-from synthetic.scene import SceneSettings, build_scene
-from synthetic.shading import light_scene, photograph
-from synthetic.truth import UP_AXES, describe_leaves
 from usdfoliage.capture.view import View
+
+from tools.synthetic.depth import NoiseSettings, SeenDepth, degrade_depth, see_depth
+from tools.synthetic.files import write_cameras, write_depth, write_picture, write_truth
+from tools.synthetic.scene import SceneSettings, build_scene
+from tools.synthetic.shading import light_scene, photograph
+from tools.synthetic.truth import UP_AXES, describe_leaves
 
 README = """# {name}: ground truth
 {count} leaves of mean length {length:g} m, seed {seed}, made by tools/synthetic_foliage.py.

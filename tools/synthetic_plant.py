@@ -15,14 +15,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-from synthetic.depth import LEAF, WOOD, SeenDepth, see_depth
-from synthetic.files import write_cameras, write_depth, write_picture
-from synthetic.plant import Plant, PlantSettings, build_plant
-from synthetic.shading import light_scene, photograph
-from synthetic.truth import UP_AXES, describe_leaves
 from usdfoliage.capture.view import View
+
+from tools.synthetic.depth import LEAF, WOOD, SeenDepth, see_depth
+from tools.synthetic.files import write_cameras, write_depth, write_picture
+from tools.synthetic.plant import Plant, PlantSettings, build_plant
+from tools.synthetic.shading import light_scene, photograph
+from tools.synthetic.truth import UP_AXES, describe_leaves
 
 TRUE_DEPTHS = 4  # views whose exact depth is written
 README = """# {name}: ground truth

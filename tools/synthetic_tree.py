@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from usdfoliage.branch.distances import sample_axes
-from usdfoliage.branch.growth import grow_branches, seed_plants
-from usdfoliage.branch.growth_settings import GrowthSettings
-from usdfoliage.branch.logistic_growth import LogisticSettings
+from usdfoliage.branch.growth.grow import grow_branches, seed_plants
+from usdfoliage.branch.growth.logistic import LogisticSettings
+from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.geometry.directions import two_across
 
 INTERNODE_OF_HEIGHT = 0.02

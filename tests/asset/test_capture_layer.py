@@ -11,7 +11,6 @@ import cv2
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from captures import LENS, look_at, ring, sphere_depth
 from hypothesis import given
 from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 from usdfoliage.asset.capture_layer import (
@@ -23,14 +22,16 @@ from usdfoliage.asset.capture_layer import (
     depth_range,
     write_capture_layer,
 )
-from usdfoliage.asset.known_findings import KnownFindings
-from usdfoliage.asset.nvidia_rules import run_nvidia_rules
-from usdfoliage.capture.cloud import Cloud, SeenSurface, merge_views
+from usdfoliage.asset.validation.known_findings import KnownFindings
+from usdfoliage.asset.validation.nvidia_rules import run_nvidia_rules
+from usdfoliage.capture.cloud.fusion import Cloud, SeenSurface, merge_views
 from usdfoliage.capture.lens import Lens, undistort
 from usdfoliage.errors import AssetError, PreviewError
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, encode_png, finish_picture
-from usdfoliage.jobs.recorder import find_interpreter
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, encode_png, finish_picture
+from usdfoliage.jobs.preview.recorder import find_interpreter
+
+from tests.support.captures import LENS, look_at, ring, sphere_depth
 
 CAMERAS = "/capture/geo/guide/Cameras"
 CLOUD = "/capture/geo/guide/Cloud"

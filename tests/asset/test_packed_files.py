@@ -7,19 +7,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from cli.leaf_commands import printed, refused, run
-from plant_assets import write_whole_plant
 from pxr import Sdf, UsdUtils
-from usdfoliage.asset.contents import list_files
-from usdfoliage.asset.look import open_asset
-from usdfoliage.asset.other_parts import read_other_parts
+from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.packages.contents import list_files
+from usdfoliage.asset.packages.other_parts import read_other_parts
 from usdfoliage.asset.packed_files import file_of, size_bytes, unpacked
 from usdfoliage.asset.publish import is_asset_folder
-from usdfoliage.asset.studio_profile import StudioRules
-from usdfoliage.asset.studio_rules import check_files
-from usdfoliage.asset.validation import validate_asset
+from usdfoliage.asset.validation.studio_profile import StudioRules
+from usdfoliage.asset.validation.studio_rules import check_files
+from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.errors import AssetError
-from usdfoliage.jobs.leaf_info import describe_asset
+from usdfoliage.jobs.info import describe_asset
+
+from tests.support.leaves.commands import printed, refused, run
+from tests.support.plant_assets import write_whole_plant
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plant_assets import RUN, some_leaves
 from pxr import Sdf
-from usdfoliage.asset.contents import read_plant_facts, require_plant
-from usdfoliage.asset.look import open_asset
-from usdfoliage.asset.plant_package import write_plant_asset
+from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.packages.contents import read_plant_facts, require_plant
+from usdfoliage.asset.packages.plant_package import write_plant_asset
 from usdfoliage.asset.provenance import CUSTOM_DATA_KEY, Provenance, combined_sha256, package_versions
+
+from tests.support.plant_assets import RUN, some_leaves
 
 INPUTS = {f"images/{number:03}.jpg": hashlib.sha256(bytes([number])).hexdigest() for number in range(100)}
 FULL = replace(

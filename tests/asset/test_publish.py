@@ -227,9 +227,8 @@ def test_two_runs_at_once_both_end_well(out):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-sys.path.insert(0, {tests!r})
 from usdfoliage.asset import publish
-from test_publish import write_asset
+from tests.asset.test_publish import write_asset
 
 def die(*_):
     os.kill(os.getpid(), signal.SIGKILL)
@@ -270,7 +269,7 @@ with publish.publish_folder(Path({out!r})) as folder:
     ],
 )
 def test_kill_at_any_moment_leaves_one_whole_asset(out, moment, expected):
-    program = textwrap.dedent(KILLED).format(tests=str(Path(__file__).parent), moment=moment, out=str(out))
+    program = textwrap.dedent(KILLED).format(moment=moment, out=str(out))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert left_over(out) != []

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from pxr import Sdf, Usd
-from usdfoliage.asset.interface import write_payload_layer
+from usdfoliage.asset.packages.interface import write_payload_layer
 from usdfoliage.asset.variants import VariantSet, author_variant_sets
 
 LAYERS = ("wood", "bezier", "mesh", "crown")

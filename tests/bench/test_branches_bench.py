@@ -1,13 +1,14 @@
 """The benchmark of branches: what it measures of skeletons that are known."""
 
-import branch_surface
-import branches as bench
 import numpy as np
 import pytest
-from branch_shapes import fork, plant_of, random_tree
-from branch_similarity import compare_trees
-from branch_truth import score_skeleton, spanning_skeleton
-from usdfoliage.branch.cage import build_branch_cage
+from usdfoliage.branch.cage.build import build_branch_cage
+
+from tests.support.branch_shapes import fork, plant_of, random_tree
+from tools.bench import branch_surface
+from tools.bench import branches as bench
+from tools.bench.branch_similarity import compare_trees
+from tools.bench.branch_truth import score_skeleton, spanning_skeleton
 
 
 def test_a_tree_is_like_itself():

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from leaf_captures import known_foliage
-from leaf_truth import TruthSettings, match_leaves, move_leaves, score_leaves
 from scipy.spatial.transform import Rotation
 from usdfoliage.leaf.model import Leaves
+
+from tests.support.leaves.captures import known_foliage
+from tools.bench.leaf_truth import TruthSettings, match_leaves, move_leaves, score_leaves
 
 
 def joined(*parts: Leaves) -> Leaves:

@@ -2,15 +2,16 @@
 
 from dataclasses import replace
 
-import leaves as bench
 import numpy as np
 import pytest
-from leaf_captures import exact_leaves, known_foliage
-from leaf_truth import move_leaves, read_exact_depth, read_true_leaves, score_leaves, visible_shares
-from synthetic.scaled import scale_capture
-from synthetic_foliage import write_capture
-from usdfoliage.asset.package import LeafAssetSettings, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, write_leaf_asset
 from usdfoliage.asset.provenance import Provenance
+
+from tests.support.leaves.captures import exact_leaves, known_foliage
+from tools.bench import leaves as bench
+from tools.bench.leaf_truth import move_leaves, read_exact_depth, read_true_leaves, score_leaves, visible_shares
+from tools.synthetic.scaled import scale_capture
+from tools.synthetic_foliage import write_capture
 
 ASSET_FROM_CAPTURE = np.array([[1.0, 0, 0, 0.5], [0, 0, 1, 0.25], [0, -1, 0, 2], [0, 0, 0, 1]])  # the capture is Z up
 

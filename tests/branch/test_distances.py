@@ -3,10 +3,11 @@
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from branch_clouds import cloud_of, cone, rings, small_tree
-from branch_shapes import fork, plant_of
 from hypothesis import given
 from usdfoliage.branch.distances import distances_to_cloud, distances_to_surface, sample_axes
+
+from tests.support.branch_clouds import cloud_of, cone, rings, small_tree
+from tests.support.branch_shapes import fork, plant_of
 
 STEP_M = 0.02
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
-from branch_shapes import fork
 from usdfoliage.branch.model import Skeleton
+
+from tests.support.branch_shapes import fork
 
 
 def test_a_branch_is_found_by_its_number():

@@ -6,9 +6,10 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from cli.leaf_commands import attribute, files, patch_count, printed, read, refused, run
 from pxr import Sdf, Usd, UsdGeom, Vt
-from usdfoliage.leaf.edits import LeafEdits, apply_edits
+from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits
+
+from tests.support.leaves.commands import attribute, files, patch_count, printed, read, refused, run
 
 EDITS = ("--width", 1.4, "--asymmetry", 0.05, -0.02, "--silhouette", 2, 0.02, 0.05, 0.03, "--curl", 0.02, 0.05, 0.1)
 

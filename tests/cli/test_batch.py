@@ -5,10 +5,11 @@ import shutil
 from pathlib import Path
 
 import pytest
-from cli.leaf_commands import refused, run
-from small_builds import write_quick_plan, write_small_capture
 from usdfoliage.errors import CaptureError
-from usdfoliage.jobs.build.library import read_library
+from usdfoliage.jobs.plant.library import read_library
+
+from tests.support.leaves.commands import refused, run
+from tests.support.small_builds import write_quick_plan, write_small_capture
 
 
 def listed(path: Path, text: str) -> list[tuple[str, Path, Path | None]]:

@@ -8,13 +8,16 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from leaf_captures import known_foliage
 from pxr import Usd, UsdMedia
-from synthetic_foliage import write_capture
 from usdfoliage.__main__ import main
 from usdfoliage.cli import build
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.build import asset_stage, report_stage, tasks
+from usdfoliage.jobs.plant import tasks
+from usdfoliage.jobs.plant.stages import assemble as asset_stage
+from usdfoliage.jobs.plant.stages import report as report_stage
+
+from tests.support.leaves.captures import known_foliage
+from tools.synthetic_foliage import write_capture
 
 # Quick and rough, and without pictures: what is tested here is the build and not how good its parts are.
 FAST = """

@@ -11,20 +11,21 @@ import cv2
 import numpy as np
 import pycolmap
 import pytest
-from capture.test_colmap_stereo import write_matrix
-from capture_photos import LENS, draw, poses, scene, write_photos, write_posed_photos
-from captures import write_depth, write_text_model
-from cli.leaf_commands import files, printed, refused, run
 from scipy.spatial.transform import Rotation
-from usdfoliage.capture.cloud_file import read_cloud
-from usdfoliage.capture.folder import read_capture, read_views
-from usdfoliage.capture.map_files import read_confidence_map, read_normal_map
-from usdfoliage.capture.registration_result import Registered, RegisteredPhoto, Unregistered
-from usdfoliage.capture.world_frame import level_and_scale
+from usdfoliage.capture.cloud_files.ply import read_cloud
+from usdfoliage.capture.folder.map_files import read_confidence_map, read_normal_map
+from usdfoliage.capture.folder.read import read_capture, read_views
+from usdfoliage.capture.poses.result import Registered, RegisteredPhoto, Unregistered
+from usdfoliage.capture.poses.world_frame import level_and_scale
 from usdfoliage.cli import capture as command
 from usdfoliage.errors import CaptureError
-from usdfoliage.jobs import capture_poses
-from usdfoliage.jobs.capture_settings import QUALITIES
+from usdfoliage.jobs.capture import poses as capture_poses
+from usdfoliage.jobs.capture.settings import QUALITIES
+
+from tests.capture.mvs.test_colmap_stereo import write_matrix
+from tests.support.capture_photos import LENS, draw, poses, scene, write_photos, write_posed_photos
+from tests.support.captures import write_depth, write_text_model
+from tests.support.leaves.commands import files, printed, refused, run
 
 WORK = Path(".usdfoliage") / "capture"
 RESULTS = {"depth", "normals", "confidence", "cloud.ply", "capture.usda", "capture_cloud.usdc"}
@@ -378,7 +379,7 @@ def test_photographs_of_different_places_are_refused(bed, capsys):
 
 
 def test_a_run_in_a_folder_that_another_run_uses_is_refused(bed, capsys):
-    from usdfoliage.jobs.capture_work import lock_work
+    from usdfoliage.jobs.work.results import lock_work
 
     with lock_work(bed / WORK):
         message = refused(capsys, *words(bed))
@@ -436,7 +437,7 @@ def test_rounds_that_cannot_be_are_refused(bed, capsys, line, said):
 
 
 def test_an_interrupted_run_says_that_it_goes_on(bed, capsys, monkeypatch):
-    from usdfoliage.jobs import capture
+    from usdfoliage.jobs.capture import run as capture
 
     def interrupt(*_words, **_named):
         raise KeyboardInterrupt

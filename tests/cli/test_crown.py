@@ -12,11 +12,12 @@ import cv2
 import numpy as np
 import OpenEXR
 import pytest
-from crown_shapes import disc_mask, foliage
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
-from usdfoliage.asset.cubemap_exr import read_cubemap
+from usdfoliage.asset.materials.cubemap_exr import read_cubemap
 from usdfoliage.geometry.color import encode_srgb
+
+from tests.support.crown_shapes import disc_mask, foliage
 
 SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview")
 

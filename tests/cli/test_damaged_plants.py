@@ -4,9 +4,10 @@ import shutil
 
 import numpy as np
 import pytest
-from cli.leaf_commands import refused, run
-from plant_assets import high_crown, write_whole_plant
 from pxr import Sdf, Vt
+
+from tests.support.leaves.commands import refused, run
+from tests.support.plant_assets import high_crown, write_whole_plant
 
 LEAVES = "/oak/geo/render/Leaves"
 BRANCHES = "/oak/geo/render/Branches"

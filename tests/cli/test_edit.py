@@ -7,18 +7,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from cli.leaf_commands import files, printed, refused, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pxr import Usd
 from usdfoliage.__main__ import build_parser
-from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import find_leaves
-from usdfoliage.asset.look import open_asset
+from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.leaf_edit import EDIT_OPTIONS, parse_edits
-from usdfoliage.jobs.recorder import find_interpreter
-from usdfoliage.leaf.edits import LeafEdits, apply_edits
+from usdfoliage.jobs.edits.edit import EDIT_OPTIONS, parse_edits
+from usdfoliage.jobs.preview.recorder import find_interpreter
+from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits
+
+from tests.support.leaves.commands import files, printed, refused, run
 
 
 @pytest.fixture(scope="module")

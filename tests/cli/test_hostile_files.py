@@ -7,9 +7,10 @@ import zlib
 
 import numpy as np
 import pytest
-from cli.leaf_commands import refused, run
-from cloud_files import some_points, write_text
 from usdfoliage.asset.locate import MAX_DEPTH
+
+from tests.support.cloud_files import some_points, write_text
+from tests.support.leaves.commands import refused, run
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +101,7 @@ def test_the_header_of_a_png_is_checked_first(tmp_path, capfd, header):
 
 
 def test_cameras_that_cannot_be_are_told_before_anything_is_written(tmp_path, capsys):
-    from capture_photos import write_posed_photos
+    from tests.support.capture_photos import write_posed_photos
 
     write_posed_photos(tmp_path / "bed")
     (tmp_path / "bed" / "cameras" / "cameras.txt").write_text("1 PINHOLE 128 96 0 0 64 48\n")

@@ -6,14 +6,15 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from cli.leaf_commands import printed, refused, run
-from crown_shapes import disc_mask, foliage
 from pxr import Usd
 from usdfoliage import __version__
-from usdfoliage.asset.leaves import read_leaves
 from usdfoliage.asset.locate import find_leaves
-from usdfoliage.asset.look import open_asset
+from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.geometry.color import encode_srgb
+
+from tests.support.crown_shapes import disc_mask, foliage
+from tests.support.leaves.commands import printed, refused, run
 
 
 @pytest.fixture(scope="module")

@@ -13,16 +13,17 @@ from html.parser import HTMLParser
 import cv2
 import numpy as np
 import pytest
-from captures import write_depth
-from cli.leaf_commands import files, patch_count, printed, read, refused, run
-from leaf_captures import known_foliage
-from synthetic_foliage import write_capture
-from true_segmentation import segment_truly
-from usdfoliage.asset.look import open_asset
+from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.cli import leaves as command
-from usdfoliage.jobs.leaves_settings import LeavesSettings
-from usdfoliage.jobs.settings_file import format_settings
+from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.work.settings_file import format_settings
 from usdfoliage.leaf import reconstruct
+
+from tests.support.captures import write_depth
+from tests.support.leaves.captures import known_foliage
+from tests.support.leaves.commands import files, patch_count, printed, read, refused, run
+from tests.support.leaves.true_segmentation import segment_truly
+from tools.synthetic_foliage import write_capture
 
 FAST = "[texture]\nwidth_px = 16\nheight_px = 32\nmost_pictures = 4\n"
 

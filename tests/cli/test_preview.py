@@ -8,12 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hydra_preview.preview_stages import write_square
-from leaf_assets import random_leaves, write_spray
 from usdfoliage.__main__ import main
 from usdfoliage.cli import preview
 from usdfoliage.errors import AssetError, PreviewError
-from usdfoliage.jobs.recorder import find_interpreter
+from usdfoliage.jobs.preview.recorder import find_interpreter
+
+from tests.support.leaves.assets import random_leaves, write_spray
+from tests.support.preview_stages import write_square
 
 
 @pytest.fixture

@@ -10,10 +10,11 @@ import time
 import cv2
 import numpy as np
 import pytest
-from cli.leaf_commands import attribute, files, patch_count, printed, read, refused, run
 from usdfoliage.cli import scatter
-from usdfoliage.leaf.mesh import LeafMeshSettings
-from usdfoliage.leaf.spray import SpraySettings
+from usdfoliage.leaf.shape.mesh import LeafMeshSettings
+from usdfoliage.leaf.shape.spray import SpraySettings
+
+from tests.support.leaves.commands import attribute, files, patch_count, printed, read, refused, run
 
 
 def test_every_representation_has_every_leaf(tmp_path, capsys):

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from cli.leaf_commands import run
-from small_builds import digests, write_quick_plan, write_small_capture
 from usdfoliage.cli.task import read_chunk, read_chunks
+
+from tests.support.leaves.commands import run
+from tests.support.small_builds import digests, write_quick_plan, write_small_capture
 
 OPENJD = Path(sys.executable).with_name("openjd")
 USDFOLIAGE = Path(sys.executable).with_name("usdfoliage")

@@ -7,7 +7,7 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.__main__ import main
 
-from usd_plugins import plant_stages as stages
+from tests.support import plant_stages as stages
 
 
 @pytest.fixture

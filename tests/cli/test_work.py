@@ -3,8 +3,9 @@
 from pathlib import Path
 
 import pytest
-from cli.leaf_commands import run
-from small_builds import digests, write_quick_plan, write_small_capture
+
+from tests.support.leaves.commands import run
+from tests.support.small_builds import digests, write_quick_plan, write_small_capture
 
 
 def held_below(folder: Path) -> int:

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from crown_shapes import ellipsoid_radius
 from usdfoliage.crown.bare_faces import find_bare_faces
+
+from tests.support.crown_shapes import ellipsoid_radius
 
 CENTER = np.array([1.0, 5.0, -2.0])
 

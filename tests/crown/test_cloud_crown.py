@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from captured_crowns import CENTER_M, lumpy, sphere, surface_points, true_radius
 from usdfoliage.crown.captured_measures import point_spacing
 from usdfoliage.crown.crown_points import CrownPointSettings
 from usdfoliage.crown.reconstruct import CapturedCrownSettings, reconstruct_cloud_crown
 from usdfoliage.errors import FitError
+
+from tests.support.captured_crowns import CENTER_M, lumpy, sphere, surface_points, true_radius
 
 SETTINGS = CapturedCrownSettings(size=32)
 UNLIKE = 0.3  # IoU of silhouettes, below which a build leaves a crown out

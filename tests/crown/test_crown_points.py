@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from captured_crowns import CENTER_M, ellipsoid, sphere, surface_points
 from usdfoliage.crown.crown_points import CrownPointSettings, choose_crown_points, find_crown_center
 from usdfoliage.crown.leaf_colors import find_green_points
 from usdfoliage.errors import FitError
+
+from tests.support.captured_crowns import CENTER_M, ellipsoid, sphere, surface_points
 
 
 def trunk(top_m, count=1500, radius_m=0.08, seed=1):

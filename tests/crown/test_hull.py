@@ -5,11 +5,21 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from captured_crowns import CENTER_M, ellipsoid, lumpy, ring, sphere, surface_points, true_radius, views_of
 from usdfoliage.crown.hull import HullSettings, carve_radius, fit_crown_hull, outermost_points
 from usdfoliage.crown.views import reduce_view
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.cubemap import face_directions, share_borders
+
+from tests.support.captured_crowns import (
+    CENTER_M,
+    ellipsoid,
+    lumpy,
+    ring,
+    sphere,
+    surface_points,
+    true_radius,
+    views_of,
+)
 
 SIZE = 64
 BASE_M = 0.9

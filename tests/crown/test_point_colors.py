@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from captured_crowns import CENTER_M, lumpy, sphere, surface_points, true_color, true_radius
 from usdfoliage.crown.point_colors import LIGHT, SHADE, SHELL, gather_point_colors, shade_points
 from usdfoliage.crown.reconstruct import CLOUD_STEPS, CapturedCrownSettings, reconstruct_cloud_crown
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.cubemap import face_directions, share_borders
+
+from tests.support.captured_crowns import CENTER_M, lumpy, sphere, surface_points, true_color, true_radius
 
 SETTINGS = CapturedCrownSettings(size=32)
 PLAIN = (0.1, 0.3, 0.05)

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
-from crown_shapes import disc_mask
 from usdfoliage.crown.projection import make_exemplar, project_photo
 from usdfoliage.geometry.cubemap import FACES, face_directions
+
+from tests.support.crown_shapes import disc_mask
 
 
 def gradient_photo(size_px: int):

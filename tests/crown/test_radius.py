@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
-from crown_shapes import disc_mask, ellipse_mask, ellipsoid_radius
 from usdfoliage.crown.radius import RadiusSettings, front_outline, render_radius, within_outline
 from usdfoliage.crown.silhouette import fit_star_silhouette
 from usdfoliage.crown.surface import CrownSurface, SurfaceSettings, inflate_silhouette
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.cubemap import FACES, face_directions, share_borders
+
+from tests.support.crown_shapes import disc_mask, ellipse_mask, ellipsoid_radius
 
 
 def half_box(half: float = 1.0) -> CrownSurface:

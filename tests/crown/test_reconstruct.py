@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from captured_crowns import CENTER_M, look_at, lumpy, ring, surface_points, true_radius, views_of
 from usdfoliage.crown.reconstruct import CapturedCrownSettings, reconstruct_captured_crown
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.cubemap import share_borders
+
+from tests.support.captured_crowns import CENTER_M, look_at, lumpy, ring, surface_points, true_radius, views_of
 
 SETTINGS = CapturedCrownSettings(size=32)
 

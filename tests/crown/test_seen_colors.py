@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from captured_crowns import BACKGROUND, CENTER_M, ring, sphere, true_color, views_of
 from usdfoliage.crown.seen_colors import SeenColorSettings, fill_unseen, gather_colors
 from usdfoliage.crown.views import reduce_view
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.cubemap import face_directions, share_borders
+
+from tests.support.captured_crowns import BACKGROUND, CENTER_M, ring, sphere, true_color, views_of
 
 SIZE = 32
 RADIUS_M = np.ones((6, SIZE, SIZE))

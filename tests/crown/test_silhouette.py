@@ -1,11 +1,12 @@
 import cv2
 import numpy as np
 import pytest
-from crown_shapes import disc_mask, ellipse_mask
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.crown.silhouette import SilhouetteSettings, fit_star_silhouette
 from usdfoliage.errors import FitError
+
+from tests.support.crown_shapes import disc_mask, ellipse_mask
 
 
 def test_a_disc_is_seen_from_its_middle():

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
-from crown_shapes import disc_mask, ellipse_mask
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.crown.silhouette import StarSilhouette, fit_star_silhouette
 from usdfoliage.crown.surface import SPHERE_TANGENT, SurfaceSettings, inflate_silhouette
 from usdfoliage.errors import FitError
+
+from tests.support.crown_shapes import disc_mask, ellipse_mask
 
 
 def circle(radius_px: float, angles: int = 1024) -> StarSilhouette:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from usdfoliage.__main__ import COMMANDS, build_parser
-from usdfoliage.asset.studio_profile import default_profile, read_profile
-from usdfoliage.capture.capture_settings import read_capture_settings
-from usdfoliage.jobs.build.settings import BuildSettings
-from usdfoliage.jobs.settings_file import read_settings_file
+from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
+from usdfoliage.capture.folder.settings import read_capture_settings
+from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.work.settings_file import read_settings_file
 
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from usdfoliage.__main__ import build_parser
-from usdfoliage.jobs.build.settings import BuildSettings
+from usdfoliage.jobs.plant.settings import BuildSettings
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "pipeline" / "usdfoliage"

@@ -2,19 +2,17 @@
 
 import ast
 import dataclasses
-import sys
 from pathlib import Path
 
 import pytest
-from usdfoliage.jobs.build.settings import BuildSettings
-from usdfoliage.jobs.field_comments import field_comments
-from usdfoliage.jobs.settings_file import format_settings
+from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.work.field_comments import field_comments
+from usdfoliage.jobs.work.settings_file import format_settings
+
+from tools.schema_reference import SCHEMA_PAGE, schema_page, split_doc
+from tools.settings_reference import ONCE, SETTINGS_PAGE, settings_page, walk_settings
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT / "tools"))
-
-from schema_reference import SCHEMA_PAGE, schema_page, split_doc  # noqa: E402
-from settings_reference import ONCE, SETTINGS_PAGE, settings_page, walk_settings  # noqa: E402
 
 
 def test_every_setting_of_a_build_says_what_it_is():

@@ -7,14 +7,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from usdfoliage.asset.package import AssetSettings, write_crown_asset
+from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.cubemap import face_directions
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views
-from usdfoliage.jobs.recorder import find_interpreter
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
+from usdfoliage.jobs.preview.recorder import find_interpreter
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
 SEMI_AXES_M = np.array([1.5, 2.0, 1.0])

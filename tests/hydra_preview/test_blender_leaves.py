@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
-from usdfoliage.asset.package import write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.recorder import find_interpreter
-from usdfoliage.leaf.spray import scatter_spray
+from usdfoliage.jobs.preview.recorder import find_interpreter
+from usdfoliage.leaf.shape.spray import scatter_spray
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
 LEAVES = 60

@@ -5,14 +5,15 @@ import subprocess
 
 import numpy as np
 import pytest
-from branch_motions import write_moving
-from branch_shapes import fork
 from pxr import Usd, UsdGeom, UsdSkel
-from usdfoliage.branch.rig import RigSettings
-from usdfoliage.branch.sway import SwaySettings
+from usdfoliage.branch.motion.rig import RigSettings
+from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.branch_motion import BranchMotion
-from usdfoliage.jobs.recorder import find_interpreter
+from usdfoliage.jobs.branches.motion import BranchMotion
+from usdfoliage.jobs.preview.recorder import find_interpreter
+
+from tests.support.branch_motions import write_moving
+from tests.support.branch_shapes import fork
 
 pytestmark = pytest.mark.preview
 

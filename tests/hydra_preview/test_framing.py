@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra_preview.preview_stages import define_mesh, new_stage, write_ball
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pxr import Gf, Usd, UsdGeom
+
+from tests.support.preview_stages import define_mesh, new_stage, write_ball
 
 SOURCE = Path(__file__).resolve().parents[2] / "hydra_preview"
 

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from leaf_assets import random_leaves, write_spray
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views
-from usdfoliage.jobs.recorder import find_interpreter
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
+from usdfoliage.jobs.preview.recorder import find_interpreter
 from usdfoliage.leaf.model import Leaves
+
+from tests.support.leaves.assets import random_leaves, write_spray
 
 pytestmark = pytest.mark.preview
 

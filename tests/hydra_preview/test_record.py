@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra_preview.preview_stages import CUBE_COLORS, bind_surface, write_ball, write_cube, write_square
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 from scipy.spatial.transform import Rotation
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, finish_picture
-from usdfoliage.jobs.recorder import find_interpreter
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
+from usdfoliage.jobs.preview.recorder import find_interpreter
+
+from tests.support.preview_stages import CUBE_COLORS, bind_surface, write_ball, write_cube, write_square
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 MARGIN = 0.05

@@ -8,22 +8,18 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import orbit as orbits
 import pytest
-from leaf_assets import random_leaves, write_spray
-from plant_assets import write_whole_plant
 from pxr import Gf, Sdf, Usd, UsdGeom
 from usdfoliage.__main__ import main
-from usdfoliage.asset.look import read_look
+from usdfoliage.asset.looks.look import read_look
 from usdfoliage.errors import FoliageError, PreviewError
-from usdfoliage.jobs.recorder import find_interpreter
-from usdfoliage.jobs.viewer import ViewerSettings, view_asset
-from virtual_display import missing, virtual_display
+from usdfoliage.jobs.preview.recorder import find_interpreter
+from usdfoliage.jobs.preview.viewer import ViewerSettings, view_asset
 
-SOURCE = Path(__file__).resolve().parents[2] / "hydra_preview"
-if str(SOURCE) not in sys.path:
-    sys.path.append(str(SOURCE))  # a folder of scripts, not a package
-
-import orbit as orbits  # noqa: E402
+from tests.support.leaves.assets import random_leaves, write_spray
+from tests.support.plant_assets import write_whole_plant
+from tests.support.virtual_display import missing, virtual_display
 
 SIZE = {"width_px": 800, "height_px": 520}
 WIDE, BEND, AMPLITUDE = 1.75, 0.25, 0.05

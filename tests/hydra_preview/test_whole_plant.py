@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from layered_scenes import MOVED, new_scene, place, write_layered_scene
 from pxr import UsdGeom
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views
-from usdfoliage.jobs.recorder import find_interpreter
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
+from usdfoliage.jobs.preview.recorder import find_interpreter
+
+from tests.support.layered_scenes import MOVED, new_scene, place, write_layered_scene
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
 SIDE_PX = 160

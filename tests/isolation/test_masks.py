@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from captures import look_at
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.isolation.masks import draw_plant_mask, expect_plant, make_plant_grid
+
+from tests.support.captures import look_at
 
 RADIUS_M = 0.3
 MIDDLE_M = np.array([0.0, 0.5, 0.0])

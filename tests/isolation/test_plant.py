@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from isolated_plants import BARK, CLOTH, LEAF, POT, Scene, potted_plant, ring_of_cameras, tilt
 from usdfoliage.isolation.focus import find_focus
 from usdfoliage.isolation.plant import IsolatedPlant, IsolationSettings, PointKind, isolate_plant
+
+from tests.support.isolated_plants import BARK, CLOTH, LEAF, POT, Scene, potted_plant, ring_of_cameras, tilt
 
 
 def isolate(scene: Scene, aim_m=(0, 0.35, 0), distance_m: float = 0.9, tilt_rad: float = 0.0, **said) -> IsolatedPlant:

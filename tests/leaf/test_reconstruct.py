@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from leaf_captures import known_foliage
-from true_segmentation import segment_truly
 from usdfoliage.leaf import reconstruct
-from usdfoliage.leaf.average_texture import AverageTextureSettings
 from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.photographs.average_texture import AverageTextureSettings
 from usdfoliage.leaf.reconstruct import (
     LEAST_STEP,
     STEPS,
@@ -21,6 +19,9 @@ from usdfoliage.leaf.reconstruct import (
     order_silhouettes,
     reconstruct_leaves,
 )
+
+from tests.support.leaves.captures import known_foliage
+from tests.support.leaves.true_segmentation import segment_truly
 
 METHODS = ("dense", "paper")
 FAST = ReconstructionSettings(texture=AverageTextureSettings(width_px=16, height_px=32, most_pictures=4))

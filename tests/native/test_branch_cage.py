@@ -2,16 +2,17 @@
 
 from dataclasses import fields
 
-import cage_reference as plain
 import numpy as np
 import pytest
-from branch_shapes import random_tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage import _native
-from usdfoliage.branch.cage_exits import THICKEST, _Nearest, _walk
-from usdfoliage.branch.cage_places import LEAST_COLUMN, RELAXED, TIGHTEST
-from usdfoliage.branch.cage_tubes import find_paths, pack_paths
+from usdfoliage.branch.cage.exits import THICKEST, _Nearest, _walk
+from usdfoliage.branch.cage.holes import LEAST_COLUMN, RELAXED, TIGHTEST
+from usdfoliage.branch.cage.tubes import find_paths, pack_paths
+
+from tests.support import cage_reference as plain
+from tests.support.branch_shapes import random_tree
 
 WANT = [field.name for field in fields(plain.Want)]
 

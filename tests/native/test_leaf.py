@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from leaf_reference import evaluate_points
-from leaf_shapes import random_leaves
 from usdfoliage import _native
-from usdfoliage.leaf.jitter import WAVES
+from usdfoliage.leaf.shape.jitter import WAVES
+
+from tests.support.leaves.reference import evaluate_points
+from tests.support.leaves.shapes import random_leaves
 
 LEAVES = random_leaves(3, seed=1)
 PLACES = np.random.default_rng(2).uniform(0, 1, (1, 7, 2))

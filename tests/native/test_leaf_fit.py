@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from leaf_clouds import surface_points
-from leaf_fit_reference import ellipse_leaf, leaf_frame, map_points
 from usdfoliage import _native
-from usdfoliage.leaf.variation import vary_leaves
+from usdfoliage.leaf.shape.variation import vary_leaves
+
+from tests.support.leaves.clouds import surface_points
+from tests.support.leaves.fit_reference import ellipse_leaf, leaf_frame, map_points
 
 
 def native_map(leaf, half_width, points, lines):

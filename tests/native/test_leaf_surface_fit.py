@@ -4,13 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from leaf_reference import evaluate_jacobian, evaluate_points
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from usdfoliage import _native
 from usdfoliage.leaf.fit.prior import generic_prior
-from usdfoliage.leaf.fold import find_folds
-from usdfoliage.leaf.surface import evaluate_grid
+from usdfoliage.leaf.shape.fold import find_folds
+from usdfoliage.leaf.shape.surface import evaluate_grid
+
+from tests.support.leaves.reference import evaluate_jacobian, evaluate_points
 
 PRIOR = generic_prior(1.0, 0.4)
 LEAF = PRIOR.mean[:21].reshape(1, 7, 3)

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-import tube_reference as plain
-from branch_shapes import random_tree
 from usdfoliage import _native
-from usdfoliage.branch.cage_rings import GROWTH, LONG, MOST_SAMPLES, PER_INTERVAL, STEADY
-from usdfoliage.branch.cage_tubes import find_paths, pack_paths
+from usdfoliage.branch.cage.rings import GROWTH, LONG, MOST_SAMPLES, PER_INTERVAL, STEADY
+from usdfoliage.branch.cage.tubes import find_paths, pack_paths
+
+from tests.support import tube_reference as plain
+from tests.support.branch_shapes import random_tree
 
 SEEDS = range(6)
 

@@ -11,7 +11,7 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 from usdfoliage.asset.schema import SCHEMAS, register_plugins, require_schemas
 
-from usd_plugins import plant_stages as stages
+from tests.support import plant_stages as stages
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "schemas" / "usdFoliage"

@@ -8,16 +8,17 @@ import OpenEXR
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from leaf_captures import exact_leaves, known_foliage
-from leaf_truth import read_exact_depth, read_true_leaves
 from scipy.spatial import cKDTree
-from synthetic.depth import BACKDROP, LEAF, SKY, WOOD, NoiseSettings, degrade_depth
-from synthetic.raster import rasterise
-from synthetic.scene import SceneSettings, build_scene
-from synthetic_foliage import CaptureSettings, make_capture, write_capture
-from usdfoliage.capture.folder import read_capture, read_views
-from usdfoliage.leaf.measures import leaf_width
-from usdfoliage.leaf.surface import evaluate_points, grid_places
+from usdfoliage.capture.folder.read import read_capture, read_views
+from usdfoliage.leaf.shape.measures import leaf_width
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+
+from tests.support.leaves.captures import exact_leaves, known_foliage
+from tools.bench.leaf_truth import read_exact_depth, read_true_leaves
+from tools.synthetic.depth import BACKDROP, LEAF, SKY, WOOD, NoiseSettings, degrade_depth
+from tools.synthetic.raster import rasterise
+from tools.synthetic.scene import SceneSettings, build_scene
+from tools.synthetic_foliage import CaptureSettings, make_capture, write_capture
 
 
 def test_a_triangle_is_seen_where_its_plane_is():

@@ -7,16 +7,17 @@ import cv2
 import numpy as np
 import OpenEXR
 import pytest
-from plant_captures import known_plant, write_known_plant
 from scipy.spatial import cKDTree
-from synthetic.depth import BACKDROP, LEAF, SKY, WOOD
-from synthetic.plant import PlantSettings, build_plant
-from synthetic.truth import UP_AXES
-from synthetic_plant import PlantCaptureSettings, make_plant_capture, write_plant_capture
 from usdfoliage.branch.distances import distances_to_surface
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.capture.folder import read_capture
-from usdfoliage.leaf.surface import evaluate_points, grid_places
+from usdfoliage.capture.folder.read import read_capture
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+
+from tests.support.plant_captures import known_plant, write_known_plant
+from tools.synthetic.depth import BACKDROP, LEAF, SKY, WOOD
+from tools.synthetic.plant import PlantSettings, build_plant
+from tools.synthetic.truth import UP_AXES
+from tools.synthetic_plant import PlantCaptureSettings, make_plant_capture, write_plant_capture
 
 TINY = PlantSettings(views=2, width_px=60, height_px=80, leaves=20)
 

@@ -1,8 +1,9 @@
 """The validators of lods and collections, on a whole plant that is broken in a session layer."""
 
 import pytest
-from plant_assets import write_whole_plant
 from pxr import Sdf, Usd, UsdGeom, UsdLod, UsdValidation
+
+from tests.support.plant_assets import write_whole_plant
 
 NAMES = ("AssetLods", "AssetCollections")
 

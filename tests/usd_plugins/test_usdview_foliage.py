@@ -11,25 +11,27 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from leaf_assets import FLAT, random_leaves, two_leaves, write_spray
-from plant_assets import write_whole_plant
 from pxr import Gf, Sdf, Usd, UsdGeom
-from usdfoliage.asset.leaf_primvars import edit_values, read_edits
-from usdfoliage.asset.leaves import edited_leaves
-from usdfoliage.asset.look import open_asset, read_look, write_look_layer
+from usdfoliage.asset.looks.look import open_asset, read_look, write_look_layer
+from usdfoliage.asset.parts.leaf_primvars import edit_values, read_edits
+from usdfoliage.asset.parts.leaves import edited_leaves
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.recorder import find_interpreter, recorder_environment
-from usdfoliage.jobs.viewer import answer_requests
-from usdfoliage.leaf.bounds import common_bounds, leaf_bounds_m
-from usdfoliage.leaf.curves import leaf_curves
-from usdfoliage.leaf.edits import NEUTRAL, LeafEdits, bend_axis
-from usdfoliage.leaf.jitter import Jitter
-from usdfoliage.leaf.surface import evaluate_points
+from usdfoliage.jobs.preview.recorder import find_interpreter, recorder_environment
+from usdfoliage.jobs.preview.viewer import answer_requests
+from usdfoliage.leaf.shape.bounds import common_bounds, leaf_bounds_m
+from usdfoliage.leaf.shape.curves import leaf_curves
+from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, bend_axis
+from usdfoliage.leaf.shape.jitter import Jitter
+from usdfoliage.leaf.shape.surface import evaluate_points
 from usdviewFoliage import look_layer, plants, reach
 from usdviewFoliage.edit_rows import ROWS, row_value, with_row
 from usdviewFoliage.live_look import LiveLook
 from usdviewFoliage.product import Product, ProductError, ProductGoneError
 
+from tests.support.leaves.assets import FLAT, random_leaves, two_leaves, write_spray
+from tests.support.plant_assets import write_whole_plant
+
+ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path(__file__).resolve().parent / "usdview"
 EDITED = LeafEdits(width=1.5, axis1=(0, 0, 0.25), axis2=(0, 0, 0.25), jitter_amplitude=0.02)
 
@@ -318,7 +320,8 @@ def in_usdview(session: str, asset: Path, folder: Path, path: str) -> dict:
         pytest.skip(f"the preview interpreter is absent: {error}")
     if subprocess.run([str(python), "-c", "import PySide6"], capture_output=True, check=False).returncode:
         pytest.skip(f"{python} has no PySide6 (make setup installs it into .venv-preview)")
-    environment = {**recorder_environment(folder), "QT_QPA_PLATFORM": "offscreen", "PATH": path}
+    modules = os.pathsep.join(str(ROOT / name) for name in ("hydra_preview", "usd_plugins"))
+    environment = {**recorder_environment(folder), "QT_QPA_PLATFORM": "offscreen", "PATH": path, "PYTHONPATH": modules}
     outcome = subprocess.run(
         [str(python), str(FOLDER / session), str(asset), str(folder)],
         env=environment,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
 
-from usd_plugins import plant_stages as stages
+from tests.support import plant_stages as stages
 
 VALIDATORS = {
     "Plant",
@@ -471,10 +471,10 @@ def test_jitter_map_that_cannot_be_used(tmp_path: Path) -> None:
 def test_leaves_are_not_looked_at_as_drawn_where_usdfoliage_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Usd.Stage.CreateInMemory()
     stages.build_leaves(stage)
-    monkeypatch.setitem(sys.modules, "usdfoliage.leaf.fold", None)
+    monkeypatch.setitem(sys.modules, "usdfoliage.leaf.shape.fold", None)
     (problem,) = UsdValidation.ValidationContext(keywords=["usdFoliage"]).Validate(stage)
     assert (problem.GetName(), problem.GetType()) == ("LeafShapeNotChecked", WARN)
-    assert "usdfoliage.leaf.fold" in problem.GetMessage()
+    assert "usdfoliage.leaf.shape.fold" in problem.GetMessage()
 
 
 def test_hundred_thousand_leaves_take_seconds() -> None:

@@ -5,12 +5,13 @@ import time
 from pathlib import Path
 
 import numpy as np
-from branch_truth import read_true_skeleton
 from numpy.typing import NDArray
-from usdfoliage.branch.cage import BranchCageSettings, build_branch_cage
+from usdfoliage.branch.cage.build import BranchCageSettings, build_branch_cage
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.reconstruct import reconstruct_branches
+from usdfoliage.branch.tracing.reconstruct import reconstruct_branches
+
+from tools.bench.branch_truth import read_true_skeleton
 
 NOISE_M = 0.002  # of the points
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from usdfoliage import _native
-from usdfoliage.branch.cage import BranchCage
+from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
 

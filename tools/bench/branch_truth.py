@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.spatial import cKDTree
 from usdfoliage.branch.allometry import grow_radii
-from usdfoliage.branch.axes import find_axes
-from usdfoliage.branch.cloud_graph import CloudGraphSettings, link_points
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
+from usdfoliage.branch.tracing.axes import find_axes
+from usdfoliage.branch.tracing.cloud_graph import CloudGraphSettings, link_points
 
 STEP_M = 0.01  # between the places of axes that are compared
 BOUND_M = 0.03  # a place is found within this, or within twice its radius

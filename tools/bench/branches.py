@@ -26,17 +26,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from branch_cost import measure_cost
-from branch_similarity import compare_trees
-from branch_surface import cone_volume, diameter_at, limit_surface, measure_surface, radius_deviations
-from branch_truth import ORDERS, read_true_skeleton, score_skeleton, spanning_skeleton
 from numpy.typing import NDArray
-from usdfoliage.branch.cage import BranchCage, build_branch_cage, check_cage
+from usdfoliage.branch.cage.build import BranchCage, build_branch_cage, check_cage
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.reconstruct import TracedBranches, reconstruct_branches
-from usdfoliage.branch.roots import RootSettings
-from usdfoliage.jobs.branches import CAGE
-from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
+from usdfoliage.branch.tracing.reconstruct import TracedBranches, reconstruct_branches
+from usdfoliage.branch.tracing.roots import RootSettings
+from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
+from usdfoliage.jobs.branches.run import CAGE
+
+from tools.bench.branch_cost import measure_cost
+from tools.bench.branch_similarity import compare_trees
+from tools.bench.branch_surface import cone_volume, diameter_at, limit_surface, measure_surface, radius_deviations
+from tools.bench.branch_truth import ORDERS, read_true_skeleton, score_skeleton, spanning_skeleton
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 PARTS = ("synthetic", "real", "measured", "scaling")

@@ -26,13 +26,11 @@ from pathlib import Path
 
 import cv2
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
-import textured_scene
-from plant_captures import write_known_plant
-from small_builds import digests, spawned_by, write_quick_plan, write_small_capture
-from synthetic.scene import SceneSettings
-from synthetic_foliage import CaptureSettings, make_capture, write_capture
+from tests.support import textured_scene
+from tests.support.plant_captures import write_known_plant
+from tests.support.small_builds import digests, spawned_by, write_quick_plan, write_small_capture
+from tools.synthetic.scene import SceneSettings
+from tools.synthetic_foliage import CaptureSettings, make_capture, write_capture
 
 # A whole plant in a minute.
 WHOLE = """

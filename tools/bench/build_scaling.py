@@ -15,16 +15,15 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
-from dask_clusters import dask_cluster
-from synthetic.scene import SceneSettings
-from synthetic_foliage import CaptureSettings, make_capture, write_capture
 from usdfoliage.__main__ import main as usdfoliage
-from usdfoliage.jobs.build.call import BuildRequest
-from usdfoliage.jobs.build.run import ExecutorChoice, build_plants
-from usdfoliage.jobs.build.settings import BuildSettings
-from usdfoliage.jobs.settings_file import read_settings_file
+from usdfoliage.jobs.plant.call import BuildRequest
+from usdfoliage.jobs.plant.run import ExecutorChoice, build_plants
+from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.work.settings_file import read_settings_file
+
+from tests.support.dask_clusters import dask_cluster
+from tools.synthetic.scene import SceneSettings
+from tools.synthetic_foliage import CaptureSettings, make_capture, write_capture
 
 PLAN = """
 [branches]

@@ -113,9 +113,9 @@ def radius_errors(radius, capture: Path) -> tuple[float, float]:
 
 
 def measure(case: Case, size: int, out: Path | None) -> dict[str, object]:
-    from usdfoliage.capture.images import read_photo
-    from usdfoliage.capture.masks import clean_mask, read_mask
-    from usdfoliage.jobs.crown import CrownSettings, reconstruct_crown
+    from usdfoliage.capture.folder.images import read_photo
+    from usdfoliage.capture.folder.masks import clean_mask, read_mask
+    from usdfoliage.jobs.crown.photograph import CrownSettings, reconstruct_crown
 
     start, start_cpu = time.perf_counter(), time.process_time()
     photo = read_photo(case.photo)

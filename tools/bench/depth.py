@@ -27,17 +27,17 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from usdfoliage.capture.clear_sky import elevations_deg, find_clear_sky
-from usdfoliage.capture.cloud import SeenSurface, merge_views
-from usdfoliage.capture.cloud_cleaning import CleaningSettings, drop_floating, drop_strays
-from usdfoliage.capture.cloud_file import write_cloud
-from usdfoliage.capture.cloud_visibility import VisibilitySettings, drop_seen_through
-from usdfoliage.capture.dense_depth import DenseDepthSettings, Round, finish_depth, match_views, plan_depths
-from usdfoliage.capture.depth_agreement import AgreementSettings, DepthEstimate
-from usdfoliage.capture.depth_enlarging import enlarge_depth
-from usdfoliage.capture.folder import Capture, read_capture, read_view
-from usdfoliage.capture.patch_match import MatchedPlanes
+from usdfoliage.capture.cloud.cleaning import CleaningSettings, drop_floating, drop_strays
+from usdfoliage.capture.cloud.fusion import SeenSurface, merge_views
+from usdfoliage.capture.cloud.visibility import VisibilitySettings, drop_seen_through
+from usdfoliage.capture.cloud_files.ply import write_cloud
+from usdfoliage.capture.folder.read import Capture, read_capture, read_view
+from usdfoliage.capture.mvs.agreement import AgreementSettings, DepthEstimate
+from usdfoliage.capture.mvs.patch_match import MatchedPlanes
+from usdfoliage.capture.mvs.rounds import DenseDepthSettings, Round, finish_depth, match_views, plan_depths
+from usdfoliage.capture.mvs.upsampling import enlarge_depth
 from usdfoliage.capture.view import View
-from usdfoliage.jobs.capture_settings import PRESETS, QUALITIES
+from usdfoliage.jobs.capture.settings import PRESETS, QUALITIES
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "synthetic"
 CAPTURES = ("dense_foliage", "tree_leaf_on")

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from crown import DATA, find_cases
+
+from tools.bench.crown import DATA, find_cases
 
 HEIGHT_PX = 300
 PICTURES = ("input.jpg", "preview.png", "preview_three_quarter.png", "preview_right.png", "preview_back.png")

@@ -20,11 +20,10 @@ import time
 from collections import Counter
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from fuzz.cases import Case, random_cases
-from fuzz.isolation import Ended, Running, import_commands, poll_command, start_command
-from fuzz.judgement import State, find_faults, folder_state
-from fuzz.named_cases import named_cases
+from tools.fuzz.cases import Case, random_cases
+from tools.fuzz.isolation import Ended, Running, import_commands, poll_command, start_command
+from tools.fuzz.judgement import State, find_faults, folder_state
+from tools.fuzz.named_cases import named_cases
 
 TOOLS = Path(__file__).resolve().parents[1]
 COLUMNS = ("cases", "good", "refused", "faults", "slowest")

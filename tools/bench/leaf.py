@@ -13,19 +13,23 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from statistics import median
 
 import numpy as np
-from usdfoliage.leaf.bounds import common_bounds, leaf_bounds
-from usdfoliage.leaf.fold import find_folds
-from usdfoliage.leaf.jitter import Jitter, spread_phases
-from usdfoliage.leaf.measures import leaf_area
-from usdfoliage.leaf.surface import evaluate_grid, evaluate_jacobian, evaluate_normals, evaluate_points, grid_places
-from usdfoliage.leaf.variation import vary_leaves
+from usdfoliage.leaf.shape.bounds import common_bounds, leaf_bounds
+from usdfoliage.leaf.shape.fold import find_folds
+from usdfoliage.leaf.shape.jitter import Jitter, spread_phases
+from usdfoliage.leaf.shape.measures import leaf_area
+from usdfoliage.leaf.shape.surface import (
+    evaluate_grid,
+    evaluate_jacobian,
+    evaluate_normals,
+    evaluate_points,
+    grid_places,
+)
+from usdfoliage.leaf.shape.variation import vary_leaves
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
-import leaf_reference
+from tests.support.leaves import reference
 
 MOST_S = 0.3  # for the points of 100,000 leaves
 LEAST_RATIO = 10.0  # numpy's time over ours
@@ -61,7 +65,7 @@ def report(name: str, timing: Timing, reference: Timing | None = None) -> None:
 def bench_points(leaves: np.ndarray, threads: int, repeats: int) -> list[str]:
     """Points of all leaves on a 9 x 9 grid; returns the targets that were missed."""
     missed = []
-    plain = measure(lambda: leaf_reference.evaluate_grid_points(leaves, U, V), 2)
+    plain = measure(lambda: reference.evaluate_grid_points(leaves, U, V), 2)
     report("points, numpy", plain)
     uv = grid_places(U, V)
     for dtype in (np.float64, np.float32):
@@ -85,7 +89,7 @@ def bench_points(leaves: np.ndarray, threads: int, repeats: int) -> list[str]:
 
 def bench_normals(leaves: np.ndarray, threads: int, repeats: int) -> None:
     """Points and normals, then tangents too."""
-    plain = measure(lambda: leaf_reference.evaluate_grid(leaves, U, V), 1)
+    plain = measure(lambda: reference.evaluate_grid(leaves, U, V), 1)
     report("points, tangents and normals, numpy", plain)
     report(
         "points, tangents and normals, float64",
@@ -102,7 +106,7 @@ def bench_jacobian(leaves: np.ndarray, threads: int, repeats: int) -> None:
     """Derivatives by the 21 parameters of a hundredth of the leaves, at 500 places each."""
     some = leaves[: max(1, len(leaves) // 100)]
     uv = np.random.default_rng(1).uniform((-1, 0), (1, 1), (len(some), 500, 2))
-    plain = measure(lambda: leaf_reference.evaluate_jacobian(some, uv), 1)
+    plain = measure(lambda: reference.evaluate_jacobian(some, uv), 1)
     report(f"derivatives, {len(some)} × 500, numpy", plain)
     run = measure(lambda: evaluate_jacobian(some, uv, threads=threads), repeats)
     report(f"derivatives, {len(some)} × 500, float64", run, plain)

@@ -27,11 +27,11 @@ MOST_GIB = 4.0  # of memory, to write a million
 def write(out: Path, count: int, representation: str, repeat: int) -> dict[str, float]:
     """Write the same leaves into out, repeat times; in this process."""
     import numpy as np
-    from usdfoliage.asset.leaf_material import LEAF_COLOR
-    from usdfoliage.asset.package import LeafAssetSettings, write_leaf_asset
+    from usdfoliage.asset.materials.leaf import LEAF_COLOR
+    from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, write_leaf_asset
     from usdfoliage.asset.provenance import Provenance
-    from usdfoliage.leaf.spray import scatter_spray
-    from usdfoliage.leaf.variation import vary_colors
+    from usdfoliage.leaf.shape.spray import scatter_spray
+    from usdfoliage.leaf.shape.variation import vary_colors
 
     rng = np.random.default_rng(0)
     leaves = scatter_spray(count, rng)

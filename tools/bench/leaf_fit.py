@@ -16,7 +16,6 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,12 +24,10 @@ from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.surface import fit_leaves_to_surface
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.segmentation.model import FREE_EDGE, INTERIOR, LeafPoints
-from usdfoliage.leaf.surface import evaluate_normals
-from usdfoliage.leaf.variation import vary_leaves
+from usdfoliage.leaf.shape.surface import evaluate_normals
+from usdfoliage.leaf.shape.variation import vary_leaves
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
-import leaf_clouds
-import leaf_fit_reference
+from tests.support.leaves import clouds, fit_reference
 
 MOST_MS = 5.0  # a leaf and core
 LEAST_RATIO = 20.0  # the peer's time over ours
@@ -59,7 +56,7 @@ def fit_with_peer(points: LeafPoints) -> tuple[Leaves, float]:
     """The leaves by the reference, and its iterations each."""
     fits = []
     for begin, end in zip(points.offsets[:-1], points.offsets[1:], strict=True):
-        fits.append(leaf_fit_reference.fit_leaf(points.points_m[begin:end], points.normals[begin:end]))
+        fits.append(fit_reference.fit_leaf(points.points_m[begin:end], points.normals[begin:end]))
     leaves = Leaves(
         parameters=np.array([fit.parameters for fit in fits]),
         base_m=np.array([fit.base for fit in fits]),
@@ -87,7 +84,7 @@ def with_silhouettes(
         edge = edge + NOISE * rng.normal(size=edge.shape)
         joined.append((np.concatenate([points, edge]), np.concatenate([normals, edge_normals])))
         kinds.append(np.repeat([INTERIOR, FREE_EDGE], [len(points), len(edge)]))
-    points = leaf_clouds.leaf_points(*zip(*joined, strict=True))
+    points = clouds.leaf_points(*zip(*joined, strict=True))
     return replace(points, kind=np.concatenate(kinds).astype(np.uint8))
 
 
@@ -98,7 +95,7 @@ def in_order(fitted: FittedLeaves, count: int) -> Leaves:
 
 
 def report(name: str, ms: float, truth: np.ndarray, leaves: Leaves) -> float:
-    distances = 100 * leaf_clouds.surface_distances(truth, leaves)
+    distances = 100 * clouds.surface_distances(truth, leaves)
     mean, worst, length = distances.mean(), distances.max(), leaves.length_m.mean()
     print(f"{name:<44}{ms:10.2f}{mean:10.3f}{worst:10.3f}{length:10.3f}", flush=True)
     return float(mean)
@@ -121,10 +118,10 @@ def main() -> int:
     print(f"{options.leaves} leaves of {options.points} points, one thread; the peer {len(few)} of them")
     print(f"{'':<44}{'cpu ms':>10}{'mean %':>10}{'worst %':>10}{'length':>10}")
     for name, keep in HIDDEN.items():
-        sampled = [leaf_clouds.surface_points(leaf, options.points, rng, keep, NOISE) for leaf in truth]
-        points = leaf_clouds.leaf_points(*zip(*sampled, strict=True))
+        sampled = [clouds.surface_points(leaf, options.points, rng, keep, NOISE) for leaf in truth]
+        points = clouds.leaf_points(*zip(*sampled, strict=True))
         outlined = with_silhouettes(truth, sampled, options.edge_points, rng, keep)
-        some = leaf_clouds.leaf_points(*zip(*sampled[: len(few)], strict=True))
+        some = clouds.leaf_points(*zip(*sampled[: len(few)], strict=True))
         ms = cpu_ms(lambda points=points: fit_leaves_alternating(points, threads=1), len(truth), options.repeats)
         report(f"{name}: ours", ms, truth, fit_leaves_alternating(points).leaves)
         plain_ms = cpu_ms(lambda points=points: fit_leaves_alternating(points, plain, threads=1), len(truth), 2)

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main as usdfoliage
-from usdfoliage.jobs.preview import PreviewSettings, PreviewView, draw_views, finish_picture
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
 
 LEAST_IOU, MOST_DIFFERENCE = 0.995, 2.0
 FINE = ("--representation", "bezier", "mesh", "--resolution", "32", "128")

@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.surface import evaluate_points, grid_places
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 
 Array = NDArray[np.float64]
 
@@ -266,8 +266,8 @@ def read_asset_leaves(asset: Path) -> Leaves:
         ValueError: It has several prims of leaves.
     """
     from pxr import Usd
-    from usdfoliage.asset.leaves import read_leaves
     from usdfoliage.asset.locate import find_interface, require_leaves
+    from usdfoliage.asset.parts.leaves import read_leaves
 
     interface = find_interface(asset)
     stage = Usd.Stage.Open(str(interface))

@@ -22,8 +22,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from leaf_truth import (
+from tools.bench.leaf_truth import (
     Scores,
     TruthSettings,
     read_asset_leaves,
@@ -32,9 +31,9 @@ from leaf_truth import (
     score_leaves,
     visible_shares,
 )
-from synthetic.scaled import scale_capture
-from synthetic.scene import SceneSettings
-from synthetic_foliage import CaptureSettings, make_capture, write_capture
+from tools.synthetic.scaled import scale_capture
+from tools.synthetic.scene import SceneSettings
+from tools.synthetic_foliage import CaptureSettings, make_capture, write_capture
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SHARED_CAPTURE = Path("synthetic") / "dense_foliage"
@@ -131,8 +130,8 @@ class StageClock:
 
 def make_asset(case: Case, output: Path, progress: Callable[[str, float], None]) -> None:
     """Write what the product makes of a case's capture as an asset, output."""
-    from usdfoliage.jobs.leaves import LeavesRequest, make_leaves_asset
-    from usdfoliage.jobs.leaves_settings import LeavesSettings, set_everywhere
+    from usdfoliage.jobs.leaves.run import LeavesRequest, make_leaves_asset
+    from usdfoliage.jobs.leaves.settings import LeavesSettings, set_everywhere
 
     settings = set_everywhere(LeavesSettings(method=case.method), "threads", case.threads)
     request = LeavesRequest(

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from usdfoliage.capture.foreground import propose_mask
-from usdfoliage.capture.images import read_photo
-from usdfoliage.capture.masks import read_mask
+from usdfoliage.capture.folder.images import read_photo
+from usdfoliage.capture.folder.masks import read_mask
+from usdfoliage.capture.mask_proposal.propose import propose_mask
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import encode_srgb
 

@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from usdfoliage.capture.cameras import find_camera_model, read_camera_model
-from usdfoliage.capture.capture_settings import read_capture_settings
-from usdfoliage.capture.photo_set import read_photo_set
-from usdfoliage.capture.registration import RegistrationSettings, register_photos
-from usdfoliage.capture.registration_result import Registered
-from usdfoliage.capture.world_frame import level_and_scale, move_registered
+from usdfoliage.capture.colmap.model import find_camera_model, read_camera_model
+from usdfoliage.capture.folder.photo_set import read_photo_set
+from usdfoliage.capture.folder.settings import read_capture_settings
+from usdfoliage.capture.poses.register import RegistrationSettings, register_photos
+from usdfoliage.capture.poses.result import Registered
+from usdfoliage.capture.poses.world_frame import level_and_scale, move_registered
 from usdfoliage.errors import FoliageError
 
 Array = NDArray[np.float64]

@@ -14,12 +14,13 @@ from pathlib import Path
 
 import usdfoliage  # noqa: F401  registers the schemas, before any stage
 from pxr import Usd
-from usdfoliage.asset import nvidia_rules, validation
-from usdfoliage.asset.findings import Finding
-from usdfoliage.asset.known_findings import KnownFindings
 from usdfoliage.asset.locate import find_interface
-from usdfoliage.asset.look import open_root_layer
-from usdfoliage.asset.usd_validators import run_usd_validators
+from usdfoliage.asset.looks.look import open_root_layer
+from usdfoliage.asset.validation import nvidia_rules
+from usdfoliage.asset.validation import validate as validation
+from usdfoliage.asset.validation.findings import Finding
+from usdfoliage.asset.validation.known_findings import KnownFindings
+from usdfoliage.asset.validation.usd_validators import run_usd_validators
 
 Said = frozenset[tuple[str, str, str]]  # severity, path and message: USD's and NVIDIA's names for one rule differ
 

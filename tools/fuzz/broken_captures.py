@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
-from fuzz.mutations import make_empty, make_folder, make_loop, make_noise, make_pipe, make_text
+
+from tools.fuzz.mutations import make_empty, make_folder, make_loop, make_noise, make_pipe, make_text
 
 Damage = Callable[[Path], None]
 

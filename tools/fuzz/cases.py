@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from fuzz.headers import LIES
-from fuzz.mutations import BYTES, PLACES, TEXT, TOML
+
+from tools.fuzz.headers import LIES
+from tools.fuzz.mutations import BYTES, PLACES, TEXT, TOML
 
 _SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview")
 _CROWN = ("crown", "photo/oak.png", "--mask", "photo/mask.png", *_SMALL, "-o", "out")

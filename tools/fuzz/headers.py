@@ -6,7 +6,8 @@ import zlib
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from fuzz.mutations import Mutate
+
+from tools.fuzz.mutations import Mutate
 
 _SIDES = (0, 1, 15, 17, 4000, 15_000, 20_000, 60_000, 65_535, 2**31 - 1, 2**32 - 1)
 _COUNTS = (0, 1, 2**31, 2**32 - 1, 10**12, 2**63 - 1, 2**64 - 1)

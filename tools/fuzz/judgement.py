@@ -4,8 +4,8 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from fuzz.cases import Case
-from fuzz.isolation import TIME_LIMIT_S, Ended
+from tools.fuzz.cases import Case
+from tools.fuzz.isolation import TIME_LIMIT_S, Ended
 
 _LEFT = re.compile(r"usdfoliage-(?:new|old|lock)|\.tmp$")  # names of what is not yet whole
 

@@ -5,9 +5,9 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from fuzz.broken_captures import DAMAGES, PHOTOGRAPHS
-from fuzz.cases import Case
-from fuzz.mutations import PLACES
+from tools.fuzz.broken_captures import DAMAGES, PHOTOGRAPHS
+from tools.fuzz.cases import Case
+from tools.fuzz.mutations import PLACES
 
 Damage = Callable[[Path], None]
 

@@ -10,18 +10,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 import OpenImageIO as oiio
-
-sys.path.append(str(Path(__file__).resolve().parents[2] / "tests"))
-from capture_photos import LENS, draw, poses, scene, write_posed_photos
-from captures import write_binary_model, write_depth
-from cloud_files import write_las, write_ply, write_text
-from crown_shapes import disc_mask, foliage
 from usdfoliage.__main__ import main
 from usdfoliage.geometry.color import encode_srgb
-from usdfoliage.jobs.build.settings import BuildSettings
-from usdfoliage.jobs.capture_settings import CaptureRunSettings
-from usdfoliage.jobs.leaves_settings import LeavesSettings
-from usdfoliage.jobs.settings_file import format_settings
+from usdfoliage.jobs.capture.settings import CaptureRunSettings
+from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.work.settings_file import format_settings
+
+from tests.support.capture_photos import LENS, draw, poses, scene, write_posed_photos
+from tests.support.captures import write_binary_model, write_depth
+from tests.support.cloud_files import write_las, write_ply, write_text
+from tests.support.crown_shapes import disc_mask, foliage
 
 SIDE_PX = 96
 SPECIES = """[larch]

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from synthetic.raster import rasterise
-from synthetic.scene import Scene
-from synthetic.shading import backdrop_depth
 from usdfoliage.geometry.pinhole import Pinhole
+
+from tools.synthetic.raster import rasterise
+from tools.synthetic.scene import Scene
+from tools.synthetic.shading import backdrop_depth
 
 SKY, WOOD, LEAF, BACKDROP = 0, 1, 2, 3  # labels of pixels
 

@@ -9,7 +9,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from synthetic.scene import (
+from usdfoliage.branch.foliage.place import FoliageSettings, place_leaves
+from usdfoliage.branch.foliage.species import GENERIC, Species, load_species
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.geometry.directions import unit_vectors
+from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.jitter import spread_phases
+from usdfoliage.leaf.shape.mesh import LeafMeshSettings, build_leaf_mesh
+from usdfoliage.leaf.shape.spray import GOLDEN_ANGLE_RAD
+from usdfoliage.leaf.shape.topology import leaf_topology
+from usdfoliage.leaf.shape.variation import vary_colors, vary_leaves
+
+from tools.synthetic.scene import (
     GREEN,
     PETIOLE,
     UP,
@@ -21,17 +33,6 @@ from synthetic.scene import (
     stand_free,
     triangulate,
 )
-from usdfoliage.branch.foliage import FoliageSettings, place_leaves
-from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.species import GENERIC, Species, load_species
-from usdfoliage.geometry.directions import unit_vectors
-from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.leaf.jitter import spread_phases
-from usdfoliage.leaf.mesh import LeafMeshSettings, build_leaf_mesh
-from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.spray import GOLDEN_ANGLE_RAD
-from usdfoliage.leaf.topology import leaf_topology
-from usdfoliage.leaf.variation import vary_colors, vary_leaves
 
 Array = NDArray[np.float64]
 

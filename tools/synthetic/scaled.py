@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
-from synthetic.files import write_depth
+
+from tools.synthetic.files import write_depth
 
 LENGTHS = ("base", "apex", "length", "chord", "width", "vertices")  # of truth/leaves.npz
 DEPTHS = ("depth", "depth_noisy")

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.leaf.jitter import spread_phases
-from usdfoliage.leaf.mesh import LeafMeshSettings, build_leaf_mesh
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.spray import GOLDEN_ANGLE_RAD, SpraySettings, scatter_spray
-from usdfoliage.leaf.surface import evaluate_points, grid_places
-from usdfoliage.leaf.topology import leaf_topology
-from usdfoliage.leaf.variation import VariationSettings, vary_colors
+from usdfoliage.leaf.shape.jitter import spread_phases
+from usdfoliage.leaf.shape.mesh import LeafMeshSettings, build_leaf_mesh
+from usdfoliage.leaf.shape.spray import GOLDEN_ANGLE_RAD, SpraySettings, scatter_spray
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+from usdfoliage.leaf.shape.topology import leaf_topology
+from usdfoliage.leaf.shape.variation import VariationSettings, vary_colors
 
 Array = NDArray[np.float64]
 

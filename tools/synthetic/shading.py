@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from synthetic.raster import rasterise
-from synthetic.scene import Bark, Scene
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
+
+from tools.synthetic.raster import rasterise
+from tools.synthetic.scene import Bark, Scene
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from synthetic.depth import SeenDepth
-from synthetic.scene import Scene
-from usdfoliage.leaf.measures import axis_length, leaf_width
-from usdfoliage.leaf.surface import evaluate_grid
+from usdfoliage.leaf.shape.measures import axis_length, leaf_width
+from usdfoliage.leaf.shape.surface import evaluate_grid
+
+from tools.synthetic.depth import SeenDepth
+from tools.synthetic.scene import Scene
 
 UP_AXES: Mapping[str, NDArray[np.float64]] = {  # the capture's frame from the scene's
     "Y": np.eye(3),

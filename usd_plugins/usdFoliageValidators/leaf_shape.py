@@ -22,8 +22,8 @@ from usdFoliageValidators.leaf import PARAMETERS
 from usdFoliageValidators.leaf_edits import JITTER_MAP, NUMBER_EDITS, VECTOR_EDITS
 
 if TYPE_CHECKING:
-    from usdfoliage.leaf.edits import LeafEdits
-    from usdfoliage.leaf.jitter import Jitter
+    from usdfoliage.leaf.shape.edits import LeafEdits
+    from usdfoliage.leaf.shape.jitter import Jitter
 
 LEAF_API = "FoliageLeafAPI"
 SLACK = 2e-3  # leaf lengths; bounds contain the surface and stand off a little from it
@@ -50,8 +50,8 @@ def check_leaf_shape(stage: Usd.Stage, _time: object) -> Findings:
     if first is None:
         return []
     try:
-        from usdfoliage.asset.instances import iterate_prims
-        from usdfoliage.leaf.fold import find_folds
+        from usdfoliage.asset.validation.instances import iterate_prims
+        from usdfoliage.leaf.shape.fold import find_folds
     except ImportError as missing:
         text = f"was not looked at as it is drawn: {missing}; install usdfoliage for the Python of this USD"
         return [warning(first, "LeafShapeNotChecked", text)]
@@ -88,7 +88,7 @@ def _with_leaves(prims: Iterable[Usd.Prim]) -> Iterator[Usd.Prim]:
 
 def _read_drawn_leaves(prim: Usd.Prim) -> DrawnLeaves | None:
     """None where an array or an edit is not what it must be."""
-    from usdfoliage.leaf.edits import apply_edits
+    from usdfoliage.leaf.shape.edits import apply_edits
 
     arrays = [values.numbers(prim, f"primvars:leaf:{name}", 3) for name in PARAMETERS]
     held = [array for array in arrays if array is not None]
@@ -104,7 +104,7 @@ def _read_drawn_leaves(prim: Usd.Prim) -> DrawnLeaves | None:
 
 
 def _read_edits(prim: Usd.Prim) -> LeafEdits | None:
-    from usdfoliage.leaf.edits import LeafEdits
+    from usdfoliage.leaf.shape.edits import LeafEdits
 
     held: dict[str, object] = {}
     for name in VECTOR_EDITS:
@@ -162,7 +162,7 @@ def _in_order(v: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _check_extents(leaves: DrawnLeaves) -> Findings:
     """GPU culling drops what an extent does not contain."""
     from usdfoliage.errors import FoliageError
-    from usdfoliage.leaf.bounds import leaf_bounds
+    from usdfoliage.leaf.shape.bounds import leaf_bounds
 
     prim = leaves.prim
     try:
@@ -192,12 +192,12 @@ def _check_extents(leaves: DrawnLeaves) -> Findings:
 
 def _read_jitter(leaves: DrawnLeaves) -> Jitter:
     """FoliageError where the map cannot be used; one that is missing LeafEdits reports."""
-    from usdfoliage.leaf.jitter import Jitter
+    from usdfoliage.leaf.shape.jitter import Jitter
 
     jitter_map = None
     asset = values.asset_path(leaves.prim, JITTER_MAP)
     if asset is not None and asset.resolvedPath:
-        from usdfoliage.asset.jitter_map import read_jitter_map
+        from usdfoliage.asset.materials.jitter_map import read_jitter_map
 
         jitter_map = read_jitter_map(Path(asset.resolvedPath))
     edits = leaves.edits

@@ -8,7 +8,7 @@ MARGIN = 0.08  # of the height, left free
 
 
 class LeafDrawing(QtWidgets.QWidget):
-    """Curves as usdfoliage.jobs.viewer gives them: name, points and controls, in leaf space."""
+    """Curves as usdfoliage.jobs.preview.viewer gives them: name, points and controls, in leaf space."""
 
     def __init__(self, parent=None) -> None:
         super().__init__(parent)

@@ -1,6 +1,6 @@
 """usdfoliage in a process of its own: it draws the average leaf, and writes looks.
 
-Requests and replies are JSON, a line each; usdfoliage.jobs.viewer answers them.
+Requests and replies are JSON, a line each; usdfoliage.jobs.preview.viewer answers them.
 """
 
 import json

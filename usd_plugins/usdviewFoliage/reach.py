@@ -1,7 +1,7 @@
 """How far leaves may reach under edits, found without drawing one.
 
-The box is wider than that of usdfoliage.leaf.bounds, which knows the surface: here only the greatest of each parameter
-is known, so that a slider can be followed with a hundred thousand leaves.
+The box is wider than that of usdfoliage.leaf.shape.bounds, which knows the surface: here only the greatest of each
+parameter is known, so that a slider can be followed with a hundred thousand leaves.
 """
 
 from dataclasses import dataclass

@@ -28,7 +28,7 @@ _SHOWN = 2  # of extentsHint's pairs of corners, a pair a purpose: the first two
 _SLACK = 1e-5  # of the size: what edits and parameters lose as float32
 _LEAST = 1.401298464324817e-45  # float32 above 0
 
-# Every edit and its primvar. The names are those of usdfoliage.leaf.edits.LeafEdits.
+# Every edit and its primvar. The names are those of usdfoliage.leaf.shape.edits.LeafEdits.
 EDITS: Mapping[str, str] = {
     "width": "leaf:edit:width",
     "axis1": "leaf:edit:axis1",

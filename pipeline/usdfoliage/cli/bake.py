@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.jobs.leaf_bake import BakeRequest, bake_asset, plan_bake
+    from usdfoliage.jobs.edits.bake import BakeRequest, bake_asset, plan_bake
 
     handle_interrupts()
     request = BakeRequest.from_options(options)

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 from usdfoliage.cli.build_options import add_ending, add_plan, add_where
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.build.call import BuildRequest
-    from usdfoliage.jobs.build.finish import BuiltPlant
-    from usdfoliage.jobs.build.library import LibraryList
-    from usdfoliage.jobs.build.library_page import LibraryPlant
+    from usdfoliage.jobs.plant.call import BuildRequest
+    from usdfoliage.jobs.plant.finish import BuiltPlant
+    from usdfoliage.jobs.plant.library import LibraryList
+    from usdfoliage.jobs.plant.pages.library_page import LibraryPlant
 
 _ROW = "{:<24}  {:<8}  {:>7}  {:>7}  {:>9}  {}"
 
@@ -37,8 +37,8 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.plant_progress import PlantBar
     from usdfoliage.cli.plant_results import EXIT_CODES
-    from usdfoliage.jobs.build.library import LibraryIndex, describe_built, read_library
-    from usdfoliage.jobs.build.run import build_plants
+    from usdfoliage.jobs.plant.library import LibraryIndex, describe_built, read_library
+    from usdfoliage.jobs.plant.run import build_plants
 
     handle_interrupts()
     where = read_where(options)
@@ -84,9 +84,9 @@ def _read_requests(
 
     from usdfoliage.cli.build_options import read_request, read_settings
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.build.library import describe_failed, explain_entry
-    from usdfoliage.jobs.build.settings import with_seed
-    from usdfoliage.jobs.settings_file import read_settings_file
+    from usdfoliage.jobs.plant.library import describe_failed, explain_entry
+    from usdfoliage.jobs.plant.settings import with_seed
+    from usdfoliage.jobs.work.settings_file import read_settings_file
 
     settings = read_settings(options)  # once: a fault in it is one of all plants
     first = read_request(options, listed.entries[0].capture, options.output / "plant", None)
@@ -117,9 +117,9 @@ def _describe(made: "BuiltPlant", plant: "LibraryPlant") -> str:
 
 def _print_plans(requests: "list[BuildRequest]", failed: "list[LibraryPlant]") -> int:
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.build.plan_text import in_words
-    from usdfoliage.jobs.build.run import plan_plant
-    from usdfoliage.jobs.build.tasks import find_wanted
+    from usdfoliage.jobs.plant.plan_text import in_words
+    from usdfoliage.jobs.plant.run import plan_plant
+    from usdfoliage.jobs.plant.tasks import find_wanted
 
     row = "{:<24}  {:>11}  {:>5}  {:>5}  {:>7}  {}"
     print(row.format("plant", "photographs", "tasks", "to do", "seconds", ""))

@@ -120,7 +120,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.jobs.branches import BranchesRequest, make_branches_asset, plan_branches_asset
+    from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset, plan_branches_asset
 
     handle_interrupts()
     request = BranchesRequest.from_options(options)

@@ -49,9 +49,9 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.plant_progress import PlantBar
     from usdfoliage.cli.plant_results import EXIT_CODES, print_plant
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.build.plan_text import describe_plan
-    from usdfoliage.jobs.build.run import build_plants
-    from usdfoliage.jobs.settings_file import format_settings
+    from usdfoliage.jobs.plant.plan_text import describe_plan
+    from usdfoliage.jobs.plant.run import build_plants
+    from usdfoliage.jobs.work.settings_file import format_settings
 
     handle_interrupts()
     if options.print_plan:

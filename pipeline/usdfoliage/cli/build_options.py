@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.build.call import BuildRequest
-    from usdfoliage.jobs.build.run import ExecutorChoice
-    from usdfoliage.jobs.build.settings import BuildSettings
+    from usdfoliage.jobs.plant.call import BuildRequest
+    from usdfoliage.jobs.plant.run import ExecutorChoice
+    from usdfoliage.jobs.plant.settings import BuildSettings
 
 WORK_VARIABLE = "USDFOLIAGE_WORK"
 
@@ -71,8 +71,8 @@ def read_settings(options: argparse.Namespace) -> "BuildSettings":
     from dataclasses import replace
 
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.build.settings import BuildSettings, with_seed
-    from usdfoliage.jobs.settings_file import read_settings_file
+    from usdfoliage.jobs.plant.settings import BuildSettings, with_seed
+    from usdfoliage.jobs.work.settings_file import read_settings_file
 
     settings = BuildSettings()
     if options.plan is not None:
@@ -88,7 +88,7 @@ def read_settings(options: argparse.Namespace) -> "BuildSettings":
 def read_where(options: argparse.Namespace) -> "ExecutorChoice":
     """Where tasks run, as a command line says; FoliageError for what cannot be."""
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.build.run import ExecutorChoice
+    from usdfoliage.jobs.plant.run import ExecutorChoice
 
     try:
         return ExecutorChoice(jobs=options.jobs, scheduler=options.scheduler, threads=options.threads)
@@ -107,8 +107,8 @@ def read_request(
 ) -> "BuildRequest":
     """The plant that a command line asks for; FoliageError for values that cannot be."""
     from usdfoliage.asset.plant import asset_name
-    from usdfoliage.asset.studio_profile import read_profile
-    from usdfoliage.jobs.build.call import BuildRequest
+    from usdfoliage.asset.validation.studio_profile import read_profile
+    from usdfoliage.jobs.plant.call import BuildRequest
 
     if options.profile is not None:
         read_profile(options.profile)  # what is wrong with it is said now, not when all else is done

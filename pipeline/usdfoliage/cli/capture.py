@@ -92,9 +92,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.jobs.capture import CaptureRequest, make_capture, plan_capture
-    from usdfoliage.jobs.capture_settings import read_capture_run_settings
-    from usdfoliage.jobs.settings_file import format_settings
+    from usdfoliage.jobs.capture.run import CaptureRequest, make_capture, plan_capture
+    from usdfoliage.jobs.capture.settings import read_capture_run_settings
+    from usdfoliage.jobs.work.settings_file import format_settings
 
     handle_interrupts()
     if options.print_settings:

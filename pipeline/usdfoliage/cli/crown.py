@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.captured_crown import MadeCapturedCrown
-    from usdfoliage.jobs.crown_asset import MadeCrown
+    from usdfoliage.jobs.crown.run_capture import MadeCapturedCrown
+    from usdfoliage.jobs.crown.run_photograph import MadeCrown
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,13 +79,13 @@ def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.capture.cloud_input import looks_like_cloud
+    from usdfoliage.capture.cloud_files.read import looks_like_cloud
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
 
     made: MadeCrown | MadeCapturedCrown
     if options.photo.is_dir() or looks_like_cloud(options.photo):
-        from usdfoliage.jobs.captured_crown import (
+        from usdfoliage.jobs.crown.run_capture import (
             CapturedCrownRequest,
             make_captured_crown_asset,
             plan_captured_crown_asset,
@@ -101,8 +101,8 @@ def run(options: argparse.Namespace) -> int:
         for warning in made.warnings:
             print(f"warning: {warning}")
     else:
-        from usdfoliage.jobs.captured_crown import CAPTURE_OPTIONS, refuse_options
-        from usdfoliage.jobs.crown_asset import CrownRequest, make_crown_asset, plan_crown_asset
+        from usdfoliage.jobs.crown.run_capture import CAPTURE_OPTIONS, refuse_options
+        from usdfoliage.jobs.crown.run_photograph import CrownRequest, make_crown_asset, plan_crown_asset
 
         handle_interrupts()
         refuse_options(

@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
-    from usdfoliage.jobs.leaf_edit import EditRequest, plan_look, write_look
+    from usdfoliage.jobs.edits.edit import EditRequest, plan_look, write_look
 
     handle_interrupts()
     request = EditRequest.from_options(options)

@@ -13,7 +13,7 @@ def run(options: argparse.Namespace) -> int:
     import json
     from dataclasses import asdict
 
-    from usdfoliage.jobs.leaf_info import describe_asset, format_info
+    from usdfoliage.jobs.info import describe_asset, format_info
 
     info = describe_asset(options.asset)
     print(json.dumps(asdict(info), indent=2, ensure_ascii=False) if options.json else format_info(info))

@@ -66,9 +66,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.jobs.leaves import LeavesRequest, make_leaves_asset, plan_leaves_asset
-    from usdfoliage.jobs.leaves_settings import read_leaves_settings
-    from usdfoliage.jobs.settings_file import format_settings
+    from usdfoliage.jobs.leaves.run import LeavesRequest, make_leaves_asset, plan_leaves_asset
+    from usdfoliage.jobs.leaves.settings import read_leaves_settings
+    from usdfoliage.jobs.work.settings_file import format_settings
 
     handle_interrupts()
     if options.print_settings:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.build.finish import BuiltPlant
+    from usdfoliage.jobs.plant.finish import BuiltPlant
 
 EXIT_CODES: Mapping[str, int] = {"built": 0, "failed": 2, "invalid": 3, "fault": 1}
 

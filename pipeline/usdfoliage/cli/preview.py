@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.asset.locate import find_interface
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.errors import PreviewError
-    from usdfoliage.jobs.preview import (
+    from usdfoliage.jobs.preview.pictures import (
         PreviewSettings,
         PreviewView,
         render_turntable,
@@ -109,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _parse_background(words: Sequence[str] | None) -> tuple[float, float, float] | None:
     """The colour that words name, None for transparent; raises ValueError."""
-    from usdfoliage.jobs.preview import PreviewSettings
+    from usdfoliage.jobs.preview.pictures import PreviewSettings
 
     if words is None:
         return PreviewSettings().background

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.jobs.leaf_asset import ScatterRequest, plan_spray, scatter_asset
+    from usdfoliage.jobs.edits.scatter import ScatterRequest, plan_spray, scatter_asset
 
     handle_interrupts()
     request = ScatterRequest.from_options(options)

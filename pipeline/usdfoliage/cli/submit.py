@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from usdfoliage.cli.build_options import add_plan, add_publishing
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.build.openjd_template import JobParameter
+    from usdfoliage.jobs.plant.openjd_template import JobParameter
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,9 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.build_options import read_request
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.build.farm_steps import list_steps
-    from usdfoliage.jobs.build.openjd_template import FarmJob, write_bundle, write_template
-    from usdfoliage.jobs.build.run import plan_plant
+    from usdfoliage.jobs.plant.farm_steps import list_steps
+    from usdfoliage.jobs.plant.openjd_template import FarmJob, write_bundle, write_template
+    from usdfoliage.jobs.plant.run import plan_plant
 
     if options.template is None and options.bundle is None:
         raise FoliageError("say where the job goes: --template JOB.yaml, --bundle FOLDER, or both")
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _parameters(options: argparse.Namespace, name: str, work: Path) -> "list[JobParameter]":
-    from usdfoliage.jobs.build.openjd_template import JobParameter
+    from usdfoliage.jobs.plant.openjd_template import JobParameter
 
     capture, is_cloud = options.capture.absolute(), options.capture.is_file()
     known_work = options.output is not None or options.work is not None

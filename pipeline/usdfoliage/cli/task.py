@@ -20,7 +20,7 @@ from usdfoliage.cli.build_options import add_plan, add_publishing
 
 if TYPE_CHECKING:
     from usdfoliage.cli.openjd_lines import OpenjdLines
-    from usdfoliage.jobs.build.call import BuildRequest
+    from usdfoliage.jobs.plant.call import BuildRequest
 
 LIST, PLAN, PUBLISH = "list", "plan", "publish"
 
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         if options.threads < 0:
             raise FoliageError(f"--threads must be 0 or more, not {options.threads}")
         from usdfoliage.cli.build_options import read_request
-        from usdfoliage.jobs.build import farm_steps  # noqa: F401  # all that is heavy, before interrupts are handled
+        from usdfoliage.jobs.plant import farm_steps  # noqa: F401  # all that is heavy, before interrupts are handled
 
         request = read_request(options, options.capture, options.output, options.name)
         handle_interrupts()
@@ -88,8 +88,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _plan(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLines") -> int:
-    from usdfoliage.jobs.build.farm_steps import list_steps, plan_step
-    from usdfoliage.jobs.build.run import plan_plant
+    from usdfoliage.jobs.plant.farm_steps import list_steps, plan_step
+    from usdfoliage.jobs.plant.run import plan_plant
 
     if options.step == LIST:
         steps = list_steps(plan_plant(request, "names")[1])
@@ -115,7 +115,7 @@ def _plan(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLi
 def _run_chunks(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLines") -> int:
     from usdfoliage.cli.plant_results import tell_fault
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.build.farm_steps import find_chunks, run_chunk
+    from usdfoliage.jobs.plant.farm_steps import find_chunks, run_chunk
 
     asked, of = options.chunk or (options.chunks, None)
     lines.begin(f"{request.name}: {options.step}")
@@ -143,7 +143,7 @@ def _run_chunks(request: "BuildRequest", options: argparse.Namespace, lines: "Op
 
 def _publish(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLines") -> int:
     from usdfoliage.cli.plant_results import EXIT_CODES, print_plant
-    from usdfoliage.jobs.build.farm_steps import publish_step
+    from usdfoliage.jobs.plant.farm_steps import publish_step
 
     lines.begin(f"{request.name}: publishing")
     made = publish_step(request)

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from usdfoliage.asset.findings import Finding
-    from usdfoliage.asset.validation import ValidationReport
+    from usdfoliage.asset.validation.findings import Finding
+    from usdfoliage.asset.validation.validate import ValidationReport
 
 EXIT_WITH_ERRORS = 3
 
@@ -33,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.asset.studio_profile import default_profile, read_profile
-    from usdfoliage.asset.validation import validate_asset
+    from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
+    from usdfoliage.asset.validation.validate import validate_asset
 
     profile = read_profile(options.profile or default_profile())
     report = validate_asset(options.asset, profile)

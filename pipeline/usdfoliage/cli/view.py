@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.errors import PreviewError
-    from usdfoliage.jobs.viewer import ViewerSettings, answer_requests, view_asset
+    from usdfoliage.jobs.preview.viewer import ViewerSettings, answer_requests, view_asset
 
     handle_interrupts()
     if options.answer:

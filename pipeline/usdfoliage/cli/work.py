@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from usdfoliage.cli.build_options import WORK_VARIABLE
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.build.prune import HeldTask
+    from usdfoliage.jobs.plant.prune import HeldTask
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.build.prune import prune_work, survey_work
+    from usdfoliage.jobs.plant.prune import prune_work, survey_work
 
     if not options.keep_days >= 0:
         raise FoliageError(f"--keep-days must be 0 or more, not {options.keep_days:g}")

@@ -9,19 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
-from usdfoliage.leaf.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
-from usdfoliage.leaf.direction import DirectionSettings, tell_base_from_apex
 from usdfoliage.leaf.fit.alternating import AlternatingFitSettings, fit_leaves_alternating
 from usdfoliage.leaf.fit.flip import flip_leaves
 from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface
-from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.photo_colors import PhotoColorSettings, sample_leaf_colors
-from usdfoliage.leaf.segmentation.dense import segment_dense
-from usdfoliage.leaf.segmentation.dense_settings import DenseSegmentationSettings
+from usdfoliage.leaf.photographs.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
+from usdfoliage.leaf.photographs.colors import PhotoColorSettings, sample_leaf_colors
+from usdfoliage.leaf.photographs.direction import DirectionSettings, tell_base_from_apex
+from usdfoliage.leaf.segmentation.dense.segment import segment_dense
+from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings
 from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing, nonzero
-from usdfoliage.leaf.segmentation.paper import PaperSegmentationSettings, segment_paper
+from usdfoliage.leaf.segmentation.paper.segment import PaperSegmentationSettings, segment_paper
+from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.steps import StepProgress, follow_step
 
 METHODS = ("dense", "paper")

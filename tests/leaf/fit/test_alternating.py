@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from leaf_clouds import leaf_points, moved, surface_distances, surface_points
-from leaf_fit_reference import fit_leaf
-from leaf_shapes import flat_leaf
 from usdfoliage.leaf.fit.alternating import AlternatingFitSettings, fit_leaves_alternating
-from usdfoliage.leaf.fold import find_folds
-from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.surface import evaluate_normals, evaluate_points, grid_places
-from usdfoliage.leaf.variation import vary_leaves
+from usdfoliage.leaf.shape.fold import find_folds
+from usdfoliage.leaf.shape.measures import leaf_width
+from usdfoliage.leaf.shape.surface import evaluate_normals, evaluate_points, grid_places
+from usdfoliage.leaf.shape.variation import vary_leaves
+
+from tests.support.leaves.clouds import leaf_points, moved, surface_distances, surface_points
+from tests.support.leaves.fit_reference import fit_leaf
+from tests.support.leaves.shapes import flat_leaf
 
 NATURAL = vary_leaves(12, np.random.default_rng(4))
 LEAST_SQUARES = AlternatingFitSettings(robustness="none")

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from leaf_shapes import random_leaves, wild_leaves
 from scipy.spatial.transform import Rotation
 from usdfoliage.leaf.fit.flip import flip_leaves
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.surface import evaluate_normals, evaluate_points
+from usdfoliage.leaf.shape.surface import evaluate_normals, evaluate_points
+
+from tests.support.leaves.shapes import random_leaves, wild_leaves
 
 PLACES = np.random.default_rng(3).uniform((-1, 0), (1, 1), (60, 2))
 TURNED = PLACES * (-1, -1) + (0, 1)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from usdfoliage.leaf.fit.prior import LeafPrior, align_leaves, exchange_ends, generic_prior, learn_prior
-from usdfoliage.leaf.surface import evaluate_points, grid_places
-from usdfoliage.leaf.variation import VariationSettings, default_leaf, vary_leaves
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+from usdfoliage.leaf.shape.variation import VariationSettings, default_leaf, vary_leaves
 
 PLACES = grid_places(np.linspace(-1, 1, 7), np.linspace(0, 1, 9))
 

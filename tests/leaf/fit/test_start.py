@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from leaf_points import known_leaves, leaf_points
 from usdfoliage.leaf.fit.start import sample_points, start_poses, thin_samples, turn_across
 from usdfoliage.leaf.segmentation.model import FREE_EDGE
+
+from tests.support.leaves.points import known_leaves, leaf_points
 
 
 def test_samples_are_few_even_and_keep_the_edge():

@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from leaf_points import known_leaves, leaf_points, world_points
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface, fit_surfaces
-from usdfoliage.leaf.fold import find_folds
-from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.segmentation.model import FREE_EDGE, INTERIOR, LeafPoints
-from usdfoliage.leaf.surface import evaluate_points, grid_places
+from usdfoliage.leaf.shape.fold import find_folds
+from usdfoliage.leaf.shape.measures import leaf_width
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+
+from tests.support.leaves.points import known_leaves, leaf_points, world_points
 
 PLACES = grid_places(np.linspace(-1, 1, 21), np.linspace(0, 1, 21))
 

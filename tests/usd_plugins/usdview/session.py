@@ -9,10 +9,7 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-ROOT = Path(__file__).resolve().parents[3]
-sys.path[:0] = [str(ROOT / "hydra_preview"), str(ROOT / "usd_plugins")]
-
-import record  # noqa: E402
+import record
 
 record.load_usd()
 import pxr  # noqa: E402
@@ -22,6 +19,8 @@ pxr.__path__.append(str(Path(__file__).resolve().parent))  # pxr.Usdviewq
 from pxr import Plug, Tf, Usd, UsdGeom  # noqa: E402
 from pxr.Usdviewq import plugin  # noqa: E402
 from PySide6 import QtWidgets  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 class Api:

@@ -25,12 +25,12 @@ from usdfoliage.leaf.fit.under_prior import (
     fit_under_prior,
     version_costs,
 )
-from usdfoliage.leaf.fold import find_folds
-from usdfoliage.leaf.jitter import spread_phases
-from usdfoliage.leaf.measures import leaf_width
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.segmentation.model import LeafPoints
-from usdfoliage.leaf.surface import evaluate_area_elements, grid_places
+from usdfoliage.leaf.shape.fold import find_folds
+from usdfoliage.leaf.shape.jitter import spread_phases
+from usdfoliage.leaf.shape.measures import leaf_width
+from usdfoliage.leaf.shape.surface import evaluate_area_elements, grid_places
 
 CELLS_U, CELLS_V = 6, 8  # of a leaf's surface, to tell how much of it has points
 EDGE_CELLS = 12  # of either silhouette

@@ -1,0 +1,1 @@
+"""Looks: layers that edit the leaves of an asset wherever a scene refers to it."""

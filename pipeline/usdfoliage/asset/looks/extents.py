@@ -1,0 +1,46 @@
+"""Extents in a look: edited leaves may reach further than the asset says, and what an extent lacks is culled."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd
+
+from usdfoliage.asset.look_layer import widen_extents
+from usdfoliage.asset.parts.leaves import ReadLeaves
+from usdfoliage.leaf.shape.bounds import common_bounds, leaf_bounds_m
+from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits
+from usdfoliage.leaf.shape.jitter import Jitter
+
+
+def author_wider_extents(
+    stage: Usd.Stage,
+    path: Sdf.Path,
+    plant: Usd.Prim,
+    instancer: Usd.Prim,
+    held: ReadLeaves,
+    edits: LeafEdits,
+    jitter_map: NDArray[np.float64] | None,
+) -> None:
+    """Author the extents that edited leaves outgrow (usdfoliage.asset.look_layer.widen_extents), as wide as they are.
+
+    Args:
+        stage: Of the look.
+        path: What stands in the look for the plant.
+        plant: Of the asset, composed.
+        instancer: Its leaves.
+        held: What the asset has of them.
+        edits: What the look makes of its edits.
+        jitter_map: (M,), None for procedural jitter.
+    """
+    if not len(held.leaves):
+        return
+    jitter = Jitter(amplitude=edits.jitter_amplitude, frequency=edits.jitter_frequency, map=jitter_map)
+    edited = apply_edits(held.leaves.parameters, edits)
+    in_leaf_space = common_bounds(edited, jitter)
+    among_leaves = leaf_bounds_m(replace(held.leaves, parameters=edited), jitter)
+    widen_extents(stage, path, plant, instancer, _range(in_leaf_space), _range(among_leaves))
+
+
+def _range(bounds: NDArray[np.float64]) -> Gf.Range3d:
+    return Gf.Range3d(Gf.Vec3d(*bounds[0].tolist()), Gf.Vec3d(*bounds[1].tolist()))

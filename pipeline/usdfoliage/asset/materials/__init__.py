@@ -1,0 +1,1 @@
+"""Materials of an asset, and the maps they read."""

@@ -1,0 +1,275 @@
+"""The leaves' material: UsdPreviewSurface and MaterialX for any renderer, glslfx for Storm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.jitter import PERIOD
+
+LEAF_SHADERS = ("usdFoliageLeaf.glslfx",)  # what an asset's shaders/ needs for its leaves
+LEAF_COLOR = (0.06, 0.14, 0.03)  # linear Rec.709, of a full-grown leaf of a broad-leaved tree
+_IOR = 1.45  # of the cuticle, a wax
+
+STORM_SURFACE = "StormSurface"  # below the material
+TEXTURE_COLOR = "textureColor"  # an input of it
+PACKED = "leaf:packed"  # what Storm reads of leaves beside axis1 and the silhouettes, see pack_leaves
+_LENGTH_UNIT = 1 / 2048
+_PHASE_UNIT = 1 / 512
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafMaterial:
+    """What the leaves' material needs to know; paths as seen from the layer's folder.
+
+    The numbers are those of the shader's parameters, which say more of each.
+    """
+
+    shaders: str  # the folder with LEAF_SHADERS
+    texture: str | None = None  # picture of a leaf in its st, with opacity; takes the place of displayColor
+    texture_color: tuple[float, float, float] | None = None  # usual one of it: displayColor by this tints it
+    jitter_map: str | None = None  # one cycle of the silhouette's jitter, see FoliageLeafAPI
+    color: tuple[float, float, float] = LEAF_COLOR  # where a gprim has no displayColor
+    translucency: float = 0.7  # light that shines through, as a part of what is scattered back
+    transmission_tint: tuple[float, float, float] = (1.8, 1.3, 0.3)  # factor on the colour of that light
+    roughness: float = 0.45
+    specular: float = 0.8
+    underside: float = 0.35  # how much paler and duller it is
+    veins: float = 0.6  # how much they differ from the blade
+    vein_pairs: float = 9.0
+    relief: float = 0.4  # how much the veins press the surface
+    mottling: float = 0.12
+
+    def __post_init__(self) -> None:
+        for name in ("roughness", "underside", "veins", "relief", "mottling"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name} must be 0 to 1, not {getattr(self, name)}")
+        for name in ("translucency", "specular"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
+        if not 1 <= self.vein_pairs < np.inf:
+            raise ValueError(f"vein_pairs must be 1 or more, not {self.vein_pairs}")
+        if self.texture_color is not None and not all(0 < c < np.inf for c in self.texture_color):
+            raise ValueError(f"texture_color must be three numbers above 0, not {self.texture_color}")
+        for name in ("color", "transmission_tint"):
+            if len(getattr(self, name)) != 3 or not all(0 <= c < np.inf for c in getattr(self, name)):
+                raise ValueError(f"{name} must be three numbers of 0 or more, not {getattr(self, name)}")
+
+
+def author_leaf_material(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Material:
+    """Define a material that shows leaves in their displayColor or their texture, for three kinds of renderer."""
+    material = UsdShade.Material.Define(stage, path)
+    texture = _author_texture(stage, path, leaf.texture, leaf.color) if leaf.texture else None
+    surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), leaf, texture)
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    surface = _author_mtlx_surface(stage, path, leaf)
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+    surface = _author_storm_surface(stage, path.AppendChild(STORM_SURFACE), leaf, texture)
+    material.CreateSurfaceOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "surface")
+    material.CreateDisplacementOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "displacement")
+    if leaf.jitter_map:
+        author_jitter_texture(material, leaf.jitter_map)
+    return material
+
+
+def author_jitter_texture(material: UsdShade.Material, file: str) -> None:
+    """Let Storm jitter the leaves of a material by a map: the opinions that a look adds to it.
+
+    Args:
+        material: What author_leaf_material defined, or an over of it.
+        file: The map, as seen from the layer's folder.
+    """
+    stage, path = material.GetPrim().GetStage(), material.GetPath()
+    texture = UsdShade.Shader.Define(stage, path.AppendChild("JitterMap"))
+    _set_texture(texture, file, "raw", "repeat")
+    texture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(0.5))
+    texture.CreateOutput("r", Sdf.ValueTypeNames.Float)
+    surface = UsdShade.Shader(stage.OverridePrim(path.AppendChild(STORM_SURFACE)))
+    surface.CreateInput("jitterMap", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "r")
+
+
+def pack_leaves(leaves: Leaves) -> NDArray[np.float32]:
+    """What Storm reads of leaves beside axis1 and the silhouettes: (1 + 10 N,) float32, whole numbers.
+
+    The number of leaves N; then, number after number and of all leaves each, axis2, inner and outer in 1/2048 of the
+    leaf's length, and the phase in 1/512 of a cycle.
+    """
+    lengths = leaves.parameters[:, (1, 5, 6)].reshape(-1, 9) / _LENGTH_UNIT
+    phase = (leaves.phase % PERIOD) / _PHASE_UNIT
+    numbers = np.round(np.column_stack([lengths, phase])).T
+    return np.concatenate([[len(leaves)], numbers.ravel()]).astype(np.float32)
+
+
+def author_packed_leaves(instancer: UsdGeom.PointInstancer, leaves: Leaves) -> None:
+    """Give Storm what it does not read of an instancer's leaves from the primvars of FoliageLeafAPI.
+
+    Storm binds a storage buffer for each primvar of an instancer that a shader names, and OpenGL often has 16 in all:
+    too few for all the primvars, the colours and an instance of the plant. A constant array, which the prototype
+    inherits, needs none. Of single floats, because Storm packs an array of float3 more tightly than its shaders read
+    it; of whole numbers, because crate files compress those.
+    """
+    primvar = UsdGeom.PrimvarsAPI(instancer).CreatePrimvar(
+        PACKED, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.constant
+    )
+    primvar.Set(Vt.FloatArray.FromNumpy(pack_leaves(leaves)))
+
+
+def _author_st(stage: Usd.Stage, path: Sdf.Path) -> UsdShade.Shader:
+    reader = UsdShade.Shader.Define(stage, path)
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+    reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+    return reader
+
+
+def _set_texture(texture: UsdShade.Shader, file: str, color_space: str, wrap: str) -> None:
+    reader = _author_st(texture.GetPrim().GetStage(), texture.GetPath().GetParentPath().AppendChild("St"))
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(color_space)
+    for direction in ("wrapS", "wrapT"):
+        texture.CreateInput(direction, Sdf.ValueTypeNames.Token).Set(wrap)
+    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Texture:
+    """One file, read twice: where it is missing, Storm takes the first number of the fallback for the opacity."""
+
+    color: UsdShade.Shader
+    opacity: UsdShade.Shader
+
+
+def _author_texture(stage: Usd.Stage, path: Sdf.Path, file: str, fallback: tuple[float, float, float]) -> _Texture:
+    color = UsdShade.Shader.Define(stage, path.AppendChild("Texture"))
+    _set_texture(color, file, "auto", "clamp")
+    color.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*fallback, 1.0))
+    color.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    opacity = UsdShade.Shader.Define(stage, path.AppendChild("TextureOpacity"))
+    _set_texture(opacity, file, "auto", "clamp")
+    opacity.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(1.0))
+    opacity.CreateOutput("a", Sdf.ValueTypeNames.Float)
+    return _Texture(color=color, opacity=opacity)
+
+
+def _author_preview_surface(
+    stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, texture: _Texture | None
+) -> UsdShade.Shader:
+    surface = UsdShade.Shader.Define(stage, path)
+    surface.CreateIdAttr("UsdPreviewSurface")
+    color = surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+    if texture is None:
+        reader = UsdShade.Shader.Define(stage, path.GetParentPath().AppendChild("Color"))
+        reader.CreateIdAttr("UsdPrimvarReader_float3")
+        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+        reader.CreateInput("fallback", Sdf.ValueTypeNames.Float3).Set(Gf.Vec3f(*leaf.color))
+        reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+        color.ConnectToSource(reader.ConnectableAPI(), "result")
+    else:
+        color.ConnectToSource(texture.color.ConnectableAPI(), "rgb")
+        opacity = surface.CreateInput("opacity", Sdf.ValueTypeNames.Float)
+        opacity.ConnectToSource(texture.opacity.ConnectableAPI(), "a")
+        surface.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(0.5)
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(leaf.roughness)
+    surface.CreateInput("ior", Sdf.ValueTypeNames.Float).Set(_IOR)
+    surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    return surface
+
+
+def _author_mtlx_surface(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Shader:
+    """A thin sheet whose subsurface light is what shines through."""
+    surface = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSurface"))
+    surface.CreateIdAttr("ND_standard_surface_surfaceshader")
+    color = _author_mtlx_color(stage, path, leaf)
+    # The node mixes what is scattered back and what shines through; scaled up, each has the strength it has in Storm.
+    whole = 1 + leaf.translucency
+    scattered = _author_mtlx_product(stage, path.AppendChild("MtlxScattered"), color, Gf.Vec3f(whole))
+    tint = whole * Gf.Vec3f(*leaf.transmission_tint)
+    through = _author_mtlx_product(stage, path.AppendChild("MtlxTransmitted"), color, tint)
+    surface.CreateInput("base", Sdf.ValueTypeNames.Float).Set(1.0)
+    surface.CreateInput("base_color", Sdf.ValueTypeNames.Color3f).ConnectToSource(scattered.ConnectableAPI(), "out")
+    surface.CreateInput("subsurface", Sdf.ValueTypeNames.Float).Set(leaf.translucency / whole)
+    surface.CreateInput("subsurface_color", Sdf.ValueTypeNames.Color3f).ConnectToSource(through.ConnectableAPI(), "out")
+    surface.CreateInput("thin_walled", Sdf.ValueTypeNames.Bool).Set(True)
+    surface.CreateInput("specular", Sdf.ValueTypeNames.Float).Set(leaf.specular)
+    surface.CreateInput("specular_IOR", Sdf.ValueTypeNames.Float).Set(_IOR)
+    surface.CreateInput("specular_roughness", Sdf.ValueTypeNames.Float).Set(leaf.roughness)
+    surface.CreateOutput("out", Sdf.ValueTypeNames.Token)
+    return surface
+
+
+def _author_mtlx_product(stage: Usd.Stage, path: Sdf.Path, color: UsdShade.Shader, factor: Gf.Vec3f) -> UsdShade.Shader:
+    product = UsdShade.Shader.Define(stage, path)
+    product.CreateIdAttr("ND_multiply_color3")
+    product.CreateInput("in1", Sdf.ValueTypeNames.Color3f).ConnectToSource(color.ConnectableAPI(), "out")
+    product.CreateInput("in2", Sdf.ValueTypeNames.Color3f).Set(factor)
+    product.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+    return product
+
+
+def _author_mtlx_color(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Shader:
+    color = UsdShade.Shader.Define(stage, path.AppendChild("MtlxColor"))
+    color.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+    if leaf.texture is None:
+        _set_mtlx_display_color(color, leaf.color)
+        return color
+    reader = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSt"))
+    reader.CreateIdAttr("ND_geompropvalue_vector2")
+    reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
+    reader.CreateOutput("out", Sdf.ValueTypeNames.Float2)
+    color.CreateIdAttr("ND_image_color3")
+    file = color.CreateInput("file", Sdf.ValueTypeNames.Asset)
+    file.Set(Sdf.AssetPath(leaf.texture))
+    linear = leaf.texture.lower().endswith((".exr", ".hdr", ".pfm"))
+    file.GetAttr().SetColorSpace("lin_rec709" if linear else "srgb_texture")
+    for mode in ("uaddressmode", "vaddressmode"):
+        color.CreateInput(mode, Sdf.ValueTypeNames.String).Set("clamp")
+    color.CreateInput("texcoord", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "out")
+    if leaf.texture_color is None:
+        return color
+    display = UsdShade.Shader.Define(stage, path.AppendChild("MtlxDisplayColor"))
+    display.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+    _set_mtlx_display_color(display, leaf.texture_color)
+    inverse = Gf.Vec3f(*(1 / channel for channel in leaf.texture_color))
+    tint = _author_mtlx_product(stage, path.AppendChild("MtlxTint"), display, inverse)
+    tinted = _author_mtlx_product(stage, path.AppendChild("MtlxTinted"), color, Gf.Vec3f(1))
+    tinted.GetInput("in2").ConnectToSource(tint.ConnectableAPI(), "out")
+    return tinted
+
+
+def _set_mtlx_display_color(reader: UsdShade.Shader, fallback: tuple[float, float, float]) -> None:
+    reader.CreateIdAttr("ND_geompropvalue_color3")
+    reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("displayColor")
+    reader.CreateInput("default", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*fallback))
+
+
+def _author_storm_surface(
+    stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, texture: _Texture | None
+) -> UsdShade.Shader:
+    surface = UsdShade.Shader.Define(stage, path)
+    surface.SetSourceAsset(Sdf.AssetPath(f"{leaf.shaders}/{LEAF_SHADERS[0]}"), "glslfx")
+    # The types are those that Storm's parser derives from the shader's defaults: three numbers are a colour to it.
+    for name, value in (
+        ("translucency", leaf.translucency),
+        ("roughness", leaf.roughness),
+        ("specular", leaf.specular),
+        ("underside", leaf.underside),
+        ("veins", leaf.veins),
+        ("veinPairs", leaf.vein_pairs),
+        ("relief", leaf.relief),
+        ("mottling", leaf.mottling),
+    ):
+        surface.CreateInput(name, Sdf.ValueTypeNames.Float).Set(value)
+    surface.CreateInput("transmissionTint", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*leaf.transmission_tint))
+    if texture is not None:
+        color = surface.CreateInput("leafTexture", Sdf.ValueTypeNames.Color3f)
+        color.ConnectToSource(texture.color.ConnectableAPI(), "rgb")
+        opacity = surface.CreateInput("leafOpacity", Sdf.ValueTypeNames.Float)
+        opacity.ConnectToSource(texture.opacity.ConnectableAPI(), "a")
+        if leaf.texture_color is not None:
+            surface.CreateInput(TEXTURE_COLOR, Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*leaf.texture_color))
+    surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    surface.CreateOutput("displacement", Sdf.ValueTypeNames.Token)
+    return surface

@@ -1,0 +1,1 @@
+"""The parts of an asset, one layer each: leaves, branches, crown, and what moves them."""

@@ -1,0 +1,153 @@
+"""The crown in USD: a closed mesh with FoliageCrownAPI, and the two cubemaps it is made from."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
+from usdfoliage.asset.locate import open_layer
+from usdfoliage.asset.materials.cubemap_exr import read_cubemap, write_color_cubemap, write_radius_cubemap
+from usdfoliage.asset.materials.layer import CROWN_MATERIAL
+from usdfoliage.asset.plant import CROWN
+from usdfoliage.asset.schema import CROWN_API
+from usdfoliage.asset.stored_numbers import stored_numbers
+from usdfoliage.crown.model import CrownModel
+from usdfoliage.errors import AssetError
+from usdfoliage.geometry.crown_mesh import CrownMesh, build_crown_mesh
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrownPrim:
+    """All that is authored of a crown: its mesh and where its maps are, as seen from the layer's folder."""
+
+    mesh: CrownMesh
+    radius_map: str
+    color_map: str
+    center_m: NDArray[np.float64]  # (3,)
+    radius_range_m: tuple[float, float]  # smallest and largest of the map
+    relief_weight: float
+    mean_color: NDArray[np.float64]  # (3,), linear Rec.709; for applications that show no texture
+
+
+def crown_prim(name: str, crown: CrownModel, mesh_size: int) -> CrownPrim:
+    """What the layer payload/crown.usdc of the asset called name holds."""
+    return CrownPrim(
+        mesh=build_crown_mesh(crown.radius_m, crown.center_m, mesh_size),
+        radius_map=f"../{radius_map_path(name).as_posix()}",
+        color_map=f"../{color_map_path(name).as_posix()}",
+        center_m=np.asarray(crown.center_m, np.float64),
+        radius_range_m=(float(crown.radius_m.min()), float(crown.radius_m.max())),
+        relief_weight=crown.relief_weight,
+        mean_color=crown.color.reshape(-1, 3).mean(axis=0, dtype=np.float64),
+    )
+
+
+def radius_map_path(name: str) -> Path:
+    """Where the radius cubemap is, from the asset's folder."""
+    return Path("maps") / f"{name}_crown_radius.exr"
+
+
+def color_map_path(name: str) -> Path:
+    """Where the colour cubemap is, from the asset's folder."""
+    return Path("maps") / f"{name}_crown_color.exr"
+
+
+def write_crown_maps(folder: Path, name: str, crown: CrownModel) -> None:
+    """Write the two cubemaps of the asset in folder.
+
+    Raises:
+        ValueError: The two maps are not of one size, or one of them is no cubemap.
+        AssetError: A file cannot be written.
+    """
+    if crown.color.shape[:3] != crown.radius_m.shape:
+        raise ValueError(f"radius and colour must be of one size, not {crown.radius_m.shape} and {crown.color.shape}")
+    facts = {
+        "foliage:crown:center": " ".join(repr(float(c)) for c in crown.center_m),
+        "foliage:crown:reliefWeight": repr(float(crown.relief_weight)),
+    }
+    for path in (radius_map_path(name), color_map_path(name)):
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+    write_radius_cubemap(folder / radius_map_path(name), crown.radius_m, facts)
+    write_color_cubemap(folder / color_map_path(name), crown.color, facts)
+
+
+def write_crown_layer(path: Path, name: str, crown: CrownPrim) -> None:
+    """Write the crown alone: a layer with the crown at /name/geo/proxy/Crown."""
+    stage = new_layer(path, name)
+    crown_path = Sdf.Path(f"/{name}/{CROWN}")
+    author_scopes(stage, crown_path.GetParentPath())
+    author_crown(stage, crown_path, crown)
+    author_crown_binding(stage, crown_path, Sdf.Path(f"/{name}/{CROWN_MATERIAL}"))
+    export_layer(stage, path)
+
+
+def read_crown_radius(path: Path, name: str) -> tuple[NDArray[np.floating], NDArray[np.float64]]:
+    """The radius cubemap (6, N, N) of a crown, in metres, and its centre (3,), as write_crown_layer wrote them.
+
+    Raises:
+        AssetError: The layer or the cubemap cannot be read, or the crown does not say where they are.
+    """
+    stage = Usd.Stage.Open(open_layer(path), Usd.Stage.LoadNone)
+    crown = stage.GetPrimAtPath(f"/{name}/{CROWN}")
+    radius_map, center = (
+        crown.GetAttribute(f"foliage:crown:{fact}").Get(Usd.TimeCode.EarliestTime()) if crown else None
+        for fact in ("radiusMap", "center")
+    )
+    center_m = stored_numbers(center, (3,))
+    if not isinstance(radius_map, Sdf.AssetPath) or not radius_map.path or center_m is None:
+        raise AssetError(f"{path} lacks the radius map or the centre of the crown </{name}/{CROWN}>; build it again")
+    file = Path(radius_map.resolvedPath or path.parent / radius_map.path)
+    pixels = read_cubemap(file).pixels
+    if pixels.ndim != 3 or not (np.isfinite(pixels).all() and pixels.min() > 0):
+        raise AssetError(f"{file} holds no radii, which are one number above 0 a texel; build the crown again")
+    return pixels, center_m
+
+
+def author_crown(stage: Usd.Stage, path: Sdf.Path, crown: CrownPrim) -> UsdGeom.Mesh:
+    """Define the crown at path: the mesh, and FoliageCrownAPI with the maps it comes from."""
+    mesh = author_crown_mesh(stage, path, crown.mesh)
+    color = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
+        "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.constant
+    )
+    color.Set([Gf.Vec3f(*map(float, crown.mean_color))])
+
+    prim = mesh.GetPrim()
+    prim.AddAppliedSchema(CROWN_API)
+    facts = (
+        ("radiusMap", Sdf.ValueTypeNames.Asset, Sdf.AssetPath(crown.radius_map)),
+        ("colorMap", Sdf.ValueTypeNames.Asset, Sdf.AssetPath(crown.color_map)),
+        ("center", Sdf.ValueTypeNames.Point3f, Gf.Vec3f(*map(float, crown.center_m))),
+        ("radiusRange", Sdf.ValueTypeNames.Float2, Gf.Vec2f(*crown.radius_range_m)),
+        ("reliefWeight", Sdf.ValueTypeNames.Float, float(crown.relief_weight)),
+    )
+    for fact, value_type, value in facts:
+        prim.CreateAttribute(f"foliage:crown:{fact}", value_type, custom=False).Set(value)
+    return mesh
+
+
+def author_crown_mesh(stage: Usd.Stage, path: Sdf.Path, crown: CrownMesh) -> UsdGeom.Mesh:
+    """Define the closed surface at path, with its normals and its place on the cubemap's image as st."""
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    points = Vt.Vec3fArray.FromNumpy(crown.points_m)
+    mesh.CreatePointsAttr(points)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(crown.face_vertices), 4))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(crown.face_vertices.ravel()))
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(crown.normals))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
+    mesh.CreateDoubleSidedAttr(False)  # closed
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+    st.Set(Vt.Vec2fArray.FromNumpy(crown.st))
+    st.SetIndices(Vt.IntArray.FromNumpy(crown.face_st.ravel()))
+    return mesh
+
+
+def author_crown_binding(stage: Usd.Stage, path: Sdf.Path, material: Sdf.Path) -> None:
+    """Bind the material, which another layer may hold, on the crown itself."""
+    binding = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path))
+    binding.Bind(UsdShade.Material(stage.OverridePrim(material)))

@@ -1,0 +1,202 @@
+"""The primvars of FoliageLeafAPI, on an instancer of many leaves as on the patch of one.
+
+What they mean is said in schemas/usdFoliage/schema.usda.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Usd, UsdGeom, Vt
+
+from usdfoliage.asset.look_layer import EDITS, EditValue, author_edit
+from usdfoliage.asset.packed_files import is_packed
+from usdfoliage.asset.stored_numbers import stored_numbers
+from usdfoliage.errors import AssetError
+from usdfoliage.leaf.model import PARAMETERS, Leaves
+from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
+
+JITTER_MAP = "foliage:leaf:jitterMap"
+
+DISPLAY_COLOR = "displayColor"
+
+# What else may be known of each leaf: field of Leaves, primvar.
+_FACTS = (
+    ("phase", "leaf:phase"),
+    ("color", DISPLAY_COLOR),
+    ("confidence", "leaf:confidence"),
+    ("residual_m", "leaf:residual"),
+    ("view", "leaf:view"),
+)
+
+Array = NDArray[np.float32 | np.int32]
+
+
+def leaf_arrays(leaves: Leaves) -> dict[str, Array]:
+    """The primvars of leaves, one element a leaf: (N, 3) or (N,) float32, (N,) int32 for the view."""
+    arrays: dict[str, Array] = {}
+    for row, name in enumerate(PARAMETERS):
+        arrays[f"leaf:{name}"] = np.ascontiguousarray(leaves.parameters[:, row], np.float32)
+    for field, name in _FACTS:
+        held = getattr(leaves, field)
+        if held is not None:
+            kind: type[np.int32 | np.float32] = np.int32 if field == "view" else np.float32
+            arrays[name] = np.ascontiguousarray(held, kind)
+    return arrays
+
+
+def usd_array(array: Array) -> Vt.Vec3fArray | Vt.FloatArray | Vt.IntArray:
+    """The same numbers as USD holds them."""
+    return _usd_types(array)[1].FromNumpy(array)
+
+
+def author_leaf_primvars(prim: Usd.Prim, leaves: Leaves, interpolation: str) -> None:
+    """The parameters, the phase and the facts of leaves, one element a leaf."""
+    for name, array in leaf_arrays(leaves).items():
+        color = name == DISPLAY_COLOR
+        value_type = Sdf.ValueTypeNames.Color3fArray if color else _usd_types(array)[0]
+        _author(prim, name, value_type, usd_array(array), interpolation)
+
+
+def author_edits(prim: Usd.Prim, edits: LeafEdits) -> None:
+    """Every edit, the neutral ones too: a fallback of the schema does not reach a shader."""
+    for field, name in EDITS.items():
+        author_edit(prim, name, getattr(edits, field))
+
+
+def edit_values(edits: LeafEdits) -> dict[str, EditValue]:
+    """Every edit by its name."""
+    return {field: getattr(edits, field) for field in EDITS}
+
+
+def author_jitter_map(prim: Usd.Prim, path: str) -> None:
+    """The map of the jitter, as seen from the layer's folder."""
+    prim.CreateAttribute(JITTER_MAP, Sdf.ValueTypeNames.Asset, custom=False).Set(Sdf.AssetPath(path))
+
+
+def read_leaf_primvars(prim: Usd.Prim, count: int) -> dict[str, NDArray[Any]]:
+    """The fields of Leaves that are primvars: parameters, phase, and what is there of the facts.
+
+    Raises:
+        AssetError: A parameter is missing, an array is not of count elements, or has a number that is not finite.
+    """
+    parameters = np.empty((count, len(PARAMETERS), 3))
+    for row, name in enumerate(PARAMETERS):
+        parameters[:, row] = read_array(prim, f"primvars:leaf:{name}", (count, 3))
+    found: dict[str, NDArray[Any]] = {"parameters": parameters, "phase": np.zeros(count)}
+    for field, name in _FACTS:
+        attribute = prim.GetAttribute(f"primvars:{name}")
+        if not attribute or not attribute.HasAuthoredValue():
+            continue
+        if field == "color" and count != 1 and UsdGeom.Primvar(attribute).GetInterpolation() == UsdGeom.Tokens.constant:
+            continue  # one for all: nothing is said of each
+        found[field] = read_array(prim, f"primvars:{name}", (count, 3) if field == "color" else (count,))
+    if "view" in found:
+        found["view"] = found["view"].astype(np.int32)
+    return found
+
+
+def read_edits(prim: Usd.Prim) -> LeafEdits:
+    """The edits as composed; neutral where none is authored.
+
+    Raises:
+        AssetError: An edit is not finite, or out of its range.
+    """
+    held: dict[str, Any] = {}
+    for field, name in EDITS.items():
+        attribute = prim.GetAttribute(f"primvars:{name}")
+        if not attribute or not attribute.HasAuthoredValue():
+            continue
+        value = attribute.Get(Usd.TimeCode.EarliestTime())
+        single = isinstance(getattr(NEUTRAL, field), float)
+        numbers = stored_numbers(value, () if single else (3,))
+        if numbers is None:
+            needed = "one number is" if single else "three numbers are"
+            raise AssetError(f"primvars:{name} holds {value}, {needed} needed ({place(prim)}); set the edit again")
+        held[field] = float(numbers) if single else tuple(map(float, numbers))
+    try:
+        return LeafEdits(**held)
+    except ValueError as error:
+        raise AssetError(f"{error} ({place(prim)}); set the edit again") from error
+
+
+def animated_edits(prim: Usd.Prim) -> list[str]:
+    """The edits that change over time, by their primvars; read_edits takes them at the earliest time."""
+    attributes = {name: prim.GetAttribute(f"primvars:{name}") for name in EDITS.values()}
+    return [name for name, attribute in attributes.items() if attribute and attribute.ValueMightBeTimeVarying()]
+
+
+def read_jitter_map_path(prim: Usd.Prim) -> Path | None:
+    """The file of the jitter's map, None where the jitter is procedural.
+
+    Raises:
+        AssetError: The file is missing.
+    """
+    attribute = prim.GetAttribute(JITTER_MAP)
+    held = attribute.Get() if attribute and attribute.HasAuthoredValue() else None
+    if not isinstance(held, Sdf.AssetPath) or not held.path:
+        return None
+    path = Path(held.resolvedPath)
+    if not held.resolvedPath or not (path.is_file() or is_packed(path)):
+        raise AssetError(f"the jitter map {held.path} is missing ({place(prim)}); put the file there or block the map")
+    return path
+
+
+def read_array(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """An attribute's numbers, float64 of that shape; an indexed primvar is flattened.
+
+    Raises:
+        AssetError: It is missing, of another length, or has a number that is not finite.
+    """
+    attribute = prim.GetAttribute(name)
+    held = None
+    if attribute and attribute.HasAuthoredValue():
+        time = time_of(attribute)
+        primvar = UsdGeom.Primvar(attribute)
+        held = primvar.ComputeFlattened(time) if primvar and primvar.IsIndexed() else attribute.Get(time)
+    if held is None:
+        raise AssetError(f"{name} is missing ({place(prim)}); {shape[0]} elements are needed, one a leaf")
+    values = np.asarray(held)
+    if values.dtype.kind not in "iuf" or not values.ndim:
+        raise AssetError(
+            f"{name} holds no numbers, and {shape[0]} elements are needed, one a leaf ({place(prim)}); "
+            "write the leaves again, or drop the layer that changed them"
+        )
+    if values.shape != shape:
+        raise AssetError(
+            f"{name} has {len(values)} elements where {shape[0]} are needed, one a leaf ({place(prim)}); "
+            "write the leaves again, or drop the layer that changed them"
+        )
+    finite = np.isfinite(values)
+    if not finite.all():
+        wrong = np.flatnonzero(~finite.reshape(len(values), -1).all(axis=1))
+        raise AssetError(
+            f"{name} is not finite in {len(wrong)} of {len(values)} leaves, the first is leaf {wrong[0]} "
+            f"({place(prim)}); drop these leaves or fit them again"
+        )
+    return values.astype(np.float64)
+
+
+def time_of(attribute: Usd.Attribute) -> Usd.TimeCode:
+    """When an attribute is read: outside time, where a plant that moves is as it was made, else at its earliest."""
+    default = Usd.TimeCode.Default()
+    return default if attribute.Get(default) is not None else Usd.TimeCode.EarliestTime()
+
+
+def place(prim: Usd.Prim) -> str:
+    """Where a prim is, for a message: the file that was opened and the prim's path."""
+    layer = prim.GetStage().GetRootLayer()
+    return f"{layer.realPath or layer.identifier} <{prim.GetPath()}>"
+
+
+def _usd_types(array: Array) -> tuple[Sdf.ValueTypeName, Any]:
+    if array.ndim == 2:
+        return Sdf.ValueTypeNames.Float3Array, Vt.Vec3fArray
+    if array.dtype == np.int32:
+        return Sdf.ValueTypeNames.IntArray, Vt.IntArray
+    return Sdf.ValueTypeNames.FloatArray, Vt.FloatArray
+
+
+def _author(prim: Usd.Prim, name: str, value_type: Sdf.ValueTypeName, value: object, interpolation: str) -> None:
+    UsdGeom.PrimvarsAPI(prim).CreatePrimvar(name, value_type, interpolation).Set(value)

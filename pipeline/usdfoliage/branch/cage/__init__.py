@@ -1,0 +1,1 @@
+"""The branch surface: one closed Catmull-Clark cage of tubes that join at forks."""

@@ -1,0 +1,1 @@
+"""Leaves on the twigs of a skeleton, by the habits of a species."""

@@ -1,0 +1,1 @@
+"""Branches that grow: buds, importance, hidden interiors, variations of a plant."""

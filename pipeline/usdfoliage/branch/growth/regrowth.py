@@ -1,0 +1,157 @@
+"""What growth is for: plants that are grown through a whole cloud, and the inside of crowns that clouds do not show.
+
+J. Guo et al., Realistic procedural plant modeling from multiple view images, 2020, section 6.1 (figure 8) and section
+6.2 (figure 13: similar plants by slightly other parameters, within the same points).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.distances import sample_axes
+from usdfoliage.branch.growth.grow import GrownBranches, grow_branches, seed_plants
+from usdfoliage.branch.growth.hidden_interior import HiddenSettings, find_hidden
+from usdfoliage.branch.growth.importance import ImportanceSettings, weigh_points
+from usdfoliage.branch.growth.logistic import LogisticSettings
+from usdfoliage.branch.growth.settings import GrowthSettings
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends
+from usdfoliage.geometry.disks import choose_disks
+
+_BARK = 1.4  # radii of a stem, within which points are its own
+_LEAST_REACH = 5.0  # internodes, that a plant is taken to be high at least
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegrowthSettings:
+    """How a cloud is thinned for growth, and what follows it."""
+
+    marker_spacing: float = 0.5  # internodes, between points that buds compete for
+    weighing: float = 0.2  # internodes, between points of which importance is counted
+    importance: ImportanceSettings = field(default_factory=ImportanceSettings)
+    hidden: HiddenSettings = field(default_factory=HiddenSettings)
+    refinement: RefinementSettings = field(default_factory=RefinementSettings)
+    thick: float = 0.5  # internodes, radius from which on a stem's bark is not what grows
+    variation: float = 0.15  # of each parameter, by which plants that are varied differ at most
+
+    def __post_init__(self) -> None:
+        if not 0 < self.weighing <= self.marker_spacing:
+            raise ValueError("weighing must be above 0 and at most marker_spacing")
+        if not 0 <= self.variation < 1:
+            raise ValueError(f"variation must be in [0, 1), not {self.variation:g}")
+
+
+def regrow(
+    points_m: NDArray[np.float64],
+    roots_m: NDArray[np.float64],
+    root_radius_m: float,
+    growth: GrowthSettings,
+    settings: RegrowthSettings = RegrowthSettings(),
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+    stems: Skeleton | None = None,
+) -> GrownBranches:
+    """Grow a whole plant, or several that compete, from its roots through a cloud.
+
+    Args:
+        points_m: (N, 3), Y up, without ground.
+        roots_m: (R, 3), where seeds are put.
+        root_radius_m: Of the plants there.
+        growth: The plant's parameters; the longest way is taken from the cloud.
+        settings: How the cloud is thinned.
+        seed: Of phyllotaxy, and of which points stay.
+        progress: Told how far it is, 0 to 1.
+        stems: Branches that were seen: of thick ones it is the axis that is grown along, and not the bark.
+    """
+    internode_m = growth.internode_m
+    if stems is not None:
+        points_m = draw_to_axes(points_m, stems, settings.thick * internode_m)
+    dense_m = points_m[choose_disks(points_m, settings.weighing * internode_m, seed)]
+    weights = 1 + weigh_points(dense_m, internode_m, settings.importance)
+    markers = choose_disks(dense_m, settings.marker_spacing * internode_m, seed)
+    grown = grow_branches(
+        seed_plants(roots_m, internode_m, root_radius_m),
+        dense_m[markers],
+        weights[markers],
+        _reaching(growth, points_m),
+        seed,
+        progress,
+    )
+    return replace(grown, skeleton=_refined(grown.skeleton, internode_m, settings))
+
+
+def fill_hidden(
+    skeleton: Skeleton,
+    points_m: NDArray[np.float64],
+    spacing_m: float,
+    growth: GrowthSettings,
+    settings: RegrowthSettings = RegrowthSettings(),
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> GrownBranches:
+    """Let the buds of a skeleton grow into the part of the crown that its cloud hides; where it hides none, nothing.
+
+    Args:
+        skeleton: The branches that were seen, which stay.
+        points_m: (N, 3), the cloud.
+        spacing_m: Between its points.
+        growth: The plant's parameters; the longest way is taken from the cloud.
+        settings: What is hidden.
+        seed: Of phyllotaxy and of the points in the crown.
+        progress: Told how far it is, 0 to 1.
+    """
+    hidden_m = find_hidden(points_m, growth.internode_m, spacing_m, settings.hidden, seed)
+    if not len(hidden_m) or not len(skeleton):
+        return GrownBranches(skeleton=skeleton, cycles=0, grown=0, shed=0, reached=np.zeros(len(hidden_m), bool))
+    grown = grow_branches(skeleton, hidden_m, np.ones(len(hidden_m)), _reaching(growth, points_m), seed, progress)
+    return replace(grown, skeleton=_refined(grown.skeleton, growth.internode_m, settings))
+
+
+def draw_to_axes(points_m: NDArray[np.float64], stems: Skeleton, least_m: float) -> NDArray[np.float64]:
+    """(N, 3) points, those on the bark of stems at least so thick moved to the axis.
+
+    Args:
+        points_m: (N, 3).
+        stems: Branches.
+        least_m: Radius from which on they count.
+    """
+    places_m, radii_m, direction = sample_axes(stems, 0.5 * least_m)
+    thick = radii_m >= least_m
+    if not thick.any():
+        return points_m
+    places_m, radii_m, direction = places_m[thick], radii_m[thick], direction[thick]
+    near = np.asarray(cKDTree(places_m).query(points_m, workers=-1)[1])
+    offset_m = points_m - places_m[near]
+    along_m = np.einsum("nc,nc->n", offset_m, direction[near])[:, None] * direction[near]
+    away_m = np.linalg.norm(offset_m - along_m, axis=1)
+    on_bark = (away_m <= _BARK * radii_m[near]) & (np.linalg.norm(along_m, axis=1) <= least_m)
+    return np.where(on_bark[:, None], places_m[near] + along_m, points_m)
+
+
+def vary_growth(growth: GrowthSettings, variation: float, seed: int) -> GrowthSettings:
+    """Parameters (table 1) of a plant like another: each evenly within a share of its value."""
+    if variation == 0:
+        return growth
+    rng = np.random.default_rng(seed)
+    internode, divergence, branching, exponent = 1 + rng.uniform(-variation, variation, 4)
+    return replace(
+        growth,
+        internode_m=growth.internode_m * internode,
+        divergence_deg=growth.divergence_deg * divergence,
+        branching_deg=growth.branching_deg * branching,
+        allometry=replace(growth.allometry, exponent=growth.allometry.exponent * exponent),
+    )
+
+
+def _reaching(growth: GrowthSettings, points_m: NDArray[np.float64]) -> GrowthSettings:
+    """With the longest way that the plant's height lets expect (the paper: H_max is near the height)."""
+    longest = max(float(np.ptp(points_m[:, 1])) / growth.internode_m, _LEAST_REACH)
+    logistic: LogisticSettings = replace(growth.logistic, longest=longest)
+    return replace(growth, logistic=logistic)
+
+
+def _refined(skeleton: Skeleton, internode_m: float, settings: RegrowthSettings) -> Skeleton:
+    return round_bends(collapse_nodes(skeleton, internode_m, settings.refinement), settings.refinement)

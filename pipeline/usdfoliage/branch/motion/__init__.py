@@ -1,0 +1,1 @@
+"""Branches that move: a rig, its sway, and stages of growth, with the leaves that follow."""

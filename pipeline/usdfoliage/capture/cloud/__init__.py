@@ -1,0 +1,1 @@
+"""Clouds of depth maps: fusion, cleaning, and which cameras see which points."""

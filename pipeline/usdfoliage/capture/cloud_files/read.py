@@ -1,0 +1,313 @@
+"""A point cloud that a studio hands over, in whatever file: in metres, near its own origin, and not too many points."""
+
+import logging
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.cloud_files.chunks import CloudParts
+from usdfoliage.capture.cloud_files.false_colors import SampledColors, doubt_colors
+from usdfoliage.capture.cloud_files.las import open_las_parts
+from usdfoliage.capture.cloud_files.ply import fits_single, open_cloud_parts
+from usdfoliage.capture.cloud_files.text import open_text_parts
+from usdfoliage.capture.cloud_files.thinning import PointThinner, ThinnedPoints
+from usdfoliage.capture.cloud_files.units import OVERRIDE, guess_unit
+from usdfoliage.capture.folder.listing import named
+from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
+from usdfoliage.errors import CaptureError
+from usdfoliage.files.toml import read_toml
+
+logger = logging.getLogger(__name__)
+
+LEAST_POINTS = 50  # in different places; with fewer nothing can be said of a plant
+_PLY, _LAS, _TEXT = (".ply",), (".las", ".laz"), (".xyz", ".txt", ".pts", ".csv", ".asc")
+CLOUD_SUFFIXES = (*_PLY, *_LAS, *_TEXT)
+_SURELY_CLOUDS = (*_PLY, *_LAS, ".xyz", ".pts")  # a capture's other text files are no clouds
+_E57, _E57_SUFFIX = b"ASTM-E57", ".e57"
+_PLY_STARTS, _LAS_START = (b"ply\n", b"ply\r"), b"LASF"
+_TOO_FAR = 1e11  # units: the Earth is smaller, in millimetres too
+_THIN = 1e-5  # second spread over the first, of points on a line
+
+
+@dataclass(frozen=True, kw_only=True)
+class CloudInputSettings:
+    """How a cloud is read."""
+
+    metres_per_unit: float | None = None  # None: as capture.toml or the file states it, else guessed
+    most_points: int = 3_000_000  # beyond it, one point a cell of a grid
+
+    def __post_init__(self) -> None:
+        if self.metres_per_unit is not None and not 1e-9 <= self.metres_per_unit <= 1e9:
+            raise ValueError(f"metres_per_unit must be in 1e-9 to 1e9, not {self.metres_per_unit}")
+        if self.most_points < LEAST_POINTS:
+            raise ValueError(f"most_points must be at least {LEAST_POINTS}, not {self.most_points}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CloudInput:
+    """A cloud as it was read: points_m + origin_m are the file's coordinates times metres_per_unit."""
+
+    path: Path  # of the file, also where a folder was given
+    points_m: NDArray[np.float64]  # (N, 3), the file's axes, from origin_m; in its order unless they were thinned
+    origin_m: NDArray[np.float64]  # (3,), whole metres amid the cloud
+    colors: NDArray[np.uint8] | None  # (N, 3), sRGB; black where a point has none
+    metres_per_unit: float
+    stated_up: str | None  # the axis that capture.toml or the file says is up, X, Y or Z with + or -; None: not said
+    usual_up: str | None  # the axis that is up in files of this format; None: none is usual
+    total: int  # points in the file, with those left out
+    notes: tuple[str, ...]  # what was left out or assumed, in sentences for the user
+    warnings: tuple[str, ...] = ()  # what of it is not used, and why
+
+
+def read_cloud_input(
+    path: Path,
+    settings: CloudInputSettings = CloudInputSettings(),
+    progress: Callable[[int, int], None] | None = None,
+) -> CloudInput:
+    """Read the cloud in a file, or that of a capture folder.
+
+    Files are told apart by their first bytes, then by their suffix: PLY, LAS, LAZ, and text with a point a line. Points
+    that are not finite, those that a LAS file marks as withheld or noise, and exact duplicates are left out. A cloud of
+    more than most_points is thinned while it is read, so that memory does not grow with the file: one point a cell of a
+    grid, the mean of those in it.
+
+    The unit is, in this order: the settings'; what capture.toml says, for a folder; what the file says; for LAS metres;
+    a guess (see guess_unit).
+
+    Args:
+        path: A cloud, or a capture folder with cloud.ply, .las, .laz, .xyz or another single cloud in it.
+        settings: Unit, and how many points.
+        progress: Called with what is done and the total, in points or bytes.
+
+    Raises:
+        CaptureError: There is no cloud there, it cannot be read, or it has no points that a plant could have.
+    """
+    path = Path(path)
+    metres_per_unit, stated_up = settings.metres_per_unit, None
+    notes: list[str] = []
+    if path.is_dir():
+        toml_unit, stated_up = _read_stated(path)
+        metres_per_unit = toml_unit if metres_per_unit is None else metres_per_unit
+        path = find_cloud(path)
+        notes.append(f"the capture's cloud is {path.name}")
+    parts = _open_parts(path, metres_per_unit is not None)
+    notes += parts.notes
+    sampled = SampledColors()
+    thinned, total, highest, left_out = _read_points(parts, settings.most_points, sampled, progress)
+    _check_points(path, thinned.points, total, left_out)
+    if parts.is_single and not fits_single(thinned.points):
+        step = float(np.spacing(np.float32(np.abs(thinned.points).max())))
+        notes.append(
+            f"coordinates are float32 and {np.abs(thinned.points).max():,.0f} from the origin: they are in steps of "
+            f"{step:.2g}; export them as double, or with the offset subtracted"
+        )
+    if metres_per_unit is None:
+        metres_per_unit, unit_notes = _find_unit(parts, thinned.points)
+        notes += unit_notes
+    elif parts.metres_per_unit is not None and abs(parts.metres_per_unit / metres_per_unit - 1) > 1e-4:
+        notes.append(f"the file states {parts.metres_per_unit:g} m a unit; {metres_per_unit:g} is used as given")
+    if thinned.cell > 0:
+        notes.append(
+            f"{total:,} points thinned to {len(thinned.points):,}, "
+            f"one a {_length_text(thinned.cell * metres_per_unit)} cell"
+        )
+    if thinned.duplicates:
+        left_out["exact duplicates"] += thinned.duplicates
+    notes += [f"{count:,} {what} left out" for what, count in left_out.items()]
+    colors = _as_srgb(thinned.colors, highest, parts.color_levels)
+    if colors is None and thinned.colors is not None:
+        notes.append("its colours are all black and not used")
+    warnings = []
+    if colors is not None:
+        some, of_some = sampled.finish()
+        doubt = doubt_colors(some, np.asarray(_as_srgb(of_some, highest, parts.color_levels)))
+        if doubt:
+            colors = None
+            warnings.append(
+                f"the cloud's colours are {doubt}, and none of a plant: they are not used, as if it had none; export "
+                "it with those of photographs, or without any"
+            )
+
+    points_m = thinned.points * metres_per_unit
+    origin_m = np.round(np.median(points_m, axis=0)) + 0.0  # stray points do not move it; -0 is 0
+    points_m -= origin_m
+    logger.info("%s: %d of %d points, %g m a unit", path, len(points_m), total, metres_per_unit)
+    return CloudInput(
+        path=path,
+        points_m=points_m,
+        origin_m=origin_m,
+        colors=colors,
+        metres_per_unit=metres_per_unit,
+        stated_up=stated_up or parts.up_axis,
+        usual_up="+Z" if parts.is_survey else None,
+        total=total,
+        notes=tuple(notes),
+        warnings=tuple(warnings),
+    )
+
+
+def find_cloud(folder: Path) -> Path:
+    """The cloud of a capture folder: cloud.ply, .las and so on in this order, else the only cloud there.
+
+    Raises:
+        CaptureError: There is none, or several and none of them is called cloud.
+    """
+    try:
+        files = sorted(one for one in folder.iterdir() if one.is_file() and not one.name.startswith("."))
+    except OSError as error:
+        raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
+    for suffix in CLOUD_SUFFIXES:
+        for file in files:
+            if file.stem.lower() == "cloud" and file.suffix.lower() == suffix:
+                return file
+    clouds = [file for file in files if file.suffix.lower() in _SURELY_CLOUDS]
+    if len(clouds) == 1:
+        return clouds[0]
+    if clouds:
+        raise CaptureError(
+            f"{folder} has {len(clouds)} clouds: {named([file.name for file in clouds])}; give one of them, "
+            f"or call it cloud{clouds[0].suffix}"
+        )
+    raise CaptureError(f"{folder} has no cloud; put one there as cloud.ply, .las, .laz or .xyz, or give a file")
+
+
+def looks_like_cloud(path: Path) -> bool:
+    """Whether a file, which need not be there, is a cloud by its suffix or its first bytes, or one that is not read.
+
+    What is wrong with it read_cloud_input says.
+    """
+    if path.is_dir():
+        return False
+    if path.suffix.lower() in (*CLOUD_SUFFIXES, _E57_SUFFIX):
+        return True
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(_E57))
+    except OSError:
+        return False
+    return start == _E57 or start[:4] in (*_PLY_STARTS, _LAS_START)
+
+
+def _read_stated(folder: Path) -> tuple[float | None, str | None]:
+    """The unit and the axis that is up, where capture.toml says them: its defaults say nothing of a scan."""
+    settings, _ = read_capture_settings(folder)
+    file = folder / FILE_NAME
+    said = read_toml(file) if file.is_file() else {}
+    return (
+        settings.metres_per_unit if "metres_per_unit" in said else None,
+        f"+{settings.up_axis}" if "up_axis" in said else None,
+    )
+
+
+def check_cloud_file(path: Path) -> bytes:
+    """The first bytes of a cloud's file.
+
+    Raises:
+        CaptureError: It is not there, cannot be read, is empty, or of a kind that is not read.
+    """
+    known = ", ".join(CLOUD_SUFFIXES)
+    if not path.exists():
+        raise CaptureError(f"{path} does not exist; give a cloud ({known}) or a capture folder")
+    if not path.is_file():
+        raise CaptureError(f"{path} is neither a file nor a folder; give a cloud ({known}) or a capture folder")
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(_E57))
+    except OSError as error:
+        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+    if not start:
+        raise CaptureError(f"{path} is empty (0 bytes); copy it again")
+    if start == _E57 or path.suffix.lower() == _E57_SUFFIX:
+        raise CaptureError(
+            f"{path} is E57, which is not read; convert it to LAZ, with 'pdal translate {path.name} {path.stem}.laz' "
+            f"or CloudCompare (File, Save as LAS)"
+        )
+    return start
+
+
+def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
+    start, suffix = check_cloud_file(path), path.suffix.lower()
+    if start[:4] in _PLY_STARTS or suffix in _PLY:
+        return open_cloud_parts(path)
+    if start[:4] == _LAS_START or suffix in _LAS:
+        return open_las_parts(path, unit_is_given)
+    if suffix in _TEXT:
+        return open_text_parts(path)
+    raise CaptureError(
+        f"{path} is no cloud that can be read: {suffix or 'no suffix'}; give one of {', '.join(CLOUD_SUFFIXES)}"
+    )
+
+
+def _read_points(
+    parts: CloudParts, most_points: int, sampled: SampledColors, progress: Callable[[int, int], None] | None
+) -> tuple[ThinnedPoints, int, float, Counter[str]]:
+    """The points that are left, how many there were, the highest colour, and what was left out; sampled gets some."""
+    thinner = PointThinner(most_points)
+    left_out: Counter[str] = Counter()
+    total, done, highest = 0, 0, 0.0
+    for part in parts.parts:
+        points, colors = part.points, part.colors
+        total += len(points) + sum(count for count, _ in part.left_out)
+        left_out.update({what: count for count, what in part.left_out})
+        finite = np.asarray(np.isfinite(points).all(axis=1))
+        near = np.asarray((np.abs(points) <= _TOO_FAR).all(axis=1))  # which no NaN is
+        if not near.all():
+            left_out["points that are not finite"] += int(np.count_nonzero(~finite))
+            left_out[f"points more than {_TOO_FAR:g} from the origin"] += int(np.count_nonzero(finite & ~near))
+            points, colors = points[near], None if colors is None else colors[near]
+        if colors is not None:
+            colors = np.maximum(np.nan_to_num(colors, nan=0, posinf=0, neginf=0), 0)
+            highest = max(highest, float(colors.max(initial=0)))
+            sampled.add(points, colors)
+        thinner.add(points, colors)
+        done += part.work
+        if progress is not None:
+            progress(min(done, parts.work), parts.work)
+    return thinner.finish(), total, highest, +left_out
+
+
+def _check_points(path: Path, points: NDArray[np.float64], total: int, left_out: Counter[str]) -> None:
+    """Refuse what can be no plant."""
+    if total == 0:
+        raise CaptureError(f"{path} has no points; export it again")
+    if not len(points):
+        why = ", ".join(f"{count:,} {what}" for what, count in left_out.items())
+        raise CaptureError(f"{path} has no usable point: {why}; export it again")
+    local = points - points[0]
+    if not local.any():
+        raise CaptureError(f"all {total:,} points of {path} are in one place; export it again")
+    if len(points) < LEAST_POINTS:
+        raise CaptureError(
+            f"{path} has {len(points)} usable points in different places, {LEAST_POINTS} are needed; give a scan"
+        )
+    local = local - local.mean(axis=0)
+    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(local.T @ local / len(local)), 0))
+    if spread[1] <= _THIN * spread[2]:
+        raise CaptureError(f"the {len(points):,} points of {path} are on a line; check which columns or axes it has")
+
+
+def _find_unit(parts: CloudParts, points: NDArray[np.float64]) -> tuple[float, list[str]]:
+    """Metres per unit where the user says nothing, and notes on it."""
+    if parts.metres_per_unit is not None:
+        unit = parts.metres_per_unit
+        return unit, [] if unit == 1 else [f"the file's unit is {unit:.6g} m"]
+    if parts.is_survey:
+        return 1.0, [f"the file states no unit: metres are assumed, as usual for LAS; {OVERRIDE}"]
+    guessed = guess_unit(points)
+    return guessed.metres_per_unit, [guessed.note]
+
+
+def _as_srgb(colors: NDArray[np.float32] | None, highest: float, levels: tuple[float, ...]) -> NDArray[np.uint8] | None:
+    """Colours whose highest is the first of the levels that it does not exceed; None where all are black."""
+    if colors is None or highest <= 0:
+        return None
+    level = next((level for level in levels if highest <= level), levels[-1])
+    return np.rint(np.clip(colors * np.float32(255 / level), 0, 255)).astype(np.uint8)
+
+
+def _length_text(length_m: float) -> str:
+    return f"{1000 * length_m:.2g} mm" if length_m < 0.0995 else f"{length_m:.2g} m"

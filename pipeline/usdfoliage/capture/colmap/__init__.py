@@ -1,0 +1,1 @@
+"""COLMAP's sparse models: cameras and poses, binary and text."""

@@ -1,0 +1,1 @@
+"""A capture folder: photographs, masks and depth maps, listed and read."""

@@ -1,0 +1,1 @@
+"""A mask of the plant, proposed from a photograph's colours."""

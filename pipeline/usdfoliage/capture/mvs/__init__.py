@@ -1,0 +1,1 @@
+"""Depth from photographs with known poses: matching, agreement between views, upsampling."""

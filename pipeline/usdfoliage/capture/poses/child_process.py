@@ -1,0 +1,196 @@
+"""Work in child processes that may end in any way: what one of them ended at is told, and the rest is done."""
+
+import json
+import logging
+import os
+import subprocess
+import sys
+import threading
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+from usdfoliage.capture.whole_file import find_damage
+from usdfoliage.errors import CaptureError
+
+logger = logging.getLogger(__name__)
+
+MODULE = "usdfoliage.capture.poses.worker"
+_SINGLE_THREADED = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ItemFailure:
+    """An item that was not done."""
+
+    number: int
+    reason: str
+
+
+def run_items(
+    job: Mapping[str, Any],
+    items: Sequence[Mapping[str, Any]],
+    work: Path,
+    processes: int,
+    progress: Callable[[int, int], None] | None = None,
+    module: str = MODULE,
+) -> tuple[ItemFailure, ...]:
+    """Do the items of a job, each in one of so many child processes; an item whose "out" exists is done already.
+
+    An item at which a child ends is a failure, and a new child does what was left.
+
+    Args:
+        job: What the worker is told besides its items.
+        items: Each with the file that it makes, "out".
+        work: Where the jobs are written.
+        processes: At most so many at once.
+        progress: Told of items done, or of steps of the only item.
+        module: The worker.
+
+    Raises:
+        CaptureError: The work folder cannot be written or is full; no child can be started.
+    """
+    open_items = [(number, item) for number, item in enumerate(items) if not _is_done(Path(item["out"]))]
+    shares = [open_items[start::processes] for start in range(max(1, processes))]
+    events: SimpleQueue[tuple[str, int, str]] = SimpleQueue()
+    done = len(items) - len(open_items)
+    if progress is not None:
+        progress(done, len(items))
+    with ThreadPoolExecutor(max(1, processes)) as pool:
+        stop = threading.Event()
+        running = [pool.submit(_do_share, job, share, work, module, events, stop) for share in shares if share]
+        try:
+            failures = _follow(events, len(running), done, len(items), progress)
+        except BaseException:  # an interrupt, or what progress raised: nothing goes on behind it
+            stop.set()
+            raise
+        for share_run in running:
+            share_run.result()  # what it raised
+    if any(_tells_full_disk(failure.reason) for failure in failures):
+        raise _full(work)
+    return tuple(sorted(failures, key=lambda failure: failure.number))
+
+
+def _tells_full_disk(text: str) -> bool:
+    """Whether a worker, or the data base in it, ended for want of space."""
+    return "No space left" in text or "disk is full" in text
+
+
+def _full(work: Path) -> CaptureError:
+    return CaptureError(f"{work} has no space left; free some and start again: what is done is kept")
+
+
+def _is_done(path: Path) -> bool:
+    """Whether a result is there and whole; one that is damaged is removed."""
+    if not path.is_file():
+        return False
+    damage = find_damage(path) if path.suffix == ".npz" else None
+    if damage is not None:
+        logger.warning("%s is damaged (%s) and is made again", path, damage)
+        path.unlink()
+    return damage is None
+
+
+def _follow(
+    events: "SimpleQueue[tuple[str, int, str]]",
+    shares: int,
+    done: int,
+    total: int,
+    progress: Callable[[int, int], None] | None,
+) -> list[ItemFailure]:
+    """The failures, when every share has ended."""
+    failures = []
+    while shares:
+        kind, number, text = events.get()
+        if kind == "end":
+            shares -= 1
+        elif kind == "step" and progress is not None:
+            progress(number, int(text))
+        elif kind in ("done", "failed"):
+            done += 1
+            if kind == "failed":
+                failures.append(ItemFailure(number=number, reason=text))
+            if progress is not None:
+                progress(done, total)
+    return failures
+
+
+def _do_share(
+    job: Mapping[str, Any],
+    share: Sequence[tuple[int, Mapping[str, Any]]],
+    work: Path,
+    module: str,
+    events: "SimpleQueue[tuple[str, int, str]]",
+    stop: threading.Event,
+) -> None:
+    left = list(share)
+    try:
+        while left:
+            finished, ending = _run_child({**job, "items": left}, work, module, events, stop)
+            if stop.is_set():
+                return
+            left = [entry for entry in left if entry[0] not in finished]
+            if left and _tells_full_disk(ending):
+                raise _full(work)
+            if left:  # the child ended at the first of them
+                events.put(("failed", left[0][0], f"the process ended there ({ending})"))
+                left = left[1:]
+    except OSError as error:
+        raise CaptureError(f"{work} cannot be used: {error.strerror}; choose another folder") from error
+    finally:
+        events.put(("end", 0, ""))
+
+
+def _run_child(
+    job: Mapping[str, Any],
+    work: Path,
+    module: str,
+    events: "SimpleQueue[tuple[str, int, str]]",
+    stop: threading.Event,
+) -> tuple[set[int], str]:
+    """Items that a child has finished, and the last that it said."""
+    path = work / f".job-{uuid.uuid4().hex[:12]}.json"
+    finished: set[int] = set()
+    try:
+        path.write_text(json.dumps(job), encoding="utf-8")
+        with (
+            path.with_suffix(".log").open("w+b") as log,
+            subprocess.Popen(
+                [sys.executable, "-m", module, str(path)],
+                stdout=subprocess.PIPE, stderr=log, stdin=subprocess.DEVNULL, text=True, encoding="utf-8",
+                errors="replace", env={**os.environ, **_SINGLE_THREADED},
+            ) as child,
+        ):  # fmt: skip
+            assert child.stdout is not None
+            ended = threading.Event()
+            watch = threading.Thread(target=_kill_when_stopped, args=(child, stop, ended), daemon=True)
+            watch.start()
+            for line in child.stdout:
+                kind, _, rest = line.strip().partition(" ")
+                number, _, text = rest.partition(" ")
+                if kind in ("done", "failed") and number.isdigit():
+                    finished.add(int(number))
+                    events.put((kind, int(number), text))
+                elif kind == "step" and number.isdigit() and text.isdigit():
+                    events.put((kind, int(number), text))
+            ended.set()
+            watch.join()
+            code = child.wait()
+            log.seek(0)
+            said = log.read()[-4000:].decode(errors="replace").strip().splitlines()
+            last = said[-1][:300] if said else "nothing said"
+            return finished, f"code {code}: {last}"
+    finally:
+        path.unlink(missing_ok=True)
+        path.with_suffix(".log").unlink(missing_ok=True)
+
+
+def _kill_when_stopped(child: "subprocess.Popen[str]", stop: threading.Event, ended: threading.Event) -> None:
+    while not ended.wait(0.1):
+        if stop.is_set():
+            child.kill()
+            return

@@ -1,0 +1,469 @@
+"""Cameras and sparse points of photographs: features, matches, and a mapper, each in child processes that may fail.
+
+COLMAP does the geometry; what it is given, and what of its results is told, is decided here.
+"""
+
+import hashlib
+import importlib.metadata
+import json
+import logging
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.folder.listing import counted
+from usdfoliage.capture.folder.photo_set import PhotoFile, PhotoSet, read_colors
+from usdfoliage.capture.lens import LENS_MODELS, Lens, scale_lens
+from usdfoliage.capture.poses.child_process import run_items
+from usdfoliage.capture.poses.diagnosis import list_doubts, list_failures, write_notes
+from usdfoliage.capture.poses.pairs import all_pairs, neighbours_in_order, retrieve_pairs
+from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, project_with
+from usdfoliage.capture.poses.result import Registered as Registered  # what callers get
+from usdfoliage.errors import CaptureError
+from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
+
+_VERSION = 1  # of what the files in the work folder mean
+_EXHAUSTIVE_UP_TO = 60  # photographs
+_MIN_MODEL = 2  # photographs
+_LEAST_PARALLAX_DEG = 2.5  # median over points; COLMAP drops points below 1.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegistrationSettings:
+    """How the cameras of photographs are found."""
+
+    mapper: str = "auto"  # incremental, global; auto: incremental, and global where it places too few
+    matching: str = "auto"  # exhaustive, sequential, retrieval; auto: by the number of photographs
+    max_side_px: int = 1600  # features are looked for at this size
+    features: int = 4000  # of each photograph, the coarsest first
+    least_features: int = 1000  # with fewer, finer ones are looked for, at four times the cost
+    peak_threshold: float = 0.002  # contrast of a feature; leaves before a dark wall have little
+    one_camera: str = "auto"  # yes, no; auto: photographs of the same size, make, model and focal length share one
+    lens_model: str = "SIMPLE_RADIAL"  # COLMAP's, from SIMPLE_PINHOLE to FULL_OPENCV
+    focal_px: float | None = None  # of all photographs, at full size; auto: by EXIF, or unknown
+    max_ratio: float = 0.8  # of the distances to the nearest and the second nearest descriptor
+    coarse_features: int = 800  # compared first, to tell which photographs are looked at further
+    coarse_matches: int = 16  # of them, with which a pair is looked at in any case
+    least_matches: int = 15  # of a pair that one motion explains
+    sequence_overlap: int = 8  # photographs before and after each one that it is compared with, where they are in order
+    neighbours: int = 12  # of each photograph that are looked at in any case, those with most in common
+    seed: int = 0  # of every random choice
+    threads: int = 0  # 0: one per core
+
+    def __post_init__(self) -> None:
+        for name, allowed in (
+            ("mapper", ("auto", "incremental", "global")),
+            ("matching", ("auto", "exhaustive", "sequential", "retrieval")),
+            ("one_camera", ("auto", "yes", "no")),
+            ("lens_model", tuple(LENS_MODELS)),
+        ):
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name} must be one of {', '.join(allowed)}, not {getattr(self, name)!r}")
+        if self.max_side_px < 64 or self.features < 100 or self.least_features < 0:
+            raise ValueError(f"max_side_px must be at least 64, features at least 100, not {self}")
+        if not 0 < self.peak_threshold < 1 or not 0 < self.max_ratio <= 1:
+            raise ValueError(f"peak_threshold and max_ratio must be in 0 to 1, not {self}")
+        if min(self.coarse_features - 100, self.coarse_matches, self.seed, self.threads) < 0 or self.least_matches < 8:
+            raise ValueError(f"counts must not be negative and least_matches at least 8, not {self}")
+        if min(self.sequence_overlap, self.neighbours) < 1:
+            raise ValueError(f"sequence_overlap and neighbours must be at least 1, not {self}")
+        if self.focal_px is not None and not (np.isfinite(self.focal_px) and self.focal_px > 0):
+            raise ValueError(f"focal_px must be above 0, not {self.focal_px}")
+
+
+def register_photos(
+    photo_set: PhotoSet,
+    work: Path,
+    settings: RegistrationSettings = RegistrationSettings(),
+    progress: StepProgress | None = None,
+) -> Registered:
+    """Find the cameras of photographs. What is finished stays in the work folder, and is not done again.
+
+    Where they fall into groups without overlap, the largest is kept. EXIF orientation is ignored: cameras are for the
+    pixels as stored, as read_view takes them. The same seed gives the same poses, bit for bit, on one machine.
+
+    Args:
+        photo_set: The photographs.
+        work: A folder for features, matches and models; made where it is missing.
+        settings: How.
+        progress: Told of the steps "features", "pairs", "matches" and "cameras".
+
+    Raises:
+        CaptureError: Fewer than two photographs; no two of them overlap; the camera did not move; the work folder
+            cannot be written.
+    """
+    photos = photo_set.photos
+    if len(photos) < 2:
+        raise CaptureError(
+            f"{photo_set.folder} has {counted(len(photos), 'photograph')} that can be used; two at least are needed "
+            f"to find cameras, and twenty around the plant to reconstruct it"
+        )
+    try:
+        work.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CaptureError(f"{work} cannot be made: {error.strerror}; choose another folder") from error
+    processes = settings.threads or os.cpu_count() or 1
+
+    features, failed = _find_features(photos, work, settings, processes, _told(progress, "features"))
+    usable = [index for index in range(len(photos)) if index not in failed]
+    cameras = _cameras(photos, features, usable, settings)
+    pairs = _choose_pairs(features, usable, work, settings, processes, _told(progress, "pairs"))
+    match_files = _match(features, cameras, usable, pairs, work, settings, processes, _told(progress, "matches"))
+    found = PairMatches.gather(len(photos), match_files)
+    model = _map(photo_set, features, cameras, usable, match_files, found, work, settings, _told(progress, "cameras"))
+    _check_moved(photo_set, model)
+    return _registered(photo_set, features, cameras, model, found, failed, settings)
+
+
+def _told(progress: StepProgress | None, step: str) -> Callable[[int, int], None]:
+    return lambda done, total: None if progress is None else progress(step, done / max(total, 1))
+
+
+def _named(*parts: Any) -> str:
+    """A file's name for what it is made from."""
+    made_by = [_VERSION, importlib.metadata.version("pycolmap")]
+    return hashlib.sha256(json.dumps([*made_by, *parts], sort_keys=True).encode()).hexdigest()[:24]
+
+
+def _find_features(
+    photos: Sequence[PhotoFile],
+    work: Path,
+    settings: RegistrationSettings,
+    processes: int,
+    progress: Callable[[int, int], None],
+) -> tuple[list[Path], dict[int, str]]:
+    """The file of each photograph's features, and why some have none."""
+    job = {
+        "task": "features",
+        "max_side_px": settings.max_side_px,
+        "features": settings.features,
+        "least_features": settings.least_features,
+        "peak_threshold": settings.peak_threshold,
+    }
+    files = [work / f"features-{_named(job, photo.digest)}.npz" for photo in photos]
+    items = [{"photo": str(photo.path.resolve()), "out": str(file)} for photo, file in zip(photos, files, strict=True)]
+    failures = run_items(job, items, work, processes, progress)
+    return files, {failure.number: failure.reason for failure in failures}
+
+
+def _sizes(files: Sequence[Path], usable: Sequence[int]) -> dict[int, tuple[int, int]]:
+    sizes = {}
+    for index in usable:
+        with np.load(files[index], allow_pickle=False) as arrays:
+            width, height = arrays["size"]
+        sizes[index] = int(width), int(height)
+    return sizes
+
+
+def _cameras(
+    photos: Sequence[PhotoFile], features: Sequence[Path], usable: Sequence[int], settings: RegistrationSettings
+) -> dict[int, dict[str, Any]]:
+    """What COLMAP is told of each photograph's camera, for the size that the features are of."""
+    cameras: dict[int, dict[str, Any]] = {}
+    groups: dict[tuple[Any, ...], int] = {}
+    for index, (width_px, height_px) in _sizes(features, usable).items():
+        photo = photos[index]
+        reduced = width_px / photo.width_px
+        focal_px = settings.focal_px or photo.focal_px
+        kind: tuple[Any, ...]
+        match settings.one_camera:
+            case "yes":  # of several sizes nothing can be one camera
+                kind = (width_px, height_px)
+            case "no":
+                kind = (index,)
+            case _:
+                kind = (photo.width_px, photo.height_px, photo.camera, None if focal_px is None else round(focal_px, 1))
+        cameras[index] = {
+            "model": settings.lens_model,
+            "focal_px": focal_px * reduced if focal_px else 1.2 * max(width_px, height_px),  # as COLMAP guesses
+            "width_px": width_px,
+            "height_px": height_px,
+            "known": focal_px is not None,
+            "group": groups.setdefault(kind, len(groups)),
+        }
+    return cameras
+
+
+def _choose_pairs(
+    features: Sequence[Path],
+    usable: Sequence[int],
+    work: Path,
+    settings: RegistrationSettings,
+    processes: int,
+    progress: Callable[[int, int], None],
+) -> list[tuple[int, int]]:
+    """Which photographs are compared in full, the smaller number first."""
+    candidates = _candidates(features, usable, settings)
+    if settings.matching == "exhaustive":
+        return candidates
+    job = {"task": "compare", "max_ratio": settings.max_ratio, "coarse_features": settings.coarse_features}
+    items = _by_first(candidates, job, features, work, "likeness")
+    told = {**job, "features": [str(file.resolve()) for file in features]}
+    failures = run_items(told, items, work, processes, progress)
+    lost = {failure.number for failure in failures}
+    alike = np.full((len(features), len(features)), -1, np.int64)
+    for number, item in enumerate(items):
+        if number in lost:  # all of its pairs are looked at
+            alike[item["first"], item["seconds"]] = settings.coarse_matches
+            continue
+        with np.load(item["out"], allow_pickle=False) as arrays:
+            alike[int(arrays["first"]), arrays["seconds"]] = arrays["alike"]
+    alike = np.maximum(alike, alike.T)
+    nearest = np.argsort(-alike, axis=1, kind="stable")[:, : settings.neighbours]
+    wanted = alike >= settings.coarse_matches
+    for first in usable:
+        wanted[first, nearest[first]] = True
+    wanted |= wanted.T
+    return [(first, second) for first, second in candidates if wanted[first, second]]
+
+
+def _candidates(
+    features: Sequence[Path], usable: Sequence[int], settings: RegistrationSettings
+) -> list[tuple[int, int]]:
+    """All pairs of a few photographs; of many those near in sequence, and those that look alike."""
+    few = len(usable) <= _EXHAUSTIVE_UP_TO
+    if settings.matching == "exhaustive" or (settings.matching == "auto" and few):
+        places = set(all_pairs(len(usable)))
+    else:
+        places = set()
+        if settings.matching in ("auto", "sequential"):
+            places |= set(neighbours_in_order(len(usable), settings.sequence_overlap))
+        if settings.matching in ("auto", "retrieval"):
+            descriptors = []
+            for index in usable:
+                with np.load(features[index], allow_pickle=False) as arrays:
+                    descriptors.append(arrays["descriptors"][: settings.coarse_features])
+            rng = np.random.default_rng(settings.seed)
+            places |= retrieve_pairs(descriptors, 4 * settings.neighbours, rng)
+    return sorted((usable[first], usable[second]) for first, second in places)
+
+
+def _by_first(
+    pairs: Sequence[tuple[int, int]], job: dict[str, Any], made_from: Sequence[Any], work: Path, kind: str
+) -> list[dict[str, Any]]:
+    """An item for each photograph with all its later companions, and a file named by what it is made from."""
+    seconds: dict[int, list[int]] = {}
+    for first, second in pairs:
+        seconds.setdefault(first, []).append(second)
+    items = []
+    for first, others in seconds.items():
+        sources = [str(made_from[index]).rsplit("/", 1)[-1] for index in (first, *others)]
+        name = f"{kind}-{_named(job, first, others, sources)}.npz"
+        items.append({"first": first, "seconds": others, "out": str(work / name)})
+    return items
+
+
+def _match(
+    features: Sequence[Path],
+    cameras: dict[int, dict[str, Any]],
+    usable: Sequence[int],
+    pairs: Sequence[tuple[int, int]],
+    work: Path,
+    settings: RegistrationSettings,
+    processes: int,
+    progress: Callable[[int, int], None],
+) -> list[Path]:
+    """Files with the matches of each photograph with later ones."""
+    job = {
+        "task": "match",
+        "max_ratio": settings.max_ratio,
+        "seed": settings.seed,
+    }
+    made_from = [f"{json.dumps(cameras.get(index))} {file.name}" for index, file in enumerate(features)]
+    items = _by_first(pairs, job, made_from, work, "matches")
+    told = {
+        **job,
+        "features": [str(file.resolve()) for file in features],
+        "cameras": [cameras.get(index) for index in range(len(features))],
+    }
+    # A photograph whose matching ends the process is without matches, and told as such.
+    failures = run_items(told, items, work, processes, progress)
+    lost = {failure.number for failure in failures}
+    for failure in failures:
+        logger.warning("matches of photograph %d are lost: %s", items[failure.number]["first"], failure.reason)
+    return [Path(str(item["out"])) for number, item in enumerate(items) if number not in lost]
+
+
+def _map(
+    photo_set: PhotoSet,
+    features: Sequence[Path],
+    cameras: dict[int, dict[str, Any]],
+    usable: Sequence[int],
+    match_files: Sequence[Path],
+    found: PairMatches,
+    work: Path,
+    settings: RegistrationSettings,
+    progress: Callable[[int, int], None],
+) -> dict[str, NDArray[Any]]:
+    """The model of the worker; photographs are numbered as in usable there, and as in photo_set here."""
+    overlapping = found.verified >= settings.least_matches
+    if not overlapping.any():
+        raise CaptureError(
+            f"no two of {counted(len(usable), 'photograph')} in {photo_set.folder} overlap: the best pair has "
+            f"{int(found.verified.max())} features in common, {settings.least_matches} are needed; "
+            f"photograph the plant from places 10 to 15 degrees apart, with something still and textured around it"
+        )
+    if bool((found.panoramic | ~overlapping).all()):
+        raise CaptureError(
+            f"the camera only turned between the photographs in {photo_set.folder} and did not move: no depth can be "
+            f"seen so; walk around the plant"
+        )
+    wanted = {"auto": ("incremental", "global")}.get(settings.mapper, (settings.mapper,))
+    best: dict[str, NDArray[Any]] = {}
+    for mapper in wanted:
+        job = {
+            "task": "map", "mapper": mapper, "seed": settings.seed, "least_matches": settings.least_matches,
+            "mapper_threads": 1, "global_ratio": 1.2,
+        }  # fmt: skip
+        job |= {
+            "features": [str(features[index].resolve()) for index in usable],
+            "cameras": [cameras[index] for index in usable],
+            "numbers": list(usable),
+            "matches": [str(file.resolve()) for file in match_files],
+        }
+        made_from = [features[index].name for index in usable], [file.name for file in match_files]
+        out = work / f"model-{_named({**job, 'features': '', 'matches': ''}, made_from)}.npz"
+        failures = run_items(job, [{"out": str(out)}], work, 1, progress)
+        if failures:
+            logger.warning("the %s mapper failed: %s", mapper, failures[0].reason)
+            continue
+        with np.load(out, allow_pickle=False) as arrays:
+            model = {name: arrays[name] for name in arrays.files}
+        if len(model.get("images", ())) > len(best.get("images", ())):
+            best = model
+        if len(best.get("images", ())) >= 0.8 * len(usable):
+            break
+    if len(best.get("images", ())) < _MIN_MODEL:
+        moved = overlapping & ~found.panoramic
+        turned = int((overlapping & found.panoramic).sum() // 2)
+        hint = (
+            "most pairs show a camera that turned and did not move; walk around the plant"
+            if turned > moved.sum() // 2
+            else "take more photographs from places nearer to each other"
+        )
+        raise CaptureError(
+            f"no cameras could be found for the photographs in {photo_set.folder}: "
+            f"{counted(int(overlapping.sum() // 2), 'pair')} of them overlap, but none starts a reconstruction; {hint}"
+        )
+    order = np.asarray(usable, np.int64)
+    best["images"] = order[best["images"]]
+    best["track"] = np.column_stack([order[best["track"][:, 0]], best["track"][:, 1]])
+    group = np.full(len(photo_set.photos), -1, np.int64)
+    group[order] = best["group"]
+    best["group"] = group
+    return best
+
+
+def _check_moved(photo_set: PhotoSet, model: dict[str, NDArray[Any]]) -> None:
+    """Raise where the cameras have no baseline: what little parallax there is then is that of errors."""
+    poses = model["cam_from_world"]
+    centers = np.zeros((len(photo_set.photos), 3))
+    centers[model["images"]] = -np.einsum("nji,nj->ni", poses[:, :, :3], poses[:, :, 3])
+    starts, track = model["track_starts"], model["track"]
+    if len(starts) < 2:
+        return
+    rays = np.repeat(model["points"], np.diff(starts), axis=0) - centers[track[:, 0]]
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    widest = [np.min(own @ own.T) for own in np.split(rays, starts[1:-1])]  # cosine
+    angle_deg = float(np.degrees(np.arccos(np.clip(np.median(widest), -1, 1))))
+    if angle_deg < _LEAST_PARALLAX_DEG:
+        raise CaptureError(
+            f"the camera only turned between the photographs in {photo_set.folder} and did not move, or hardly: points "
+            f"are seen from directions {angle_deg:.1f}° apart, {_LEAST_PARALLAX_DEG}° are needed; walk around the plant"
+        )
+
+
+def _registered(
+    photo_set: PhotoSet,
+    features: Sequence[Path],
+    cameras: dict[int, dict[str, Any]],
+    model: dict[str, NDArray[Any]],
+    found: PairMatches,
+    failed: dict[int, str],
+    settings: RegistrationSettings,
+) -> Registered:
+    photos = photo_set.photos
+    images = model["images"]
+    place_in = np.full(len(photos), -1, np.int64)
+    place_in[images] = np.arange(len(images))
+    track = model["track"]
+    places_px = np.zeros((len(track), 2))
+    scale = np.ones(len(photos))  # of the photograph over the picture that its features are of
+    counts: dict[int, int] = {}
+    lenses = []
+    for place, index in enumerate(images):
+        photo, camera = photos[index], cameras[index]
+        scale[index] = photo.width_px / camera["width_px"]
+        with np.load(features[index], allow_pickle=False) as arrays:
+            keypoints = arrays["keypoints"]
+        here = track[:, 0] == index
+        both = np.array([photo.width_px / camera["width_px"], photo.height_px / camera["height_px"]])
+        places_px[here] = keypoints[track[here, 1], :2] * both
+        lens = Lens(
+            model=camera["model"], width_px=camera["width_px"], height_px=camera["height_px"],
+            parameters=tuple(float(value) for value in model["parameters"][place]),
+        )  # fmt: skip
+        lenses.append(scale_lens(lens, photo.width_px, photo.height_px))
+    points = model["points"]
+    point_of = np.repeat(np.arange(len(points)), np.diff(model["track_starts"]))
+    errors = np.zeros(len(track))
+    for place, index in enumerate(images):
+        here = track[:, 0] == index
+        seen = project_with(lenses[place], model["cam_from_world"][place], points[point_of[here]])
+        errors[here] = np.linalg.norm(seen - places_px[here], axis=1)
+        counts[place] = int(here.sum())
+    own = [errors[track[:, 0] == index] for index in images]
+    registered = tuple(
+        RegisteredPhoto(
+            name=photos[index].name,
+            lens=lenses[place],
+            cam_from_world=model["cam_from_world"][place],
+            error_px=float(own[place].mean()) if len(own[place]) else float("nan"),
+            points=counts[place],
+        )
+        for place, index in enumerate(images)
+    )
+    seen_by = np.maximum(np.diff(model["track_starts"]), 1)
+    track_photos = place_in[track[:, 0]]
+    doubts = list_doubts(registered, track_photos, places_px, settings.least_matches)
+    return Registered(
+        photos=registered,
+        points=points,
+        srgb=_colors(photos, images, len(points), point_of, track_photos, places_px),
+        error_px=np.bincount(point_of, errors, len(points)) / seen_by,
+        track_starts=model["track_starts"],
+        track_photos=track_photos,
+        track_places_px=places_px,
+        names=tuple(photo.name for photo in photos),
+        matches=found.verified,
+        failures=list_failures(photo_set, features, model["group"], found, failed, settings.least_matches),
+        notes=(*doubts, *write_notes(photos, images, found, registered, settings.least_matches)),
+        doubts=doubts,
+    )
+
+
+def _colors(
+    photos: Sequence[PhotoFile],
+    images: NDArray[np.int64],
+    count: int,
+    point_of: NDArray[np.int64],
+    track_photos: NDArray[np.int64],
+    places_px: NDArray[np.float64],
+) -> NDArray[np.uint8]:
+    """(N, 3), the mean of the pixels that show each point."""
+    sums = np.zeros((count, 3))
+    for place, index in enumerate(images):
+        here = np.flatnonzero(track_photos == place)
+        pixels = read_colors(photos[index].path)
+        columns = np.clip(places_px[here, 0].astype(np.int64), 0, pixels.shape[1] - 1)
+        rows = np.clip(places_px[here, 1].astype(np.int64), 0, pixels.shape[0] - 1)
+        np.add.at(sums, point_of[here], pixels[rows, columns])
+    seen_by = np.maximum(np.bincount(point_of, minlength=count), 1)
+    return np.rint(sums / seen_by[:, None]).astype(np.uint8)

@@ -1,0 +1,1 @@
+"""The job of branches: from a cloud on disk to an asset."""

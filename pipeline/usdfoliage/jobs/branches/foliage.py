@@ -1,0 +1,266 @@
+"""Leaves for an asset of branches: of a species, or as they were fitted to a capture."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.asset.locate import require_leaves, select_representation
+from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.packages.branch_package import BranchLeaves
+from usdfoliage.asset.packages.contents import interface_of, matrix_in_plant, read_leaf_look, require_plant
+from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafLook
+from usdfoliage.asset.parts.leaves import read_leaves
+from usdfoliage.branch.foliage.place import FoliageSettings, LeafPlaces, place_leaves
+from usdfoliage.branch.foliage.species import GENERIC, Species, describe_species, load_species
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.errors import AssetError, FoliageError
+from usdfoliage.jobs.crown.photograph_report import Row
+from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
+from usdfoliage.jobs.edits.scatter import LENGTHS_M, MOST_LEAVES, MOST_LEAVES_OF_ALL
+from usdfoliage.jobs.edits.settings import check_memory, read_representations, read_settings
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.edits import LeafEdits
+from usdfoliage.leaf.shape.fold import find_folds
+from usdfoliage.leaf.shape.jitter import spread_phases
+from usdfoliage.leaf.shape.measures import leaf_area, leaf_width
+from usdfoliage.leaf.shape.variation import VariationSettings, leaf_of_width, vary_colors, vary_leaves
+
+NONE, TEMPLATE, FITTED = KINDS = ("none", "template", "fitted")
+FAR = 3.0  # times as long or as short as those of the species, from which on fitted leaves are spoken of
+DRAWN_ALIKE = 0.3  # of how leaves differ in colour on a plant: by that those drawn from one leaf do
+MEASURED = 4000  # leaves whose width and area are measured, evenly chosen
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoliageRequest:
+    """What leaves the user asked for, checked."""
+
+    kind: str = NONE
+    species: Species = field(default_factory=lambda: load_species(GENERIC))
+    source: Path | None = None  # asset of the fitted leaves
+    length_m: float | None = None  # of a leaf; None: that of the species, or of the fitted leaves
+    settings: FoliageSettings = field(default_factory=FoliageSettings)
+    representations: tuple[str, ...] | None = None  # None: as many as their number allows
+    resolution: tuple[int, int] | None = None
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace, species: Species | None) -> "FoliageRequest":
+        """The leaves that a command line asks for; FoliageError for values that cannot be."""
+        kind = options.foliage or (FITTED if options.leaves else NONE)
+        if kind == FITTED and options.leaves is None:
+            raise FoliageError("--foliage fitted takes leaves from an asset of leaves; name it with --leaves")
+        if kind != FITTED and options.leaves is not None:
+            raise FoliageError(f"--leaves is for --foliage fitted, not {kind}; leave one of them out")
+        shortest_m, longest_m = LENGTHS_M
+        if options.leaf_length is not None and not shortest_m <= options.leaf_length <= longest_m:
+            raise FoliageError(
+                f"--leaf-length must be {shortest_m:g} to {longest_m:g} metres, not {options.leaf_length:g}"
+            )
+        if not 1 <= options.most_leaves <= MOST_LEAVES:
+            raise FoliageError(f"--most-leaves must be 1 to {MOST_LEAVES:,}, not {options.most_leaves}")
+        chosen = read_representations(options.representation) if options.representation else None
+        resolution = (options.resolution[0], options.resolution[1]) if options.resolution else None
+        read_settings(chosen or ("bezier",), resolution)
+        return cls(
+            kind=kind,
+            species=species or load_species(GENERIC),
+            source=options.leaves,
+            length_m=options.leaf_length,
+            settings=FoliageSettings(most_leaves=options.most_leaves),
+            representations=chosen,
+            resolution=resolution,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FittedLeaves:
+    """Leaves of another asset, to be drawn from."""
+
+    leaves: Leaves
+    edits: LeafEdits  # what no parameter can carry
+    look: LeafLook
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GrownLeaves:
+    """Leaves on their twigs, and what the user should know of them."""
+
+    foliage: BranchLeaves
+    places: LeafPlaces  # of the same leaves
+    notes: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def grow_leaves(
+    skeleton: Skeleton,
+    request: FoliageRequest,
+    fitted: FittedLeaves | None,
+    seed: int,
+    bare: Sequence[int] = (),
+) -> GrownLeaves | None:
+    """Leaves on the twigs of a skeleton as they were asked for; None for none.
+
+    Args:
+        skeleton: Of the plant.
+        request: Which leaves.
+        fitted: Those to draw from, as read_fitted_leaves gives them; None: leaves of the species.
+        seed: Of the random choices.
+        bare: Branches that the surface lacks: their leaves would float.
+
+    Raises:
+        FoliageError: So many need more memory than there is.
+    """
+    if request.kind == NONE:
+        return None
+    rng = np.random.default_rng(seed)
+    settings = request.settings if fitted is None else replace(request.settings, length=0.0)  # they differ themselves
+    places = place_leaves(skeleton, request.species, rng, settings, bare)
+    notes = []
+    if fitted is None:
+        foliage = _of_species(places, request, rng)
+    else:
+        foliage = _of_fitted(places, fitted, request, rng)
+        notes += _length_notes(fitted.leaves, request)
+    count = len(places)
+    if count < places.grown:
+        notes.append(f"{count:,} of {places.grown:,} leaves were kept, evenly over the plant; --most-leaves keeps more")
+    if not count:
+        notes.append("no twig is thin enough to carry leaves")
+    usual = tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)
+    if request.representations is None and count > MOST_LEAVES_OF_ALL:
+        notes.append(
+            f"beyond {MOST_LEAVES_OF_ALL:,} leaves only bezier is written; others with --representation "
+            "(nurbs has one prim a leaf)"
+        )
+    written = read_settings(request.representations or usual, request.resolution)
+    check_memory(count, written)
+    foliage = replace(foliage, settings=written)
+    return GrownLeaves(foliage=foliage, places=places, notes=tuple(notes), rows=tuple(_rows(foliage.leaves, places)))
+
+
+def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | None:
+    """The leaves that are drawn from, with their asset's edits in them, in its own metres; None where none are.
+
+    Args:
+        request: Which leaves.
+        output: The folder that will be replaced.
+
+    Raises:
+        AssetError: Their asset cannot be read, is not one plant, has no leaves, or lies in the output.
+    """
+    asset = request.source
+    if asset is None:
+        return None
+    interface, _ = interface_of(asset)
+    if interface.resolve().is_relative_to(output.resolve()):
+        raise AssetError(f"{output} holds the leaves that are read, {asset}, and would lose them; name another folder")
+    stage = open_asset(asset)
+    plant = require_plant(stage, asset)
+    if "representation" in plant.GetVariantSets().GetNames():
+        select_representation(stage, "bezier")
+    prim = require_leaves(stage, asset)[0]
+    read = read_leaves(prim)
+    if not len(read.leaves):
+        raise AssetError(f"{asset} has leaves, but none is shown; name an asset of leaves")
+    leaves = move_leaves(bake_leaves(read.leaves, read.edits), matrix_in_plant(prim, plant))
+    return FittedLeaves(leaves=leaves, edits=remaining_edits(read.edits), look=read_leaf_look(prim, read.jitter_map))
+
+
+def describe_foliage(request: FoliageRequest) -> dict[str, str]:
+    """Every setting of leaves that decides the result, by the name of its option."""
+    described = {"foliage": request.kind}
+    if request.kind != NONE or request.species.name != GENERIC:
+        described["species-parameters"] = describe_species(request.species)
+    if request.kind == NONE:
+        return described
+    described["leaves"] = request.source.name if request.source else "none"
+    described["leaf-length"] = "auto" if request.length_m is None else f"{request.length_m:g}"
+    described["most-leaves"] = str(request.settings.most_leaves)
+    described["representation"] = " ".join(request.representations or ()) or "auto"
+    described["resolution"] = " ".join(map(str, request.resolution or ())) or "auto"
+    return described
+
+
+def _of_species(places: LeafPlaces, request: FoliageRequest, rng: np.random.Generator) -> BranchLeaves:
+    """Leaves of the species' proportions, varied as those of a spray."""
+    species, amount = request.species, request.settings.variation
+    longer = 1.0 if request.length_m is None else request.length_m / species.leaf_length_m
+    mean = leaf_of_width(species.leaf_width)
+    look = LeafLook(color=species.color)
+    leaves = _leaves_at(
+        places,
+        vary_leaves(len(places), rng, VariationSettings(amount=amount), mean),
+        longer * places.length_m,
+        vary_colors(look.color, len(places), rng, amount),
+    )
+    return BranchLeaves(leaves=leaves, look=look)
+
+
+def _of_fitted(
+    places: LeafPlaces, fitted: FittedLeaves, request: FoliageRequest, rng: np.random.Generator
+) -> BranchLeaves:
+    """Leaves drawn from those of a capture: what was guessed is drawn seldom, what folds over itself never."""
+    held, amount = fitted.leaves, request.settings.variation
+    sound = (held.parameters[:, 2:5, 1] > 0).all(axis=1) & ~find_folds(held.parameters)
+    trust = sound if held.confidence is None else sound * held.confidence
+    trust = np.asarray(trust, np.float64) if trust.any() else np.ones(len(held))
+    drawn = rng.choice(len(held), len(places), p=trust / trust.sum())
+    usual_m = float(np.median(held.length_m))
+    length_m = held.length_m[drawn] * (request.length_m or usual_m) / usual_m
+    if held.color is not None:
+        color = vary_colors(held.color[drawn], len(places), rng, DRAWN_ALIKE * amount)
+    elif fitted.look.texture is None:
+        color = vary_colors(fitted.look.color, len(places), rng, amount)
+    else:
+        color = None
+    young = places.length_m / request.species.leaf_length_m
+    leaves = _leaves_at(places, held.parameters[drawn], young * length_m, color)
+    return BranchLeaves(leaves=leaves, edits=fitted.edits, look=fitted.look)
+
+
+def _leaves_at(
+    places: LeafPlaces,
+    parameters: NDArray[np.float64],
+    length_m: NDArray[np.float64],
+    color: NDArray[np.float64] | None,
+) -> Leaves:
+    return Leaves(
+        parameters=parameters,
+        base_m=places.base_m,
+        orientation=places.orientation,
+        length_m=length_m,
+        phase=spread_phases(len(places)),
+        color=color,
+    )
+
+
+def _length_notes(leaves: Leaves, request: FoliageRequest) -> list[str]:
+    """A capture whose scale is not known has leaves of any length."""
+    usual_m, expected_m = float(np.median(leaves.length_m)), request.species.leaf_length_m
+    if request.length_m is not None or expected_m / FAR <= usual_m <= expected_m * FAR:
+        return []
+    return [
+        f"the leaves of {request.source} are {100 * usual_m:.3g} cm long, those of {request.species.name} "
+        f"{100 * expected_m:.3g} cm; say --leaf-length if their capture had no scale"
+    ]
+
+
+def _rows(leaves: Leaves, places: LeafPlaces) -> Sequence[Row]:
+    count = len(leaves)
+    rows = [Row(name="leaves", value=f"{count:,}", remark=f"on {places.shoots:,} shoots")]
+    if count:
+        some = leaves.take(np.arange(min(count, MEASURED)) * count // min(count, MEASURED))
+        length_m, width_m = leaves.length_m.mean(), (leaf_width(some.parameters) * some.length_m).mean()
+        area_m2 = (leaf_area(some.parameters) * some.length_m**2).mean()
+        rows.append(
+            Row(
+                name="mean leaf",
+                value=f"{100 * length_m:.1f} cm long, {100 * width_m:.1f} cm wide",
+                remark=f"{1e4 * area_m2:.1f} cm² each, {count * area_m2:.1f} m² in all",
+            )
+        )
+    return rows

@@ -1,0 +1,158 @@
+"""What moves in an asset of branches, where it is asked for: a rig, its sway, and growth."""
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.asset.packages.branch_package import ALL_ORDERS, BranchSurfaces
+from usdfoliage.asset.parts.branch_growth import BranchGrowth
+from usdfoliage.asset.parts.branch_rig import BranchRig
+from usdfoliage.asset.parts.leaf_motion import LeafMotion, RiggedLeaves
+from usdfoliage.branch.allometry import AllometrySettings
+from usdfoliage.branch.cage.build import BranchCage
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.motion.growth_stages import (
+    GrownSurface,
+    GrowthStages,
+    GrowthStageSettings,
+    carry_surface,
+    grow_skeleton,
+    grow_surface,
+    plan_stages,
+)
+from usdfoliage.branch.motion.leaf_motion import carry_leaves, sway_leaves
+from usdfoliage.branch.motion.rig import RigSettings, build_rig, skin_places
+from usdfoliage.branch.motion.skinning import pose_joints, skin_points
+from usdfoliage.branch.motion.surface_places import cage_exits, cage_places, places_at
+from usdfoliage.branch.motion.sway import SwaySettings, sway_joints
+from usdfoliage.branch.tracing.reconstruct import TracedBranches
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branches.foliage import GrownLeaves
+from usdfoliage.leaf.model import Leaves
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchMotion:
+    """What was asked for."""
+
+    rig: RigSettings | None = None
+    sway: SwaySettings | None = None  # of the rig
+    growth_frames: int = 0
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "BranchMotion":
+        """What a command line asks for; FoliageError for values that cannot be."""
+        rig = sway = None
+        has_rig = options.rig or options.sway is not None
+        if options.rig_order is not None and not has_rig:
+            raise FoliageError("--rig-order is of a rig; add --rig or --sway")
+        if options.rig_order is not None and options.rig_order < 0:
+            raise FoliageError(f"--rig-order must be 0 or more, not {options.rig_order}")
+        for name, frames in (("--sway", options.sway), ("--growth", options.growth)):
+            if frames is not None and frames < 2:
+                raise FoliageError(f"{name} must be 2 frames or more, not {frames}")
+        if has_rig:
+            rig = RigSettings() if options.rig_order is None else RigSettings(order=options.rig_order)
+        if options.sway is not None:
+            sway = SwaySettings(frames=options.sway)
+        return cls(rig=rig, sway=sway, growth_frames=options.growth or 0)
+
+    def describe(self) -> dict[str, str]:
+        """Settings by the names of their options; nothing of what was not asked for."""
+        told = {}
+        if self.rig is not None:
+            told["rig-order"] = str(self.rig.order)
+        if self.sway is not None:
+            told["sway"] = str(self.sway.frames)
+        if self.growth_frames:
+            told["growth"] = str(self.growth_frames)
+        return told
+
+
+def rig_branches(skeleton: Skeleton, surfaces: BranchSurfaces, motion: BranchMotion, seed: int) -> BranchRig | None:
+    """The rig of all surfaces, None where it was not asked for."""
+    if motion.rig is None:
+        return None
+    drawn = np.isin(np.arange(len(skeleton)), surfaces.whole.curve)
+    rig = build_rig(skeleton, motion.rig, cage_exits(surfaces.whole, skeleton), drawn)
+    skins = {}
+    for variant, cage in _each_surface(skeleton, surfaces):
+        places = cage_places(cage, skeleton)
+        skins[variant] = skin_places(rig, places.curve, places.arc_m)
+    low_m, high_m = surfaces.whole.points_m.min(axis=0), surfaces.whole.points_m.max(axis=0)
+    sway_rad = None
+    if motion.sway is not None:
+        sway_rad = sway_joints(rig, skeleton, np.random.default_rng(seed), motion.sway)
+        for turn_rad in sway_rad:
+            points_m = skin_points(rig, skins[ALL_ORDERS], surfaces.whole.points_m, pose_joints(rig, turn_rad))
+            low_m, high_m = np.minimum(low_m, points_m.min(axis=0)), np.maximum(high_m, points_m.max(axis=0))
+    return BranchRig(rig=rig, skins=skins, extent_m=np.stack([low_m, high_m]), sway_rad=sway_rad)
+
+
+def rig_leaves(rigged: BranchRig | None, grown: GrownLeaves | None) -> RiggedLeaves | None:
+    """How leaves follow the rig of their branches, and where they are in its sway; None without a rig or leaves."""
+    if rigged is None or grown is None:
+        return None
+    leaves = grown.foliage.leaves
+    rig, sway_rad = rigged.rig, rigged.sway_rad
+    skin = skin_places(rig, grown.places.branch, grown.places.arc_m)
+    if sway_rad is None:
+        return RiggedLeaves(skin=skin)
+
+    def placed(frame: int) -> Leaves:
+        posed = pose_joints(rig, sway_rad[frame])
+        base_m, orientation = sway_leaves(rig, skin, leaves.base_m, leaves.orientation, posed)
+        return replace(leaves, base_m=base_m, orientation=orientation)
+
+    return RiggedLeaves(skin=skin, motion=LeafMotion(frames=len(sway_rad), placed=placed))
+
+
+def grow_branches(
+    traced: TracedBranches, surfaces: BranchSurfaces, motion: BranchMotion, grown: GrownLeaves | None = None
+) -> BranchGrowth | None:
+    """The frames of the growth, made as they are gone through; None where it was not asked for."""
+    if not motion.growth_frames:
+        return None
+    skeleton = traced.skeleton
+    exponent = traced.radii.exponent
+    settings = GrowthStageSettings()
+    if 0 < exponent <= 2:
+        settings = replace(settings, allometry=AllometrySettings(exponent=exponent))
+    stages = plan_stages(skeleton, traced.internode_m, motion.growth_frames, settings)
+    return BranchGrowth(
+        frames=len(stages),
+        skeleton=(grow_skeleton(stages, stage) for stage in range(len(stages))),
+        surfaces={variant: _grow_surface(stages, cage) for variant, cage in _each_surface(skeleton, surfaces)},
+        leaves=_grow_leaves(stages, surfaces.whole, grown) if grown is not None else None,
+    )
+
+
+def _grow_leaves(stages: GrowthStages, cage: BranchCage, grown: GrownLeaves) -> LeafMotion:
+    leaves, skeleton = grown.foliage.leaves, stages.skeleton
+    carried = GrownSurface(
+        points_m=leaves.base_m,
+        places=places_at(skeleton, grown.places.branch, grown.places.arc_m),
+        emerges_m=cage_exits(cage, skeleton).arc_m,
+    )
+
+    def placed(frame: int) -> Leaves:
+        base_m, share = carry_leaves(stages, frame, carried)
+        return replace(leaves, base_m=base_m, length_m=share * leaves.length_m)
+
+    return LeafMotion(frames=len(stages), placed=placed)
+
+
+def _grow_surface(stages: GrowthStages, cage: BranchCage) -> Iterator[NDArray[np.float64]]:
+    surface = carry_surface(cage, stages.skeleton)
+    return (grow_surface(stages, stage, surface) for stage in range(len(stages)))
+
+
+def _each_surface(skeleton: Skeleton, surfaces: BranchSurfaces) -> Iterator[tuple[str, BranchCage]]:
+    """Every variant of the set branches and its cage, whose branches are numbered as in the whole skeleton."""
+    yield ALL_ORDERS, surfaces.whole
+    for order, cage in surfaces.by_order:
+        numbers = np.flatnonzero(skeleton.order <= order).astype(np.int32)
+        yield f"order{order}", replace(cage, curve=numbers[cage.curve])

@@ -1,0 +1,256 @@
+"""The cloud of a plant, as its branches are traced through it: upright, in metres, without ground, with its roots."""
+
+import argparse
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.tracing.ground import find_ground, no_ground
+from usdfoliage.branch.tracing.other_trees import find_other_trees
+from usdfoliage.branch.tracing.reconstruct import BranchSettings, point_spacing
+from usdfoliage.branch.tracing.roots import RootSettings, find_roots
+from usdfoliage.branch.tracing.strays import find_ground_remains, find_strays
+from usdfoliage.capture.cloud_files.read import CloudInput, CloudInputSettings, read_cloud_input
+from usdfoliage.capture.cloud_files.thinning import PointThinner
+from usdfoliage.capture.cloud_files.units import UNITS
+from usdfoliage.capture.cloud_files.up_axis import axis_vector, find_cloud_up, turn_to_y_up
+from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.geometry.point_cells import cell_means, number_cells
+from usdfoliage.jobs.branches.warnings import doubt_height
+from usdfoliage.steps import StepProgress
+
+LEAST_POINTS = 50  # of a plant without its ground
+_CLOSEST = 0.3  # internodes: points closer together take time and show nothing more
+_WORTH = 0.67  # share of the points that is left, above which a cloud stays as it is
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantCloudRequest:
+    """Which cloud, and what the user knows of it."""
+
+    path: Path
+    roots: RootSettings
+    given_roots: Sequence[tuple[float, float, float]] = ()  # in the cloud's own coordinates
+    up: str | None = None  # an axis of the cloud; None: told by the cloud
+    unit: str | None = None  # of UNITS; None: told by the file
+    most_points: int = 400_000  # that branches are traced through
+    internode_m: float | None = None  # None: from the height, as branches are traced
+    has_ground: bool = True  # False: it was left out before, and what lies low is of the plant
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "PlantCloudRequest":
+        """The cloud that a command line names; FoliageError for values that cannot be."""
+        roots, given = read_roots(options.roots)
+        if options.most_points < LEAST_POINTS:
+            raise FoliageError(f"--most-points must be at least {LEAST_POINTS}, not {options.most_points}")
+        return cls(
+            path=options.cloud,
+            roots=roots,
+            given_roots=given,
+            up=read_up(options.up),
+            unit=read_unit(options.unit),
+            most_points=options.most_points,
+            internode_m=options.internode,
+        )
+
+    def describe(self) -> dict[str, str]:
+        """Settings by the names of their options."""
+        roots = ";".join(",".join(f"{c:.12g}" for c in place) for place in self.given_roots)
+        return {
+            "roots": roots or str(self.roots.count or "auto"),
+            "up": self.up or "auto",
+            "unit": self.unit or "auto",
+            "most-points": str(self.most_points),
+        }
+
+
+def read_roots(text: str) -> tuple[RootSettings, tuple[tuple[float, float, float], ...]]:
+    """auto, a number of roots, or the places of some, in the cloud's coordinates: x,y,z or x,y,z;x,y,z.
+
+    Raises:
+        FoliageError: It is none of these.
+    """
+    if text == "auto":
+        return RootSettings(), ()
+    try:
+        if re.fullmatch(r"\s*\d+\s*", text):
+            return RootSettings(count=int(text)), ()
+        places = tuple(tuple(float(part) for part in place.split(",")) for place in text.split(";"))
+    except ValueError as error:
+        raise FoliageError(f"--roots must be auto, a number above 0, or x,y,z, not {text!r}") from error
+    if not all(len(place) == 3 and np.isfinite(place).all() for place in places):
+        raise FoliageError(f"--roots must be auto, a number above 0, or x,y,z, not {text!r}")
+    return RootSettings(count=len(places)), tuple((place[0], place[1], place[2]) for place in places)
+
+
+def read_up(text: str) -> str | None:
+    """An axis, or None for auto; FoliageError for anything else."""
+    if text == "auto":
+        return None
+    if not re.fullmatch(r"[+-]?[XYZxyz]", text):
+        raise FoliageError(f"--up must be auto or one of X, Y, Z, -X, -Y and -Z, not {text!r}")
+    return text.upper()
+
+
+def read_unit(text: str) -> str | None:
+    """A unit, or None for auto; FoliageError for one that is not known."""
+    if text == "auto":
+        return None
+    if text not in UNITS:
+        raise FoliageError(f"--unit must be auto or one of {', '.join(UNITS)}, not {text!r}")
+    return text
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlantCloud:
+    """A cloud as branches are traced through it."""
+
+    points_m: NDArray[np.float64]  # (N, 3), Y up, the first root at the origin, without ground
+    colors: NDArray[np.float64] | None  # (N, 3), red, green, blue, 0 to 255, black: none; None where the file has none
+    roots_m: NDArray[np.float64]  # (R, 3)
+    asset_from_cloud: NDArray[np.float64]  # (4, 4), from the file's coordinates
+    source: CloudInput
+    ground: int  # points that were left out as ground
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()  # what puts the whole cloud in doubt
+
+
+def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None = None) -> PlantCloud:
+    """Read a cloud, turn it upright, leave out its ground and find the roots.
+
+    Raises:
+        CaptureError: The cloud cannot be used.
+        FitError: Nothing is left without the ground, or a root is given that is nowhere near the plant.
+    """
+    source = read_cloud_input(
+        request.path,
+        CloudInputSettings(metres_per_unit=None if request.unit is None else UNITS[request.unit]),
+        (lambda done, total: progress("read", done / max(total, 1))) if progress else None,
+    )
+    notes = list(source.notes)
+    if request.up is not None:
+        axis = axis_vector(request.up)
+    else:
+        up = find_cloud_up(source.points_m, source.stated_up, source.usual_up)
+        axis = up.axis
+        is_told = up.sure and source.stated_up is not None  # what is found is wrong for some plants, however clear
+        notes.append(up.how if is_told else f"{up.how}; say it with --up if that is wrong")
+    turn = turn_to_y_up(axis)
+    points_m = source.points_m @ turn.T
+    ground = find_ground(points_m) if request.has_ground else no_ground(points_m)
+    if ground.points.any():
+        notes.append(f"{int(ground.points.sum()):,} points are ground and left out")
+    points_m = points_m[~ground.points]
+    colors = None if source.colors is None else source.colors[~ground.points].astype(np.float64)
+    if ground.plane is not None:
+        remains = find_ground_remains(points_m, ground.plane)
+        if remains.any():
+            notes.append(f"{int(remains.sum()):,} points low and far beside the plant are ground too and left out")
+            points_m = points_m[~remains]
+            colors = None if colors is None else colors[~remains]
+    strays = find_strays(points_m)
+    if strays.any():
+        notes.append(f"{int(strays.sum()):,} points are far beside the plant and left out")
+        points_m = points_m[~strays]
+        colors = None if colors is None else colors[~strays]
+    _check_internode(points_m, request)
+    close = len(points_m)
+    points_m, colors, cell_m = _thin_plant(points_m, colors, request)
+    if cell_m > 0:
+        notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * cell_m:.1f} mm")
+    if len(points_m) < LEAST_POINTS:
+        raise FitError(_explain_few(len(points_m), close, source, axis, request))
+    if request.given_roots:
+        given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
+        roots_m = given @ turn.T
+        _check_roots(roots_m, points_m, request)
+        other = find_other_trees(points_m, roots_m, find_roots(points_m, ground=ground.plane), point_spacing(points_m))
+        if other.any():
+            notes.append(f"{int(other.sum()):,} points are of other trees than that at the given root and left out")
+            points_m = points_m[~other]
+            colors = None if colors is None else colors[~other]
+    else:
+        roots_m = find_roots(points_m, request.roots, ground.plane)
+        if request.roots.count is not None and len(roots_m) < request.roots.count:
+            notes.append(f"{len(roots_m)} of {request.roots.count} roots were found")
+    asset_from_cloud = np.eye(4)
+    asset_from_cloud[:3, :3] = turn * source.metres_per_unit
+    asset_from_cloud[:3, 3] = -turn @ source.origin_m - roots_m[0]
+    return PlantCloud(
+        points_m=points_m - roots_m[0],
+        colors=colors,
+        roots_m=roots_m - roots_m[0],
+        asset_from_cloud=asset_from_cloud,
+        source=source,
+        ground=int(ground.points.sum()),
+        notes=tuple(notes),
+        warnings=(*source.warnings, *doubt_height(float(np.ptp(points_m[:, 1])), source.metres_per_unit)),
+    )
+
+
+def _explain_few(
+    left: int, close: int, source: CloudInput, axis: NDArray[np.float64], request: PlantCloudRequest
+) -> str:
+    """Why fewer points of a plant are left than can be traced, and what to do; close were left before thinning."""
+    if close >= LEAST_POINTS and request.internode_m is not None:
+        told = f"--internode {request.internode_m:g} leaves {left} points of the plant, {LEAST_POINTS} needed"
+        return f"{told}; give a shorter one"
+    told = f"{left} points are left without the ground, {LEAST_POINTS} needed ({source.path})"
+    if doubt_height(float(np.ptp(source.points_m, axis=0).max()), source.metres_per_unit):
+        doubts = doubt_height(float(np.ptp(source.points_m @ axis)), source.metres_per_unit)
+        return "; ".join([told, *doubts])
+    return f"{told}; give a cloud of a plant, and say --up if another of its axes is up"
+
+
+def _check_internode(points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
+    """FitError where an internode is given that is longer than the plant is high: in another unit than metres."""
+    height_m = float(np.ptp(points_m[:, 1])) if len(points_m) else 0.0
+    if request.internode_m is not None and len(points_m) >= LEAST_POINTS and request.internode_m > height_m:
+        raise FitError(
+            f"--internode {request.internode_m:g} is longer than the plant, {height_m:.2f} m high; it is in metres"
+        )
+
+
+def _thin_plant(
+    points_m: NDArray[np.float64], colors: NDArray[np.float64] | None, request: PlantCloudRequest
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, float]:
+    """As many points of the plant, without ground that would take their share, as show its twigs; side of their cells.
+
+    A side of 0: all of them, as they were.
+    """
+    values = points_m
+    if colors is not None:  # black is no colour, and none of what is mixed of several
+        values = np.column_stack([points_m, colors, colors.any(axis=1)])
+    cell_m = 0.0
+    if len(points_m):
+        internode_m = request.internode_m or BranchSettings().internode_of_height * float(np.ptp(points_m[:, 1]))
+        if _CLOSEST * internode_m > 0:
+            cell = number_cells(points_m, _CLOSEST * internode_m)
+            if int(cell.max()) + 1 < _WORTH * len(points_m):
+                cell_m = _CLOSEST * internode_m
+                values = cell_means(values, cell)
+                values[:, 3:6] /= np.where(values[:, 6:] > 0, values[:, 6:], 1)
+    if len(values) > request.most_points:
+        thinner = PointThinner(request.most_points)
+        thinner.add(values[:, :3], None if colors is None else values[:, 3:6].astype(np.float32))
+        thinned = thinner.finish()
+        cell_m = thinned.cell
+        values = thinned.points if thinned.colors is None else np.column_stack([thinned.points, thinned.colors])
+    return values[:, :3], None if colors is None else values[:, 3:6], cell_m
+
+
+def _check_roots(roots_m: NDArray[np.float64], points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
+    """FitError for a root (R, 3) that is farther from points (N, 3) than these are high: of another unit or cloud."""
+    away_m = np.asarray(cKDTree(points_m).query(roots_m)[0])
+    for place, own_m in zip(request.given_roots, away_m.tolist(), strict=True):
+        if own_m > np.ptp(points_m[:, 1]):
+            told = ",".join(f"{c:.12g}" for c in place)
+            raise FitError(
+                f"--roots {told} is {own_m:.1f} m from the nearest point of {request.path}; "
+                "roots are in the cloud's own coordinates"
+            )

@@ -1,0 +1,138 @@
+"""Branches that are grown, where it is asked for: instead of traced ones, inside the crown, or as plants alike."""
+
+import argparse
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+from usdfoliage.branch.allometry import AllometrySettings
+from usdfoliage.branch.foliage.species import Species
+from usdfoliage.branch.growth.grow import GrownBranches
+from usdfoliage.branch.growth.regrowth import RegrowthSettings, fill_hidden, regrow, vary_growth
+from usdfoliage.branch.growth.settings import GrowthSettings
+from usdfoliage.branch.tracing.reconstruct import TracedBranches
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branches.plant_cloud import PlantCloud
+from usdfoliage.jobs.branches.warnings import doubt_growth
+
+TRACE, GROW = METHODS = ("trace", "grow")
+MOST_VARIATIONS = 99
+_SPACINGS = 0.7  # of the cloud, that an internode is at least: buds see no points across wider gaps
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegrowthRequest:
+    """What growth the user asked for, checked."""
+
+    method: str = TRACE
+    hidden: bool = False  # grow into what the cloud hides
+    variations: int = 0
+    settings: RegrowthSettings = field(default_factory=RegrowthSettings)
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "RegrowthRequest":
+        """The growth that a command line asks for; FoliageError for values that cannot be."""
+        if not 0 <= options.variations <= MOST_VARIATIONS:
+            raise FoliageError(f"--variations must be 0 to {MOST_VARIATIONS}, not {options.variations}")
+        return cls(method=options.method, hidden=options.fill_hidden, variations=options.variations)
+
+    def describe(self) -> dict[str, str]:
+        """Settings by the names of their options; nothing of what was not asked for."""
+        told = {"method": self.method}
+        if self.hidden:
+            told["fill-hidden"] = "yes"
+        if self.variations:
+            told["variations"] = str(self.variations)
+        return told
+
+
+def growth_settings(traced: TracedBranches, species: Species) -> GrowthSettings:
+    """The plant's parameters: angles of the species, lengths and thickness as the cloud shows them."""
+    return GrowthSettings(
+        internode_m=max(traced.internode_m, _SPACINGS * traced.spacing_m),
+        divergence_deg=math.degrees(species.roll_rad),
+        branching_deg=math.degrees(species.branching_rad),
+        allometry=AllometrySettings(exponent=traced.radii.exponent),
+    )
+
+
+def regrow_branches(
+    traced: TracedBranches,
+    plant: PlantCloud,
+    request: RegrowthRequest,
+    species: Species,
+    seed: int,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[TracedBranches, list[str], list[str]]:
+    """The branches with what is asked for grown, notes of it, and doubts in it; as they were traced where nothing is.
+
+    Args:
+        traced: As the cloud shows them.
+        plant: The cloud.
+        request: What grows.
+        species: Whose angles growth has.
+        seed: Of growth.
+        progress: Told how far it is, 0 to 1.
+    """
+    notes, doubts = [], []
+    growth = growth_settings(traced, species)
+    if request.method == GROW:
+        grown = _regrow(traced, plant, growth, request, seed, progress)
+        traced = replace(traced, skeleton=grown.skeleton)
+        notes.append(_tell(grown, f"branches are grown from the roots through the cloud in {grown.cycles} cycles"))
+        doubts.extend(doubt_growth(float(grown.reached.mean()), growth.internode_m))
+    if request.hidden:
+        filled = _fill(traced, plant, growth, request, seed, progress)
+        traced = replace(traced, skeleton=filled.skeleton)
+        if filled.grown:
+            notes.append(
+                _tell(filled, f"{filled.grown:,} branches are grown inside the crown, where the cloud shows none")
+            )
+        else:
+            notes.append("the cloud hides nothing of the crown: no branches are grown inside it")
+    return traced, notes, doubts
+
+
+def vary_branches(
+    traced: TracedBranches, plant: PlantCloud, request: RegrowthRequest, species: Species, seed: int
+) -> Iterator[tuple[TracedBranches, int]]:
+    """Plants like the one that was traced, grown through its cloud with slightly other parameters; each one's seed.
+
+    What its cloud hides they fill as it does, where that is asked for.
+    """
+    growth = growth_settings(traced, species)
+    for number in range(1, request.variations + 1):
+        own = seed + number
+        varied = vary_growth(growth, request.settings.variation, own)
+        alike = replace(traced, skeleton=_regrow(traced, plant, varied, request, own, None).skeleton)
+        if request.hidden:
+            alike = replace(alike, skeleton=_fill(alike, plant, varied, request, own, None).skeleton)
+        yield alike, own
+
+
+def _regrow(
+    traced: TracedBranches,
+    plant: PlantCloud,
+    growth: GrowthSettings,
+    request: RegrowthRequest,
+    seed: int,
+    progress: Callable[[float], None] | None,
+) -> GrownBranches:
+    radius_m = float(traced.skeleton.radius_m[0])
+    return regrow(plant.points_m, plant.roots_m, radius_m, growth, request.settings, seed, progress, traced.skeleton)
+
+
+def _fill(
+    traced: TracedBranches,
+    plant: PlantCloud,
+    growth: GrowthSettings,
+    request: RegrowthRequest,
+    seed: int,
+    progress: Callable[[float], None] | None,
+) -> GrownBranches:
+    skeleton = traced.skeleton
+    return fill_hidden(skeleton, plant.points_m, traced.spacing_m, growth, request.settings, seed, progress)
+
+
+def _tell(grown: GrownBranches, what: str) -> str:
+    return f"{what}; growth came to {100 * grown.reached.mean():.0f} % of the points, {grown.shed:,} branches were shed"

@@ -1,0 +1,201 @@
+"""The report of branches: what one looks at before a skeleton is trusted."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.branch.cage.build import BranchCage
+from usdfoliage.branch.distances import distances_to_cloud, distances_to_surface
+from usdfoliage.branch.growth.importance import weigh_points
+from usdfoliage.branch.tracing.reconstruct import TracedBranches
+from usdfoliage.errors import PreviewError
+from usdfoliage.jobs.capture.map_pictures import TURBO, VIRIDIS, color_values, write_picture
+from usdfoliage.jobs.crown.photograph_report import TEMPLATES, ReportView, Row, list_seconds
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
+from usdfoliage.jobs.report.cloud_pictures import (
+    Direction,
+    bar_length,
+    draw_scale_bar,
+    draw_seen,
+    frame_points,
+    splat_points,
+)
+from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
+
+PICTURE_PX = 900  # longest side of a picture of the cloud
+DRAWN_POINTS = 300_000
+VIEWS = (("Front", "front", "preview.png"), ("Right side", "right", "preview_right.png"))
+_FRONT = Direction(name="front", right=np.eye(3)[0], up=np.eye(3)[1], towards=np.eye(3)[2])
+_RIGHT = Direction(name="right", right=-np.eye(3)[2], up=np.eye(3)[1], towards=np.eye(3)[0])
+_PREVIEW = PreviewSettings(width_px=720, height_px=900, complexity="medium", samples=2)
+_FAR_QUANTILE = 0.99  # of the distances, that the scale of their picture ends with
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BranchesReport:
+    """What the report says besides what the branches show."""
+
+    name: str
+    capture: str
+    generator: str
+    notes: Sequence[str]  # what the reader should know first
+    settings: Mapping[str, str]
+    preview: bool
+    variations: Sequence[Path] = ()  # interfaces of plants alike
+
+
+def branch_rows(
+    traced: TracedBranches, cage: BranchCage, points_m: NDArray[np.float64], *, grown: bool = False
+) -> list[Row]:
+    """The figures of branches, as the paper's tables 2 and 3 have them, for report and terminal.
+
+    Args:
+        traced: Of which they are; what its circles told is of the branches that were traced.
+        cage: Its surface.
+        points_m: (N, 3), of wood.
+        grown: Whether the skeleton was grown, and is not the one that was traced.
+    """
+    skeleton = traced.skeleton
+    to_surface_m = distances_to_surface(points_m, skeleton, traced.thickness_m)
+    to_cloud_m = distances_to_cloud(skeleton, points_m, traced.thickness_m)
+    by_order = np.bincount(skeleton.order)
+    return [
+        Row(
+            name="points", value=f"{len(points_m):,}", remark=f"{1000 * traced.spacing_m:.1f} mm to the sixth neighbour"
+        ),
+        Row(name="height", value=f"{np.ptp(points_m[:, 1]):.2f} m"),
+        Row(name="internode", value=f"{1000 * traced.internode_m:.1f} mm"),
+        Row(
+            name="branches",
+            value=f"{len(skeleton):,}",
+            remark=", ".join(f"{count} of order {order}" for order, count in enumerate(by_order)),
+        ),
+        Row(
+            name="mean length",
+            value=f"{skeleton.lengths_m.mean():.3f} m",
+            remark=f"{skeleton.lengths_m.sum():.1f} m in all",
+        ),
+        Row(name="diameter at the root", value=f"{200 * skeleton.radius_m[0]:.1f} cm"),
+        Row(
+            name="scan to surface",
+            value=f"{100 * to_surface_m.mean():.2f} cm, standard deviation {100 * to_surface_m.std():.2f} cm",
+        ),
+        Row(
+            name="surface to scan",
+            value=f"{100 * to_cloud_m.mean():.2f} cm, standard deviation {100 * to_cloud_m.std():.2f} cm",
+        ),
+        Row(
+            name="exponent of the allometry" + (", as traced" if grown else ""),
+            value=f"{traced.radii.exponent:.2f}",
+            remark=f"{int(traced.radii.believed.sum())} circles believed"
+            + (" along the branches that were traced; growth has their exponent" if grown else ""),
+        ),
+        Row(name="cage", value=f"{len(cage.faces):,} faces", remark="Catmull–Clark, closed, all quads"),
+    ]
+
+
+def write_branches_report(
+    folder: Path,
+    interface: Path,
+    report: BranchesReport,
+    traced: TracedBranches,
+    points_m: NDArray[np.float64],
+    rows: Sequence[Row],
+    seconds: Mapping[str, float],
+    progress: StepProgress | None = None,
+) -> Path:
+    """Write index.html and its pictures into folder; returns the page.
+
+    Args:
+        folder: An existing folder.
+        interface: The asset, for its pictures.
+        report: What to say.
+        traced: The branches.
+        points_m: (N, 3), the cloud in the asset's frame.
+        rows: The figures.
+        seconds: By step.
+        progress: Told of the pictures of the asset.
+    """
+    chosen = np.linspace(0, len(points_m) - 1, min(len(points_m), DRAWN_POINTS)).astype(np.int64)
+    shown_m, wood_m = points_m[chosen], points_m[chosen][traced.wood[chosen]]
+    weight = weigh_points(shown_m, traced.internode_m)
+    away_m = distances_to_surface(wood_m, traced.skeleton, traced.thickness_m)
+    far_m = float(np.quantile(away_m, _FAR_QUANTILE)) or 1e-6
+    heavy = float(np.quantile(weight, _FAR_QUANTILE)) or 1.0
+    pictures = []
+    for what, drawn_m, colors, caption in (
+        (
+            "weights",
+            shown_m,
+            color_values(weight, 0, heavy, VIRIDIS),
+            f"Importance of the points (equation 8), 0 to {heavy:.0f}",
+        ),
+        (
+            "distance",
+            wood_m,
+            color_values(away_m, 0, far_m, TURBO),
+            f"Scan of wood to surface, 0 to {100 * far_m:.1f} cm",
+        ),
+    ):
+        for direction, file in _draw_cloud(folder, what, drawn_m, colors, traced.spacing_m):
+            pictures.append(ReportView(name=f"{caption}, from the {direction}", file=file))
+    notes = list(report.notes)
+    views = []
+    if report.preview:
+        try:
+            render_views(
+                interface,
+                [PreviewView(output=folder / file, direction=direction) for _, direction, file in VIEWS],
+                _PREVIEW,
+                (lambda done, total: progress("preview", done / total)) if progress else None,
+            )
+            views = [ReportView(name=title, file=file) for title, _, file in VIEWS]
+            for alike in report.variations:
+                file = f"preview_{alike.stem}.png"
+                render_views(alike, [PreviewView(output=folder / file, direction="front")], _PREVIEW, None)
+                views.append(ReportView(name=alike.stem, file=file))
+        except PreviewError as error:
+            logger.warning("no pictures: %s", error)
+            notes.append(f"no pictures of the asset: {error}")
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    page = environment.get_template("branches_report.html").render(
+        name=report.name,
+        capture=report.capture,
+        generator=report.generator,
+        notes=notes,
+        views=views,
+        pictures=pictures,
+        measures=rows,
+        seconds=list_seconds(seconds),
+        settings=[Row(name=name, value=value) for name, value in report.settings.items()],
+    )
+    index = folder / "index.html"
+    index.write_text(page, encoding="utf-8")
+    return index
+
+
+def _draw_cloud(
+    folder: Path, what: str, points_m: NDArray[np.float64], colors: NDArray[np.uint8], spacing_m: float
+) -> list[tuple[str, str]]:
+    """Two pictures of a cloud in colours; their directions and files."""
+    directions = (_FRONT, _RIGHT)
+    windows = frame_points(points_m, directions, PICTURE_PX, points_m)
+    bar_m = bar_length(windows)
+    files = []
+    for direction, window in zip(directions, windows, strict=True):
+        seen = splat_points(points_m, direction, window, np.full(len(points_m), 0.4 * spacing_m, np.float32))
+        picture = draw_seen(seen, colors)
+        draw_scale_bar(picture, bar_m, window.px_per_m)
+        file = f"{what}_{direction.name}.png"
+        write_picture(folder / file, picture)
+        files.append((direction.name, file))
+    return files

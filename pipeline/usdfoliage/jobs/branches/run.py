@@ -1,0 +1,356 @@
+"""From a cloud on disk to an asset of branches."""
+
+import argparse
+import logging
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage import __version__
+from usdfoliage.asset.packages.branch_package import (
+    BranchAssetSettings,
+    BranchLeaves,
+    BranchSurfaces,
+    write_branch_asset,
+)
+from usdfoliage.asset.parts.branch_growth import BranchGrowth
+from usdfoliage.asset.parts.branch_rig import BranchRig
+from usdfoliage.asset.parts.branches import SkeletonPrim
+from usdfoliage.asset.parts.leaf_motion import RiggedLeaves
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.branch.allometry import AllometrySettings
+from usdfoliage.branch.cage.build import BranchCage, BranchCageSettings, build_branch_cage
+from usdfoliage.branch.foliage.species import load_species
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.tracing.free_axes import points_of_branches
+from usdfoliage.branch.tracing.radii import RadiusSettings
+from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches
+from usdfoliage.errors import FoliageError
+from usdfoliage.geometry.color import decode_srgb
+from usdfoliage.jobs.branches.foliage import (
+    FittedLeaves,
+    FoliageRequest,
+    describe_foliage,
+    grow_leaves,
+    read_fitted_leaves,
+)
+from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_leaves
+from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
+from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
+from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
+from usdfoliage.jobs.branches.tracing import trace_cloud
+from usdfoliage.jobs.branches.warnings import doubt_surface
+from usdfoliage.jobs.crown.photograph_report import Row
+from usdfoliage.jobs.edits.scatter import read_color
+from usdfoliage.jobs.work.results import digest_file
+from usdfoliage.steps import StepProgress, follow_step
+
+logger = logging.getLogger(__name__)
+
+VARIATIONS = "variations"  # folder of the assets of plants alike
+_LIT = 0.75  # quantile of colours: the middle of their lighter half
+_COARSER_ORDERS = (1, 2)  # variants of the surface
+CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchesRequest:
+    """What the user asked for, checked."""
+
+    cloud: PlantCloudRequest
+    output: Path
+    name: str
+    settings: BranchSettings
+    species: str = ""
+    regrowth: RegrowthRequest = field(default_factory=RegrowthRequest)
+    foliage: FoliageRequest = field(default_factory=FoliageRequest)
+    motion: BranchMotion = field(default_factory=BranchMotion)
+    asset: BranchAssetSettings = field(default_factory=BranchAssetSettings)
+    seed: int = 0
+    preview: bool = True
+    times: bool = True  # whether the report says how long each step took
+    needs_stems: bool = False  # as trace_cloud takes it
+    color_of_cloud: bool = False  # branches have the colour of the cloud's wood, where it has colours
+    force: bool = False
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "BranchesRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        if options.species_file is not None and not options.species:
+            raise FoliageError("--species-file holds species; say with --species which one is meant")
+        if not 0 <= options.seed < 2**62:  # an asset records it as int64, and those of variations follow it
+            raise FoliageError(f"--seed must be 0 or more and below 2^62, not {options.seed}")
+        species = load_species(options.species, options.species_file) if options.species else None
+        allometry = AllometrySettings(exponent=species.exponent) if species else AllometrySettings()
+        try:
+            settings = BranchSettings(
+                internode_m=options.internode,
+                leaves=options.cloud_leaves,
+                radii=RadiusSettings(allometry=allometry),
+            )
+        except ValueError as error:
+            raise FoliageError(f"--internode: {error}") from error
+        bark = BranchAssetSettings()
+        if options.bark_color is not None:
+            bark = replace(bark, color=read_color(options.bark_color, "--bark-color"))
+        return cls(
+            cloud=PlantCloudRequest.from_options(options),
+            output=options.output,
+            name=asset_name(options.name or options.output.resolve().name),
+            settings=settings,
+            species=species.name if species else "",
+            regrowth=RegrowthRequest.from_options(options),
+            foliage=FoliageRequest.from_options(options, species),
+            motion=BranchMotion.from_options(options),
+            asset=bark,
+            seed=options.seed,
+            preview=not options.no_preview,
+            force=options.force,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MadeBranches:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    report: Path
+    variations: tuple[Path, ...]  # assets of plants alike
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]  # what puts the asset in doubt
+    measures: tuple[Row, ...]
+    seconds: dict[str, float]
+    plant: PlantCloud  # as it was traced
+    traced: TracedBranches
+    lost: tuple[int, ...]  # branches that the surface lacks
+
+
+def make_branches_asset(request: BranchesRequest, progress: StepProgress | None = None) -> MadeBranches:
+    """Trace the branches of a cloud and publish their asset; the old asset stays until the new one is whole.
+
+    Raises:
+        NoStemsError: The request needs stems, and the cloud shows none.
+        FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
+    """
+    seconds: dict[str, float] = {}
+    with publish_folder(request.output, force=request.force) as folder:
+        fitted = read_fitted_leaves(request.foliage, request.output)
+        found = trace_cloud(request.cloud, request.settings, seconds, progress, needs_stems=request.needs_stems)
+        plant, traced = found.plant, found.traced
+        if request.color_of_cloud and plant.colors is not None and traced.wood.any():
+            of_stems = points_of_branches(plant.points_m, traced.skeleton.up_to_order(0), traced.spacing_m)
+            color = wood_color(plant.colors[of_stems & traced.wood if (of_stems & traced.wood).any() else traced.wood])
+            request = replace(request, asset=replace(request.asset, color=color))
+        species = request.foliage.species
+        with follow_step("growth", seconds, progress) as tell:
+            shown, told, doubts = regrow_branches(
+                traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
+            )
+        warnings = [*found.warnings, *doubts]
+        notes = [*found.notes, *describe_leaves(traced, request.settings), *told]
+        made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
+        notes.extend(made.notes)
+        surface = made.surfaces.whole
+        warnings.extend(doubt_surface(len(shown.skeleton), len(surface.dropped), len(surface.loose)))
+        with follow_step("asset", seconds, progress):
+            provenance = Provenance(
+                species=request.species,
+                capture=plant.source.path.name,
+                generator=f"usdfoliage {__version__}",
+                seed=request.seed,
+                settings=describe_settings(request),
+                input_sha256=digest_file(plant.source.path),
+            )
+            interface = _write_plant(folder, request.name, made, provenance, plant, request.asset)
+        variations: list[Path] = []
+        with follow_step("variations", seconds, progress) as tell:
+            for varied, seed in vary_branches(traced, plant, request.regrowth, species, request.seed):
+                name = f"{request.name}_{len(variations) + 1:02d}"
+                own = folder / VARIATIONS / name
+                own.mkdir(parents=True)
+                alike = _make_plant(request, varied, fitted, seed, {}, None)
+                variations.append(_write_plant(own, name, alike, replace(provenance, seed=seed), plant, request.asset))
+                tell(len(variations), request.regrowth.variations)
+        report = BranchesReport(
+            name=request.name,
+            capture=plant.source.path.name,
+            generator=provenance.generator,
+            notes=[*warnings, *notes],
+            settings=provenance.settings,
+            preview=request.preview,
+            variations=variations,
+        )
+        (folder / "report").mkdir(exist_ok=True)
+        wood_m = plant.points_m[shown.wood]
+        rows = branch_rows(shown, surface, wood_m, grown=request.regrowth.method == GROW)
+        rows.extend(made.rows)
+        times = seconds if request.times else {}
+        write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, times, progress)
+    return MadeBranches(
+        asset=request.output / interface.name,
+        report=request.output / "report" / "index.html",
+        variations=tuple(request.output / made.relative_to(folder) for made in variations),
+        notes=tuple(notes),
+        warnings=tuple(warnings),
+        measures=tuple(rows),
+        seconds=seconds,
+        plant=plant,
+        traced=shown,
+        lost=tuple(branch.curve for branch in surface.dropped),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _MadePlant:
+    """What an asset of branches is written from."""
+
+    skeleton: SkeletonPrim
+    surfaces: BranchSurfaces
+    leaves: BranchLeaves | None
+    rig: BranchRig | None
+    growth: BranchGrowth | None
+    rigged_leaves: RiggedLeaves | None
+    notes: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def _make_plant(
+    request: BranchesRequest,
+    traced: TracedBranches,
+    fitted: FittedLeaves | None,
+    seed: int,
+    seconds: dict[str, float],
+    progress: StepProgress | None,
+) -> _MadePlant:
+    """The surface of branches, their leaves, and what moves."""
+    with follow_step("surface", seconds, progress):
+        surfaces, notes = build_surfaces(traced.skeleton)
+    with follow_step("leaves", seconds, progress):
+        lost = [branch.curve for branch in surfaces.whole.dropped]
+        grown = grow_leaves(traced.skeleton, request.foliage, fitted, seed, lost)
+        notes.extend(grown.notes if grown else ())
+    with follow_step("motion", seconds, progress):
+        rig = rig_branches(traced.skeleton, surfaces, request.motion, seed)
+        growth = grow_branches(traced, surfaces, request.motion, grown)
+    if rig is not None:
+        notes.append(f"the rig has {len(rig.rig)} joints; select rig=skel to move it")
+    return _MadePlant(
+        skeleton=SkeletonPrim(skeleton=traced.skeleton, growth=growth_of(traced)),
+        surfaces=surfaces,
+        leaves=grown.foliage if grown else None,
+        rig=rig,
+        growth=growth,
+        rigged_leaves=rig_leaves(rig, grown),
+        notes=tuple(notes),
+        rows=grown.rows if grown else (),
+    )
+
+
+def _write_plant(
+    folder: Path,
+    name: str,
+    made: _MadePlant,
+    provenance: Provenance,
+    plant: PlantCloud,
+    settings: BranchAssetSettings,
+) -> Path:
+    return write_branch_asset(
+        folder,
+        name,
+        made.skeleton,
+        made.surfaces,
+        provenance,
+        plant.asset_from_cloud,
+        settings,
+        made.leaves,
+        made.rig,
+        made.growth,
+        made.rigged_leaves,
+    )
+
+
+def wood_color(colors: NDArray[np.float64]) -> tuple[float, float, float]:
+    """The usual colour, linear, of the lit half of points (N, 3): red, green, blue, 0 to 255, as photographs encode."""
+    red, green, blue = decode_srgb(np.quantile(colors, _LIT, axis=0) / 255).tolist()
+    return red, green, blue
+
+
+def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[str]]:
+    """The surface of all branches and those of the lower orders, and what is not in it."""
+    whole = build_branch_cage(skeleton, CAGE)
+    highest = int(skeleton.order.max())
+    coarser: list[tuple[int, BranchCage]] = [
+        (order, build_branch_cage(skeleton.up_to_order(order), CAGE)) for order in _COARSER_ORDERS if order < highest
+    ]
+    notes = []
+    reasons: dict[str, int] = {}
+    for lost in whole.dropped:
+        reasons[lost.why] = reasons.get(lost.why, 0) + 1
+    if reasons:
+        told = ", ".join(f"{count} {reason}" for reason, count in sorted(reasons.items(), key=lambda each: -each[1]))
+        notes.append(f"{sum(reasons.values())} of {len(skeleton)} branches are in the skeleton alone: {told}")
+    if whole.loose:
+        notes.append(
+            f"{len(whole.loose)} branches would cross their parent where they join it: "
+            "each begins a closed piece of its own beside it"
+        )
+    return BranchSurfaces(whole=whole, by_order=tuple(coarser)), notes
+
+
+def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[str]:
+    """What the user should know of the cloud's leaves."""
+    share = float(1 - traced.wood.mean())
+    if share > 0:
+        return [
+            f"the cloud has leaves: {100 * share:.0f} % of its points are leaves and left out; "
+            "say --cloud-leaves off if that is wrong"
+        ]
+    if settings.leaves == "auto" and not traced.knows_leaves:
+        return [
+            f"points are {1000 * traced.spacing_m:.0f} mm from their sixth neighbour, too far to tell leaves from "
+            "wood: all are taken for wood; say --cloud-leaves on if the plant has leaves"
+        ]
+    return []
+
+
+def growth_of(traced: TracedBranches) -> dict[str, float]:
+    """What of the growth parameters was measured."""
+    return {"internodeLength": traced.internode_m, "rootDiameter": float(2 * traced.skeleton.radius_m[0])}
+
+
+def describe_settings(request: BranchesRequest) -> dict[str, str]:
+    """Every setting that decides the result, by the name of its option."""
+    return {
+        **request.cloud.describe(),
+        "internode": "auto" if request.settings.internode_m is None else f"{request.settings.internode_m:g}",
+        "cloud-leaves": request.settings.leaves,
+        **request.regrowth.describe(),
+        "species": request.species or "none",
+        **describe_foliage(request.foliage),
+        "bark-color": " ".join(f"{channel:g}" for channel in request.asset.color),
+        "seed": str(request.seed),
+        **request.motion.describe(),
+    }
+
+
+def plan_branches_asset(request: BranchesRequest) -> str:
+    """What make_branches_asset would do, in lines, after reading the cloud; writes nothing."""
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    fitted = read_fitted_leaves(request.foliage, request.output)
+    plant = read_plant_cloud(request.cloud)
+    height_m = float(np.ptp(plant.points_m[:, 1]))
+    lines = [
+        f"cloud: {plant.source.path}, {plant.source.total:,} points; {len(plant.points_m):,} of the plant, "
+        f"{height_m:.2f} m high",
+        f"roots: {len(plant.roots_m)}",
+        *([f"leaves: drawn from the {len(fitted.leaves):,} of {request.foliage.source}"] if fitted else []),
+        *(f"warning: {doubt}" for doubt in plant.warnings),
+        *(f"note: {note}" for note in plant.notes),
+        f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+        would,
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""The job of a capture: from photographs to depth maps and a cloud."""

@@ -1,0 +1,504 @@
+"""Depth of every photograph of a capture, task by task through the work folder.
+
+Every task's result is a file named by the hash of what went into it. What is there is not made again, and no more than
+a few photographs are in memory at a time.
+"""
+
+import json
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.clear_sky import ClearSkySettings, elevations_deg, find_clear_sky
+from usdfoliage.capture.cloud.fusion import SeenSurface
+from usdfoliage.capture.folder.listing import counted, named
+from usdfoliage.capture.folder.photo_set import BLURRED, find_blurred, measure_sharpness
+from usdfoliage.capture.folder.read import Capture, CaptureView, read_view_noted
+from usdfoliage.capture.lens import Lens, scale_lens
+from usdfoliage.capture.mvs.agreement import AgreementSettings, DepthEstimate
+from usdfoliage.capture.mvs.colmap_stereo import read_stereo_planes, run_stereo, write_stereo_workspace
+from usdfoliage.capture.mvs.patch_match import MatchedPlanes, Picture
+from usdfoliage.capture.mvs.rounds import DenseDepthSettings, DepthPlan, finish_depth, match_round, plan_depths
+from usdfoliage.capture.view import View
+from usdfoliage.errors import CaptureError
+from usdfoliage.files.threads import MOST_AT_ONCE, map_ahead, map_threaded, share_cores
+from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.capture.settings import DenseChoice
+from usdfoliage.jobs.work.results import digest_file, explain, forget, has_result, read_result, task_key, write_result
+
+logger = logging.getLogger(__name__)
+
+PHOTOS, PLANES, DEPTH, COLMAP = "photos", "planes", "depth", "colmap"  # folders in the work folder
+_ABOUT = ("size", "notes", "sharpness")  # what is kept of a photograph beside its pixels
+_MOST_IN_MEMORY = 12 + 2 * MOST_AT_ONCE  # photographs, and planes of as many
+
+Progress = Callable[[int, int], None]
+Arrays = dict[str, NDArray[np.generic]]
+Held = TypeVar("Held")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PreparedView:
+    """A photograph that can be read; its pixels, undistorted and no more than are matched, are in the work folder."""
+
+    chosen: CaptureView
+    pixels: Path
+    width_px: int  # of the photograph
+    height_px: int
+    key: str  # of pixels and camera
+
+    @property
+    def name(self) -> str:
+        return self.chosen.name
+
+    @property
+    def lens(self) -> Lens:
+        """Of the photograph, at its size."""
+        return scale_lens(self.chosen.lens, self.width_px, self.height_px)
+
+    @property
+    def camera(self) -> Pinhole:
+        """Of the photograph without distortion, at its size."""
+        return self.lens.pinhole(self.chosen.cam_from_world)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PreparedViews:
+    """The photographs of a capture that can be read."""
+
+    views: tuple[PreparedView, ...]
+    dropped: tuple[tuple[str, str], ...]  # names of those that cannot be used, and why
+    notes: tuple[str, ...]
+    doubts: tuple[str, ...]  # about photographs that are used: what is told of them before poses are estimated
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthTasks:
+    """What is to be matched with what, and where each result is."""
+
+    work: Path
+    views: tuple[PreparedView, ...]
+    settings: DenseDepthSettings
+    plan: DepthPlan
+    planes: tuple[tuple[Path | None, ...], ...]  # by round and view; None for views without sources
+    depth: tuple[Path | None, ...]  # by view
+    dense: DenseChoice = "own"
+
+    @property
+    def level(self) -> int:
+        """How often the pictures are halved at last."""
+        return self.settings.rounds[-1].level if self.dense == "own" else 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissingTasks:
+    """What is not in the work folder."""
+
+    planes: tuple[tuple[int, ...], ...]  # views to be matched, by round
+    depth: tuple[int, ...]  # views to be finished
+
+    def __len__(self) -> int:
+        return sum(map(len, self.planes)) + len(self.depth)
+
+
+def prepare_views(
+    capture: Capture,
+    work: Path,
+    max_side_px: int,
+    *,
+    masks: bool = True,
+    sky: ClearSkySettings | None = None,
+    keep: bool = True,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> PreparedViews:
+    """Read every photograph of a capture once; those that cannot be used are named, their companions kept.
+
+    Args:
+        capture: Whose depth maps are not looked at.
+        work: The work folder.
+        max_side_px: Of what is kept.
+        masks: Whether masks are looked at.
+        sky: What is left out of photographs without a mask; None for nothing.
+        keep: Whether the work folder gets what is read; without it there are no pixels to go on with.
+        threads: 0: one per core.
+        progress: Told of photographs done, and of all.
+
+    Raises:
+        CaptureError: Fewer than two can be read, or the work folder cannot be written.
+    """
+    bare = replace(
+        capture,
+        views=tuple(replace(view, depth=None, mask=view.mask if masks else None) for view in capture.views),
+    )
+    views: list[PreparedView] = []
+    dropped: list[tuple[str, str]] = []
+    remarks: dict[str, list[str]] = {}
+    sharpness: list[tuple[str, float]] = []
+    alike: dict[str, list[str]] = {}
+
+    def read(index: int) -> tuple[Path, str, Arrays] | CaptureError:
+        """Its file, and what is to be known of it without its pixels; or why it cannot be used."""
+        made = None
+        try:
+            photo = digest_file(bare.views[index].photo)
+            path = work / PHOTOS / f"{_picture_key(bare, bare.views[index], photo, max_side_px, sky)}.npz"
+            held = read_result(path, _ABOUT)
+            if held is None:
+                made = held = _read_picture(bare, index, max_side_px, sky)
+        except CaptureError as error:
+            return error
+        if made is not None and keep:
+            write_result(path, made)
+        return path, photo, {name: held[name] for name in _ABOUT}
+
+    results = map_threaded(read, range(len(bare.views)), threads=share_cores(threads)[0])
+    for index, (chosen, result) in enumerate(zip(bare.views, results, strict=True)):
+        if isinstance(result, CaptureError):
+            dropped.append((chosen.name, str(result)))
+        else:
+            path, photo, held = result
+            width_px, height_px = (int(side) for side in held["size"])
+            key = task_key(path.stem, chosen.cam_from_world)
+            views.append(PreparedView(chosen=chosen, pixels=path, width_px=width_px, height_px=height_px, key=key))
+            for text in json.loads(str(held["notes"])):
+                remarks.setdefault(text, []).append(chosen.name)
+            sharpness.append((chosen.name, float(held["sharpness"])))
+            alike.setdefault(photo, []).append(chosen.name)
+        if progress is not None:
+            progress(index + 1, len(bare.views))
+    notes = [f"{name} is left out: {reason}" for name, reason in dropped]
+    notes += [f"{named(names)}: {text}" for text, names in remarks.items()]
+    if len(views) < 2:
+        reason = f"; the first that cannot: {dropped[0][1]}" if dropped else ""
+        raise CaptureError(
+            f"{counted(len(views), 'photograph')} of {len(bare.views)} in {capture.folder} can be used, and depth "
+            f"takes two at least{reason}"
+        )
+    blurred = find_blurred(sharpness)
+    doubts = [f"{named(blurred)}: {BLURRED}"] if blurred else []
+    doubts += [
+        f"{named(names)} are one photograph: what has a copy for company is seen once; remove the copies"
+        for names in alike.values()
+        if len(names) > 1
+    ]
+    return PreparedViews(views=tuple(views), dropped=tuple(dropped), notes=tuple(notes), doubts=tuple(doubts))
+
+
+def _picture_key(
+    capture: Capture, chosen: CaptureView, photo: str, max_side_px: int, sky: ClearSkySettings | None
+) -> str:
+    seen_up = None if sky is None else chosen.cam_from_world[:, :3] @ capture.up
+    mask = (sky, seen_up) if chosen.mask is None else digest_file(chosen.mask)
+    return task_key("photo", photo, mask, chosen.lens, capture.settings.color_space, max_side_px)
+
+
+def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkySettings | None) -> Arrays:
+    """What is kept of a photograph."""
+    view, about = read_view_noted(capture, index)
+    small = Picture.of(view, max_side_px, 0)
+    held: Arrays = {
+        "srgb": small.srgb,
+        "size": np.array([view.camera.width_px, view.camera.height_px]),
+        "sharpness": np.array(measure_sharpness(small.gray)),
+        "notes": np.array(json.dumps(about)),
+    }
+    if small.mask is not None:
+        held["mask"] = small.mask > 0
+    elif sky is not None and capture.views[index].mask is None:
+        found = find_clear_sky(small.srgb, sky, elevation_deg=elevations_deg(small.camera, capture.up))
+        if found is not None:
+            held["mask"] = ~found
+    return held
+
+
+def plan_tasks(
+    views: Sequence[PreparedView],
+    points_m: NDArray[np.floating],
+    settings: DenseDepthSettings,
+    work: Path,
+    *,
+    dense: DenseChoice = "own",
+) -> DepthTasks:
+    """Which results there will be; of COLMAP's PatchMatch one round.
+
+    Raises:
+        CaptureError: No two views look at the same place from a usable angle.
+    """
+    plan = plan_depths([view.camera for view in views], points_m if len(points_m) else None, settings)
+    matching = replace(settings, agreement=AgreementSettings())  # what is believed comes after matching
+    keys = [view.key for view in views]  # of what the round before left of each view
+    planes: list[tuple[Path | None, ...]] = []
+    if dense == "colmap":
+        every = task_key("colmap", keys, list(plan.ranges_m), list(plan.farthest_m), list(plan.sources))
+        keys = [task_key(every, index) for index in range(len(views))]
+        planes.append(
+            tuple(work / PLANES / "0" / f"{key}.npz" if plan.sources[k] else None for k, key in enumerate(keys))
+        )
+    for number, current in enumerate(settings.rounds if dense == "own" else ()):
+        before, keys = keys, list(keys)
+        for index, sources in enumerate(plan.sources):
+            if sources:
+                others = [before[k] for k in sources] if current.coherent else []
+                pictures = [views[k].key for k in sources]
+                start = before[index]
+                keys[index] = task_key(
+                    "planes", number, views[index].key, pictures, list(plan.ranges_m[index]), start, others, matching
+                )
+        folder = work / PLANES / str(number)
+        planes.append(tuple(folder / f"{key}.npz" if plan.sources[k] else None for k, key in enumerate(keys)))
+    depth: list[Path | None] = []
+    for index, sources in enumerate(plan.sources):
+        of_sources = [keys[k] for k in sources]
+        key = task_key("depth", keys[index], of_sources, plan.farthest_m[index], settings.agreement)
+        depth.append(work / DEPTH / f"{key}.npz" if sources else None)
+    return DepthTasks(
+        work=work,
+        views=tuple(views),
+        settings=settings,
+        plan=plan,
+        planes=tuple(planes),
+        depth=tuple(depth),
+        dense=dense,
+    )
+
+
+def find_missing(tasks: DepthTasks) -> MissingTasks:
+    """What must be made: going back from the last results, what those that are missing ask for."""
+    depth = tuple(k for k, path in enumerate(tasks.depth) if path is not None and not has_result(path))
+    wanted = {k for index in depth for k in (index, *tasks.plan.sources[index])}
+    planes: list[tuple[int, ...]] = []
+    for number in reversed(range(len(tasks.planes))):
+        paths = tasks.planes[number]
+        missing = tuple(k for k in sorted(wanted) if (path := paths[k]) is not None and not has_result(path))
+        planes.append(missing)
+        wanted = set(missing) if number else set()
+        if number and tasks.settings.rounds[number].coherent:
+            wanted |= {k for index in missing for k in tasks.plan.sources[index]}
+    return MissingTasks(planes=tuple(reversed(planes)), depth=depth)
+
+
+def run_tasks(
+    tasks: DepthTasks,
+    missing: MissingTasks,
+    *,
+    threads: int = 0,
+    keep: bool = False,
+    progress: Progress | None = None,
+) -> None:
+    """Match and finish what is missing; the planes of a round are removed when nothing asks for them any more.
+
+    Those of the last round stay: another setting of what is believed then costs no matching. With keep all stay, for
+    other processes that work on the same photographs.
+
+    Raises:
+        CaptureError: The work folder cannot be written.
+    """
+    done = 0
+
+    def tell() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, len(missing))
+
+    at_once, threads_each = share_cores(threads)
+    read_view = _remembering(lambda index: read_pixels(tasks.views[index]))
+    if tasks.dense == "colmap" and any(missing.planes):
+        _match_by_colmap(tasks, missing.planes[0], tell)
+    for number, views in enumerate(missing.planes if tasks.dense == "own" else ()):
+        read_before = _remembering(lambda index, number=number: _read_planes(tasks, number - 1, index))  # type: ignore[misc]
+
+        def match(index: int, number: int = number, read: Callable[[int], MatchedPlanes | None] = read_before) -> None:
+            matched = match_round(number, index, tasks.plan, read_view, read, tasks.settings, threads=threads_each)
+            _write_planes(_there(tasks.planes[number][index]), matched)
+
+        for _ in map_threaded(match, views, threads=at_once):
+            tell()
+        if views and number and not keep:
+            forget(tasks.work / PLANES / str(number - 1))
+    read_last = _remembering(lambda index: _read_planes(tasks, len(tasks.planes) - 1, index))
+
+    def finish(index: int) -> None:
+        estimate = finish_depth(
+            index, tasks.plan, read_view, read_last, tasks.settings, level=tasks.level, threads=threads_each
+        )
+        _write_estimate(_there(tasks.depth[index]), estimate)
+
+    for _ in map_threaded(finish, missing.depth, threads=at_once):
+        tell()
+
+
+def _match_by_colmap(tasks: DepthTasks, views: Sequence[int], tell: Callable[[], None]) -> None:
+    folder = tasks.work / COLMAP
+
+    def read_view(index: int) -> View:
+        return read_pixels(tasks.views[index])
+
+    try:
+        write_stereo_workspace(folder, tasks.plan, read_view)
+    except OSError as error:
+        raise CaptureError(explain(folder, error)) from error
+    run_stereo(folder, tasks.plan)
+    for index in views:
+        view = read_view(index)
+        matched = read_stereo_planes(folder, index, view.camera)
+        if view.mask is not None:
+            matched = replace(matched, planes=matched.planes * view.mask[..., None])
+        _write_planes(_there(tasks.planes[0][index]), matched)
+        tell()
+    forget(folder)
+
+
+def forget_others(tasks: DepthTasks) -> None:
+    """Remove results in the work folder that are not of these tasks."""
+    forget(tasks.work / PHOTOS, [view.pixels for view in tasks.views])
+    forget(tasks.work / DEPTH, [path for path in tasks.depth if path is not None])
+    forget(tasks.work / PLANES, [path for path in tasks.planes[-1] if path is not None])
+
+
+def read_pixels(prepared: PreparedView) -> View:
+    """A photograph as it is matched.
+
+    Raises:
+        CaptureError: What was kept of it has been damaged since.
+    """
+    held = _need(prepared.pixels)
+    srgb = cast(NDArray[np.uint8], held["srgb"])
+    size = srgb.shape[:2]
+    return View(
+        name=prepared.name,
+        camera=prepared.camera.resized(size[1], size[0]),
+        srgb=srgb,
+        depth_m=np.broadcast_to(np.float32(0), size),
+        mask=cast("NDArray[np.bool_] | None", held.get("mask")),
+    )
+
+
+def read_estimate(tasks: DepthTasks, index: int) -> DepthEstimate | None:
+    """The depth of one view; None for one without sources.
+
+    Raises:
+        CaptureError: It is not there.
+    """
+    path = tasks.depth[index]
+    if path is None:
+        return None
+    held = _need(path)
+    depth_m = cast(NDArray[np.float32], held["depth_m"])
+    return DepthEstimate(
+        camera=tasks.views[index].camera.resized(depth_m.shape[1], depth_m.shape[0]),
+        depth_m=depth_m,
+        normals=held["normals"].astype(np.float32),
+        confidence=held["confidence"].astype(np.float32),
+        agreeing=cast(NDArray[np.uint8], held["agreeing"]),
+    )
+
+
+def picture_of(tasks: DepthTasks, index: int) -> Picture:
+    """The photograph at the size of its depth."""
+    return Picture.of(read_pixels(tasks.views[index]), tasks.settings.max_side_px, tasks.level)
+
+
+def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None, *, threads: int = 0) -> Iterator[SeenSurface]:
+    """What each view adds to the cloud, one after the other."""
+
+    def read(index: int) -> SeenSurface | None:
+        estimate = read_estimate(tasks, index)
+        if estimate is None:
+            return None
+        return SeenSurface(
+            camera=estimate.camera,
+            depth_m=estimate.depth_m,
+            normals=in_world(estimate.normals, estimate.camera),
+            srgb=picture_of(tasks, index).srgb,
+            confidence=estimate.confidence,
+            agreeing=estimate.agreeing,
+        )
+
+    for done, surface in enumerate(map_ahead(read, range(len(tasks.views)), share_cores(threads)[0]), 1):
+        if surface is not None:
+            yield surface
+        if progress is not None:
+            progress(done, len(tasks.views))
+
+
+def seen_depths(tasks: DepthTasks, *, threads: int = 0) -> Iterator[tuple[Pinhole, NDArray[np.float32]]]:
+    """Camera and depth of each view that has depth, one after the other."""
+
+    def read(index: int) -> tuple[Pinhole, NDArray[np.float32]] | None:
+        estimate = read_estimate(tasks, index)
+        return None if estimate is None else (estimate.camera, estimate.depth_m)
+
+    for seen in map_ahead(read, range(len(tasks.views)), share_cores(threads)[0]):
+        if seen is not None:
+            yield seen
+
+
+def in_world(normals: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
+    """Normals (H, W, 3) in camera axes in those of the world."""
+    return np.asarray(normals @ camera.cam_from_world[:, :3].astype(np.float32))
+
+
+def _remembering(read: Callable[[int], Held]) -> Callable[[int], Held]:
+    """The same for numbers asked for again and again; what was not asked for lately is forgotten."""
+    return lru_cache(maxsize=_MOST_IN_MEMORY)(read)
+
+
+def _write_planes(path: Path, matched: MatchedPlanes) -> None:
+    """Half the size: changes relative to the inverse depth are small numbers whose first digits are enough."""
+    inverse = matched.planes[..., :1]
+    slopes = np.divide(matched.planes[..., 1:], inverse, out=np.zeros_like(matched.planes[..., 1:]), where=inverse > 0)
+    write_result(
+        path,
+        {
+            "inverse": matched.planes[..., 0],
+            "slopes": slopes.astype(np.float16),
+            "cost": matched.cost.astype(np.float16),
+        },
+    )
+
+
+def _read_planes(tasks: DepthTasks, number: int, index: int) -> MatchedPlanes | None:
+    path = tasks.planes[number][index]
+    if path is None:
+        return None
+    held = _need(path)
+    inverse = cast(NDArray[np.float32], held["inverse"])
+    planes = np.empty((*inverse.shape, 3), np.float32)
+    planes[..., 0] = inverse
+    planes[..., 1:] = held["slopes"].astype(np.float32) * inverse[..., None]
+    camera = tasks.views[index].camera.resized(inverse.shape[1], inverse.shape[0])
+    return MatchedPlanes(camera=camera, planes=planes, cost=held["cost"].astype(np.float32))
+
+
+def _write_estimate(path: Path, estimate: DepthEstimate) -> None:
+    write_result(
+        path,
+        {
+            "depth_m": estimate.depth_m,
+            "normals": estimate.normals.astype(np.float16),
+            "confidence": estimate.confidence.astype(np.float16),
+            "agreeing": estimate.agreeing,
+        },
+        compressed=True,
+    )
+
+
+def _need(path: Path) -> Arrays:
+    held = read_result(path)
+    if held is None:
+        raise CaptureError(f"{path} was removed or damaged while it was in use; run the same command again")
+    return held
+
+
+def _there(path: Path | None) -> Path:
+    if path is None:
+        raise ValueError("a view without sources has no results")
+    return path

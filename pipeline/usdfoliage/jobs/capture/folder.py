@@ -1,0 +1,309 @@
+"""The folder of a capture: what the user gave, laid out for a run, and the results put into it."""
+
+import errno
+import filecmp
+import json
+import logging
+import os
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from usdfoliage.capture.folder.listing import counted, files_below, is_picture, named
+from usdfoliage.capture.folder.photo_set import RAW, explain_video, is_video
+from usdfoliage.capture.folder.settings import FILE_NAME
+from usdfoliage.errors import CaptureError
+from usdfoliage.jobs.work.results import WORK, digest_file, explain, write_whole
+
+logger = logging.getLogger(__name__)
+
+IMAGES, CAMERAS, MASKS = "images", "cameras", "masks"
+_RECORD = "written.json"  # in the work folder: what usdfoliage wrote into the capture
+_OLD = "replaced"  # in the work folder: what was there while something new takes its place
+
+
+@dataclass(frozen=True, kw_only=True)
+class GivenPhotographs:
+    """What a run starts from."""
+
+    source: Path  # as the user named it
+    photos: Mapping[str, Path]  # by their names below images/
+    folder: Path  # the capture that is filled
+    is_capture: bool  # whether source is a capture, else it is a folder of photographs
+    notes: tuple[str, ...]  # about files that are no photographs and are not used
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the capture is the very folder that was given."""
+        return self.is_capture and _same(self.source, self.folder)
+
+    @property
+    def work(self) -> Path:
+        return self.folder / WORK
+
+
+def find_photographs(source: Path, output: Path | None) -> GivenPhotographs:
+    """What a user means by an input and an output; nothing is written.
+
+    Args:
+        source: A capture, with a folder images, or a folder of photographs.
+        output: The capture to fill; None where that is the input.
+
+    Raises:
+        CaptureError: There are no two photographs, or nowhere to put what is made of them.
+    """
+    if is_video(source.name) and not source.is_dir():
+        raise CaptureError(f"{source} is a video; {explain_video(str(source))}")
+    if source.is_file():
+        raise CaptureError(f"{source} is one file; give the folder of at least two photographs, or a capture")
+    if not source.is_dir():
+        raise CaptureError(f"{source} does not exist; give a folder of photographs, or a capture with {IMAGES}/")
+    is_capture = (source / IMAGES).is_dir()
+    images = source / IMAGES if is_capture else source
+    below = files_below(images) if is_capture else _files_in(images)
+    photos = {name: path for name, path in below.items() if is_picture(name)}
+    if len(photos) < 2:
+        raise CaptureError(_too_few(images, photos, list(below)))
+    if output is None:
+        if not is_capture:
+            raise CaptureError(
+                f"{source} is a folder of photographs; name the capture to be made of it with -o, as in: "
+                f"usdfoliage capture {source} -o {source.resolve().name}_capture"
+            )
+        output = source
+    if output.exists() and not output.is_dir():
+        raise CaptureError(f"{output} is a file; name a folder for the capture")
+    if not is_capture and _same(source, output):
+        raise CaptureError(f"{output} holds the photographs themselves; name another folder for the capture with -o")
+    return GivenPhotographs(
+        source=source,
+        photos=photos,
+        folder=output,
+        is_capture=is_capture,
+        notes=_unused(images, photos, list(below), is_capture),
+    )
+
+
+def _files_in(folder: Path) -> dict[str, Path]:
+    try:
+        return {path.name: path for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != "."}
+    except OSError as error:
+        raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
+
+
+def _unused(images: Path, photos: Mapping[str, Path], every: Sequence[str], is_capture: bool) -> tuple[str, ...]:
+    """What is told of files beside the photographs."""
+    videos = [name for name in every if is_video(name)]
+    raws = [name for name in every if name not in photos and Path(name).suffix.lower() in RAW]
+    notes = [f"{named(videos)} not used: a video; {explain_video(videos[0])}"] if videos else []
+    if raws:
+        notes.append(f"{named(raws)} not used; convert to JPEG, PNG, TIFF or EXR")
+    others = [name for name in every if name not in photos and name not in videos and name not in raws]
+    if others:
+        notes.append(f"{named(others)} not used: no photographs")
+    deeper = [] if is_capture else _pictures_deeper(images)
+    if deeper:
+        folders = sorted({path.parent.name for path in deeper})
+        notes.append(
+            f"{counted(len(deeper), 'photograph')} in folders below ({named(folders)}) not used; put what belongs "
+            "together into one"
+        )
+    return tuple(notes)
+
+
+def _pictures_deeper(images: Path) -> list[Path]:
+    return [path for path in images.glob("*/*") if is_picture(path.name) and path.parent.name != WORK.split("/")[0]]
+
+
+def _too_few(images: Path, photos: Mapping[str, Path], others: Sequence[str]) -> str:
+    videos = [name for name in others if is_video(name)]
+    if videos:
+        return f"{images} has {counted(len(photos), 'photograph')} and a video; {explain_video(videos[0])}"
+    if photos:
+        return f"{images} has one photograph, {named(list(photos))}; a cloud takes two at least, from different places"
+    deeper = sorted({path.parent.name for path in _pictures_deeper(images)})
+    hint = f"; there are some in {named(deeper)}, name that folder" if deeper else ""
+    there = f", only {named(list(others))}" if others else ""
+    return f"{images} has no photographs{there}; put them there as JPEG, PNG, TIFF or EXR{hint}"
+
+
+def lay_out(given: GivenPhotographs, record: "Record", *, cameras: bool = True, force: bool = False) -> None:
+    """Put photographs, masks, cameras and capture.toml of the input where the capture is to be, unless they are there.
+
+    Photographs and masks are hard links where the disk allows, else copies. What is there of another input is replaced
+    only if usdfoliage put it there and nobody changed it since.
+
+    Args:
+        given: The input, and the capture.
+        record: Of the capture.
+        cameras: Whether its poses are used.
+        force: Whether what is not ours may be lost.
+
+    Raises:
+        CaptureError: Other files are there, or it cannot be written.
+    """
+    if given.in_place:
+        return
+    wanted = {f"{IMAGES}/{name}": path for name, path in given.photos.items()}
+    if given.is_capture:
+        for folder in (MASKS, CAMERAS) if cameras else (MASKS,):
+            wanted.update({f"{folder}/{name}": path for name, path in files_below(given.source / folder).items()})
+        if (given.source / FILE_NAME).is_file():
+            wanted[FILE_NAME] = given.source / FILE_NAME
+    there = [f"{folder}/{name}" for folder in (IMAGES, MASKS) for name in files_below(given.folder / folder)]
+    stray = [name for name in there if name not in wanted]
+    other = [
+        name
+        for name, path in wanted.items()
+        if (given.folder / name).exists() and not _alike(path, given.folder / name)
+    ]
+    foreign = [name for name in (*stray, *other) if not record.owns(given.folder, name)]
+    if foreign and not force:
+        raise CaptureError(
+            f"{given.folder} holds other files than {given.source}: {named(foreign)}; name another folder with -o, or "
+            "use --force to lose them"
+        )
+    missing = [name for name in wanted if name in other or not (given.folder / name).exists()]
+    if not missing and not stray:
+        return
+    for name in missing:
+        _bring(wanted[name], given.folder / name, link=name.startswith((IMAGES, MASKS)))
+        record.brought[name] = digest_file(wanted[name])
+    for name in stray:
+        _unlink(given.folder / name)
+    record.write()
+
+
+def _alike(first: Path, second: Path) -> bool:
+    return _same(first, second) or filecmp.cmp(first, second, shallow=False)
+
+
+def _same(first: Path, second: Path) -> bool:
+    try:
+        return first.samefile(second)
+    except OSError:
+        return False
+
+
+def _bring(path: Path, there: Path, *, link: bool) -> None:
+    """A link or a copy of a file, whole or not at all."""
+    new = there.with_name(f".{there.name}.usdfoliage-new")
+    try:
+        there.parent.mkdir(parents=True, exist_ok=True)
+        new.unlink(missing_ok=True)
+        try:
+            if link:
+                try:
+                    os.link(path.resolve(), new)
+                except OSError as error:
+                    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                        raise
+                    shutil.copyfile(path, new)
+            else:
+                shutil.copyfile(path, new)
+            new.replace(there)
+        finally:
+            new.unlink(missing_ok=True)
+    except OSError as error:
+        raise CaptureError(explain(there, error)) from error
+
+
+def _unlink(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise CaptureError(f"{path} cannot be removed: {error.strerror}; check its permissions") from error
+
+
+class Record:
+    """What usdfoliage itself put into a capture, so that it replaces nothing else."""
+
+    def __init__(self, work: Path) -> None:
+        self._path = work / _RECORD
+        self.brought: dict[str, str] = {}  # digests of what came from the input, by name in the capture
+        self.made: dict[str, set[str]] = {}  # digests that a result may have
+        try:
+            held = json.loads(self._path.read_text(encoding="utf-8"))
+            brought = {str(name): str(digest) for name, digest in held["brought"].items()}
+            made = {str(name): set(map(str, digests)) for name, digests in held["made"].items()}
+        except (FileNotFoundError, NotADirectoryError):
+            return
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            logger.warning("%s is damaged (%s): all that is in the capture counts as the user's", self._path, error)
+            return
+        self.brought, self.made = brought, made
+
+    def write(self) -> None:
+        """CaptureError where it cannot be written."""
+        made = {name: sorted(digests) for name, digests in sorted(self.made.items())}
+        text = json.dumps({"brought": dict(sorted(self.brought.items())), "made": made}, indent=1)
+        write_whole(self._path, text.encode())
+
+    def owns(self, capture: Path, name: str) -> bool:
+        """Whether a file, or all files of a folder, are as usdfoliage left them; what is absent is."""
+        return all(
+            digest_file(capture / file) in {self.brought.get(file, ""), *self.made.get(file, ())}
+            for file in _files_of(capture, name)
+        )
+
+    def made_cameras(self, capture: Path) -> bool:
+        """Whether the poses that are there were estimated by usdfoliage."""
+        files = _files_of(capture, CAMERAS)
+        return bool(files) and all(digest_file(capture / file) in self.made.get(file, ()) for file in files)
+
+    def replace_made(self, names: Iterable[str], digests: Mapping[str, str]) -> None:
+        """Of these files and folders, only those with these digests are there now."""
+        folders = tuple(f"{name}/" for name in names)
+        kept = {f: d for f, d in self.made.items() if f not in digests and not f.startswith(folders)}
+        self.made = {**kept, **{file: {digest} for file, digest in digests.items()}}
+
+
+def _files_of(capture: Path, name: str) -> list[str]:
+    """A file, or those in a folder, by their names in the capture."""
+    path = capture / name
+    if not path.is_dir():
+        return [name] if path.exists() else []
+    return sorted(below.relative_to(capture).as_posix() for below in path.rglob("*") if not below.is_dir())
+
+
+def publish(new: Path, capture: Path, names: Iterable[str], record: Record) -> None:
+    """Put files and folders of results in their places, one after the other, each in one step.
+
+    Args:
+        new: The folder where they are, on the same disk.
+        capture: Where they go.
+        names: In this order; whatever is there is replaced.
+        record: Knows them afterwards.
+
+    Raises:
+        CaptureError: A file cannot be written; the results remain in the work folder.
+    """
+    listed = list(names)
+    digests = {file: digest_file(new / file) for name in listed for file in _files_of(new, name)}
+    for file, digest in digests.items():  # a run that is killed here must know again what it replaced
+        record.made.setdefault(file, set()).add(digest)
+    record.write()
+    old = capture / WORK / _OLD
+    for name in listed:
+        there = capture / name
+        try:
+            if there.is_dir() and not there.is_symlink():
+                shutil.rmtree(old, ignore_errors=True)
+                there.rename(old)
+                try:
+                    (new / name).rename(there)
+                except OSError:
+                    with suppress(OSError):
+                        old.rename(there)
+                    raise
+                shutil.rmtree(old, ignore_errors=True)
+            else:
+                if (new / name).is_dir():
+                    there.unlink(missing_ok=True)
+                (new / name).replace(there)
+        except OSError as error:
+            raise CaptureError(explain(there, error)) from error
+    record.replace_made(listed, digests)
+    record.write()

@@ -1,0 +1,194 @@
+"""Poses of a run: those that are given, or those that are estimated, in the frame and unit that the capture states."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.capture.colmap.model import find_camera_model
+from usdfoliage.capture.folder.listing import files_below, is_picture, parse_views
+from usdfoliage.capture.folder.photo_set import PhotoSetSettings, read_photo_set
+from usdfoliage.capture.folder.read import Capture, read_capture
+from usdfoliage.capture.folder.settings import FILE_NAME, CaptureSettings, read_capture_settings, read_capture_tables
+from usdfoliage.capture.poses.colmap_writer import write_colmap_model
+from usdfoliage.capture.poses.register import Registered, RegistrationSettings, register_photos
+from usdfoliage.capture.poses.world_frame import WorldSettings, level_and_scale, move_registered, read_scale_hints
+from usdfoliage.errors import CaptureError
+from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, GivenPhotographs, Record
+from usdfoliage.jobs.capture.settings import CaptureRunSettings, PosesChoice
+from usdfoliage.jobs.work.results import WORK
+from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
+
+REGISTRATION, REGISTERED = "registration", "registered"  # in the work folder: COLMAP's work, and the model of it
+_MOST_NAMED = 5  # files
+_Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # (x, y, z) -> (x, -z, y)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedCapture:
+    """A capture whose poses are known by now."""
+
+    capture: Capture  # its depth maps left out
+    registered: Registered | None  # None where the poses were given
+    notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()  # those of the notes that put every length in doubt
+
+
+def poses_are_given(given: GivenPhotographs, record: Record, wanted: PosesChoice) -> bool:
+    """Whether the poses of the input are used; else they are estimated.
+
+    Poses that an earlier run estimated into the same capture are not given: it finds them again in the work folder.
+
+    Raises:
+        CaptureError: Poses that are wanted are not there, or are damaged; or they would have to be replaced.
+    """
+    cameras = given.source / CAMERAS
+    there = given.is_capture and cameras.is_dir() and any(cameras.iterdir())
+    ours = there and given.in_place and record.made_cameras(given.folder)
+    if wanted == "known" and not there:
+        raise CaptureError(
+            f"{given.source} has no {CAMERAS}/ with known poses; put a COLMAP model there (cameras.txt and images.txt, "
+            f"or cameras.bin and images.bin), or let them be estimated with --poses estimate"
+        )
+    if wanted == "estimate":
+        if there and given.in_place and not ours:
+            raise CaptureError(
+                f"{cameras} holds poses that were given and are never replaced; name another capture with -o for "
+                "estimated ones"
+            )
+        return False
+    if not there or (ours and wanted == "auto"):
+        return False
+    find_camera_model(cameras)
+    return True
+
+
+def check_world(settings: WorldSettings, *, given: bool) -> None:
+    """Raises CaptureError for a scale or direction that poses which are given cannot take."""
+    said = (settings.known_distance, settings.scale_bar, settings.up_vector)
+    if given and (any(value is not None for value in said) or settings.up != "auto" or settings.times != 1):
+        raise CaptureError(
+            f"the given poses keep their frame and unit; say what these are in {FILE_NAME} (up_axis, metres_per_unit) "
+            "and leave --scale and --up out"
+        )
+
+
+def read_posed(folder: Path, views: str | None) -> PosedCapture:
+    """A capture with the poses that are given.
+
+    Raises:
+        CaptureError: As read_capture.
+    """
+    capture = _without_depth(read_capture(folder, views=views))
+    about_depth = ("without a depth map", "depth map without", "depth maps without")  # which is not looked at
+    notes = tuple(note for note in capture.notes if not any(words in note for words in about_depth))
+    return PosedCapture(capture=capture, registered=None, notes=notes)
+
+
+def estimate_poses(
+    folder: Path,
+    views: str | None,
+    settings: CaptureRunSettings,
+    *,
+    threads: int = 0,
+    progress: StepProgress | None = None,
+) -> PosedCapture:
+    """Estimate the poses of a capture's photographs, as far as an earlier run has not, and keep them as its work.
+
+    Args:
+        folder: The capture, with its photographs.
+        views: Which of them, as parse_views takes it; None for all.
+        settings: How.
+        threads: 0: one per core.
+        progress: Told of the steps.
+
+    Raises:
+        CaptureError: The photographs give no poses, or probably wrong ones; or a hint at scale or up is wrong.
+    """
+    images = folder / IMAGES
+    stated, remarks = read_capture_settings(folder)
+    photo_settings = PhotoSetSettings(threads=threads)
+    names = [name for name in files_below(images) if is_picture(name)]  # of other files find_photographs has told
+    if views is not None:
+        every = read_photo_set(images, names, photo_settings)
+        listed = [photo.name for photo in every.photos]
+        names = [listed[place] for place in parse_views(views, listed)]
+    photo_set = read_photo_set(
+        images, names, photo_settings, lambda done, total: progress("photographs", done / total) if progress else None
+    )
+    how: RegistrationSettings = replace(settings.registration, threads=threads)
+    try:
+        registered = register_photos(photo_set, folder / WORK / REGISTRATION, how, progress)
+    except CaptureError as error:
+        left_out = "; ".join(f"{item.name} is left out: {item.reason}" for item in photo_set.dropped[:_MOST_NAMED])
+        more = len(photo_set.dropped) - _MOST_NAMED
+        told = f"{left_out}; and {more} more" if more > 0 else left_out
+        raise CaptureError(f"{error} ({told})" if told else str(error)) from error
+    if registered.doubts and settings.doubtful_poses == "stop":
+        raise CaptureError(
+            f"the cameras that were found for {images} are probably wrong, and nothing is made of them: "
+            f'{"; ".join(registered.doubts)} (doubtful_poses = "use" with --settings goes on with them)'
+        )
+    if registered.doubts:
+        logger.warning("the estimated poses are probably wrong, and so will be the cloud; the notes say why")
+    world = _with_hints(settings.world, folder)
+    if world.up_vector is not None:  # said in the axes that are written
+        x, y, z = np.linalg.solve(stated_from_metric(stated)[:3, :3], world.up_vector)
+        world = replace(world, up_vector=(float(x), float(y), float(z)))
+    frame = level_and_scale(registered, photo_set.photos, world)
+    registered = move_registered(registered, stated_from_metric(stated) @ frame.world_from_registered)
+    model = folder / WORK / REGISTERED
+    write_colmap_model(model, registered)
+    capture = _without_depth(read_capture(folder, cameras=f"{WORK}/{REGISTERED}"))
+    found = f"poses are estimated: up by {frame.up_from}, scale by {frame.scale_from}"
+    notes = (*remarks, *photo_set.notes, *registered.notes, found, *frame.notes)
+    return PosedCapture(
+        capture=capture,
+        registered=registered,
+        notes=notes,
+        doubts=() if frame.scale_known else tuple(note for note in frame.notes if "scale" in note),
+    )
+
+
+def stated_from_metric(stated: CaptureSettings) -> NDArray[np.float64]:
+    """(4, 4) for column vectors: from a world in metres, Y up, to the axes and unit that capture.toml states."""
+    matrix = np.eye(4)
+    if stated.up_axis == "Z":
+        matrix[:3, :3] = _Z_UP_FROM_Y_UP
+    matrix[:3] /= stated.metres_per_unit
+    return matrix
+
+
+def failures_of(posed: PosedCapture, dropped: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """Why photographs have no camera, or cannot be used, by name."""
+    reasons = dict(dropped)
+    if posed.registered is not None:
+        reasons.update({failure.name: failure.reason for failure in posed.registered.failures})
+    return reasons
+
+
+def observation_errors_px(posed: PosedCapture) -> NDArray[np.float64] | None:
+    """(M,), reprojection error of the point of each observation; None where poses were given."""
+    if posed.registered is None:
+        return None
+    return np.repeat(posed.registered.error_px, np.diff(posed.registered.track_starts))
+
+
+def _with_hints(settings: WorldSettings, folder: Path) -> WorldSettings:
+    """What the user says with the command goes before what capture.toml says."""
+    if settings.known_distance is not None or settings.scale_bar is not None:
+        return settings
+    distance, bar = read_scale_hints(read_capture_tables(folder), str(folder / FILE_NAME))
+    try:
+        return replace(settings, known_distance=distance, scale_bar=bar)
+    except ValueError as error:
+        raise CaptureError(f"{folder / FILE_NAME}: {error}") from error
+
+
+def _without_depth(capture: Capture) -> Capture:
+    return replace(capture, views=tuple(replace(view, depth=None) for view in capture.views))

@@ -1,0 +1,393 @@
+"""From photographs to a capture: depth of every one of them, and one coloured cloud."""
+
+import argparse
+import logging
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from usdfoliage import __version__
+from usdfoliage.capture.cloud.cleaning import drop_floating, drop_strays, thin_to_disks
+from usdfoliage.capture.cloud.fusion import CloudSettings, merge_views
+from usdfoliage.capture.cloud.visibility import drop_seen_through
+from usdfoliage.capture.folder.listing import counted, named
+from usdfoliage.capture.folder.photo_set import read_photo_set
+from usdfoliage.capture.folder.settings import read_capture_settings
+from usdfoliage.capture.mvs.colmap_stereo import check_cuda
+from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.files.threads import share_cores
+from usdfoliage.jobs.capture.depth_tasks import (
+    DepthTasks,
+    PreparedViews,
+    find_missing,
+    forget_others,
+    plan_tasks,
+    prepare_views,
+    run_tasks,
+    seen_depths,
+    seen_surfaces,
+)
+from usdfoliage.jobs.capture.folder import (
+    CAMERAS,
+    IMAGES,
+    GivenPhotographs,
+    Record,
+    find_photographs,
+    lay_out,
+    publish,
+)
+from usdfoliage.jobs.capture.maps import KINDS, ViewMaps, forget_other_maps, write_maps
+from usdfoliage.jobs.capture.poses import (
+    REGISTERED,
+    check_world,
+    estimate_poses,
+    observation_errors_px,
+    poses_are_given,
+    read_posed,
+)
+from usdfoliage.jobs.capture.report import CaptureReport, write_capture_report
+from usdfoliage.jobs.capture.results import (
+    CLOUD,
+    LAYER,
+    LAYER_CLOUD,
+    REPORT,
+    describe_photographs,
+    lay_cameras,
+    lay_maps,
+    list_results,
+    shared_matches,
+    write_results,
+)
+from usdfoliage.jobs.capture.settings import CaptureRunSettings, read_capture_run_settings
+from usdfoliage.jobs.leaves.report import choose_shown
+from usdfoliage.jobs.work.results import forget, lock_work
+from usdfoliage.jobs.work.settings_file import list_settings
+from usdfoliage.steps import StepProgress, follow_step
+
+logger = logging.getLogger(__name__)
+
+BESIDE = "_estimated"  # ends the name of a folder of maps where the user has one of that name
+# Of memory, measured with photographs of a megapixel at two qualities; the cloud is small beside it.
+BYTES_AT_LEAST, BYTES_A_PHOTO_PIXEL, BYTES_A_MATCHED_PIXEL = 250_000_000, 150, 400
+BYTES_A_CLOUD_PIXEL, MOST_VIEWS_OF_CLOUD = 70, 24  # of every view; the more there are, the more they see the same
+_NEW = "new"  # in the work folder: results on their way to their places
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureRequest:
+    """What the user asked for, checked."""
+
+    source: Path
+    output: Path | None
+    settings: CaptureRunSettings
+    views: str | None = None  # None: all
+    resume: bool = False  # only go on with an earlier run
+    fresh: bool = False  # forget earlier runs
+    threads: int = 0
+    report: bool = True
+    report_views: int = 12
+    force: bool = False
+    store: Path | None = None  # where results by hash are, if several runs share them: nothing there is removed
+    times: bool = True  # whether the report says how long each step took
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "CaptureRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        if options.source is None:
+            raise FoliageError(
+                "no photographs are named; give their folder, as in: usdfoliage capture PHOTOS -o CAPTURE"
+            )
+        if options.resume and options.fresh:
+            raise FoliageError("--resume goes on with an earlier run and --fresh forgets it; use one of them")
+        if options.threads is not None and options.threads < 0:
+            raise FoliageError(f"--threads must be 0, for all cores, or more, not {options.threads}")
+        if options.report_views < 0:
+            raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
+        return cls(
+            source=options.source,
+            output=options.output,
+            settings=read_capture_run_settings(options),
+            views=options.views,
+            resume=options.resume,
+            fresh=options.fresh,
+            threads=options.threads or 0,
+            report=not options.no_report,
+            report_views=options.report_views,
+            force=options.force,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeCapture:
+    """What was written, and what the user should know of it."""
+
+    cloud: Path
+    report: Path | None
+    photographs: int
+    registered: int  # of them, with a pose
+    views: int  # of these, with depth
+    points: int
+    coverage: float  # median share of a photograph, what is masked left out, that has depth
+    seconds: Mapping[str, float]  # by step
+    notes: tuple[str, ...]
+
+
+def make_capture(request: CaptureRequest, progress: StepProgress | None = None) -> MadeCapture:
+    """Find the depth of photographs and their cloud; what a killed run has done already is not done again.
+
+    Raises:
+        FoliageError: The input is unusable, or the output cannot be written; results appear whole or not at all.
+    """
+    given = find_photographs(request.source, request.output)
+    read_capture_settings(given.source)  # what is wrong with it is said before anything is written
+    if request.resume and not has_results(given.work):
+        raise CaptureError(f"{given.folder} has no earlier run to go on with; leave --resume out to begin one")
+    if request.settings.dense == "colmap":
+        check_cuda()
+    known = poses_are_given(given, Record(given.work), request.settings.poses)
+    check_world(request.settings.world, given=known)
+    if known and not given.in_place:  # likewise
+        read_posed(given.source, request.views)
+    seconds: dict[str, float] = {}
+    store = request.store or given.work
+    with lock_work(given.work):
+        if request.fresh:
+            forget_results(given.work)
+        record = Record(given.work)
+        places, notes = choose_places(given.folder, record, cameras=not known, force=request.force)
+        notes += given.notes
+        lay_out(given, record, cameras=known, force=request.force)
+        with follow_step("poses", seconds, None):
+            posed = (
+                read_posed(given.folder, request.views)
+                if known
+                else estimate_poses(
+                    given.folder, request.views, request.settings, threads=request.threads, progress=progress
+                )
+            )
+        capture = posed.capture
+        with follow_step("photographs", seconds, progress) as tell:
+            prepared = prepare_views(
+                capture,
+                store,
+                request.settings.depth.max_side_px,
+                masks=request.settings.mask != "none",
+                sky=request.settings.sky if request.settings.mask == "auto" else None,
+                threads=request.threads,
+                progress=tell,
+            )
+        tasks = plan_tasks(
+            prepared.views, capture.points_m, request.settings.depth, store, dense=request.settings.dense
+        )
+        missing = find_missing(tasks)
+        notes += [*posed.notes, *prepared.notes, *(prepared.doubts if known else ()), *task_notes(tasks, len(missing))]
+        with follow_step("depth", seconds, progress) as tell:
+            run_tasks(tasks, missing, threads=request.threads, progress=tell)
+        with follow_step("maps", seconds, progress) as tell:
+            maps = write_maps(tasks, threads=request.threads, progress=tell)
+        with follow_step("cloud", seconds, progress) as tell:
+            threads = request.threads
+            surfaces = seen_surfaces(tasks, tell, threads=threads)
+            cloud = merge_views(surfaces, size_cells(request.settings.cloud, maps), threads=threads)
+            depths = seen_depths(tasks, threads=threads)
+            cloud = drop_seen_through(cloud, depths, request.settings.visibility, threads=threads)
+            cleaning = request.settings.cleaning
+            cloud = thin_to_disks(drop_floating(drop_strays(cloud, cleaning), cleaning), cleaning)
+        if not len(cloud):
+            raise CaptureError(
+                f"no depth was found in {counted(len(prepared.views), 'photograph')} of {given.folder}: they agree "
+                "about nothing; check that the cameras belong to them, and that neighbours overlap by two thirds"
+            )
+        new = given.work / _NEW
+        forget(new)
+        with follow_step("output", seconds, progress):
+            lay_maps(new, maps, places)
+            write_results(new, capture, prepared, cloud)
+            if not known:
+                lay_cameras(new, given.work / REGISTERED)
+        if request.report:
+            with follow_step("report", seconds, progress):
+                photographs = describe_photographs(posed, prepared, tasks, maps)
+                with_maps = [number for number, held in enumerate(photographs) if held.read_maps is not None]
+                report = CaptureReport(
+                    name=capture.name,
+                    capture=request.source.resolve().name,
+                    generator=f"usdfoliage {__version__}",
+                    notes=notes,
+                    photographs=photographs,
+                    cloud=cloud,
+                    up=(0.0, 0.0, 1.0) if capture.settings.up_axis == "Z" else (0.0, 1.0, 0.0),
+                    poses_given=known,
+                    shared=shared_matches(posed, photographs),
+                    errors_px=observation_errors_px(posed),
+                    shown=[with_maps[k] for k in choose_shown(len(with_maps), request.report_views)],
+                    seconds=seconds if request.times else {},
+                    settings=list_settings(request.settings),
+                )
+                write_capture_report(new / REPORT, report)
+        with follow_step("publishing", seconds, progress):
+            publish(new, given.folder, [*places, *list_results(new)], record)
+        if request.views is None and request.store is None:  # else the others may be asked for next
+            forget_others(tasks)
+            forget_other_maps(tasks, maps)
+    failures = () if posed.registered is None else posed.registered.failures
+    return MadeCapture(
+        cloud=given.folder / CLOUD,
+        report=given.folder / REPORT / "index.html" if request.report else None,
+        photographs=len(given.photos) if request.views is None else len(capture.views) + len(failures),
+        registered=len(capture.views),
+        views=len(maps),
+        points=len(cloud),
+        coverage=float(np.median([held.coverage for held in maps])),
+        seconds=seconds,
+        notes=tuple(notes),
+    )
+
+
+def plan_capture(request: CaptureRequest) -> str:
+    """What make_capture would do, in lines, after looking at every photograph; writes nothing."""
+    if request.settings.dense == "colmap":
+        check_cuda()
+    given = find_photographs(request.source, request.output)
+    record = Record(given.work)
+    known = poses_are_given(given, record, request.settings.poses)
+    check_world(request.settings.world, given=known)
+    places, notes = choose_places(given.folder, record, cameras=not known, force=request.force)
+    notes += given.notes
+    if not known:
+        return plan_estimate(request, given, [*places, CAMERAS], notes)
+    posed = read_posed(given.source, request.views)
+    capture = posed.capture
+    depth = request.settings.depth
+    masks, sky = request.settings.mask != "none", request.settings.sky if request.settings.mask == "auto" else None
+    prepared = prepare_views(
+        capture, given.work, depth.max_side_px, masks=masks, sky=sky, keep=False, threads=request.threads
+    )
+    tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work, dense=request.settings.dense)
+    missing = 0 if request.fresh else len(find_missing(tasks))
+    every = _count_tasks(tasks)
+    notes += [*posed.notes, *prepared.notes, *prepared.doubts, *task_notes(tasks, every)]
+    sizes = Counter((view.width_px, view.height_px) for view in prepared.views)
+    levels = ", ".join(f"1/{2**each.level}" for each in depth.rounds)
+    lines = [
+        f"photographs: {len(given.photos)} in {request.source}, {len(prepared.views)} to be used",
+        f"sizes: {', '.join(f'{count} of {width} x {height} px' for (width, height), count in sorted(sizes.items()))}",
+        f"poses: known, of {len(capture.views)} photographs",
+        f"masks: of {sum(view.mask is not None for view in capture.views) if masks else 0}",
+        *(f"note: {note}" for note in notes),
+        f"depth: at {depth.max_side_px} px at most, in {len(depth.rounds)} rounds of {levels} of that, each photograph "
+        f"with {depth.sources} others at most",
+        f"tasks: {every}, {every - missing} of them done by an earlier run",
+        f"memory: about {estimate_memory(prepared, request.settings, request.threads) / 2**30:.1f} GiB",
+        f"would write into {given.folder}: {', '.join([*(f'{place}/' for place in places), LAYER, CLOUD])}",
+    ]
+    return "\n".join(lines)
+
+
+def plan_estimate(request: CaptureRequest, given: GivenPhotographs, places: Sequence[str], notes: Sequence[str]) -> str:
+    """What plan_capture says where poses are to be estimated: what comes after them depends on them."""
+    images = given.source / IMAGES if given.is_capture else given.source
+    photo_set = read_photo_set(images, list(given.photos))
+    sizes = Counter((photo.width_px, photo.height_px) for photo in photo_set.photos)
+    depth = request.settings.depth
+    lines = [
+        f"photographs: {len(given.photos)} in {request.source}, {len(photo_set.photos)} to be used",
+        f"sizes: {', '.join(f'{count} of {width} x {height} px' for (width, height), count in sorted(sizes.items()))}",
+        "poses: to be estimated",
+        *(f"note: {note}" for note in (*notes, *photo_set.notes)),
+        f"depth: at {depth.max_side_px} px at most, in {len(depth.rounds)} rounds",
+        f"would write into {given.folder}: {', '.join([*(f'{place}/' for place in places), LAYER, CLOUD])}",
+    ]
+    return "\n".join(lines)
+
+
+def choose_places(
+    folder: Path, record: Record, *, cameras: bool = False, force: bool = False
+) -> tuple[list[str], list[str]]:
+    """The folders of depth, normals and confidence, and sentences about those that are not where they would be.
+
+    Args:
+        folder: The capture.
+        record: Of it.
+        cameras: Whether cameras/ are to be written too.
+        force: Whether what is not ours may be lost.
+
+    Raises:
+        CaptureError: There are results in the way that usdfoliage did not make.
+    """
+    if cameras and not record.owns(folder, CAMERAS):
+        raise CaptureError(
+            f"{folder / CAMERAS} holds poses that usdfoliage did not estimate, or that were changed since, and they "
+            "are never replaced; name another capture with -o"
+        )
+    single = [name for name in (CLOUD, LAYER, LAYER_CLOUD, REPORT) if not record.owns(folder, name)]
+    if single and not force:
+        raise CaptureError(
+            f"{folder} has {named(single)}, not made by usdfoliage or changed since; move them elsewhere, or use "
+            "--force to replace them"
+        )
+    if force or all(record.owns(folder, kind) for kind in KINDS):
+        return list(KINDS), []
+    beside = [f"{kind}{BESIDE}" for kind in KINDS]
+    blocked = [name for name in beside if not record.owns(folder, name)]
+    if blocked:
+        raise CaptureError(f"{folder} has {named(blocked)}, changed since usdfoliage made it; move it, or use --force")
+    kept = [kind for kind in KINDS if not record.owns(folder, kind)]
+    note = (
+        f"{named(kept)} was there and is kept; what is found here is in {', '.join(beside)} (usdfoliage leaves --depth "
+        f"{beside[0]} takes it), and --force would replace what was there"
+    )
+    return beside, [note]
+
+
+def size_cells(settings: CloudSettings, maps: Sequence[ViewMaps]) -> CloudSettings:
+    """Cells as large as a pixel's footprint in the median view, unless their size is given."""
+    footprints_m = [held.footprint_m for held in maps if np.isfinite(held.footprint_m)]
+    if settings.cell_m is not None or not footprints_m:
+        return settings
+    return replace(settings, cell_m=settings.cell_footprints * float(np.median(footprints_m)))
+
+
+def has_results(work: Path) -> bool:
+    """Whether an earlier run has left anything to go on with."""
+    return work.is_dir() and any(below.is_dir() and any(below.iterdir()) for below in work.iterdir())
+
+
+def forget_results(work: Path) -> None:
+    """Remove all results of earlier runs; what is known of the capture's files stays."""
+    for below in work.iterdir():
+        if below.is_dir():
+            forget(below)
+
+
+def task_notes(tasks: DepthTasks, missing: int) -> list[str]:
+    """Photographs without companions, and what was found of an earlier run."""
+    alone = [view.name for view, sources in zip(tasks.views, tasks.plan.sources, strict=True) if not sources]
+    notes = []
+    if alone:
+        notes.append(f"{named(alone)}: no other photograph shows the same from a usable angle, no depth")
+    every = _count_tasks(tasks)
+    if missing < every:
+        notes.append(f"{every - missing} of {every} tasks of depth were done by an earlier run")
+    return notes
+
+
+def _count_tasks(tasks: DepthTasks) -> int:
+    return sum(path is not None for paths in (*tasks.planes, tasks.depth) for path in paths)
+
+
+def estimate_memory(prepared: PreparedViews, settings: CaptureRunSettings, threads: int = 0) -> float:
+    """Bytes that a run takes at its peak, by what was measured."""
+    photo_px = max(view.width_px * view.height_px for view in prepared.views)
+    matched_px = max(_matched_px(view.width_px, view.height_px, settings.depth.max_side_px) for view in prepared.views)
+    at_once, _ = share_cores(threads)
+    views = min(len(prepared.views), MOST_VIEWS_OF_CLOUD)
+    each = BYTES_A_PHOTO_PIXEL * photo_px + BYTES_A_MATCHED_PIXEL * matched_px
+    return BYTES_AT_LEAST + at_once * each + views * BYTES_A_CLOUD_PIXEL * matched_px
+
+
+def _matched_px(width_px: int, height_px: int, max_side_px: int) -> float:
+    return width_px * height_px * min(1.0, max_side_px / max(width_px, height_px)) ** 2

@@ -1,0 +1,273 @@
+"""From a capture or a cloud on disk to an asset of its plant's crown."""
+
+import argparse
+import hashlib
+import logging
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage import __version__
+from usdfoliage.asset.materials.leaf import LEAF_COLOR
+from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.crown.captured_measures import CapturedCrownMeasures
+from usdfoliage.crown.leaf_colors import find_green_points, have_color
+from usdfoliage.crown.model import CrownModel
+from usdfoliage.crown.reconstruct import (
+    CAPTURED_STEPS,
+    CLOUD_STEPS,
+    CapturedCrownSettings,
+    reconstruct_captured_crown,
+    reconstruct_cloud_crown,
+)
+from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.geometry.color import decode_srgb
+from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
+from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
+from usdfoliage.jobs.crown.capture_report import captured_rows, draw_captured_crown, write_captured_report
+from usdfoliage.jobs.crown.photograph_report import CrownReport, Row
+from usdfoliage.jobs.work.results import digest_file
+from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
+
+# Of the command line: options that only a photograph has, those that only a capture has, and their defaults.
+PHOTO_OPTIONS: dict[str, object] = {
+    "mask": None,
+    "height": 5.0,
+    "tangent": "auto",
+    "relief": 0.12,
+    "laplacian": False,
+    "copies": 1,
+    "color_space": None,
+}
+CAPTURE_OPTIONS: dict[str, object] = {"roots": "auto", "up": "auto", "unit": "auto", "report_views": 6}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CapturedCrownRequest:
+    """What the user asked for, checked."""
+
+    cloud: PlantCloudRequest  # its path is the capture's folder, or a cloud
+    output: Path
+    name: str
+    settings: CapturedCrownSettings = field(default_factory=CapturedCrownSettings)
+    asset_settings: AssetSettings = field(default_factory=AssetSettings)
+    species: str = ""
+    force: bool = False
+    preview: bool = True
+    times: bool = True  # whether the report says how long each step took
+    report_views: int = 6  # photographs that the report shows
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "CapturedCrownRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        kind = "a folder: a capture" if options.photo.is_dir() else "a cloud"
+        refuse_options(options, PHOTO_OPTIONS, f"{options.photo} is {kind}, not one photograph")
+        if not options.photo.is_dir():
+            told = f"{options.photo} is a cloud alone, without photographs"
+            refuse_options(options, {"report_views": CAPTURE_OPTIONS["report_views"]}, told)
+        roots, given = read_roots(options.roots)
+        if options.report_views < 0:
+            raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
+        try:
+            settings = CapturedCrownSettings(size=options.size, seed=options.seed, threads=options.threads)
+            asset_settings = AssetSettings(crown_mesh_size=options.mesh_size)
+        except ValueError as error:
+            raise FoliageError(str(error)) from error
+        return cls(
+            cloud=PlantCloudRequest(
+                path=options.photo,
+                roots=roots,
+                given_roots=given,
+                up=read_up(options.up),
+                unit=read_unit(options.unit),
+            ),
+            output=options.output,
+            name=asset_name(options.name or options.output.resolve().name),
+            settings=settings,
+            asset_settings=asset_settings,
+            species=options.species,
+            force=options.force,
+            preview=not options.no_preview,
+            report_views=options.report_views,
+        )
+
+
+def refuse_options(options: argparse.Namespace, others: dict[str, object], told: str) -> None:
+    """FoliageError for an option that is given and has no meaning for what is read."""
+    given = [name for name, default in others.items() if getattr(options, name, default) != default]
+    if given:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in given)
+        raise FoliageError(f"{told}; {names} {'has' if len(given) == 1 else 'have'} no meaning there: leave it out")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MadeCapturedCrown:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    report: Path
+    preview: Path | None
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]  # what puts the crown in doubt
+    measures: tuple[Row, ...]
+    model: CrownModel
+    overlap: float  # of its silhouettes with those of the points, median IoU
+
+
+def make_captured_crown_asset(
+    request: CapturedCrownRequest,
+    progress: StepProgress | None = None,
+    *,
+    plant: PlantPoints | None = None,
+    asset_from_capture: NDArray[np.float64] | None = None,
+) -> MadeCapturedCrown:
+    """Reconstruct the crown of a capture and publish its asset; the old asset stays until the new one is whole.
+
+    Args:
+        request: What to make of which capture.
+        progress: Told of each step.
+        plant: Points that were read already, with leaves and frame; the cloud is not read then.
+        asset_from_capture: (4, 4), the frame of other stages, where plant does not say it.
+
+    Raises:
+        FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
+    """
+    with publish_folder(request.output, force=request.force) as folder:
+        start = time.perf_counter()
+        read = read_crown_capture(request.cloud, plant, asset_from_capture, progress)
+        read_s = time.perf_counter() - start
+        model, measures = fit_captured_crown(request, read, progress)
+        provenance = Provenance(
+            species=request.species,
+            capture=read.name,
+            generator=f"usdfoliage {__version__}",
+            seed=request.settings.seed,
+            settings=describe_settings(request),
+            input_sha256=_fingerprint(read),
+        )
+        interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings)
+        notes, warnings = [*read.notes, *measures.notes], (*read.warnings, *measures.warnings)
+        report_folder = folder / "report"
+        report_folder.mkdir(exist_ok=True)
+        drawn = draw_captured_crown(
+            interface, report_folder, model, read.views, request.report_views, request.preview, progress
+        )
+        if drawn.complaint:
+            notes.append(f"no pictures of the asset: {drawn.complaint}")
+        report = CrownReport(
+            name=request.name,
+            capture=read.name,
+            generator=provenance.generator,
+            notes=[*warnings, *notes],
+            settings=provenance.settings,
+            views=drawn.views,
+            seconds={"cloud": read_s, **measures.seconds} if request.times else {},
+        )
+        write_captured_report(report_folder, report, model, measures, drawn)
+    return MadeCapturedCrown(
+        asset=request.output / interface.name,
+        report=request.output / "report" / "index.html",
+        preview=request.output / "report" / drawn.views[0].file if drawn.views else None,
+        notes=tuple(notes),
+        warnings=warnings,
+        measures=tuple(captured_rows(model, measures)),
+        model=model,
+        overlap=float(np.median([view.cloud_iou for view in measures.views])),
+    )
+
+
+def fit_captured_crown(
+    request: CapturedCrownRequest, read: CrownCapture, progress: StepProgress | None = None
+) -> tuple[CrownModel, CapturedCrownMeasures]:
+    """The crown of a capture that was read, without writing anything.
+
+    Raises:
+        FitError: It has no crown, or no photograph shows it.
+    """
+    try:
+        if read.capture is None:
+            return reconstruct_cloud_crown(
+                read.plant.points_m,
+                request.settings,
+                plain=LEAF_COLOR,
+                colors=_leaf_colors(read.plant),
+                foliage=read.plant.foliage,
+                asset_from_capture=read.plant.asset_from_capture,
+                progress=progress,
+            )
+        return reconstruct_captured_crown(
+            read.plant.points_m,
+            read.views,
+            request.settings,
+            foliage=read.plant.foliage,
+            asset_from_capture=read.plant.asset_from_capture,
+            progress=progress,
+        )
+    except FitError as error:
+        raise FitError(f"{error} ({request.cloud.path})") from error
+
+
+def _leaf_colors(plant: PlantPoints) -> NDArray[np.float64] | None:
+    """(N, 3), linear, NaN where a point has none; None where the cloud has no colours that show leaves."""
+    if plant.colors is None or find_green_points(plant.points_m, plant.colors) is None:
+        return None
+    light = np.asarray(decode_srgb(plant.colors / 255), np.float64)
+    light[~have_color(plant.colors)] = np.nan
+    return light
+
+
+def plan_captured_crown_asset(request: CapturedCrownRequest) -> str:
+    """What make_captured_crown_asset would do, in lines, after checking the input; writes nothing."""
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    read = read_crown_capture(request.cloud)
+    views = () if read.capture is None else read.capture.views
+    masks, depths = (sum(getattr(view, what) is not None for view in views) for what in ("mask", "depth"))
+    told = f", {len(views)} photographs with cameras, {masks} with masks, {depths} with depth"
+    steps = CLOUD_STEPS if read.capture is None else CAPTURED_STEPS
+    lines = [
+        f"capture: {request.cloud.path}{told if read.capture is not None else ', a cloud alone'}",
+        f"cloud: {len(read.plant.points_m):,} points of the plant, {np.ptp(read.plant.points_m[:, 1]):.2f} m high",
+        *(f"warning: {warning}" for warning in read.warnings),
+        *(f"note: {note}" for note in read.notes),
+        f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+        f"steps: {', '.join(steps)}{', preview' if request.preview else ''}",
+        would,
+    ]
+    return "\n".join(lines)
+
+
+def describe_settings(request: CapturedCrownRequest) -> dict[str, str]:
+    """Every setting that decides the result, by the name of its option."""
+    cloud = request.cloud.describe()
+    cloud.pop("most-points")
+    return {
+        **cloud,
+        "size": str(request.settings.size),
+        "mesh-size": str(min(request.asset_settings.crown_mesh_size, request.settings.size)),
+        "seed": str(request.settings.seed),
+    }
+
+
+def _fingerprint(read: CrownCapture) -> str:
+    """Of the cloud, or of the points that were given, with their colours where these count, and of the photographs."""
+    digest = hashlib.sha256()
+    digest.update(np.ascontiguousarray(read.plant.points_m).tobytes())
+    digest.update(np.ascontiguousarray(read.plant.asset_from_capture, np.float64).tobytes())
+    if read.capture is None:
+        if read.plant.colors is not None:
+            digest.update(np.ascontiguousarray(read.plant.colors, np.float64).tobytes())
+        return digest.hexdigest()
+    for view in read.capture.views:
+        digest.update(np.ascontiguousarray(view.cam_from_world).tobytes())
+        for path in (view.photo, view.mask, view.depth):
+            if path is not None:
+                digest.update(digest_file(path).encode())
+    return digest.hexdigest()

@@ -1,0 +1,273 @@
+"""From a photograph's file to an asset on disk."""
+
+import argparse
+import hashlib
+import logging
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage import __version__
+from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.capture.folder.images import Photo, read_photo
+from usdfoliage.capture.folder.masks import CleanMask, clean_mask, read_mask
+from usdfoliage.capture.mask_proposal.propose import propose_mask
+from usdfoliage.errors import AssetError, FoliageError, PreviewError
+from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
+from usdfoliage.jobs.crown.photograph_report import CrownReport, ReportView, Row, measure_rows, write_crown_report
+from usdfoliage.jobs.crown.tangent import read_tangent
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
+from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
+
+# Pictures of the report: (title, direction, file).
+VIEWS = (
+    ("Front", "front", "preview.png"),
+    ("Three-quarter", "three-quarter", "preview_three_quarter.png"),
+    ("Right side", "right", "preview_right.png"),
+    ("Back", "back", "preview_back.png"),
+    ("Top", "top", "preview_top.png"),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrownRequest:
+    """What the user asked for, checked."""
+
+    photo: Path
+    mask: Path | None
+    output: Path
+    name: str
+    settings: CrownSettings
+    tangent: str
+    tangent_map: NDArray[np.float64] | None
+    asset_settings: AssetSettings
+    color_space: str | None = None
+    species: str = ""
+    force: bool = False
+    preview: bool = True
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "CrownRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        tangent = read_tangent(options.tangent)
+        try:
+            settings = CrownSettings(
+                size=options.size,
+                height_m=options.height,
+                tangent=tangent if isinstance(tangent, float) else None,
+                relief=options.relief,
+                band_pass=options.laplacian,
+                copies=options.copies,
+                seed=options.seed,
+                threads=options.threads,
+            )
+            asset_settings = AssetSettings(crown_mesh_size=options.mesh_size)
+        except ValueError as error:
+            raise FoliageError(str(error)) from error
+        return cls(
+            photo=options.photo,
+            mask=options.mask,
+            output=options.output,
+            name=asset_name(options.name or options.output.resolve().name),
+            settings=settings,
+            tangent=options.tangent,
+            tangent_map=tangent if isinstance(tangent, np.ndarray) else None,
+            asset_settings=asset_settings,
+            color_space=options.color_space,
+            species=options.species,
+            force=options.force,
+            preview=not options.no_preview,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeCrown:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    report: Path
+    preview: Path | None
+    notes: tuple[str, ...]
+    measures: tuple[Row, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrownInput:
+    """A photograph and the crown in it."""
+
+    photo: Photo
+    mask: NDArray[np.bool_]
+    foliage: NDArray[np.bool_]
+    proposed: bool
+    notes: tuple[str, ...]
+
+
+def read_crown_input(request: CrownRequest) -> CrownInput:
+    """Read photograph and mask; propose a mask where none is given.
+
+    Raises:
+        CaptureError, FitError: see read_photo, read_mask, clean_mask and propose_mask.
+    """
+    photo = read_photo(request.photo, request.color_space)
+    notes: tuple[str, ...] = ()
+    if request.mask is not None:
+        given = read_mask(request.mask, photo.linear.shape, photo.orientation)
+    elif photo.alpha is not None:
+        given = photo.alpha >= 0.5
+        notes = ("the mask is the photograph's alpha channel",)
+    else:
+        proposal = propose_mask(photo.linear, seed=request.settings.seed)
+        given = proposal.mask
+        notes = (f"the mask is a proposal (confidence {proposal.confidence:.2f}); {proposal.remark}",)
+    try:
+        crown: CleanMask = clean_mask(given)
+    except FoliageError as error:
+        raise type(error)(f"{error} ({request.mask or request.photo})") from error
+    proposed = request.mask is None and photo.alpha is None
+    return CrownInput(photo=photo, mask=crown.mask, foliage=crown.foliage, proposed=proposed, notes=notes + crown.notes)
+
+
+def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None) -> MadeCrown:
+    """Reconstruct the crown and publish its asset; the old asset stays until the new one is whole.
+
+    Raises:
+        FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
+    """
+    with publish_folder(request.output, force=request.force) as folder:
+        given = read_crown_input(request)
+        model, measures = reconstruct_crown(
+            given.photo.linear, given.mask, request.settings, request.tangent_map, progress, given.foliage
+        )
+        provenance = Provenance(
+            species=request.species,
+            capture=request.photo.name,
+            generator=f"usdfoliage {__version__}",
+            seed=request.settings.seed,
+            settings=describe_settings(request),
+            input_sha256=_fingerprint(request),
+        )
+        interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings)
+        notes = list(given.notes)
+        if given.proposed:
+            proposal = request.output / f"{request.name}_mask_proposal.png"
+            _write_mask(folder / proposal.name, given.mask)
+            _check_not_edited(proposal, folder / proposal.name, request.force)
+            notes.append(f"the proposed mask is {proposal}; correct it and give it with --mask")
+        report_folder = folder / "report"
+        report_folder.mkdir(exist_ok=True)
+        seconds = dict(measures.seconds)
+        views, complaint = _draw(interface, report_folder, progress) if request.preview else ([], "")
+        if complaint:
+            notes.append(f"no pictures of the asset: {complaint}")
+        report = CrownReport(
+            name=request.name,
+            capture=request.photo.name,
+            generator=provenance.generator,
+            notes=notes,
+            settings=provenance.settings,
+            views=views,
+            seconds=seconds,
+        )
+        write_crown_report(report_folder, report, model, measures, given.photo.linear, given.mask)
+        _keep_mask(request, folder)
+    return MadeCrown(
+        asset=request.output / interface.name,
+        report=request.output / "report" / "index.html",
+        preview=request.output / "report" / views[0].file if views else None,
+        notes=tuple(notes),
+        measures=tuple(measure_rows(model, measures)),
+    )
+
+
+def plan_crown_asset(request: CrownRequest) -> str:
+    """What make_crown_asset would do, in lines, after checking the input; writes nothing."""
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    given = read_crown_input(request)
+    photo = given.photo
+    rows, columns = np.nonzero(given.mask)
+    lines = [
+        f"photo: {request.photo}, {photo.width_px} x {photo.height_px} px, read as {photo.color_space}",
+        f"mask: {request.mask or 'proposed'}, crown {np.ptp(columns) + 1} x {np.ptp(rows) + 1} px",
+        *(f"note: {note}" for note in given.notes),
+        f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+        f"steps: {', '.join(STEPS)}{', preview' if request.preview else ''}",
+        would,
+    ]
+    return "\n".join(lines)
+
+
+def describe_settings(request: CrownRequest) -> dict[str, str]:
+    """Every setting that decides the result, by the name of its option."""
+    settings = request.settings
+    return {
+        "size": str(settings.size),
+        "height": f"{settings.height_m:g}",
+        "tangent": request.tangent if request.tangent_map is None else Path(request.tangent).name,
+        "relief": f"{settings.relief:g}",
+        "pyramid": "laplacian" if settings.band_pass else "gaussian",
+        "copies": str(settings.copies),
+        "mesh-size": str(min(request.asset_settings.crown_mesh_size, settings.size)),
+        "mask": request.mask.name if request.mask else "proposed",
+        "color-space": request.color_space or "as the file says",
+        "seed": str(settings.seed),
+    }
+
+
+def _draw(interface: Path, folder: Path, progress: StepProgress | None) -> tuple[list[ReportView], str]:
+    """Pictures of the asset in folder; where they cannot be drawn, none and the reason."""
+    views = [PreviewView(output=folder / file, direction=direction) for _, direction, file in VIEWS]
+    try:
+        render_views(
+            interface,
+            views,
+            PreviewSettings(width_px=720, height_px=720),
+            (lambda done, total: progress("preview", done / total)) if progress else None,
+        )
+    except PreviewError as error:
+        logger.warning("no pictures: %s", error)
+        return [], str(error)
+    return [ReportView(name=title, file=file) for title, _, file in VIEWS], ""
+
+
+def _write_mask(path: Path, mask: NDArray[np.bool_]) -> None:
+    good, encoded = cv2.imencode(".png", mask.astype(np.uint8) * 255)
+    if not good:
+        raise AssetError(f"the proposed mask could not be encoded ({path})")
+    path.write_bytes(encoded.tobytes())
+
+
+def _check_not_edited(old: Path, new: Path, force: bool) -> None:
+    """Refuse to replace a proposal that the user has worked on since."""
+    if old.is_file() and not force and old.read_bytes() != new.read_bytes():
+        raise AssetError(
+            f"{old} is not what this photograph proposes: it was edited, or belongs to another; give it with --mask, "
+            "or replace it with --force"
+        )
+
+
+def _keep_mask(request: CrownRequest, folder: Path) -> None:
+    """A mask that lies in the folder that is replaced, as a corrected proposal does, comes along."""
+    if request.mask is not None and request.mask.resolve().is_relative_to(request.output.resolve()):
+        kept = folder / request.mask.resolve().relative_to(request.output.resolve())
+        if not kept.exists():  # else it is one that every run writes anew
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(request.mask, kept)
+
+
+def _fingerprint(request: CrownRequest) -> str:
+    digest = hashlib.sha256()
+    for path in (request.photo, request.mask):
+        if path is not None:
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    if request.tangent_map is not None:
+        digest.update(request.tangent_map.tobytes())
+    return digest.hexdigest()

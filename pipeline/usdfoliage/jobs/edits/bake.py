@@ -1,0 +1,321 @@
+"""From an asset with edits to one whose leaves are as the edits make them."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from usdfoliage import __version__
+from usdfoliage.asset.locate import find_leaves, require_leaves, select_leafy_lod, select_representation
+from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.packages.branch_package import BranchLeaves
+from usdfoliage.asset.packages.contents import (
+    PlantFacts,
+    count_changed_patches,
+    find_crown,
+    interface_of,
+    matrix_in_plant,
+    read_leaf_look,
+    read_plant_facts,
+    representations,
+    require_plant,
+)
+from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.other_parts import OtherParts, find_other_parts, lost_leaf_motion, write_leaves_beside
+from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
+from usdfoliage.asset.parts.bare_branches import BARE_LAYER
+from usdfoliage.asset.parts.hero_leaf import read_hero_leaf
+from usdfoliage.asset.parts.leaf_primvars import animated_edits, read_leaf_primvars
+from usdfoliage.asset.parts.leaves import ReadLeaves, read_leaves
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.provenance import package_versions
+from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
+from usdfoliage.errors import AssetError, FitError
+from usdfoliage.jobs.edits.change import bake_leaves, join_leaves, move_leaves, remaining_edits
+from usdfoliage.jobs.edits.edit import changed_edits, show_value
+from usdfoliage.jobs.edits.settings import check_memory, read_representations, read_settings
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
+
+_STIFF = (
+    "the leaves no longer follow branches that grow or sway, since they stand elsewhere or are divided otherwise; "
+    "`usdfoliage branches` makes leaves that do"
+)
+
+_BARED = "what stands out of the crown, the trunk below it above all, is now shown with it; the asset had it in no lod"
+
+StepProgress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakeRequest:
+    """What the user asked for, checked."""
+
+    asset: Path
+    output: Path
+    name: str | None
+    representations: tuple[str, ...] | None  # None: those that the asset has
+    resolution: tuple[int, int] | None
+    source: str  # the representation that is read, bezier or nurbs
+    force: bool = False
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "BakeRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        chosen = read_representations(options.representation) if options.representation else None
+        resolution = (options.resolution[0], options.resolution[1]) if options.resolution else None
+        read_settings(chosen or ("bezier",), resolution)
+        return cls(
+            asset=options.asset,
+            output=options.output,
+            name=options.name,
+            representations=chosen,
+            resolution=resolution,
+            source=options.source,
+            force=options.force,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BakeInput:
+    """What is baked."""
+
+    plant: PlantFacts
+    interface: Path
+    leaves: Leaves  # as ASSET stores them
+    edits: LeafEdits
+    look: LeafLook
+    others: OtherParts | None  # what the plant has besides
+    settings: LeafAssetSettings
+    name: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakedAsset:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    lines: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> BakedAsset:
+    """Write the asset of the edited leaves; what was there stays until the new one is whole.
+
+    Raises:
+        FoliageError: The asset cannot be read or has no leaves, or the output cannot be written; nothing was changed.
+    """
+    with publish_folder(request.output, force=request.force) as folder:
+        given = read_bake_input(request, progress)
+        if progress:
+            progress("write", 0.5)
+        leaves = bake_leaves(given.leaves, given.edits)
+        provenance = replace(
+            given.plant.provenance,
+            generator=f"usdfoliage {__version__}",
+            settings={**given.plant.provenance.settings, **describe_settings(request, given)},
+            versions=package_versions(tuple(given.plant.provenance.versions)),
+        )
+        rest = (given.settings, remaining_edits(given.edits), given.look, given.plant.asset_from_capture)
+        if given.others is not None and given.others.is_whole:
+            foliage = BranchLeaves(leaves=leaves, settings=given.settings, edits=rest[1], look=given.look)
+            interface = write_plant_asset(
+                folder,
+                given.name,
+                provenance=provenance,
+                asset_from_capture=given.plant.asset_from_capture,
+                branches=given.others,
+                foliage=foliage,
+                settings=PlantAssetSettings(version=given.settings.version),
+                thumbnail=given.others.thumbnail,
+            )
+        elif given.others is None:
+            interface = write_leaf_asset(folder, given.name, leaves, provenance, *rest)
+        else:
+            interface = write_leaves_beside(folder, given.name, leaves, given.others, provenance, *rest)
+        stiff = given.others is not None and lost_leaf_motion(given.others, folder)
+        bared = given.others is not None and given.others.bare_m is None and (folder / "payload" / BARE_LAYER).exists()
+    notes = (*given.notes, *([_STIFF] if stiff else []), *([_BARED] if bared else []))
+    return BakedAsset(asset=request.output / interface.name, lines=tuple(_lines(request, given)), notes=notes)
+
+
+def plan_bake(request: BakeRequest) -> str:
+    """What bake_asset would do, in lines, after reading the asset; writes nothing."""
+    given = read_bake_input(request)
+    lines = [
+        *_lines(request, given),
+        *(f"note: {note}" for note in given.notes),
+        plan_folder(request.output, f"{given.name}.usda", request.force),
+    ]
+    return "\n".join(lines)
+
+
+def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) -> BakeInput:
+    """Read what is to be baked.
+
+    Raises:
+        AssetError: The asset cannot be read, has no leaves, several plants or a crown besides, or lacks the
+            representation that is to be read; its leaves have been bent out of shape by a matrix.
+    """
+    interface, look = interface_of(request.asset)
+    _check_place(request.output, interface)
+    stage = open_asset(request.asset)
+    plant = require_plant(stage, request.asset)
+    facts = read_plant_facts(plant, interface)
+    others = find_other_parts(plant, interface)
+    if find_crown(plant) is not None and not (others is not None and others.is_whole):
+        raise AssetError(
+            f"{request.asset} has a crown besides its leaves, which bake would lose; bake the leaves' asset"
+        )
+    held = representations(plant)
+    notes = _patch_notes(plant, request.source)
+    select_leafy_lod(stage)
+    if held:
+        select_representation(stage, "bezier")
+    prim = require_leaves(stage, request.asset)[0]
+    read = read_leaves(prim)
+    leaf_look = read_leaf_look(prim, read.jitter_map)
+    hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
+    if hidden:
+        notes.append(f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out")
+    animated = animated_edits(prim)
+    if animated:
+        notes.append(f"animated: {', '.join(animated)}; baked as at the earliest time")
+    leaves, edits = move_leaves(read.leaves, matrix_in_plant(prim, plant)), read.edits
+    if request.source == "nurbs":
+        select_representation(stage, "nurbs")
+        patches = read_patches(find_leaves(stage), plant, progress)
+        leaves, edits = patches.leaves, patches.edits
+        notes += patches.notes
+        if look is not None:
+            notes.append(f"the edits of {look.path} act on bezier alone and were left out")
+    known = read_representations([name for name in held if name in REPRESENTATIONS])
+    lost = [name for name in held if name not in known]
+    if lost:
+        notes.append(f"representation {', '.join(lost)} is not ours and was left out")
+    settings = read_settings(request.representations or known, request.resolution)
+    check_memory(len(leaves), settings)
+    in_place = request.output.resolve() == interface.resolve().parent
+    if in_place and look is not None and request.source == "bezier":
+        notes.append(f"{look.path} still holds these edits: take it out of your scenes, or they act twice")
+    notes += _jitter_notes(edits, settings.representations)
+    usual = interface.stem if in_place else request.output.resolve().name
+    return BakeInput(
+        plant=facts,
+        interface=interface,
+        leaves=leaves,
+        edits=edits,
+        look=leaf_look,
+        others=others,
+        settings=replace(settings, version=facts.version or settings.version),
+        name=asset_name(request.name or usual),
+        notes=tuple(notes),
+    )
+
+
+def _patch_notes(plant: Any, source: str) -> list[str]:
+    """A note where patches that somebody changed are shown but not read."""
+    changed = count_changed_patches(plant) if source != "nurbs" else 0
+    if not changed:
+        return []
+    what = "patch of the representation nurbs has" if changed == 1 else "patches of the representation nurbs have"
+    return [f"{changed:,} {what} changes that were not read; --from nurbs reads them"]
+
+
+def _check_place(output: Path, interface: Path) -> None:
+    """Raises AssetError for an output that would change or lose the asset that is read."""
+    target, folder = output.resolve(), interface.resolve().parent
+    if not is_asset_folder(folder):
+        return  # a scene that has a plant
+    if target != folder and target.is_relative_to(folder):
+        raise AssetError(
+            f"{output} lies in the asset's folder {folder}; name a folder beside it, or that folder itself"
+        )
+    if target != folder and folder.is_relative_to(target):
+        raise AssetError(f"{output} holds the asset that is read, {folder}, and would lose it; name another folder")
+
+
+def describe_settings(request: BakeRequest, given: BakeInput) -> dict[str, str]:
+    """Every setting that decides the result, by the name of its option."""
+    return {
+        "bake-from": request.source,
+        "bake-edits": "; ".join(_shown(given.edits)) or "none",
+        "representation": " ".join(given.settings.representations),
+        "resolution": f"{given.settings.mesh.across} {given.settings.mesh.along}",
+    }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PatchLeaves:
+    """The leaves of patches, in their order."""
+
+    leaves: Leaves
+    edits: LeafEdits
+    notes: tuple[str, ...]
+
+
+def read_patches(prims: Sequence[Any], plant: Any, progress: StepProgress | None = None) -> PatchLeaves:
+    """Read the leaves of the representation nurbs; a patch that is near to no leaf is left out.
+
+    Raises:
+        AssetError: There is no patch, none is a leaf, or one has lost what makes it one.
+    """
+    read: list[Leaves] = []
+    failed: list[str] = []
+    residuals_m: list[float] = []
+    edits = NEUTRAL
+    for number, prim in enumerate(prims):
+        if progress and number % 64 == 0:
+            progress("patches", 0.5 * number / len(prims))
+        try:
+            one: ReadLeaves = read_hero_leaf(prim)
+        except FitError as error:
+            failed.append(f"{prim.GetPath()}: {error}")
+            continue
+        edits = remaining_edits(one.edits)
+        leaf = move_leaves(bake_leaves(one.leaves, one.edits), matrix_in_plant(prim.GetParent(), plant))
+        written = read_leaf_primvars(prim, 1)
+        if not np.array_equal(one.leaves.parameters, written["parameters"]):
+            residuals_m += [] if leaf.residual_m is None else [float(leaf.residual_m[0])]
+        # In an asset the residual is the distance to what was captured, not to what was modelled.
+        read.append(replace(leaf, residual_m=written.get("residual_m")))
+    if not read:
+        if failed:
+            raise AssetError(f"none of {len(failed)} patches is near to a leaf, the first is {failed[0]}")
+        raise AssetError(f"<{plant.GetPath()}> has no patches in its representation nurbs; bake from bezier")
+    notes = [f"{len(residuals_m):,} of {len(prims):,} patches were changed and fitted"]
+    if residuals_m:
+        notes[0] += (
+            f", root mean square distance {1000 * float(np.median(residuals_m)):.3g} mm (median), "
+            f"{1000 * max(residuals_m):.3g} mm (largest)"
+        )
+    if failed:
+        notes.append(
+            f"{len(failed):,} of {len(prims):,} patches are no leaves and were left out, the first is {failed[0]}"
+        )
+    return PatchLeaves(leaves=join_leaves(read), edits=edits, notes=tuple(notes))
+
+
+def _lines(request: BakeRequest, given: BakeInput) -> list[str]:
+    baked = [words for words in _shown(given.edits) if not words.startswith("jitter")]
+    return [
+        f"leaves: {len(given.leaves):,}, from {request.source}",
+        f"baked edits: {'; '.join(baked) or 'none'}",
+        f"representations: {', '.join(given.settings.representations)}",
+    ]
+
+
+def _shown(edits: LeafEdits) -> list[str]:
+    return [f"{name} {show_value(value)}" for name, value in changed_edits(edits).items()]
+
+
+def _jitter_notes(edits: LeafEdits, chosen: Sequence[str]) -> list[str]:
+    if not edits.jitter_amplitude:
+        return []
+    carried = {"nurbs": "the slow part of it", "subdiv": "it approximately", "mesh": "it exactly"}
+    said = [f"{name} has {how}" for name, how in carried.items() if name in chosen]
+    return [f"the jitter stays an edit{': ' if said else ''}{', '.join(said)}"]

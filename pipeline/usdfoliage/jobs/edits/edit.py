@@ -1,0 +1,211 @@
+"""From the edits that a user names to a look on disk."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from usdfoliage.asset.locate import require_leaves, select_representation
+from usdfoliage.asset.looks.look import check_look_output, open_asset, write_look_layer
+from usdfoliage.asset.materials.jitter_map import read_jitter_map
+from usdfoliage.asset.packages.contents import interface_of, prototype_segments, representations, require_plant
+from usdfoliage.asset.parts.leaf_primvars import read_edits
+from usdfoliage.errors import FoliageError
+from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, Vector, compose_edits, jitter_silhouette
+from usdfoliage.leaf.shape.mesh import MOST_SEGMENTS
+
+Value = float | Vector
+
+LEAST_SEGMENTS_A_CYCLE = 8  # of a silhouette; with fewer the faster waves of the jitter show as slower ones
+MOST = 1e3  # of any number of an edit
+EDIT_OPTIONS = ("width", "asymmetry", "axis1", "axis2", "bend", "silhouette", "curl", "jitter", "jitter_map")
+
+
+@dataclass(frozen=True, kw_only=True)
+class EditRequest:
+    """What the user asked for, checked."""
+
+    asset: Path
+    output: Path
+    edits: LeafEdits
+    sets_jitter: bool  # else that of the asset stays
+    jitter_map: Path | None
+    prim: str | None
+    force: bool = False
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "EditRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        given = [name for name in EDIT_OPTIONS if getattr(options, name) is not None]
+        if not given:
+            names = ", ".join(f"--{name.replace('_', '-')}" for name in EDIT_OPTIONS)
+            raise FoliageError(f"no edit is named, so there is nothing to write; name one or more of {names}")
+        return cls(
+            asset=options.asset,
+            output=options.output,
+            edits=parse_edits(options),
+            sets_jitter=options.jitter is not None,
+            jitter_map=options.jitter_map,
+            prim=options.prim,
+            force=options.force,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """One edit, as it was and as the look makes it."""
+
+    name: str
+    before: Value
+    after: Value
+
+    def __str__(self) -> str:
+        return f"{self.name}: {show_value(self.after)} (was {show_value(self.before)})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedLook:
+    """What a look will say."""
+
+    edits: LeafEdits  # in the end
+    prim: str | None
+    changes: tuple[Change, ...]  # against what ASSET shows
+    notes: tuple[str, ...]
+
+
+def plan_look(request: EditRequest) -> PlannedLook:
+    """What the look will say; writes nothing.
+
+    Raises:
+        FoliageError: The asset cannot be read or has no leaves, an edit leads out of its range, the jitter map
+            cannot be used, or the look cannot be written there.
+    """
+    if request.jitter_map is not None:
+        read_jitter_map(request.jitter_map)
+    interface, look = interface_of(request.asset)
+    stage = open_asset(request.asset)
+    if representations(require_plant(stage, request.asset)):
+        select_representation(stage, "bezier")
+    leaves = require_leaves(stage, request.asset)
+    before = read_edits(leaves[0])
+    try:
+        after = compose_edits(before, request.edits)
+    except ValueError as error:
+        raise FoliageError(f"{error}; the asset has edits already") from error
+    after = jitter_silhouette(
+        after,
+        *(
+            (request.edits.jitter_amplitude, request.edits.jitter_frequency)
+            if request.sets_jitter
+            else (before.jitter_amplitude, before.jitter_frequency)
+        ),
+    )
+    _check_range(after)
+    check_look_output(request.output, interface, force=request.force)
+    changes = tuple(
+        Change(name=name, before=getattr(before, name), after=value)
+        for name, value in changed_edits(after, before).items()
+    )
+    notes = []
+    if request.jitter_map is not None and not after.jitter_amplitude:
+        notes.append("the jitter map shows nothing while the amplitude is 0; give --jitter A F too")
+    if not changes and request.jitter_map is None:
+        notes.append("these edits change nothing: the asset has them already, or they are neutral")
+    notes += _coarse_jitter(after, prototype_segments(leaves[0]))
+    prim = request.prim if request.prim is not None or look is None else look.prim_path or None
+    return PlannedLook(edits=after, prim=prim, changes=changes, notes=tuple(notes))
+
+
+def write_look(request: EditRequest) -> PlannedLook:
+    """Write the look; it appears whole or not at all, and the asset stays as it is.
+
+    Raises:
+        FoliageError: As plan_look, or the look cannot be written.
+    """
+    planned = plan_look(request)
+    write_look_layer(
+        request.output, request.asset, planned.edits, request.jitter_map, planned.prim, force=request.force
+    )
+    return planned
+
+
+def _coarse_jitter(edits: LeafEdits, segments: int | None) -> list[str]:
+    """A note where bezier's prototype is too coarse for the jitter, which a look cannot change."""
+    if segments is None or not edits.jitter_amplitude or edits.jitter_frequency * LEAST_SEGMENTS_A_CYCLE <= segments:
+        return []
+    shown = f"bezier shows a coarser wave than {edits.jitter_frequency:g} cycles"
+    room = f"each silhouette of its prototype has {segments} segments, enough for {segments // LEAST_SEGMENTS_A_CYCLE}"
+    return [f"{shown}{' until baked' if segments < MOST_SEGMENTS else ''}: {room}"]
+
+
+def _check_range(edits: LeafEdits) -> None:
+    for name, value in changed_edits(edits).items():
+        if np.abs(value).max() > MOST:
+            raise FoliageError(
+                f"{name} would be {show_value(value)}, {MOST:g} is the most; numbers are leaf lengths, usually below 1"
+            )
+
+
+def changed_edits(edits: LeafEdits, start: LeafEdits = NEUTRAL) -> dict[str, Value]:
+    """The edits that differ from start, by the names of LeafEdits."""
+    return {
+        name: getattr(edits, name)
+        for name in LeafEdits.__dataclass_fields__
+        if getattr(edits, name) != getattr(start, name)
+    }
+
+
+def show_value(value: Value) -> str:
+    """An edit's number or numbers."""
+    return f"{value:g}" if isinstance(value, float) else " ".join(f"{number:g}" for number in value)
+
+
+def parse_edits(options: argparse.Namespace) -> LeafEdits:
+    """The edits that options name; asymmetry, bend and the axis points add up.
+
+    Raises:
+        FoliageError: A number is not finite or out of range, or a silhouette point is named wrongly or twice.
+    """
+    if options.bend is not None and len(options.bend) > 2:
+        raise FoliageError(f"--bend takes Z, or Z1 and Z2 of the two axis points, not {len(options.bend)} numbers")
+    x, y = options.asymmetry or (0.0, 0.0)
+    heights = options.bend or (0.0,)
+    points = ((heights[0], options.axis1), (heights[-1], options.axis2))
+    axis1, axis2 = (
+        _vector([a + b for a, b in zip((x, y, z), own or (0.0, 0.0, 0.0), strict=True)]) for z, own in points
+    )
+    changed: dict[str, Any] = {"axis1": axis1, "axis2": axis2}
+    if options.width is not None:
+        changed["width"] = options.width
+    changed |= _read_silhouette(options.silhouette or ())
+    if options.curl is not None:
+        changed["curl"] = _vector(options.curl)
+    if options.jitter is not None:
+        changed["jitter_amplitude"], changed["jitter_frequency"] = options.jitter
+    try:
+        return LeafEdits(**changed)
+    except ValueError as error:
+        raise FoliageError(f"{error}; lengths are in leaf lengths") from error
+
+
+def _read_silhouette(given: Sequence[Sequence[float]]) -> dict[str, Vector]:
+    points: dict[str, Vector] = {}
+    for numbers in given:
+        said = " ".join(f"{number:g}" for number in numbers)
+        if len(numbers) not in (3, 4):
+            raise FoliageError(f"--silhouette takes POINT V X and at most Z besides, not {said}")
+        if numbers[0] not in (1, 2, 3):
+            raise FoliageError(f"--silhouette: the point is 1, 2 or 3, counted from the base, not {numbers[0]:g}")
+        name = f"silhouette{numbers[0]:.0f}"
+        if name in points:
+            raise FoliageError(f"--silhouette names point {numbers[0]:.0f} twice; add the numbers up")
+        points[name] = _vector([*numbers[1:], 0.0][:3])
+    return points
+
+
+def _vector(numbers: Sequence[float]) -> Vector:
+    x, y, z = numbers
+    return x, y, z

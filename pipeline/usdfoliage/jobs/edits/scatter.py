@@ -1,0 +1,192 @@
+"""From a number of leaves to an asset of a random spray."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from usdfoliage import __version__
+from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.edits.settings import (
+    check_memory,
+    check_pictures,
+    fingerprint,
+    needed_memory,
+    read_representations,
+    read_settings,
+)
+from usdfoliage.leaf.shape.spray import SpraySettings, scatter_spray
+from usdfoliage.leaf.shape.variation import VariationSettings, vary_colors
+
+MOST_LEAVES = 10_000_000
+MOST_LEAVES_OF_ALL = 2000  # up to here every representation is written unless others are asked for
+MOST_PATCHES = 100_000  # one prim a leaf: beyond it no application opens the representation nurbs
+LENGTHS_M = (1e-6, 1e3)
+MOST_VARIATION = 10.0  # there leaves are a dozen times as wide as others
+
+StepProgress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScatterRequest:
+    """What the user asked for, checked."""
+
+    count: int
+    output: Path
+    name: str
+    seed: int
+    spray: SpraySettings
+    settings: LeafAssetSettings
+    look: LeafLook
+    chosen: bool  # whether the user named the representations
+    force: bool = False
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "ScatterRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        check_count(options.count)
+        if not 0 <= options.seed < 2**63:  # an asset records it as int64
+            raise FoliageError(f"the seed must be 0 or more and below 2^63, not {options.seed}")
+        usual = tuple(REPRESENTATIONS) if options.count <= MOST_LEAVES_OF_ALL else ("bezier",)
+        representations = read_representations(options.representation or usual)
+        look = LeafLook(
+            color=read_color(options.color) if options.color else LeafLook().color,
+            texture=options.texture,
+            jitter_map=options.jitter_map,
+        )
+        check_pictures(look.texture, look.jitter_map)
+        settings = read_settings(representations, options.resolution)
+        check_memory(options.count, settings)
+        return cls(
+            count=options.count,
+            output=options.output,
+            name=asset_name(options.name or options.output.resolve().name),
+            seed=options.seed,
+            spray=read_spray(options.length, options.variation),
+            settings=settings,
+            look=look,
+            chosen=options.representation is not None,
+            force=options.force,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeSpray:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    count: int
+    representations: Sequence[str]
+    notes: tuple[str, ...]
+
+
+def scatter_asset(request: ScatterRequest, progress: StepProgress | None = None) -> MadeSpray:
+    """Grow the spray and publish its asset; what was there stays until the new one is whole.
+
+    Raises:
+        FoliageError: A picture is unusable, or the output cannot be written; nothing was changed.
+    """
+    with publish_folder(request.output, force=request.force) as folder:
+        if progress:
+            progress("leaves", 0.0)
+        rng = np.random.default_rng(request.seed)
+        leaves = scatter_spray(request.count, rng, request.spray)
+        if request.spray.variation.amount:
+            colors = vary_colors(request.look.color, request.count, rng, request.spray.variation.amount)
+            leaves = replace(leaves, color=colors)
+        if progress:
+            progress("asset", 0.3)
+        provenance = Provenance(
+            capture="",  # nothing was captured
+            generator=f"usdfoliage {__version__}",
+            seed=request.seed,
+            settings=describe_settings(request),
+            input_sha256=fingerprint([request.look.texture, request.look.jitter_map]),
+        )
+        interface = write_leaf_asset(folder, request.name, leaves, provenance, request.settings, look=request.look)
+    return MadeSpray(
+        asset=request.output / interface.name,
+        count=request.count,
+        representations=request.settings.representations,
+        notes=tuple(_notes(request)),
+    )
+
+
+def plan_spray(request: ScatterRequest) -> str:
+    """What scatter_asset would do, in lines; writes nothing."""
+    lines = [
+        f"leaves: {request.count:,}",
+        f"representations: {', '.join(request.settings.representations)}",
+        *(f"note: {note}" for note in _notes(request)),
+        f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+        plan_folder(request.output, f"{request.name}.usda", request.force),
+    ]
+    return "\n".join(lines)
+
+
+def describe_settings(request: ScatterRequest) -> dict[str, str]:
+    """Every setting that decides the result, by the name of its option."""
+    mesh = request.settings.mesh
+    return {
+        "count": str(request.count),
+        "length": f"{request.spray.length_m:g}",
+        "variation": f"{request.spray.variation.amount:g}",
+        "representation": " ".join(request.settings.representations),
+        "resolution": f"{mesh.across} {mesh.along}",
+        "color": " ".join(f"{channel:g}" for channel in request.look.color),
+        "texture": request.look.texture.name if request.look.texture else "none",
+        "jitter-map": request.look.jitter_map.name if request.look.jitter_map else "none",
+        "seed": str(request.seed),
+    }
+
+
+def check_count(count: int) -> None:
+    """Raises FoliageError for a number of leaves that cannot be."""
+    if count < 0:
+        raise FoliageError(f"the number of leaves must be 0 or more, not {count}")
+    if count > MOST_LEAVES:
+        gib = needed_memory(count, LeafAssetSettings(representations=("bezier",))) / 2**30
+        raise FoliageError(
+            f"{count:,} leaves would need about {gib:,.0f} GiB of memory; "
+            f"an asset takes at most {MOST_LEAVES:,}, so make several"
+        )
+
+
+def read_color(numbers: Sequence[float], option: str = "--color") -> tuple[float, float, float]:
+    """A colour of three numbers, as an option gave them; FoliageError for one that no plant has."""
+    red, green, blue = numbers
+    if not all(0 <= channel <= 1 for channel in numbers):  # false for NaN too
+        raise FoliageError(f"{option} must be three numbers from 0 to 1, linear, not {red:g} {green:g} {blue:g}")
+    return red, green, blue
+
+
+def read_spray(length_m: float, variation: float) -> SpraySettings:
+    """Leaves of this length that differ by this share of what they do on a plant."""
+    shortest_m, longest_m = LENGTHS_M
+    if not shortest_m <= length_m <= longest_m:  # true for NaN too
+        raise FoliageError(f"--length must be {shortest_m:g} to {longest_m:g} metres, not {length_m:g}")
+    if not 0 <= variation <= MOST_VARIATION:
+        raise FoliageError(f"--variation must be 0 to {MOST_VARIATION:g}, not {variation:g}")
+    return SpraySettings(
+        length_m=length_m,
+        length_variation=SpraySettings().length_variation * variation,
+        variation=VariationSettings(amount=variation),
+    )
+
+
+def _notes(request: ScatterRequest) -> list[str]:
+    notes = []
+    if not request.chosen and request.count > MOST_LEAVES_OF_ALL:
+        notes.append(
+            f"beyond {MOST_LEAVES_OF_ALL:,} leaves only bezier is written; others with --representation "
+            "(nurbs has one prim a leaf)"
+        )
+    if "nurbs" in request.settings.representations and request.count > MOST_PATCHES:
+        notes.append(f"nurbs has one prim a leaf: few applications open {request.count:,} of them")
+    return notes

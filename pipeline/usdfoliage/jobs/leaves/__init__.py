@@ -1,0 +1,1 @@
+"""The job of leaves: from posed photographs with depth to an asset."""

@@ -1,0 +1,393 @@
+"""From a capture's folder to an asset of its leaves."""
+
+import argparse
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage import __version__
+from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.capture.folder.depth_scale import check_depth_scale
+from usdfoliage.capture.folder.read import Capture, CaptureViews, read_capture, read_view, read_views
+from usdfoliage.capture.mvs.plane_sweep import sweep_depths
+from usdfoliage.capture.view import View
+from usdfoliage.errors import CaptureError, FoliageError, PreviewError
+from usdfoliage.files.temporary_folder import temporary_folder
+from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.jobs.crown.photograph_report import Row
+from usdfoliage.jobs.edits.change import move_leaves
+from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL
+from usdfoliage.jobs.edits.settings import check_memory, fingerprint, read_representations
+from usdfoliage.jobs.leaves.pictures import shrink_camera
+from usdfoliage.jobs.leaves.report import LeavesReport, choose_shown, measure_rows, write_leaves_report
+from usdfoliage.jobs.leaves.settings import LeavesSettings, read_leaves_settings
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, encode_png, render_views
+from usdfoliage.jobs.work.settings_file import list_settings
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.photographs.average_texture import AverageTexture
+from usdfoliage.leaf.reconstruct import STEPS, Reconstruction, reconstruct_leaves
+from usdfoliage.leaf.segmentation.model import Step
+from usdfoliage.leaf.shape.bounds import leaf_bounds_m
+from usdfoliage.leaf.shape.jitter import NO_JITTER, spread_phases
+from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
+
+AUTO, SWEEP = "auto", "sweep"  # words of --depth that name no folder
+USUAL_DEPTH = "depth"
+PREVIEW_PX = 640  # longer side of Storm's pictures, which take more time than all the rest of a report
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeavesRequest:
+    """What the user asked for, checked."""
+
+    capture: Path
+    output: Path
+    name: str
+    settings: LeavesSettings
+    depth: str = "auto"
+    views: str | None = None  # None: all
+    representations: tuple[str, ...] | None = None  # None: as many as the number of leaves allows
+    species: str = ""
+    seed: int = 0
+    report_views: int = 12
+    preview: bool = True
+    times: bool = True  # whether the report says how long each step took
+    force: bool = False
+
+    @classmethod
+    def from_options(cls, options: argparse.Namespace) -> "LeavesRequest":
+        """The request that a command line makes; FoliageError for values that cannot be."""
+        if options.capture is None:
+            raise FoliageError("no capture is named; give its folder, as in: usdfoliage leaves CAPTURE -o OUT")
+        if options.output is None:
+            raise FoliageError("no output is named; give the asset's folder with -o OUT")
+        if options.report_views < 0:
+            raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
+        return cls(
+            capture=options.capture,
+            output=options.output,
+            name=asset_name(options.name or options.output.resolve().name),
+            settings=read_leaves_settings(options),
+            depth=options.depth,
+            views=options.views,
+            representations=read_representations(options.representation) if options.representation else None,
+            species=options.species,
+            seed=options.seed or 0,
+            report_views=options.report_views,
+            preview=not options.no_preview,
+            force=options.force,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeLeaves:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    report: Path
+    representations: Sequence[str]
+    notes: tuple[str, ...]
+    steps: Sequence[Step]
+    measures: Sequence[Row]
+    warnings: tuple[str, ...] = ()  # those of the notes that put the whole asset in doubt
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeavesInput:
+    """A capture as it was read."""
+
+    capture: Capture
+    views: Sequence[View]
+    numbers: NDArray[np.int32]  # of each view among all posed photographs of the capture
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()  # those of the notes that put all depth in doubt
+
+
+def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = None) -> MadeLeaves:
+    """Find the leaves of a capture and publish their asset; the old asset stays until the new one is whole.
+
+    Raises:
+        FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
+    """
+    with publish_folder(request.output, force=request.force) as folder:
+        start = time.perf_counter()
+        given = read_leaves_input(request, progress)
+        seconds = {"capture": time.perf_counter() - start}
+        found = reconstruct_leaves(given.views, request.settings, progress)
+        seconds.update(found.seconds)
+
+        if not len(found.leaves):
+            logger.warning("no leaf was found (%s)", request.capture)
+        start = time.perf_counter()
+        if progress:
+            progress("asset", 0.0)
+        asset_from_world = place_plant(found.leaves, given.capture.asset_from_world)
+        leaves = finish_leaves(found.leaves, asset_from_world, given.numbers)
+        settings = LeafAssetSettings(representations=choose_representations(request, len(leaves)))
+        check_memory(len(leaves), settings)
+        interface = write_asset(folder, request, given, found, leaves, asset_from_world, settings)
+        seconds["asset"] = time.perf_counter() - start
+
+        start = time.perf_counter()
+        report_folder = folder / "report"
+        report_folder.mkdir(exist_ok=True)
+        shown = choose_shown(len(given.views), request.report_views)
+        previews: dict[int, str] = {}
+        notes = [*found.notes, *given.notes]
+        if request.preview and len(leaves) and shown:
+            try:
+                previews = draw_previews(interface, report_folder, given, shown, asset_from_world, progress)
+            except PreviewError as error:
+                logger.warning("no pictures: %s", error)
+                notes.append(f"no pictures of the asset: {error}")
+            seconds["preview"] = time.perf_counter() - start
+        if progress:
+            progress("report", 0.0)
+        texture = sorted((folder / "maps").glob(f"{request.name}_leaf.*"))
+        report = LeavesReport(
+            name=request.name,
+            capture=given.capture.name,
+            generator=f"usdfoliage {__version__}",
+            notes=notes,
+            settings=describe_settings(request),
+            seconds=seconds if request.times else {},
+            shown=shown,
+            numbers=given.numbers.tolist(),
+            texture=f"../maps/{texture[0].name}" if texture else "",
+            previews=previews,
+        )
+        write_leaves_report(report_folder, report, found, given.views, threads=request.settings.threads)
+    return MadeLeaves(
+        asset=request.output / interface.name,
+        report=request.output / "report" / "index.html",
+        representations=settings.representations,
+        notes=tuple(notes),
+        steps=found.steps,
+        measures=measure_rows(leaves),
+        # Without a leaf, whatever is said of the leaves is why.
+        warnings=(*given.warnings, *(() if len(leaves) else found.notes)),
+    )
+
+
+def plan_leaves_asset(request: LeavesRequest) -> str:
+    """What make_leaves_asset would do, in lines, after looking at the capture; writes nothing."""
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    capture = find_capture(request)
+    first = read_view(capture, 0).camera
+    depths = sum(view.depth is not None for view in capture.views)
+    masks = sum(view.mask is not None for view in capture.views)
+    swept = request.depth == SWEEP or (request.depth == AUTO and not depths)
+    steps = ["capture", *(["sweep"] if swept else []), *STEPS, "asset", *(["preview"] if request.preview else [])]
+    lines = [
+        f"capture: {request.capture}, {len(capture.views)} photographs, the first {first.width_px} x "
+        f"{first.height_px} px",
+        f"depth: {'from the photographs' if swept else f'of {depths} of them'}; masks: of {masks}",
+        *(f"note: {note}" for note in capture.notes),
+        f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+        f"steps: {', '.join(steps)}",
+        would,
+    ]
+    return "\n".join(lines)
+
+
+def find_capture(request: LeavesRequest) -> Capture:
+    """The capture with the photographs asked for; CaptureError where there are none."""
+    folder = USUAL_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
+    return read_capture(request.capture, depth=folder, views=request.views)
+
+
+def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = None) -> LeavesInput:
+    """Read the photographs asked for, with their depth; compute that where there is none.
+
+    Depth maps that hold nothing are not replaced unasked: whoever gave them should hear of it.
+
+    Raises:
+        CaptureError: see read_capture, read_views and sweep_depths.
+    """
+    capture = find_capture(request)
+    if request.depth == SWEEP:
+        capture = _without_depth(capture)
+    has_maps = any(view.depth is not None for view in capture.views)
+    read = _read_what_can_be(capture, request, _within("capture", progress))
+    views, notes = list(read.views), [*capture.notes, *read.notes]
+    warnings = list(check_depth_scale(views, capture.points_m, capture.settings.metres_per_unit))  # among the notes
+    if request.depth != SWEEP and has_maps and not any(view.has_depth for view in views):
+        warnings.append(
+            "the depth maps hold no depth that can be used; --depth sweep would compute it from the photographs"
+        )
+        notes.append(warnings[-1])
+    if request.depth == SWEEP or (request.depth == AUTO and not has_maps):
+        if len(views) < 2:
+            raise CaptureError(
+                f"{request.capture} has no depth for the one photograph that is used, and it takes two to compute it; "
+                "give depth maps, or more photographs"
+            )
+        try:
+            depths = sweep_depths(views, capture.points_m, request.settings.sweep, _within("sweep", progress))
+        except CaptureError as error:
+            raise CaptureError(
+                f"depth cannot be computed from the photographs: {error}; put depth maps into "
+                f"{request.capture / USUAL_DEPTH}, or give photographs that overlap"
+            ) from error
+        views = [replace(view, depth_m=depth_m) for view, depth_m in zip(views, depths, strict=True)]
+        notes.append("depth was computed from the photographs: it is coarse, and so are the leaves")
+    everything = capture if request.views is None else find_capture(replace(request, views=None))
+    places = {view.name: number for number, view in enumerate(everything.views)}
+    numbers = np.array([places[view.name] for view in views], np.int32)
+    return LeavesInput(capture=capture, views=views, numbers=numbers, notes=tuple(notes), warnings=tuple(warnings))
+
+
+def _read_what_can_be(
+    capture: Capture, request: LeavesRequest, progress: Callable[[int, int], None] | None
+) -> CaptureViews:
+    """The views; without depth where all of its maps are damaged and none was asked for by its folder."""
+    try:
+        return read_views(capture, progress)
+    except CaptureError as error:
+        if request.depth != AUTO or all(view.depth is None for view in capture.views):
+            raise
+        bare = read_views(_without_depth(capture), progress)  # raises what is wrong with the photographs, if they are
+        return replace(bare, notes=(*bare.notes, str(error)))
+
+
+def _without_depth(capture: Capture) -> Capture:
+    return replace(capture, views=tuple(replace(view, depth=None) for view in capture.views))
+
+
+def place_plant(leaves: Leaves, turned_from_world: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where a plant of these leaves stands: (4, 4) for column vectors, from the world to the asset.
+
+    The lowest point of the leaves is on the ground, and the origin is below the middle of them all.
+    """
+    if not len(leaves):
+        return turned_from_world
+    low, high = leaf_bounds_m(move_leaves(leaves, turned_from_world), NO_JITTER)
+    moved = np.eye(4)
+    moved[:3, 3] = -(low[0] + high[0]) / 2, -low[1], -(low[2] + high[2]) / 2
+    return np.asarray(moved @ turned_from_world)
+
+
+def finish_leaves(leaves: Leaves, asset_from_world: NDArray[np.float64], numbers: NDArray[np.int32]) -> Leaves:
+    """The leaves in the asset's frame, with the numbers of the photographs among the capture's."""
+    view = None if leaves.view is None else np.where(leaves.view >= 0, numbers[leaves.view], -1).astype(np.int32)
+    return replace(move_leaves(leaves, asset_from_world), view=view, phase=spread_phases(len(leaves)))
+
+
+def choose_representations(request: LeavesRequest, count: int) -> tuple[str, ...]:
+    """Those asked for; else all of them for as many leaves as anything opens."""
+    if request.representations is not None:
+        return request.representations
+    return tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)
+
+
+def write_asset(
+    folder: Path,
+    request: LeavesRequest,
+    given: LeavesInput,
+    found: Reconstruction,
+    leaves: Leaves,
+    asset_from_world: NDArray[np.float64],
+    settings: LeafAssetSettings,
+) -> Path:
+    """Write the asset of leaves in its own frame into folder; returns its interface layer."""
+    unit = given.capture.settings.metres_per_unit
+    provenance = Provenance(
+        species=request.species,
+        capture=given.capture.folder.resolve().name,
+        generator=f"usdfoliage {__version__}",
+        seed=request.seed,
+        settings=describe_settings(request),
+        input_sha256=fingerprint(list_inputs(given.capture)),
+    )
+    look = LeafLook()
+    if leaves.color is not None and len(leaves):
+        look = replace(look, color=_three(np.median(leaves.color, axis=0)))
+    with temporary_folder("leaf") as work:
+        if found.texture is not None:
+            texture = work / "leaf.png"
+            texture.write_bytes(encode_texture(found.texture))
+            look = replace(look, texture=texture, texture_color=usual_color(found.texture))
+        return write_leaf_asset(
+            folder,
+            request.name,
+            leaves,
+            provenance,
+            settings,
+            look=look,
+            asset_from_capture=asset_from_world @ np.diag([unit, unit, unit, 1.0]),
+        )
+
+
+def encode_texture(texture: AverageTexture) -> bytes:
+    """A PNG of the average leaf, sRGB, with its opacity."""
+    rgba = np.dstack([encode_srgb(texture.rgba[..., :3]), texture.rgba[..., 3]])
+    return encode_png(np.rint(np.clip(rgba, 0, 1) * 255).astype(np.uint8))
+
+
+def usual_color(texture: AverageTexture) -> tuple[float, float, float]:
+    """The mean colour of the average leaf where it is opaque, linear; black nowhere, for leaves are divided by it."""
+    opacity = texture.rgba[..., 3].astype(np.float64)
+    opacity = opacity if opacity.any() else np.ones_like(opacity)
+    mean = np.average(texture.rgba[..., :3].reshape(-1, 3).astype(np.float64), axis=0, weights=opacity.ravel())
+    return _three(np.maximum(mean, 1e-4))
+
+
+def list_inputs(capture: Capture) -> list[Path]:
+    """The files that a capture's views are read from, sorted."""
+    files = [path for view in capture.views for path in (view.photo, view.depth, view.mask) if path is not None]
+    cameras = [path for path in (capture.folder / "cameras").rglob("*") if path.is_file()]
+    toml = capture.folder / "capture.toml"
+    return sorted({*files, *cameras, *([toml] if toml.is_file() else [])})
+
+
+def draw_previews(
+    interface: Path,
+    folder: Path,
+    given: LeavesInput,
+    shown: Sequence[int],
+    asset_from_world: NDArray[np.float64],
+    progress: StepProgress | None,
+) -> dict[int, str]:
+    """Pictures of the asset from the cameras of these views, by the view's number here; PreviewError without Storm."""
+    cameras = [shrink_camera(given.views[number].camera, PREVIEW_PX, asset_from_world) for number in shown]
+    files = [f"view_{given.numbers[number]:03}_storm.png" for number in shown]
+    views = [PreviewView(output=folder / file, pinhole=camera) for file, camera in zip(files, cameras, strict=True)]
+    render_views(interface, views, PreviewSettings(samples=1), _within("preview", progress))
+    return dict(zip(shown, files, strict=True))
+
+
+def describe_settings(request: LeavesRequest) -> dict[str, str]:
+    """Every setting that decides the result, those of the command line by the names of their options."""
+    other = "paper" if request.settings.method == "dense" else "dense"
+    return {
+        "depth": request.depth,
+        "views": request.views or "all",
+        "representation": " ".join(request.representations) if request.representations else "by the number of leaves",
+        "seed": str(request.seed),
+        **{
+            name: value
+            for name, value in list_settings(request.settings).items()
+            # The number of threads changes nothing, and the other method was not used.
+            if not name.endswith("threads") and not name.startswith((f"{other}.", f"{other}_fit."))
+        },
+    }
+
+
+def _three(color: NDArray[np.floating]) -> tuple[float, float, float]:
+    red, green, blue = map(float, color)
+    return red, green, blue
+
+
+def _within(step: str, progress: StepProgress | None) -> Callable[[int, int], None] | None:
+    """Progress of a part, told as that of a step."""
+    return None if progress is None else lambda done, total: progress(step, done / max(total, 1))

@@ -1,0 +1,71 @@
+"""What a task is given to work with."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from usdfoliage.asset.validation.studio_profile import default_profile
+from usdfoliage.jobs.plant.inputs import BuildInputs
+from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.plant.store import ResultFile, Store
+from usdfoliage.jobs.plant.tasks import BuildPlan, Task
+from usdfoliage.jobs.work.results import digest_file
+from usdfoliage.steps import StepProgress
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildRequest:
+    """A plant that a user asked for, checked."""
+
+    capture: Path
+    output: Path
+    name: str
+    settings: BuildSettings
+    work: Path
+    only: tuple[str, ...] = ()  # stages after which to stop
+    profile: Path | None = None  # of the studio, for validation; None: the one that is shipped
+    force: bool = False  # replace an output that is not ours
+    keep_invalid: bool = False  # put an asset that validation finds errors in into its place nevertheless
+
+    @property
+    def store(self) -> Store:
+        return Store(folder=self.work)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StageCall:
+    """One task that runs."""
+
+    request: BuildRequest
+    inputs: BuildInputs
+    plan: BuildPlan
+    task: Task
+    out: Path  # an empty folder for the result
+    scratch: Path  # what a run of this task that was killed may have left; it need not be there
+    threads: int  # 0: one per core
+    progress: StepProgress | None = None
+
+    @property
+    def settings(self) -> BuildSettings:
+        return self.request.settings
+
+    @property
+    def store(self) -> Store:
+        return self.request.store
+
+    def result_of(self, name: str) -> Path:
+        """The folder of another task's result."""
+        return self.store.result(self.plan.tasks[name].key)
+
+    def has(self, name: str) -> bool:
+        """Whether the plan has a task of that name."""
+        return name in self.plan.tasks
+
+
+def digest_profile(request: BuildRequest) -> str:
+    """Of the rules that the asset is validated by; CaptureError where they cannot be read."""
+    return digest_file(request.profile or default_profile())
+
+
+# A stage: fills the folder of its result, and says which files elsewhere in the work folder belong to it too.
+Stage = Callable[[StageCall], tuple[ResultFile, ...]]

@@ -1,0 +1,167 @@
+"""What a build starts from: the files of a capture, or a point cloud, and their digests."""
+
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import OpenImageIO as oiio
+
+from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES, check_cloud_file, looks_like_cloud
+from usdfoliage.capture.folder.listing import files_below
+from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
+from usdfoliage.errors import CaptureError
+from usdfoliage.files.json import read_json
+from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, MASKS, find_photographs
+from usdfoliage.jobs.plant.settings import LeafDepth
+from usdfoliage.jobs.plant.store import Store
+from usdfoliage.jobs.work.results import digest_file, task_key, write_whole
+
+logger = logging.getLogger(__name__)
+
+DEPTH_FOLDER = "depth"
+Look = Literal["bytes", "memory", "files", "names"]
+_UNREAD = ""  # digest of a file that nobody looked at
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildInputs:
+    """The files that decide a plant."""
+
+    source: Path  # the capture's folder, or a cloud
+    name: str
+    photographs: Mapping[str, Path]  # by name; none for a cloud
+    has_cameras: bool
+    has_depth: bool  # of its own
+    files: Mapping[str, Path]  # by their names in the capture
+    digests: tuple[tuple[str, str], ...]  # name and SHA-256 of each file
+    megapixels: float  # of the first photograph
+    notes: tuple[str, ...] = ()
+
+
+def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Look = "bytes") -> BuildInputs:
+    """The files of a capture that a build reads.
+
+    Args:
+        source: A capture, a folder of photographs, or a point cloud.
+        store: Where digests are remembered.
+        depth: Which depth leaves are fitted to.
+        look: bytes reads every file; memory trusts what is remembered of those whose size and time are the same; files
+            does so too, and remembers nothing; names reads no others either: their digest is "".
+
+    Raises:
+        CaptureError: There is nothing to build from, or a file cannot be read, or has a name that cannot be recorded.
+    """
+    try:
+        is_file = source.is_file()
+    except OSError as error:  # such a name cannot be
+        raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}; name a capture") from error
+    if looks_like_cloud(source):
+        check_cloud_file(source)
+    if is_file:
+        if not looks_like_cloud(source):
+            raise CaptureError(
+                f"{source} is neither a folder nor a point cloud ({', '.join(CLOUD_SUFFIXES)}); "
+                "name a folder of photographs"
+            )
+        files = {source.name: source}
+        _require_names(files)
+        return BuildInputs(
+            source=source,
+            name=source.stem,
+            photographs={},
+            has_cameras=False,
+            has_depth=False,
+            files=files,
+            digests=_digest_files(source, files, store, look=look),
+            megapixels=0.0,
+        )
+    given = find_photographs(source, source.parent / f".{source.name}.none")
+    files = {f"{IMAGES}/{name}": path for name, path in given.photos.items()}
+    has_cameras = has_depth = False
+    if given.is_capture:
+        folders = [MASKS, CAMERAS]
+        has_depth = depth != "estimated" and bool(files_below(source / DEPTH_FOLDER))
+        if depth == "given" and not has_depth:
+            raise CaptureError(f"{source} has no {DEPTH_FOLDER}/; set leaves.depth to estimated, or put maps there")
+        for folder in [*folders, *([DEPTH_FOLDER] if has_depth else [])]:
+            files.update({f"{folder}/{name}": path for name, path in files_below(source / folder).items()})
+        has_cameras = any(name.startswith(f"{CAMERAS}/") for name in files)
+        if (source / FILE_NAME).is_file():
+            files[FILE_NAME] = source / FILE_NAME
+        read_capture_settings(source)  # what is wrong with it is said before anything runs
+    _require_names(files)
+    first = next(iter(given.photos.values()))
+    return BuildInputs(
+        source=source,
+        name=source.resolve().name,
+        photographs=given.photos,
+        has_cameras=has_cameras,
+        has_depth=has_depth,
+        files=files,
+        digests=_digest_files(source, files, store, look=look),
+        megapixels=_megapixels(first),
+        notes=given.notes,
+    )
+
+
+def _require_names(files: Mapping[str, Path]) -> None:
+    """An asset records the names of its inputs as others read them: with slashes, in Unicode.
+
+    Raises:
+        CaptureError: A file has another name.
+    """
+    for name, path in files.items():
+        if "\\" in name:
+            raise CaptureError(f"{path} has a backslash in its name, which is another folder elsewhere; rename it")
+        try:
+            name.encode()
+        except UnicodeEncodeError as error:
+            raise CaptureError(f"{path} has a name that is not in UTF-8; rename it") from error
+
+
+def _digest_files(source: Path, files: Mapping[str, Path], store: Store, look: Look) -> tuple[tuple[str, str], ...]:
+    """Name and digest of every file, sorted; in a quick look those that nobody remembers have none."""
+    memory = store.folder / "digests" / f"{task_key(str(source.resolve()))}.json"
+    known = _read_memory(memory)
+    digests: dict[str, str] = {}
+    remembered: dict[str, list[object]] = {}
+    for name, path in sorted(files.items()):
+        try:
+            seen = path.stat()
+        except OSError as error:
+            raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        mark: list[object] = [seen.st_size, seen.st_mtime_ns, seen.st_ino]
+        held = known.get(name)
+        if look != "bytes" and held and held[:3] == mark:
+            digests[name] = str(held[3])
+        else:
+            digests[name] = _UNREAD if look == "names" else digest_file(path)
+        remembered[name] = [*mark, digests[name]]
+    if look in ("bytes", "memory") and remembered != known:
+        write_whole(memory, json.dumps(remembered, indent=1).encode())
+    return tuple(sorted(digests.items()))
+
+
+def _read_memory(path: Path) -> dict[str, list[object]]:
+    try:
+        held = read_json(path)
+        return {str(name): list(value) for name, value in held.items() if len(value) == 4}
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        logger.info("%s is damaged (%s) and is made again", path, error)
+        return {}
+
+
+def _megapixels(photo: Path) -> float:
+    """Of a photograph, by its header; for one that has none, as cameras compress."""
+    held = oiio.ImageInput.open(str(photo))
+    if held is None:
+        oiio.geterror()
+        return max(photo.stat().st_size / 350_000, 0.1)
+    spec = held.spec()
+    held.close()
+    return float(spec.width * spec.height / 1e6)

@@ -1,0 +1,59 @@
+"""How far a build is."""
+
+from collections.abc import Callable
+
+from usdfoliage.jobs.plant.executors import Done, Wanted
+from usdfoliage.steps import StepProgress
+
+# Told of the plant, of what runs, and of the share of the whole work that is done.
+BuildProgress = Callable[[str, str, float], None]
+
+
+class Meter:
+    """How much of all the work is done: every plant counts alike, its tasks by what they were thought to take."""
+
+    def __init__(self, plants: int, progress: BuildProgress | None) -> None:
+        self._progress = progress
+        self._plants = plants
+        self._wanted: list[Wanted] = []
+        self._done_s: dict[int, float] = {}  # of plants that are not at their end
+        self._ended = 0
+
+    def add(self, wanted: Wanted) -> None:
+        self._done_s[len(self._wanted)] = 0.0
+        self._wanted.append(wanted)
+
+    def forget(self, place: int) -> None:
+        """That plan counts no more: its plant is planned again."""
+        self._done_s.pop(place, None)
+
+    def end(self, place: int) -> None:
+        self._done_s.pop(place, None)
+        self._ended += 1
+
+    def step(self, place: int, name: str) -> StepProgress | None:
+        """What is told of the steps within a task, where it runs in this process."""
+        if self._progress is None:
+            return None
+        tell, plant = self._progress, self._wanted[place].request.name
+
+        def show(step: str, share: float) -> None:
+            what = name if step == name else f"{name}: {step}"
+            # Steps follow each other within a task, and each counts from 0: the task as a whole is half done.
+            tell(plant, what, self._share(place, name, share if step == name else 0.5))
+
+        return show
+
+    def done(self, place: int, done: Done) -> None:
+        if place in self._done_s:
+            self._done_s[place] += self._wanted[place].tasks[done.name].estimate_s
+        if self._progress is not None:
+            self._progress(self._wanted[place].request.name, done.name, self._share(place, done.name, 0.0))
+
+    def _share(self, place: int, name: str, inner: float) -> float:
+        total = float(self._ended)
+        for each, done_s in self._done_s.items():
+            tasks = self._wanted[each].tasks
+            more_s = inner * tasks[name].estimate_s if each == place else 0.0
+            total += (done_s + more_s) / (sum(task.estimate_s for task in tasks.values()) or 1.0)
+        return total / max(self._plants, 1)

@@ -1,0 +1,207 @@
+"""A build as a job of Open Job Description, which render farms run: each step of it a command on any machine.
+
+Source:
+    Open Job Description, Template Schemas, revision 2023-09, with the extension TASK_CHUNKING; AWS Deadline Cloud
+    developer guide, Job bundles.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from usdfoliage.asset.publish_file import publish_text
+from usdfoliage.errors import AssetError
+from usdfoliage.jobs.plant.farm_steps import PUBLISH, Step
+from usdfoliage.jobs.plant.tasks import (
+    BRANCHES,
+    CLOUD,
+    COMPARISONS,
+    CROWN,
+    DEPTH,
+    ISOLATION,
+    LEAVES,
+    MATCHING,
+    POSES,
+    TURNTABLE,
+    VARIANTS,
+)
+
+_HEAVY = (POSES, MATCHING, DEPTH, CLOUD, ISOLATION, BRANCHES, LEAVES, CROWN, TURNTABLE, COMPARISONS, VARIANTS)
+_LEAST_MEMORY_MIB = 2048
+_SHORTEST_TIMEOUT_S = 3600
+_LATE = 30  # times its estimate: then a task hangs
+_NOTIFY_S = 30  # after which one that is cancelled is killed; what it had done is not lost then either
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobParameter:
+    """What whoever submits the job may change."""
+
+    name: str
+    kind: str  # STRING, INT or PATH
+    value: str | int | None  # None: not known yet
+    description: str
+    option: str = ""  # of the command, before the value; empty: the value alone
+    is_file: bool = False  # a PATH's
+    flow: str = ""  # a PATH's: IN, OUT or INOUT
+
+
+@dataclass(frozen=True, kw_only=True)
+class FarmJob:
+    """A build on a farm."""
+
+    name: str  # of the asset
+    steps: Sequence[Step]
+    parameters: Sequence[JobParameter]
+    flags: Sequence[str] = ()  # of the last step, which puts the asset in its place
+    executable: str = "usdfoliage"
+    cores: int = 4  # of a machine that does heavy steps
+    memory_mib: int = 8192  # likewise
+    is_chunked: bool = True  # whether the farm may give several chunks to one command
+
+    def __post_init__(self) -> None:
+        if self.cores < 1:
+            raise ValueError(f"cores must be at least 1, not {self.cores}")
+        if self.memory_mib < 1:
+            raise ValueError(f"memory-mib must be at least 1, not {self.memory_mib}")
+
+
+def make_template(job: FarmJob) -> dict[str, object]:
+    """The job template; it names no file and no folder of this machine.
+
+    Paths are parameters, and reach the command as arguments of their own: no shell reads them.
+    """
+    parameters = [
+        _define(each)
+        for each in (
+            *job.parameters,
+            JobParameter(
+                name="Executable", kind="STRING", value=job.executable, description="usdfoliage on the workers"
+            ),
+        )
+    ]
+    template: dict[str, object] = {"specificationVersion": "jobtemplate-2023-09"}
+    if job.is_chunked and any(step.chunks > 1 for step in job.steps):
+        template["extensions"] = ["TASK_CHUNKING"]
+    return {
+        **template,
+        "name": f"usdfoliage {job.name}",
+        "description": "A plant's asset. All machines must see the same work folder, or get it with the job.",
+        "parameterDefinitions": parameters,
+        "steps": [_define_step(job, step) for step in job.steps],
+    }
+
+
+def write_template(path: Path, job: FarmJob, *, force: bool = False) -> Path:
+    """Write the template, and beside it the values of its parameters; returns the file with these.
+
+    Args:
+        path: Of the template.
+        job: What it says.
+        force: Replace a file that is no job's.
+
+    Raises:
+        AssetError: A file cannot be written, or is no template; what was there is unchanged.
+    """
+    _spare(path, force)
+    values = path.with_name(f"{path.stem}.parameters.yaml")
+    publish_text(values, _as_yaml(parameter_values(job)))
+    publish_text(path, _as_yaml(make_template(job)))
+    return values
+
+
+def write_bundle(folder: Path, job: FarmJob, *, force: bool = False) -> None:
+    """Write a job bundle as AWS Deadline Cloud takes it: the template last, without which there is no bundle.
+
+    Args:
+        folder: Of the bundle.
+        job: What it says.
+        force: Write into a folder that holds something else.
+
+    Raises:
+        AssetError: A file cannot be written, or the folder holds no bundle; what was there is unchanged.
+    """
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "template.yaml").is_file() and not force:
+        raise AssetError(f"{folder} holds something else than a bundle; name another folder, or say --force")
+    _spare(folder / "template.yaml", force)
+    values = [{"name": name, "value": value} for name, value in parameter_values(job).items()]
+    # Deadline finds the files of PATH parameters itself.
+    references = {"inputs": {"filenames": [], "directories": []}, "outputs": {"directories": []}, "referencedPaths": []}
+    publish_text(folder / "parameter_values.yaml", _as_yaml({"parameterValues": values}))
+    publish_text(folder / "asset_references.yaml", _as_yaml({"assetReferences": references}))
+    publish_text(folder / "template.yaml", _as_yaml(make_template(job)))
+
+
+def _spare(path: Path, force: bool) -> None:
+    """AssetError for a file that is there and no template."""
+    if force or not path.exists():
+        return
+    try:
+        is_template = path.is_file() and "specificationVersion" in path.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        is_template = False
+    if not is_template:
+        raise AssetError(f"{path} is there and no job template; name another file, or say --force to replace it")
+
+
+def parameter_values(job: FarmJob) -> dict[str, str | int]:
+    """Of the parameters that are known."""
+    return {each.name: each.value for each in job.parameters if each.value is not None}
+
+
+def _define(parameter: JobParameter) -> dict[str, object]:
+    defined: dict[str, object] = {"name": parameter.name, "type": parameter.kind, "description": parameter.description}
+    if parameter.kind == "PATH":
+        # A default would have to lie below the template's own folder.
+        control = "CHOOSE_INPUT_FILE" if parameter.is_file else "CHOOSE_DIRECTORY"
+        return {
+            **defined,
+            "objectType": "FILE" if parameter.is_file else "DIRECTORY",
+            "dataFlow": parameter.flow,
+            "userInterface": {"control": control, "label": parameter.name},
+        }
+    return {**defined, "default": parameter.value} if parameter.value is not None else defined
+
+
+def _define_step(job: FarmJob, step: Step) -> dict[str, object]:
+    arguments = ["task"]
+    for each in job.parameters:
+        arguments += [each.option] if each.option else []
+        arguments.append(f"{{{{Param.{each.name}}}}}")
+    arguments += ["--step", step.name, "--openjd"]
+    space: dict[str, object] = {}
+    if step.chunks > 1:
+        arguments += ["--chunks", "{{Task.Param.Chunk}}"]
+        chunk: dict[str, object] = {"name": "Chunk", "type": "INT", "range": f"1-{step.chunks}"}
+        if job.is_chunked:
+            chunk["type"] = "CHUNK[INT]"
+            chunk["chunks"] = {"defaultTaskCount": 1, "targetRuntimeSeconds": 600, "rangeConstraint": "CONTIGUOUS"}
+        space = {"parameterSpace": {"taskParameterDefinitions": [chunk]}}
+    if step.name == PUBLISH:
+        arguments += job.flags
+    is_heavy = step.name.split("-", maxsplit=1)[0] in _HEAVY
+    action = {
+        "command": "{{Param.Executable}}",
+        "args": arguments,
+        "timeout": max(_SHORTEST_TIMEOUT_S, round(_LATE * step.estimate_s * step.chunks)),
+        "cancelation": {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": _NOTIFY_S},
+    }
+    return {
+        "name": step.name,
+        **({"dependencies": [{"dependsOn": need} for need in step.needs]} if step.needs else {}),
+        **space,
+        "hostRequirements": {
+            "amounts": [
+                {"name": "amount.worker.vcpu", "min": job.cores if is_heavy else 1},
+                {"name": "amount.worker.memory", "min": job.memory_mib if is_heavy else _LEAST_MEMORY_MIB},
+            ],
+            "attributes": [{"name": "attr.worker.os.family", "anyOf": ["linux", "macos"]}],
+        },
+        "script": {"actions": {"onRun": action}},
+    }
+
+
+def _as_yaml(held: object) -> str:
+    return yaml.safe_dump(held, sort_keys=False, allow_unicode=True, width=120)

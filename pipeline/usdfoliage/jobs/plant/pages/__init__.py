@@ -1,0 +1,1 @@
+"""The pages of a build: a plant's report and a library's index, and their pictures."""

@@ -1,0 +1,252 @@
+"""Storm's pictures of a finished plant: all around, from the photographs' own cameras, and in every variant."""
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.packages.contents import PlantFacts, interface_of, read_plant_facts, require_plant
+from usdfoliage.asset.publish_file import publish_written
+from usdfoliage.capture.folder.read import Capture, read_view
+from usdfoliage.capture.view import View
+from usdfoliage.errors import CaptureError
+from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.capture.map_pictures import write_picture
+from usdfoliage.jobs.leaves.pictures import shrink_camera, shrink_to
+from usdfoliage.jobs.leaves.report import choose_shown
+from usdfoliage.jobs.plant.pages.cameras import choose_cameras, frame_box
+from usdfoliage.jobs.plant.pages.report import Comparison
+from usdfoliage.jobs.preview.pictures import (
+    DIRECTIONS,
+    PreviewSettings,
+    PreviewView,
+    draw_views,
+    encode_png,
+    finish_picture,
+    render_views,
+)
+
+logger = logging.getLogger(__name__)
+
+MOST_FRAMES = 3600  # of a turntable, a tenth of a degree apart
+SHAPES = (0.8, 1.6)  # width by height that pictures of narrow and of wide plants have at most
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureSettings:
+    """How large and how many the pictures of a plant are."""
+
+    turntable_frames: int = 24  # pictures of a full turn
+    turntable_px: int = 640  # width and height of each
+    thumbnail_px: int = 512  # width and height
+    comparisons: int = 6  # photographs, at most
+    comparison_px: int = 1100  # longer side
+    variant_px: int = 420  # width and height of the picture of each variant
+    samples: int = 2  # of a pixel
+    complexity: str = "medium"  # how finely Storm divides curved surfaces: low, medium, high, veryhigh
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.turntable_frames <= MOST_FRAMES:
+            raise ValueError(f"turntable_frames must be 2 to {MOST_FRAMES}, not {self.turntable_frames}")
+        if self.comparisons < 0:
+            raise ValueError(f"comparisons must be 0 or more, not {self.comparisons}")
+        self.preview(self.turntable_px)
+        self.preview(self.thumbnail_px)
+        self.preview(self.comparison_px)
+        self.preview(self.variant_px)
+
+    def preview(self, side_px: int) -> PreviewSettings:
+        """How a square picture is drawn; ValueError for what cannot be."""
+        return PreviewSettings(width_px=side_px, height_px=side_px, samples=self.samples, complexity=self.complexity)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnVariant:
+    """The picture of one variant."""
+
+    set: str
+    name: str
+    picture: Path
+    is_default: bool
+
+
+def draw_turntable(
+    asset: Path, folder: Path, settings: PictureSettings = PictureSettings(), progress: Progress | None = None
+) -> list[Path]:
+    """Draw turntable_000.png … into folder, all by one start of Storm; returns them in their order.
+
+    Raises:
+        PreviewError: As render_views.
+        AssetError: It is no asset.
+    """
+    interface, _ = interface_of(asset)
+    count = settings.turntable_frames
+    size_px = _fit_shape(_read_facts(asset), settings.turntable_px)
+    views = [
+        PreviewView(
+            output=folder / f"turntable_{number:03}.png",
+            direction="turntable",
+            turn_rad=2 * math.pi * number / count,
+            group="turntable",
+            size_px=size_px,
+        )
+        for number in range(count)
+    ]
+    return render_views(interface, views, settings.preview(settings.turntable_px), progress)
+
+
+def draw_thumbnail(asset: Path, folder: Path, settings: PictureSettings = PictureSettings()) -> Path:
+    """Draw thumbnail.png into folder: a square, seen from a quarter, of transparent ground.
+
+    Raises:
+        PreviewError: As render_views.
+        AssetError: It is no asset.
+    """
+    interface, _ = interface_of(asset)
+    view = _three_quarter(_read_facts(asset), folder / "thumbnail.png", (settings.thumbnail_px,) * 2)
+    (picture,) = render_views(interface, [view], replace(settings.preview(settings.thumbnail_px), background=None))
+    return picture
+
+
+def draw_variants(
+    asset: Path, folder: Path, settings: PictureSettings = PictureSettings(), progress: Progress | None = None
+) -> list[DrawnVariant]:
+    """Draw every variant of every set from one place, each by a start of Storm; those of a set with one are left out.
+
+    The other sets stay as the asset has them, but for representations, which are drawn with leaves alone where that
+    can be chosen.
+
+    Raises:
+        PreviewError: As render_views.
+        AssetError: It is no asset.
+    """
+    interface, _ = interface_of(asset)
+    facts = _read_facts(asset)
+    size_px = _fit_shape(facts, settings.variant_px)
+    chosen = [(held, name) for held, names in facts.variants.items() if len(names) > 1 for name in names]
+    drawn = []
+    for done, (held, name) in enumerate(chosen):
+        if progress is not None:
+            progress(done, len(chosen))
+        selections = [(held, name)]
+        if held == "representation" and "leaves" in facts.variants.get("lod", ()):
+            selections.append(("lod", "leaves"))
+        output = folder / f"variant_{held}_{name}.png"
+        # A crown is a proxy where leaves are drawn too, and is what `both` is about.
+        purposes = ("default", "render", "proxy") if name == "both" else ("default", "render")
+        preview = replace(settings.preview(settings.variant_px), variants=tuple(selections), purposes=purposes)
+        render_views(interface, [_three_quarter(facts, output, size_px)], preview)
+        is_default = facts.selections.get(held) == name
+        drawn.append(DrawnVariant(set=held, name=name, picture=output, is_default=is_default))
+    if progress is not None:
+        progress(len(chosen), len(chosen))
+    return drawn
+
+
+def draw_comparisons(
+    asset: Path,
+    capture: Capture,
+    folder: Path,
+    settings: PictureSettings = PictureSettings(),
+    progress: Progress | None = None,
+) -> list[Comparison]:
+    """Draw the plant from the cameras of photographs that see it from all sides, and put the photographs beside.
+
+    Writes view_NNN_photograph.jpg, without lens distortion, and view_NNN_plant.png, of one size, into folder; NNN is
+    the photograph's number in capture.views. Where a photograph has a mask, the silhouettes are compared. Photographs
+    that cannot be read are left out and logged.
+
+    Raises:
+        PreviewError: As render_views.
+        AssetError: It is no asset, or a picture cannot be written.
+    """
+    interface, _ = interface_of(asset)
+    facts = _read_facts(asset)
+    unit = capture.settings.metres_per_unit
+    asset_from_world = facts.asset_from_capture @ np.diag([1 / unit, 1 / unit, 1 / unit, 1.0])
+    views: dict[int, View] = {}
+    for number in _choose(capture, facts, asset_from_world, settings.comparisons):
+        try:
+            views[number] = read_view(capture, number)
+        except CaptureError as error:
+            logger.warning("a photograph is not compared: %s", error)
+    if not views:
+        return []
+    cameras = [shrink_to_stage(view.camera, settings.comparison_px, asset_from_world) for view in views.values()]
+    names = [f"view_{number:03}" for number in views]
+    wanted = [
+        PreviewView(output=folder / f"{name}_plant.png", pinhole=camera)
+        for name, camera in zip(names, cameras, strict=True)
+    ]
+    preview = settings.preview(settings.comparison_px)
+    pictures = draw_views(interface, wanted, preview, progress)
+    compared = []
+    for name, view, shown, picture in zip(names, views.values(), wanted, pictures, strict=True):
+        photograph = folder / f"{name}_photograph.jpg"
+        folder.mkdir(parents=True, exist_ok=True)
+        write_picture(photograph, shrink_to(view.srgb, settings.comparison_px))
+        png = encode_png(finish_picture(picture, preview.background))
+        publish_written(shown.output, partial(Path.write_bytes, data=png))
+        iou = None if view.mask is None or not view.mask.any() else compare_silhouettes(view.mask, picture[..., 3])
+        compared.append(Comparison(name=view.name, photograph=photograph, drawing=shown.output, iou=iou))
+    return compared
+
+
+def compare_silhouettes(mask: NDArray[np.bool_], alpha: NDArray[np.float32]) -> float:
+    """Intersection over union of a photograph's mask (H, W) and a drawing's opacity (h, w), at the drawing's size."""
+    height, width = alpha.shape
+    small = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA) >= 0.5
+    drawn = alpha >= 0.5
+    return int(np.count_nonzero(small & drawn)) / max(int(np.count_nonzero(small | drawn)), 1)
+
+
+def shrink_to_stage(camera: Pinhole, longest_px: int, stage_from_world: NDArray[np.float64]) -> Pinhole:
+    """The camera of a shrunk picture, in a frame (4, 4) that is turned, moved and may be scaled against its world.
+
+    A camera sees the same of a plant that is scaled from where it stands: its own axes are scaled back.
+    """
+    shrunk = shrink_camera(camera, longest_px, stage_from_world)
+    scale = float(np.cbrt(np.linalg.det(shrunk.cam_from_world[:, :3])))
+    return replace(shrunk, cam_from_world=shrunk.cam_from_world / scale)
+
+
+def _choose(capture: Capture, facts: PlantFacts, asset_from_world: NDArray[np.float64], most: int) -> list[int]:
+    """Photographs whose cameras see the plant from different sides; evenly chosen where its size is unknown."""
+    if facts.extent is None:
+        return choose_shown(len(capture.views), most)
+    cameras = [
+        shrink_to_stage(view.lens.pinhole(view.cam_from_world), 1000, asset_from_world) for view in capture.views
+    ]
+    return choose_cameras(cameras, facts.extent, most)
+
+
+def _read_facts(asset: Path) -> PlantFacts:
+    interface, _ = interface_of(asset)
+    stage = open_asset(interface)
+    return read_plant_facts(require_plant(stage, asset), interface)
+
+
+def _fit_shape(facts: PlantFacts, side_px: int) -> tuple[int, int]:
+    """Width and height of a picture that a plant fills as it turns, with so many pixels as a square of that side."""
+    if facts.extent is None:
+        return side_px, side_px
+    wide, high, deep = facts.extent[1] - facts.extent[0]
+    shape = float(np.clip(math.hypot(wide, deep) / max(high, 1e-9), *SHAPES))
+    return round(side_px * math.sqrt(shape)), round(side_px / math.sqrt(shape))
+
+
+def _three_quarter(facts: PlantFacts, output: Path, size_px: tuple[int, int]) -> PreviewView:
+    """From a quarter; of one camera for all variants, whose bounds may differ, where the asset tells its size."""
+    if facts.extent is None:
+        return PreviewView(output=output, direction="three-quarter", size_px=size_px)
+    azimuth_rad, elevation_rad = DIRECTIONS["three-quarter"]
+    return PreviewView(output=output, pinhole=frame_box(facts.extent, azimuth_rad, elevation_rad, size_px))

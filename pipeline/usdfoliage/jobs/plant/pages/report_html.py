@@ -1,0 +1,170 @@
+"""The quality report of a whole plant as a page, and how long it took, beside it."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from usdfoliage.asset.publish_file import publish_text
+from usdfoliage.asset.validation.findings import SEVERITIES, Finding
+from usdfoliage.jobs.plant.pages.report import (
+    Comparison,
+    Picture,
+    PlantReport,
+    StageReport,
+    State,
+    Timings,
+    Variant,
+    is_unusable,
+    judge,
+)
+from usdfoliage.jobs.report.page import clean_text, render_page
+from usdfoliage.jobs.report.page_pictures import PagePicture, embed_picture
+
+TIMINGS = "timings.js"
+TURNTABLE_PX = 640
+COMPARISON_PX = 1100
+STAGE_PX = 1000
+VARIANT_PX = 420
+SHOWN_FINDINGS = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shown:
+    """A picture with its caption."""
+
+    picture: PagePicture
+    caption: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ShownVariant:
+    variant: Variant
+    shown: _Shown | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ShownComparison:
+    comparison: Comparison
+    photograph: PagePicture
+    drawing: PagePicture
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ShownStage:
+    stage: StageReport
+    pictures: Sequence[_Shown]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Count:
+    """How many findings of a severity are open, and how many were accepted."""
+
+    severity: str
+    open: int
+    accepted: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Badge:
+    """What stands beside the name."""
+
+    kind: State  # whose colours it has
+    words: str
+
+
+def write_plant_report(folder: Path, report: PlantReport) -> Path:
+    """Write index.html into folder, which is made if need be; returns the page.
+
+    It is one file, with all pictures in it, and the same bytes for the same report. Pictures that are missing are told
+    of in their places.
+
+    Raises:
+        AssetError: The page cannot be written; what was there is unchanged.
+    """
+    sets: dict[str, list[_ShownVariant]] = {}
+    for variant in report.variants:
+        held = None if variant.picture is None else _show(variant.picture, VARIANT_PX)
+        sets.setdefault(variant.set, []).append(_ShownVariant(variant=variant, shown=held))
+    stages = [
+        _ShownStage(stage=stage, pictures=[_show(picture, STAGE_PX) for picture in stage.pictures])
+        for stage in report.stages
+    ]
+    page = render_page(
+        "plant.html",
+        "plant.css",
+        "plant.js",
+        report=report,
+        verdict=judge(report),
+        badge=_choose_badge(report),
+        # Python sorts stably: within a kind, the order of the stages.
+        warnings=sorted(report.warnings, key=lambda warning: not warning.severe),
+        anchors={stage.title: number for number, stage in enumerate(report.stages)},
+        frames=[drawn for frame in report.turntable if (drawn := embed_picture(frame, TURNTABLE_PX)).uri],
+        sets=sets,
+        comparisons=[_show_comparison(comparison) for comparison in report.comparisons],
+        stages=stages,
+        counts=count_findings(report.findings),
+        open_findings=[finding for finding in report.findings if not finding.accepted],
+        accepted_findings=[finding for finding in report.findings if finding.accepted],
+        most_findings=SHOWN_FINDINGS,
+        total_bytes=sum(file.size_bytes for file in report.files),
+        changed=sum(line.changed for held in report.settings for line in held.lines),
+        timings=TIMINGS,
+    )
+    index = folder / "index.html"
+    publish_text(index, page)
+    return index
+
+
+def write_timings(folder: Path, timings: Timings) -> Path:
+    """Write how long a run took into folder, where its report finds it; returns the file.
+
+    Raises:
+        AssetError: The file cannot be written; what was there is unchanged.
+    """
+    text = json.dumps(_cleaned(asdict(timings)), indent=1, ensure_ascii=True).replace("<", "\\u003c")
+    path = folder / TIMINGS
+    publish_text(path, f"usdfoliageTimings({text});\n")
+    return path
+
+
+def count_findings(findings: Sequence[Finding]) -> list[_Count]:
+    """By severity, the worst first."""
+    counts = []
+    for severity in SEVERITIES:
+        alike = [finding for finding in findings if finding.severity == severity]
+        accepted = sum(bool(finding.accepted) for finding in alike)
+        counts.append(_Count(severity=severity, open=len(alike) - accepted, accepted=accepted))
+    return counts
+
+
+def _choose_badge(report: PlantReport) -> _Badge:
+    if report.state == "failed":
+        return _Badge(kind="failed", words="failed")
+    if is_unusable(report):
+        return _Badge(kind="failed", words="built, not usable")
+    if report.state == "warnings" or report.warnings:
+        return _Badge(kind="warnings", words="built, with warnings")
+    return _Badge(kind=report.state, words="built" if report.state == "done" else report.state)
+
+
+def _show(picture: Picture, longest_px: int) -> _Shown:
+    return _Shown(picture=embed_picture(picture.image, longest_px), caption=picture.caption)
+
+
+def _show_comparison(comparison: Comparison) -> _ShownComparison:
+    return _ShownComparison(
+        comparison=comparison,
+        photograph=embed_picture(comparison.photograph, COMPARISON_PX),
+        drawing=embed_picture(comparison.drawing, COMPARISON_PX),
+    )
+
+
+def _cleaned(value: object) -> object:
+    """The same with texts that a page can hold."""
+    if isinstance(value, dict):
+        return {key: _cleaned(held) for key, held in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_cleaned(held) for held in value]
+    return clean_text(value) if isinstance(value, str) else value

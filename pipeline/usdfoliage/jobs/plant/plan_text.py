@@ -1,0 +1,104 @@
+"""What a build would do, in lines, before anything runs."""
+
+import os
+from collections.abc import Mapping
+from difflib import get_close_matches
+
+from usdfoliage.asset.publish import plan_folder
+from usdfoliage.branch.foliage.species import GENERIC, load_library
+from usdfoliage.jobs.plant.call import BuildRequest
+from usdfoliage.jobs.plant.inputs import BuildInputs
+from usdfoliage.jobs.plant.run import ExecutorChoice, plan_plant
+from usdfoliage.jobs.plant.stages.parts import known_species
+from usdfoliage.jobs.plant.store import Stamp
+from usdfoliage.jobs.plant.tasks import BuildPlan, Task, find_wanted
+
+_SHOWN = ("stage", "tasks", "done", "to do", "seconds")
+
+
+def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
+    """The tasks of one plant by stage, what of them is done already, and how long the rest may take.
+
+    Raises:
+        FoliageError: The input is unusable, or the output cannot be written.
+    """
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    if request.only:
+        would = f"nothing is put into {request.output}: it stops after {', '.join(request.only)}"
+    inputs, plan = plan_plant(request, "files")
+    wanted, finished = find_wanted(plan, request.store, thorough=False)
+    photographs = len(inputs.photographs)
+    lines = [
+        f"capture: {request.capture}, {photographs} photographs" if photographs else f"cloud: {request.capture}",
+        *([_describe_photographs(inputs)] if photographs else []),
+        *(f"note: {note}" for note in inputs.notes),
+        *_describe_species(request.settings.plant.species),
+        *_table(plan, wanted, finished),
+        f"estimate: {in_words(estimate_s(wanted, where))}, {where.describe()}",
+        f"work folder: {request.work}",
+        would,
+    ]
+    return "\n".join(lines)
+
+
+def _describe_species(name: str) -> list[str]:
+    """A line where nothing is known of the species."""
+    known = sorted(set(load_library(None)) - {GENERIC})
+    if not name or known_species(name) is not None:
+        return []
+    close = get_close_matches(name.lower(), known, 1)
+    meant = f"; is {close[0]} meant?" if close else f"; known are {', '.join(known)}"
+    return [f"note: nothing is known of the species {name}, which is written into the asset{meant}"]
+
+
+def _describe_photographs(inputs: BuildInputs) -> str:
+    return (
+        f"inputs: {len(inputs.files)} files, poses {'given' if inputs.has_cameras else 'to be estimated'}, depth "
+        f"{'given' if inputs.has_depth else 'from the photographs'}"
+    )
+
+
+def estimate_s(wanted: Mapping[str, Task], where: ExecutorChoice) -> float:
+    """How long these tasks may take; one core does about half as much as the two that estimates are for."""
+    total_s = sum(task.estimate_s for task in wanted.values())
+    cores = max(os.cpu_count() or 1, 1)
+    longest_s = max((task.estimate_s for task in wanted.values()), default=0.0)
+    return max(total_s * 2 / cores if where.jobs == 1 else total_s * 2 / min(cores, where.jobs), longest_s)
+
+
+def in_words(seconds: float) -> str:
+    """A time as people say it."""
+    if seconds < 90:
+        return f"about {seconds:.0f} s"
+    if seconds < 5400:
+        return f"about {seconds / 60:.0f} min"
+    return f"about {seconds / 3600:.1f} h"
+
+
+def _needed(plan: BuildPlan) -> set[str]:
+    """The names of the last tasks, and of all that they need."""
+    needed: set[str] = set()
+    ahead = list(plan.last)
+    while ahead:
+        name = ahead.pop()
+        if name not in needed:
+            needed.add(name)
+            ahead.extend(plan.tasks[name].needs)
+    return needed
+
+
+def _table(plan: BuildPlan, wanted: Mapping[str, Task], finished: Mapping[str, Stamp]) -> list[str]:
+    stages: dict[str, list[Task]] = {}
+    asked = _needed(plan)
+    for task in plan.tasks.values():
+        if task.name not in asked:
+            continue
+        stages.setdefault(task.name.split("/")[0], []).append(task)
+    rows = [_SHOWN]
+    for stage, tasks in stages.items():
+        left = [task for task in tasks if task.name in wanted]
+        # What only finished tasks need was not looked at, and is not done again.
+        done = len(tasks) - len(left)
+        rows.append((stage, f"{len(tasks)}", f"{done}", f"{len(left)}", f"{sum(task.estimate_s for task in left):.0f}"))
+    widths = [max(len(row[column]) for row in rows) for column in range(len(_SHOWN))]
+    return ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -1,0 +1,59 @@
+"""Processes of this machine that do tasks, and end when the process ends that has opened them, however it ends."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+
+from usdfoliage.jobs.plant.executors import Workers
+
+
+@contextmanager
+def open_processes(jobs: int) -> Iterator[Workers]:
+    """So many processes; each begins anew, for OpenGL, USD and threads do not survive a fork.
+
+    When the body fails or is interrupted, what they do is broken off.
+    """
+    context = multiprocessing.get_context("spawn")
+    told_to_end, end = context.Pipe(duplex=False)
+    opened: list[ProcessPoolExecutor] = []
+
+    def open_executor() -> ProcessPoolExecutor:
+        opened.append(ProcessPoolExecutor(jobs, mp_context=context, initializer=_follow, initargs=(told_to_end,)))
+        return opened[-1]
+
+    try:
+        yield Workers(open_executor=open_executor, count=lambda: jobs)
+    except BaseException:
+        end.close()
+        raise
+    finally:
+        for executor in opened:
+            executor.shutdown(wait=True, cancel_futures=True)
+        end.close()
+        told_to_end.close()
+
+
+def threads_each(jobs: int) -> int:
+    """Threads of a task where so many run at once."""
+    return max(1, (os.cpu_count() or 1) // jobs)
+
+
+def _follow(told_to_end: Connection) -> None:
+    """In a worker: end with the process that has opened it, which alone hears Ctrl-C.
+
+    A worker of concurrent.futures whose parent is killed would wait for work for ever.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def end() -> None:
+        try:
+            told_to_end.recv_bytes()
+        except (EOFError, OSError):
+            os._exit(1)  # a task that is broken off has no stamp, and is done again
+
+    threading.Thread(target=end, daemon=True, name="usdfoliage-end").start()

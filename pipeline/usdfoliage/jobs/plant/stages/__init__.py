@@ -1,0 +1,1 @@
+"""The stages of a build: what each task does."""

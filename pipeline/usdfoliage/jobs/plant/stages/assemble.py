@@ -1,0 +1,210 @@
+"""The task that makes one asset of a plant's parts, in one frame."""
+
+import logging
+import tempfile
+from pathlib import Path
+from textwrap import shorten
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage import __version__
+from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.packages.contents import interface_of, require_plant
+from usdfoliage.asset.packages.other_parts import OtherParts, find_other_parts
+from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
+from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
+from usdfoliage.capture.cloud_files.ply import read_cloud
+from usdfoliage.errors import FitError, PreviewError
+from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
+from usdfoliage.jobs.crown.photograph_report import Row
+from usdfoliage.jobs.plant.call import StageCall
+from usdfoliage.jobs.plant.pages.pictures import draw_thumbnail
+from usdfoliage.jobs.plant.settings import STAGE_SETTINGS
+from usdfoliage.jobs.plant.stages.captured_leaves import CapturedLeaves, read_captured_leaves
+from usdfoliage.jobs.plant.stages.foliage import choose_foliage, leaf_cover
+from usdfoliage.jobs.plant.stages.isolate import plant_capture
+from usdfoliage.jobs.plant.stages.parts import ASSET_FOLDER, TracedPlant, read_crown, read_traced_plant
+from usdfoliage.jobs.plant.store import ResultFile
+from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
+from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES
+from usdfoliage.jobs.work.settings_file import list_settings
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.reconstruct import doubt_confidence
+
+_FEW = 0.2  # share of the cloud that is near leaves, below which they do not stand for the plant
+_UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
+_NEAR, _REACHED = 0.1, 0.5  # of the plant's height, and share of the cloud that is so near to branches or leaves
+_BETWEEN = (0.2, 0.4, 0.6, 0.8)  # places on a branch between two of its points
+_MOST_POINTS = 50_000  # that this is told by
+_MOST_TOLD = 400  # characters of why a part could not be made
+
+logger = logging.getLogger(__name__)
+
+
+def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
+    """One asset of the branches, leaves and crown that were made.
+
+    Raises:
+        FitError: None was; the message says why, as there is no report that could.
+        FoliageError: Leaves are wanted that there are none of.
+    """
+    traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
+    captured = read_captured_leaves(call.result_of(LEAVES) / ASSET_FOLDER) if call.has(LEAVES) else None
+    made = read_crown(call.result_of(CROWN)) if call.has(CROWN) else None
+    crown = made.model if made is not None else None
+    plant_from_capture = plant_frame(traced, captured, crown.asset_from_photo if crown is not None else None)
+    chosen = choose_foliage(captured, traced, call.settings, plant_from_capture)
+    branches = _branches_of(call) if traced is not None else None
+    cover = None
+    if traced is None and chosen.leaves is not None and call.has(CLOUD):
+        cover = _cover(call, chosen.leaves.leaves, plant_from_capture)
+    few = cover is not None and cover < _FEW
+    reached = 1.0 if traced is None else _reached(traced, chosen.leaves.leaves if chosen.leaves is not None else None)
+    if branches is None and chosen.leaves is None and crown is None:
+        raise FitError(
+            f"neither branches nor leaves nor a crown could be made of {call.request.capture}. {_why_none(call)}"
+        )
+
+    warnings = []
+    if made is not None and made.overlap < _UNLIKE and (branches is not None or chosen.leaves is not None):
+        crown = None
+        warnings.append(
+            f"the crown is left out: its silhouettes and the plant's have {made.overlap:.0%} in common; the plant is "
+            "too slender or too sparse for one, or more than one"
+        )
+
+    def write(folder: Path, thumbnail: Path | None) -> Path:
+        folder.mkdir()
+        return write_plant_asset(
+            folder,
+            call.request.name,
+            provenance=provenance_of(call),
+            asset_from_capture=plant_from_capture,
+            branches=branches,
+            foliage=chosen.leaves,
+            crown=crown,
+            settings=PlantAssetSettings(
+                crown_mesh_size=call.settings.crown.mesh_size,
+                version=call.settings.plant.version,
+                lod="crown" if few or reached < _REACHED else None,
+            ),
+            thumbnail=thumbnail,
+        )
+
+    if few:
+        instead = ", so that the lod crown is shown" if crown is not None else ""
+        warnings.append(
+            f"the leaves that were found cover {cover:.0%} of the cloud, without branches for others{instead}; leaves "
+            "are too small in the photographs, or these show something else"
+        )
+    if reached < _REACHED:
+        instead = "; the lod crown is shown" if crown is not None else ""
+        warnings.append(
+            f"branches and leaves reach {reached:.0%} of the cloud{instead}; its points are too far apart for "
+            "branches, or it shows more than one plant"
+        )
+    if captured is not None and chosen.kind in ("captured", "filled"):
+        warnings.extend(doubt_confidence(captured.fitted.leaves))
+    poor = False
+    if call.settings.pictures.make:
+        with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
+            bare = write(Path(work) / ASSET_FOLDER, None)
+            try:
+                thumbnail = draw_thumbnail(bare, Path(work), call.settings.pictures)
+            except PreviewError as error:
+                warnings.append(f"the asset has no thumbnail: {error}")
+                poor = True
+                thumbnail = None
+            write(call.out / ASSET_FOLDER, thumbnail)
+    else:
+        write(call.out / ASSET_FOLDER, None)
+    rows = [
+        Row(name="leaves", value=f"{0 if chosen.leaves is None else len(chosen.leaves.leaves):,}", remark=chosen.kind),
+        Row(name="branches", value=f"{0 if traced is None else len(traced.skeleton):,}"),
+        *([Row(name="cover", value=f"{cover:.0%}", remark="of the cloud is near leaves")] if cover is not None else []),
+        *[row for row in chosen.rows if row.name != "leaves"],
+    ]
+    write_summary(call.out, StageSummary(rows=rows, notes=chosen.notes, warnings=warnings, poor=poor))
+    return ()
+
+
+def _why_none(call: StageCall) -> str:
+    """What the stages of the parts said, as parts that could not be made do in their summaries."""
+    told = []
+    for stage in (BRANCHES, LEAVES, CROWN):
+        if not call.has(stage):
+            told.append(f"{stage.capitalize()}: not asked for")
+            continue
+        summary = read_summary(call.result_of(stage))
+        why = summary.failure or next((note for note in summary.notes if note.startswith("the plant has no")), "")
+        # What follows a semicolon is advice on that one stage; the library's page shows the last one by itself.
+        what, _, advice = shorten(why or "none found", _MOST_TOLD, placeholder=" …").partition("; ")
+        told.append(f"{stage.capitalize()}: {what}" + (f" ({advice.replace('; ', ', ')})" if advice else ""))
+    return ". ".join(told)
+
+
+def _cover(call: StageCall, leaves: Leaves, plant_from_capture: NDArray[np.float64]) -> float:
+    """Which share of the plant's cloud lies near its leaves."""
+    folder = plant_capture(call)
+    cloud = read_cloud(folder / CLOUD_FILE)
+    some = np.linspace(0, len(cloud) - 1, min(len(cloud), _MOST_POINTS)).astype(np.int64)
+    return leaf_cover(cloud.points_m[some] @ plant_from_capture[:3, :3].T + plant_from_capture[:3, 3], leaves)
+
+
+def _reached(traced: TracedPlant, leaves: Leaves | None) -> float:
+    """Which share of the plant's points lies near its branches and leaves."""
+    some = np.linspace(0, len(traced.points_m) - 1, min(len(traced.points_m), _MOST_POINTS)).astype(np.int64)
+    points_m = traced.points_m[some]
+    if not len(points_m):
+        return 1.0
+    ends_m = traced.skeleton.points_m
+    joined = np.flatnonzero(np.diff(traced.skeleton.curve) == 0)  # to the next point
+    between_m = [ends_m[joined] + share * (ends_m[joined + 1] - ends_m[joined]) for share in _BETWEEN]
+    drawn_m = np.concatenate([ends_m, *between_m, *([leaves.base_m] if leaves is not None else [])])
+    away_m = np.asarray(cKDTree(drawn_m).query(points_m)[0])
+    return float((away_m <= _NEAR * float(np.ptp(points_m[:, 1]))).mean())
+
+
+def plant_frame(
+    traced: TracedPlant | None, captured: CapturedLeaves | None, crown_from_capture: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Where the plant stands, (4, 4) for column vectors from the capture's coordinates: as the first part that is there
+    has it, branches before leaves before the crown."""
+    if traced is not None:
+        return traced.plant_from_capture
+    if captured is not None:
+        return captured.own_from_capture
+    return np.eye(4) if crown_from_capture is None else crown_from_capture
+
+
+def provenance_of(call: StageCall) -> Provenance:
+    """What is recorded of the run: every setting, every version, every input file."""
+    stages = {
+        name: {key: text for key, text in list_settings(getattr(call.settings, name)).items() if _decides(key)}
+        for name in STAGE_SETTINGS
+    }
+    inputs = dict(call.inputs.digests)
+    return Provenance(
+        species=call.settings.plant.species,
+        capture=call.inputs.source.resolve().name,
+        generator=f"usdfoliage {__version__}",
+        seed=call.settings.seed,
+        input_sha256=combined_sha256(inputs),
+        inputs=inputs,
+        stages=stages,
+        versions=package_versions(),
+    )
+
+
+def _decides(key: str) -> bool:
+    """Whether a setting decides anything: how many threads there are does not, and seeds are said once."""
+    return key.rsplit(".", 1)[-1] not in ("threads", "seed")
+
+
+def _branches_of(call: StageCall) -> OtherParts | None:
+    asset = call.result_of(BRANCHES) / ASSET_FOLDER
+    interface, _ = interface_of(asset)
+    stage = open_asset(asset)  # which prims do not keep
+    return find_other_parts(require_plant(stage, asset), interface)

@@ -1,0 +1,236 @@
+"""Which leaves a plant gets: those that were found, where they were found, or leaves on the twigs of its branches."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.asset.packages.branch_package import BranchLeaves
+from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings
+from usdfoliage.branch.foliage.place import FoliageSettings as GrownSettings
+from usdfoliage.branch.foliage.species import GENERIC, load_species
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branches.foliage import (
+    DRAWN_ALIKE,
+    FITTED,
+    TEMPLATE,
+    FoliageRequest,
+    grow_leaves,
+)
+from usdfoliage.jobs.crown.photograph_report import Row
+from usdfoliage.jobs.edits.change import move_leaves
+from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL
+from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.plant.stages.captured_leaves import CapturedLeaves
+from usdfoliage.jobs.plant.stages.parts import TracedPlant, known_species
+from usdfoliage.leaf.fill import FillSettings, fill_places
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.edits import slim_leaves
+from usdfoliage.leaf.shape.jitter import spread_phases
+from usdfoliage.leaf.shape.measures import leaf_width
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+from usdfoliage.leaf.shape.variation import vary_colors
+
+_ACROSS, _ALONG = 5, 9  # points of a leaf that its cover is told by
+_NARROWEST = 0.1  # of a leaf's width: as slim as the points of a pod or a needle tell
+_NEAR = 0.25  # of a leaf's length, within which a point of the cloud is of it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChosenFoliage:
+    """The leaves of the plant, in its frame, and why these."""
+
+    leaves: BranchLeaves | None
+    kind: str
+    notes: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def choose_foliage(
+    captured: CapturedLeaves | None,
+    traced: TracedPlant | None,
+    settings: BuildSettings,
+    plant_from_capture: NDArray[np.float64],
+) -> ChosenFoliage:
+    """The leaves of a plant, as the settings say.
+
+    Raises:
+        FoliageError: Leaves are wanted that there are none of.
+    """
+    wanted = settings.foliage
+    notes: list[str] = []
+    placed = None
+    if captured is not None:
+        moved = plant_from_capture @ np.linalg.inv(captured.own_from_capture)
+        placed = move_leaves(captured.fitted.leaves, moved)
+    kind: str = wanted.kind
+    if kind == "auto":
+        kind, why = _choose(placed, traced, settings)
+        notes.append(why)
+    if kind == "none":
+        return ChosenFoliage(leaves=None, kind=kind, notes=tuple(notes), rows=())
+    if kind == "captured":
+        if placed is None or captured is None:
+            raise FoliageError("no leaf was found in the photographs; set foliage.kind to species, or auto")
+        chosen = _representations(settings, len(placed))
+        leaves = BranchLeaves(
+            leaves=placed,
+            settings=LeafAssetSettings(representations=chosen),
+            edits=captured.fitted.edits,
+            look=captured.fitted.look,
+        )
+        return ChosenFoliage(leaves=leaves, kind=kind, notes=tuple(notes), rows=())
+    if kind == "filled":
+        return _fill(captured, placed, traced, settings, notes)
+    if traced is None:
+        raise FoliageError(f"foliage.kind is {kind}, and there are no twigs for leaves; set it to captured or auto")
+    if kind == "drawn" and captured is None:
+        raise FoliageError("no leaf was found to draw from; set foliage.kind to species, or auto")
+    species = known_species(settings.plant.species) or load_species(GENERIC)
+    request = FoliageRequest(
+        kind=FITTED if kind == "drawn" else TEMPLATE,
+        species=species,
+        length_m=wanted.leaf_length_m,
+        settings=replace(GrownSettings(), most_leaves=wanted.most_leaves),
+        representations=settings.plant.representations,
+    )
+    fitted = captured.fitted if kind == "drawn" and captured is not None else None
+    grown = grow_leaves(traced.skeleton, request, fitted, settings.seed, traced.lost.tolist())
+    if grown is None:
+        raise FoliageError("no leaves were grown")
+    if not len(grown.foliage.leaves):
+        notes.append("no leaf is on the few twigs that there are: the plant has none")
+        return ChosenFoliage(leaves=None, kind="none", notes=tuple(notes), rows=())
+    return ChosenFoliage(leaves=grown.foliage, kind=kind, notes=(*notes, *grown.notes), rows=grown.rows)
+
+
+def _fill(
+    captured: CapturedLeaves | None,
+    placed: Leaves | None,
+    traced: TracedPlant | None,
+    settings: BuildSettings,
+    notes: list[str],
+) -> ChosenFoliage:
+    """The leaves that were found, and wherever the cloud has leaves besides, others like the surest of them."""
+    if captured is None or placed is None or traced is None or not (~traced.wood).any():
+        raise FoliageError("foliage.kind is filled: that takes leaves that were found, and a cloud that tells leaves")
+    rng = np.random.default_rng(settings.seed)
+    sure = _surest(placed)
+    length_m = settings.foliage.leaf_length_m or float(np.median(sure.length_m))
+    leafy_m = traced.points_m[~traced.wood]
+    bare_m = leafy_m[~near_leaves(leafy_m, placed)]
+    most = max(settings.foliage.most_leaves - len(placed), 1)
+    settings_of_fill = FillSettings(most_leaves=most)
+    places = fill_places(bare_m, traced.skeleton.points_m, length_m, rng, settings_of_fill, plant_m=traced.points_m)
+    drawn = rng.integers(len(sure), size=len(places.base_m))
+    usual = places.length_m >= length_m  # a length that the points tell is not varied
+    others = Leaves(
+        parameters=_narrow(sure.parameters[drawn], places.width_m / places.length_m),
+        base_m=places.base_m,
+        orientation=places.orientation,
+        length_m=np.where(usual, sure.length_m[drawn] / float(np.median(sure.length_m)), 1.0) * places.length_m,
+        phase=np.zeros(len(drawn)),
+        color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_ALIKE),
+    )
+    leaves = join_leaves([placed, others])
+    notes.append(f"{len(others):,} leaves were put beside {len(placed):,} that were found")
+    chosen = _representations(settings, len(leaves))
+    foliage = BranchLeaves(
+        leaves=leaves,
+        settings=LeafAssetSettings(representations=chosen),
+        edits=captured.fitted.edits,
+        look=captured.fitted.look,
+    )
+    rows = (Row(name="found", value=f"{len(placed):,}"), Row(name="filled in", value=f"{len(others):,}"))
+    return ChosenFoliage(leaves=foliage, kind="filled", notes=tuple(notes), rows=rows)
+
+
+def _narrow(parameters: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Leaves (N, 7, 3) no wider than that (N,), in their lengths, where it is a number."""
+    if not len(parameters):
+        return parameters
+    factors = np.nan_to_num(np.clip(width / leaf_width(parameters), _NARROWEST, 1), nan=1.0)
+    return slim_leaves(parameters, factors)
+
+
+def join_leaves(groups: Sequence[Leaves]) -> Leaves:
+    """Leaves of several groups as one; what is not known of a leaf is guessed: no confidence, no view."""
+    known = (
+        ("confidence", 0.0, np.float64),
+        ("residual_m", 0.0, np.float64),
+        ("view", -1, np.int32),
+    )
+    joined: dict[str, NDArray[np.generic] | None] = {}
+    for name, none, kind in known:
+        held = [getattr(group, name) for group in groups]
+        joined[name] = None
+        if any(values is not None for values in held):
+            joined[name] = np.concatenate(
+                [np.full(len(g), none, kind) if v is None else v for g, v in zip(groups, held, strict=True)]
+            )
+    colors = [group.color for group in groups]
+    count = sum(map(len, groups))
+    return Leaves(
+        parameters=np.concatenate([group.parameters for group in groups]),
+        base_m=np.concatenate([group.base_m for group in groups]),
+        orientation=np.concatenate([group.orientation for group in groups]),
+        length_m=np.concatenate([group.length_m for group in groups]),
+        phase=spread_phases(count),
+        color=np.concatenate(colors) if all(color is not None for color in colors) else None,  # type: ignore[arg-type]
+        **joined,  # type: ignore[arg-type]
+    )
+
+
+def near_leaves(points_m: NDArray[np.float64], leaves: Leaves) -> NDArray[np.bool_]:
+    """(N,), which points lie near leaves."""
+    if not len(points_m) or not len(leaves):
+        return np.zeros(len(points_m), bool)
+    places = grid_places(np.linspace(-1, 1, _ACROSS), np.linspace(0, 1, _ALONG))
+    samples_m = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
+    away_m, _ = cKDTree(samples_m).query(points_m, distance_upper_bound=_NEAR * float(np.median(leaves.length_m)))
+    return np.isfinite(away_m)
+
+
+def leaf_cover(points_m: NDArray[np.float64], leaves: Leaves) -> float:
+    """Which share of points (N, 3) lies near leaves; 0 without either."""
+    return float(near_leaves(points_m, leaves).mean()) if len(points_m) else 0.0
+
+
+def _choose(placed: Leaves | None, traced: TracedPlant | None, settings: BuildSettings) -> tuple[str, str]:
+    """The kind of leaves, and why."""
+    if traced is None:
+        if placed is None:
+            return "none", "the plant has neither branches nor leaves that could be found"
+        return "captured", "leaves are where they were found: there are no branches to put others on"
+    leafy_m = traced.points_m[~traced.wood]
+    share = len(leafy_m) / max(len(traced.points_m), 1)
+    has_leaves = not traced.is_leafless
+    if not has_leaves:
+        return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
+    found = 0 if placed is None else len(placed)
+    if placed is not None and found >= settings.foliage.least_drawn:
+        if not (len(leafy_m) and traced.knows_leaves):
+            return "drawn", f"the cloud does not tell where leaves are: they are on the twigs, drawn from {found}"
+        cover = leaf_cover(leafy_m, placed)
+        told = f"{found} leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
+        if cover >= settings.foliage.least_cover:
+            return "captured", f"{told}: they are where they were found"
+        return "filled", f"{told}: others like them are where the cloud has leaves besides"
+    what = f"{found} leaves were found, too few to draw from" if found else "no leaf was found"
+    return "species", f"{what}: the leaves are on the twigs, of {settings.plant.species or 'no species in particular'}"
+
+
+def _surest(leaves: Leaves) -> Leaves:
+    """The better half of leaves: what is guessed of the others is no model for more."""
+    if leaves.confidence is None:
+        return leaves
+    best = np.argsort(-leaves.confidence, kind="stable")[: -(-len(leaves) // 2)]
+    return leaves.take(np.sort(best))
+
+
+def _representations(settings: BuildSettings, count: int) -> tuple[str, ...]:
+    if settings.plant.representations is not None:
+        return settings.plant.representations
+    return tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)

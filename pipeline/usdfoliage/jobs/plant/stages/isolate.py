@@ -1,0 +1,299 @@
+"""The task that tells the plant of a capture from what is around it: a capture with masks, and a cloud of the plant."""
+
+import logging
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from usdfoliage import __version__
+from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud_files.ply import read_cloud, write_cloud
+from usdfoliage.capture.folder.raster import apply_orientation
+from usdfoliage.capture.folder.read import Capture, read_capture, read_view
+from usdfoliage.capture.folder.settings import FILE_NAME
+from usdfoliage.capture.lens import scale_lens, undistort
+from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.files.threads import map_ahead, share_cores
+from usdfoliage.geometry.point_cells import one_in_each_cell
+from usdfoliage.isolation.masks import draw_plant_mask, expect_plant, make_plant_grid
+from usdfoliage.isolation.plant import IsolatedPlant, IsolationSettings, PointKind, isolate_plant
+from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, MASKS
+from usdfoliage.jobs.capture.map_pictures import write_picture
+from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
+from usdfoliage.jobs.crown.photograph_report import Row
+from usdfoliage.jobs.leaves.pictures import shrink_view
+from usdfoliage.jobs.plant.call import StageCall
+from usdfoliage.jobs.plant.inputs import DEPTH_FOLDER
+from usdfoliage.jobs.plant.pages.isolation_pictures import draw_kinds, draw_outline
+from usdfoliage.jobs.plant.settings import IsolationStageSettings
+from usdfoliage.jobs.plant.stages.capture import capture_folder, capture_name
+from usdfoliage.jobs.plant.store import ResultFile, copy_tree
+from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
+from usdfoliage.jobs.plant.tasks import CLOUD, ISOLATION
+from usdfoliage.jobs.work.results import write_whole
+
+logger = logging.getLogger(__name__)
+
+GIVEN_DEPTH = "given_depth"  # the folder of the input's own depth, in the capture of the plant
+_FLOORLESS = "floorless.txt"  # beside the capture of a cloud that a floor was left out of
+_DRAWN = "drawn_masks.txt"  # beside a capture whose masks were drawn here
+_MAPS = (IMAGES, CAMERAS, DEPTH_FOLDER, "confidence", "normals")
+_PICTURES = "pictures"
+_LEAST_POINTS = 200  # of a plant
+_LEAST, _LITTLE = 0.0005, 0.005  # share of the points: below, it is no plant, or hardly one
+_MUCH = 0.9  # share of the points, from which on a floor or a background may be among them
+_WORTH = 0.002  # share of the points that must be left out, for masks to be worth having
+_EXPECTED_POINTS = 300_000  # of the plant, that are looked for in each photograph
+_LONGEST_PX = 3000  # side of the pictures that masks are drawn in; those of larger photographs are enlarged
+_PIXELS_AT_ONCE = 50_000_000  # of the photographs that are worked on at a time
+_SHOWN = 3  # photographs with the plant's outline
+
+
+def isolate_capture(call: StageCall) -> tuple[ResultFile, ...]:
+    """The capture of the plant alone; where it cannot be told from what is around it, of everything."""
+    source = capture_folder(call, CLOUD)
+    try:
+        _isolate(call, source)
+    except FoliageError as error:
+        if isinstance(error.__cause__, OSError):
+            raise
+        logger.warning("the plant is not told from what is around it: %s", error)
+        text = str(error).replace(str(call.store.folder), "…")
+        target = call.out / "capture" / capture_name(call)
+        shutil.rmtree(target, ignore_errors=True)  # what was laid out before it failed
+        _lay_out(call, source, target)
+        copy_tree(source / MASKS, target / MASKS, link=True)
+        _link(source / CLOUD_FILE, target / CLOUD_FILE)
+        warning = f"everything in the photographs is taken for the plant: {text}"
+        write_summary(call.out, StageSummary(warnings=[warning]))
+    return ()
+
+
+def is_floorless(call: StageCall) -> bool:
+    """Whether what the plant stands on was left out of its cloud."""
+    return call.has(ISOLATION) and (call.result_of(ISOLATION) / _FLOORLESS).is_file()
+
+
+def has_drawn_masks(call: StageCall) -> bool:
+    """Whether the masks of the plant's capture were drawn, not given; where both are, they hold together."""
+    return call.has(ISOLATION) and (call.result_of(ISOLATION) / _DRAWN).is_file()
+
+
+def plant_capture(call: StageCall) -> Path:
+    """The capture that the parts of the plant are made of."""
+    return capture_folder(call, ISOLATION if call.has(ISOLATION) else CLOUD)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _DrawnMask:
+    """What was drawn of a photograph."""
+
+    index: int  # in the capture's views
+    share: float  # of its pixels, in the mask
+    picture: NDArray[np.uint8] | None  # (h, w, 3), the photograph with the plant's outline
+
+
+def _isolate(call: StageCall, source: Path) -> None:
+    target = call.out / "capture" / capture_name(call)
+    capture = read_capture(source)
+    cloud = read_cloud(source / CLOUD_FILE, capture.settings.metres_per_unit)
+    turn = capture.asset_from_world[:3, :3]
+    cameras = [view.lens.pinhole(view.cam_from_world) for view in capture.views]
+    found = isolate_plant(
+        cloud.points_m @ turn.T,
+        cloud.srgb,
+        np.array([camera.position_m for camera in cameras]) @ turn.T,
+        np.array([camera.cam_from_world[2, :3] for camera in cameras]) @ turn.T,
+        isolation_settings(call.settings.isolation),
+    )
+    share = found.share(PointKind.PLANT)
+    notes, warnings = list(found.notes), []
+    plant = found.plant
+    if share < _LEAST or int(plant.sum()) < _LEAST_POINTS:
+        warnings.append(
+            f"everything in the photographs is taken for the plant: no more than {share:.2%} of the cloud's "
+            f"{len(cloud):,} points were left without floor and surroundings; give masks, or say isolation.make"
+        )
+        plant = np.ones(len(cloud), bool)
+    elif share < _LITTLE:
+        warnings.append(
+            f"only {share:.2%} of the cloud is taken for the plant: look at the outlines of the stage isolation"
+        )
+    elif share > _MUCH and found.focus is not None and not any((source / MASKS).glob("*")):
+        warnings.append(
+            f"{share:.0%} of the cloud is taken for the plant: look at the outlines of the stage isolation, and give "
+            "masks where the plant is not all that the photographs show"
+        )
+    _lay_out(call, source, target)
+    masks: list[_DrawnMask] = []
+    if 1 - float(plant.mean()) < _WORTH:
+        notes.append("next to nothing is left out, and photographs have no other masks than they came with")
+        copy_tree(source / MASKS, target / MASKS, link=True)
+        plant = np.ones(len(cloud), bool)
+    else:
+        masks = _draw_masks(call, capture, cloud, plant, target, aimed=found.focus is not None)
+        unseen = [capture.views[drawn.index].name for drawn in masks if drawn.share == 0]
+        for name in unseen:  # an empty mask would count as none
+            (target / IMAGES / name).unlink()
+        if unseen:
+            notes.append(f"{len(unseen)} of {len(masks)} photographs do not show the plant and are left out")
+    if plant.all():
+        _link(source / CLOUD_FILE, target / CLOUD_FILE)
+    else:
+        write_cloud(
+            target / CLOUD_FILE, cloud.take(plant), [f"usdfoliage {__version__}"], capture.settings.metres_per_unit
+        )
+        if found.support is not None:
+            (call.out / _FLOORLESS).write_text("What the plant stands on is left out of the cloud.\n", encoding="utf-8")
+    pictures = _write_pictures(call, cloud.points_m @ turn.T, found, masks)
+    rows = _rows(found, len(cloud), int(plant.sum()), masks)
+    if masks:
+        (call.out / _DRAWN).write_text("The masks of the photographs are drawn from the cloud.\n", encoding="utf-8")
+    write_summary(call.out, StageSummary(rows=rows, notes=notes, warnings=warnings, pictures=pictures))
+
+
+def isolation_settings(settings: IsolationStageSettings) -> IsolationSettings:
+    """What a user says, as the reconstruction takes it."""
+    chosen = IsolationSettings(floor=settings.floor, container=settings.container, strays=settings.strays)
+    return replace(
+        chosen,
+        support=replace(chosen.support, layer=settings.floor_layer),
+        pieces=replace(chosen.pieces, link_gap=settings.link_gap),
+    )
+
+
+def _lay_out(call: StageCall, source: Path, target: Path) -> None:
+    """All of the cloud's capture but masks and cloud, and the input's own depth beside that which was found."""
+    for folder in _MAPS:
+        copy_tree(source / folder, target / folder, link=True)
+    _link(source / FILE_NAME, target / FILE_NAME)
+    if call.inputs.has_depth and call.inputs.has_cameras:
+        copy_tree(call.request.capture / DEPTH_FOLDER, target / GIVEN_DEPTH, link=True)
+
+
+def _link(path: Path, there: Path) -> None:
+    if path.is_file():
+        there.parent.mkdir(parents=True, exist_ok=True)
+        there.unlink(missing_ok=True)
+        try:
+            there.hardlink_to(path)
+        except OSError:
+            there.write_bytes(path.read_bytes())
+
+
+def _draw_masks(
+    call: StageCall, capture: Capture, cloud: Cloud, plant: NDArray[np.bool_], target: Path, *, aimed: bool
+) -> list[_DrawnMask]:
+    """The mask of every photograph, written; with those that it came with, both must hold.
+
+    What of a photograph has no depth is none of a plant that the photographs are aimed at. Where they are aimed at
+    nothing, it is part of the plant: there the rest is drawn.
+    """
+    drawn = plant if aimed else ~plant
+    grid = make_plant_grid(cloud.points_m, drawn)
+    own_m = cloud.points_m[drawn]
+    chosen, apart_m = one_in_each_cell(own_m, _EXPECTED_POINTS)
+    expected_m, apart_m = own_m[chosen], apart_m or grid.cell_m
+    count = len(capture.views)
+    shown = set(np.linspace(0, count, min(count, _SHOWN), endpoint=False).astype(int).tolist())
+
+    undistorted = lru_cache(maxsize=4)(undistort)  # most captures have one lens
+
+    def draw(index: int) -> tuple[NDArray[np.bool_] | None, NDArray[np.uint8] | None]:
+        """The mask, as the photograph is shown, and a picture of it; None of a photograph that cannot be read."""
+        try:
+            view = read_view(capture, index)
+        except CaptureError as error:  # which every stage that reads it says
+            logger.info("no mask: %s", error)
+            return None, None
+        size, given = view.depth_m.shape, view.mask
+        view = shrink_view(view, _LONGEST_PX)  # depth is no finer, and memory is finite
+        mask = draw_plant_mask(view.srgb, view.points(), grid, expect_plant(view.camera, expected_m, apart_m))
+        mask = mask if aimed else ~mask
+        mask = mask if view.mask is None else mask & view.mask
+        picture = draw_outline(view.srgb, mask) if index in shown else None
+        held = capture.views[index]
+        if not held.lens.is_pinhole:
+            mask = undistorted(scale_lens(held.lens, view.camera.width_px, view.camera.height_px)).distorted(mask)
+        mask = _enlarge(mask, size)
+        if given is not None and held.lens.is_pinhole:  # whose outline may be finer
+            mask &= given
+        return _as_shown(held.photo, mask), picture
+
+    largest_px = max(view.lens.width_px * view.lens.height_px for view in capture.views)
+    at_once = max(1, min(share_cores(call.threads)[0], _PIXELS_AT_ONCE // largest_px))
+    masks: list[_DrawnMask] = []
+    for index, (mask, picture) in enumerate(map_ahead(draw, range(count), at_once)):
+        if mask is None:
+            continue
+        if mask.any() and not mask.all():
+            good, encoded = cv2.imencode(".png", mask.astype(np.uint8) * 255)
+            assert good  # a picture of bytes always can be
+            write_whole(target / MASKS / f"{capture.views[index].name}.png", encoded.tobytes())
+        masks.append(_DrawnMask(index=index, share=float(mask.mean()), picture=picture))
+        if call.progress is not None:
+            call.progress(call.task.name, (index + 1) / count)
+    return masks
+
+
+def _enlarge(mask: NDArray[np.bool_], size: tuple[int, ...]) -> NDArray[np.bool_]:
+    """The mask (h, w) at the photograph's size (H, W), its outline smooth."""
+    if mask.shape == size:
+        return mask
+    large = cv2.resize(mask.astype(np.uint8) * 255, size[::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(large > 127)
+
+
+def _as_shown(photo: Path, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A mask on the pixels that the cameras know, turned as the photograph is shown: so masks are read."""
+    source = oiio.ImageInput.open(str(photo))
+    if source is None:  # it was read before
+        return mask
+    spec = source.spec()
+    orientation = int(spec.get_int_attribute("Orientation", 1))
+    size = spec.height, spec.width
+    source.close()
+    return mask if mask.shape != size else np.ascontiguousarray(apply_orientation(mask, orientation))
+
+
+def _write_pictures(
+    call: StageCall, points_m: NDArray[np.float64], found: IsolatedPlant, masks: Sequence[_DrawnMask]
+) -> list[StagePicture]:
+    folder = call.out / _PICTURES
+    folder.mkdir(parents=True, exist_ok=True)
+    pictures = []
+    for name, picture in draw_kinds(points_m, found):
+        file = write_picture(folder / f"kinds_{name}.png", picture)
+        caption = f"Plant (green), floor (grey), container (blue), strays (red), {name}"
+        pictures.append(StagePicture(file=f"{_PICTURES}/{file}", caption=caption))
+    for drawn in masks:
+        if drawn.picture is not None:
+            file = write_picture(folder / f"mask_{drawn.index:03d}.jpg", drawn.picture)
+            caption = f"What is taken for the plant, photograph {drawn.index + 1}"
+            pictures.append(StagePicture(file=f"{_PICTURES}/{file}", caption=caption))
+    return pictures
+
+
+def _rows(found: IsolatedPlant, points: int, kept: int, masks: Sequence[_DrawnMask]) -> list[Row]:
+    rows = [Row(name="points kept", value=f"{kept:,}", remark=f"{kept / max(points, 1):.1%} of the cloud")]
+    for kind, remark in (
+        (PointKind.FLOOR, "what the plant stands on, and what is measured below"),
+        (PointKind.CONTAINER, "and its soil"),
+        (PointKind.STRAY, "not linked with the plant"),
+    ):
+        name = {PointKind.STRAY: "strays"}.get(kind, kind.name.lower())
+        rows.append(Row(name=name, value=f"{found.share(kind):.1%}", remark=f"of the cloud: {remark}"))
+    if found.support is not None:
+        slope_deg = float(np.degrees(np.arctan(np.hypot(*found.support.plane[:2]))))
+        rows.append(Row(name="slope of the floor", value=f"{slope_deg:.1f}°"))
+    if masks:
+        middle = float(np.median([drawn.share for drawn in masks]))
+        rows.append(Row(name="plant in a photograph", value=f"{middle:.1%}", remark="of the median one's pixels"))
+    return rows

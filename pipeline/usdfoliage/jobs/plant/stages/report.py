@@ -1,0 +1,292 @@
+"""The last tasks of a plant: pictures of the finished asset, its validation, and the report."""
+
+import json
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from usdfoliage import __version__
+from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.packages.contents import AssetFile, interface_of, list_files, read_plant_facts, require_plant
+from usdfoliage.asset.provenance import PACKAGES, VALIDATION_PACKAGES, package_versions
+from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
+from usdfoliage.asset.validation.validate import ValidationReport, validate_asset
+from usdfoliage.capture.folder.read import read_capture
+from usdfoliage.errors import PreviewError
+from usdfoliage.jobs.crown.photograph_report import Row
+from usdfoliage.jobs.plant.call import StageCall
+from usdfoliage.jobs.plant.pages.pictures import draw_comparisons, draw_turntable, draw_variants
+from usdfoliage.jobs.plant.pages.report import (
+    Comparison,
+    InputFile,
+    Picture,
+    PlantReport,
+    ReportWarning,
+    StageReport,
+    StageSettings,
+    State,
+    Variant,
+    mark_settings,
+)
+from usdfoliage.jobs.plant.pages.report_html import write_plant_report
+from usdfoliage.jobs.plant.settings import STAGE_SETTINGS, BuildSettings
+from usdfoliage.jobs.plant.stages.isolate import has_drawn_masks, plant_capture
+from usdfoliage.jobs.plant.stages.parts import ASSET_FOLDER
+from usdfoliage.jobs.plant.store import ResultFile, copy_tree
+from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
+from usdfoliage.jobs.plant.tasks import (
+    ASSET,
+    BRANCHES,
+    CLOUD,
+    COMPARISONS,
+    CROWN,
+    ISOLATION,
+    LEAVES,
+    POSES,
+    TURNTABLE,
+    VARIANTS,
+)
+from usdfoliage.jobs.work.settings_file import format_settings
+
+logger = logging.getLogger(__name__)
+
+FINISHED = "finished"  # the whole asset, in the result of the report
+VERDICT = "verdict.json"  # beside it: what validation says, and what the report says first
+_PICTURES, _COMPARED = "pictures", "compared.json"
+
+TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each did
+    POSES: ("Cameras", "Where each photograph was taken from."),
+    CLOUD: ("Depth and cloud", "The depth of every photograph, and one coloured cloud of all of them."),
+    ISOLATION: ("Isolation", "What of the cloud and of the photographs is the plant, and what was left out."),
+    BRANCHES: ("Branches", "Skeleton, radii and surface of the branches, traced through the cloud."),
+    LEAVES: ("Leaves", "Single leaves found in the photographs and fitted."),
+    CROWN: ("Crown", "The crown as seen from its centre: how far it reaches, and its colours."),
+    ASSET: ("Plant", "All parts in one frame, in one asset."),
+}
+
+
+def turn_plant(call: StageCall) -> tuple[ResultFile, ...]:
+    """Pictures from all around."""
+    return _draw(
+        call, lambda: draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call))
+    )
+
+
+def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
+    """Pictures from the photographs' own cameras, beside the photographs, with the masks that the parts are made by."""
+
+    def draw() -> None:
+        capture = read_capture(plant_capture(call))
+        masks = "drawn" if has_drawn_masks(call) else "given"
+        compared = draw_comparisons(_asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, _tell(call))
+        held = [
+            {
+                "name": each.name,
+                "photograph": Path(str(each.photograph)).name,
+                "drawing": Path(str(each.drawing)).name,
+                "iou": each.iou,
+                "masks": "" if each.iou is None else masks,
+            }
+            for each in compared
+        ]
+        (call.out / _COMPARED).write_text(json.dumps(held, indent=1))
+
+    return _draw(call, draw)
+
+
+def show_variants(call: StageCall) -> tuple[ResultFile, ...]:
+    """A picture of every variant."""
+
+    def draw() -> None:
+        drawn = draw_variants(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call))
+        held = [
+            {"set": each.set, "name": each.name, "picture": each.picture.name, "default": each.is_default}
+            for each in drawn
+        ]
+        (call.out / _COMPARED).write_text(json.dumps(held, indent=1))
+
+    return _draw(call, draw)
+
+
+def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
+    """The finished asset with its report, validated."""
+    finished = call.out / FINISHED
+    finished.mkdir()
+    copy_tree(_asset_of(call), finished, link=True)
+    report_folder = finished / "report"
+    report_folder.mkdir(exist_ok=True)
+    profile = read_profile(call.request.profile or default_profile())
+    validated = validate_asset(finished, profile)
+    report = _collect(call, finished, validated)
+    write_plant_report(report_folder, report)
+    _copy_details(call, report_folder)
+    errors = validated.open_errors
+    verdict = {
+        "errors": errors,
+        "warnings": [warning.text for warning in report.warnings],
+        "facts": [asdict(row) for row in (*report.facts, _validation_row(validated))],
+    }
+    (call.out / VERDICT).write_text(json.dumps(verdict, indent=1, ensure_ascii=True))
+    write_summary(call.out, StageSummary())
+    return ()
+
+
+def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> PlantReport:
+    summaries = {name: read_summary(call.result_of(name)) for name in TITLES if call.has(name)}
+    warnings = [
+        ReportWarning(stage=TITLES[name][0], text=text, severe=bool(summary.failure))
+        for name, summary in summaries.items()
+        for text in summary.warnings
+    ]
+    warnings += [
+        ReportWarning(stage="Pictures", text=text)
+        for text in dict.fromkeys(
+            text
+            for name in (TURNTABLE, COMPARISONS, VARIANTS)
+            if call.has(name)
+            for text in read_summary(call.result_of(name)).warnings
+        )
+    ]
+    interface, _ = interface_of(finished)
+    layers, others, _missing = list_files(interface)
+    files = [*layers, *others]
+    turntable = sorted((call.result_of(TURNTABLE) / _PICTURES).glob("*.png")) if call.has(TURNTABLE) else []
+    return PlantReport(
+        name=call.request.name,
+        capture=call.inputs.source.resolve().name,
+        generator=f"usdfoliage {__version__}",
+        species=call.settings.plant.species,
+        state="warnings" if warnings or validated.open_errors else "done",
+        warnings=sorted(warnings, key=lambda warning: not warning.severe),
+        facts=_facts(finished, summaries, files),
+        turntable=turntable,
+        comparisons=_read_comparisons(call),
+        variants=_read_variants(call),
+        stages=[_stage(call, name, summary) for name, summary in summaries.items()],
+        findings=validated.findings,
+        files=files,
+        settings=_settings(call.settings),
+        inputs=[
+            InputFile(name=name, sha256=digest, size_bytes=call.inputs.files[name].stat().st_size)
+            for name, digest in call.inputs.digests
+        ],
+        versions=[
+            Row(name=name, value=version)
+            for name, version in package_versions((*PACKAGES, *VALIDATION_PACKAGES)).items()
+        ],
+    )
+
+
+def _facts(finished: Path, summaries: dict[str, StageSummary], files: Sequence[AssetFile]) -> list[Row]:
+    """The key numbers."""
+    interface, _ = interface_of(finished)
+    stage = open_asset(finished)  # which prims do not keep
+    facts = read_plant_facts(require_plant(stage, finished), interface)
+    rows = []
+    if facts.extent is not None:
+        wide_m = (facts.extent[1] - facts.extent[0])[[0, 2]].max()
+        rows.append(Row(name="height", value=f"{facts.extent[1][1] - min(facts.extent[0][1], 0):.2f} m"))
+        rows.append(Row(name="width", value=f"{wide_m:.2f} m"))
+    rows += [row for row in summaries[ASSET].rows if row.name in ("leaves", "branches")]
+    size = sum(file.size_bytes for file in files)
+    rows.append(Row(name="size", value=f"{size / 1e6:.1f} MB", remark=f"{len(files)} files"))
+    rows.append(Row(name="levels of detail", value=", ".join(facts.variants.get("lod", ())) or "none"))
+    rows.append(Row(name="representations", value=", ".join(facts.variants.get("representation", ())) or "none"))
+    return rows
+
+
+def _validation_row(validated: ValidationReport) -> Row:
+    counts = ((validated.count(severity), severity) for severity in ("error", "warning"))
+    return Row(name="validation", value=", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts))
+
+
+def _copy_details(call: StageCall, folder: Path) -> None:
+    """The stages' own reports, each in a folder of its own."""
+    for name in TITLES:
+        detail = read_summary(call.result_of(name)).detail if call.has(name) else ""
+        if detail:
+            copy_tree((call.result_of(name) / detail).parent, folder / name, link=True)
+    for texture in (call.result_of(LEAVES) / ASSET_FOLDER / "maps").glob("*") if call.has(LEAVES) else ():
+        copy_tree(texture.parent, folder / "maps", link=True)  # where the leaves' report looks for it
+        break
+
+
+def _stage(call: StageCall, name: str, summary: StageSummary) -> StageReport:
+    title, sentence = TITLES[name]
+    state: State = "failed" if summary.failure else "warnings" if summary.warnings else "done"
+    folder = call.result_of(name)
+    return StageReport(
+        name=name,
+        title=title,
+        sentence=sentence,
+        state=state,
+        rows=summary.rows,
+        pictures=[Picture(image=folder / picture.file, caption=picture.caption) for picture in summary.pictures],
+        notes=summary.notes,
+        detail_report=f"{name}/index.html" if summary.detail else "",
+    )
+
+
+def _read_comparisons(call: StageCall) -> list[Comparison]:
+    folder = call.result_of(COMPARISONS) if call.has(COMPARISONS) else None
+    if folder is None or not (folder / _COMPARED).is_file():
+        return []
+    return [
+        Comparison(
+            name=each["name"],
+            photograph=folder / _PICTURES / each["photograph"],
+            drawing=folder / _PICTURES / each["drawing"],
+            iou=each["iou"],
+            masks=each["masks"],
+        )
+        for each in json.loads((folder / _COMPARED).read_text())
+    ]
+
+
+def _read_variants(call: StageCall) -> list[Variant]:
+    folder = call.result_of(VARIANTS) if call.has(VARIANTS) else None
+    if folder is None or not (folder / _COMPARED).is_file():
+        return []
+    return [
+        Variant(
+            set=each["set"],
+            name=each["name"],
+            picture=Picture(image=folder / _PICTURES / each["picture"], caption=f"{each['set']} = {each['name']}"),
+            is_default=each["default"],
+        )
+        for each in json.loads((folder / _COMPARED).read_text())
+    ]
+
+
+def _settings(settings: BuildSettings) -> list[StageSettings]:
+    defaults = BuildSettings()
+    return [
+        mark_settings(name, format_settings(getattr(settings, name)), format_settings(getattr(defaults, name)))
+        for name in STAGE_SETTINGS
+    ]
+
+
+def _asset_of(call: StageCall) -> Path:
+    return call.result_of(ASSET) / ASSET_FOLDER
+
+
+def _draw(call: StageCall, draw: Callable[[], object]) -> tuple[ResultFile, ...]:
+    """Without Storm there are no pictures, and the report says so."""
+    (call.out / _PICTURES).mkdir()
+    warnings = []
+    try:
+        draw()
+    except PreviewError as error:
+        logger.warning("no pictures: %s", error)
+        warnings.append(f"there are no pictures of the asset: {str(error).replace(str(call.store.folder), '…')}")
+    write_summary(call.out, StageSummary(warnings=warnings, poor=bool(warnings)))
+    return ()
+
+
+def _tell(call: StageCall) -> Callable[[int, int], None]:
+    def tell(done: int, total: int) -> None:
+        if call.progress is not None:
+            call.progress(call.task.name, done / max(total, 1))
+
+    return tell

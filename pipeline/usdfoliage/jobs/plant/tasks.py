@@ -1,0 +1,238 @@
+"""The tasks of a build: which there are, what each needs, and the hash that names its result.
+
+A task's key is known before anything runs: it is made of the code, the settings that matter to it, the input files and
+the keys of the tasks whose results it reads. So a plan can say what is done already, on any machine.
+"""
+
+import functools
+import hashlib
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from usdfoliage import _native
+from usdfoliage.asset.provenance import PACKAGES, package_versions
+from usdfoliage.asset.resources import resource_folder
+from usdfoliage.capture.mvs.agreement import AgreementSettings
+from usdfoliage.jobs.plant.inputs import BuildInputs
+from usdfoliage.jobs.plant.outside_tools import describe_interpreter, describe_validators
+from usdfoliage.jobs.plant.settings import BuildSettings, TaskSettings
+from usdfoliage.jobs.plant.store import Stamp, Store, find_finished
+from usdfoliage.jobs.work.results import task_key
+
+logger = logging.getLogger(__name__)
+
+POSES, MATCHING, DEPTH, CLOUD = "poses", "matching", "depth", "cloud"
+ISOLATION = "isolation"
+BRANCHES, LEAVES, CROWN, ASSET = "branches", "leaves", "crown", "asset"
+TURNTABLE, COMPARISONS, VARIANTS, REPORT = "turntable", "comparisons", "variants", "report"
+STAGES = (
+    POSES,
+    MATCHING,
+    DEPTH,
+    CLOUD,
+    ISOLATION,
+    BRANCHES,
+    LEAVES,
+    CROWN,
+    ASSET,
+    TURNTABLE,
+    COMPARISONS,
+    VARIANTS,
+    REPORT,
+)
+_CODE = (".py", ".html", ".css", ".js", ".toml", ".glslfx", ".usda")
+_RESOURCES = ("schemas", "usd_plugins", "hydra_preview")
+# What poses and depth are made by: a test follows the imports.
+_NOT_OF_DEPTH = ("laspy", "lazrs", "jinja2")  # packages that read clouds and write pages
+CODE_OF_DEPTH = (
+    "[!_]*.py",
+    "files/**/*",
+    "geometry/**/*",
+    "capture/**/*",
+    "jobs/capture/**/*",
+    "jobs/work/**/*",
+    "jobs/plant/stages/capture.py",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """One stage on one chunk."""
+
+    name: str  # of one build; it may be a path of two parts, such as depth/3
+    stage: str
+    chunk: int = 0
+    chunks: int = 1
+    round: int = 0  # of matching
+    needs: tuple[str, ...] = ()  # names of tasks whose results it reads
+    key: str = ""
+    estimate_s: float = 0.0  # on one core or two, as far as its size tells, or what others took (times.py)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildPlan:
+    """The tasks of one plant, each after those that it needs."""
+
+    tasks: Mapping[str, Task]
+    last: tuple[str, ...]  # tasks that are wanted for themselves
+
+    def needed_by(self, name: str) -> Iterator[Task]:
+        return (task for task in self.tasks.values() if name in task.needs)
+
+
+@functools.cache
+def build_code_version(stage: str) -> str:
+    """A hash of everything that decides what a stage makes: the package, its extension, schemas, shaders, libraries.
+
+    Of matching, which takes longest, only what it can reach: another report is no reason to match again.
+    """
+    of_depth = stage in (POSES, MATCHING, DEPTH)
+    packages = [name for name in PACKAGES if not (of_depth and name in _NOT_OF_DEPTH)]
+    digest = hashlib.sha256(repr(sorted(package_versions(packages).items())).encode())
+    package = Path(__file__).parents[2]
+    patterns = CODE_OF_DEPTH if of_depth else ("**/*",)
+    files = {path for pattern in patterns for path in package.glob(pattern) if path.suffix in _CODE}
+    folders = [] if patterns == CODE_OF_DEPTH else [resource_folder(name) for name in _RESOURCES]
+    others = [path for folder in folders for path in sorted(folder.rglob("*")) if path.suffix in _CODE]
+    for path in (*sorted(files), *others, Path(_native.__file__)):
+        digest.update(path.relative_to(package).as_posix().encode() if path in files else path.name.encode())
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def plan_build(
+    inputs: BuildInputs, settings: BuildSettings, name: str, only: Sequence[str] = (), profile: str = ""
+) -> BuildPlan:
+    """The tasks of a plant.
+
+    Args:
+        inputs: The files, with their digests.
+        settings: Of every stage.
+        name: Of the asset.
+        only: Stages after which to stop; none: all.
+        profile: Digest of the studio's profile that the asset is validated by.
+    """
+    tasks: dict[str, Task] = {}
+    megapixels = inputs.megapixels
+
+    def add(stage: str, said: object, needs: Sequence[str], estimate_s: float, **place: int) -> str:
+        chunk, chunks, number = place.get("chunk", 0), place.get("chunks", 1), place.get("round", 0)
+        full = f"{stage}-{number + 1}" if stage == MATCHING else stage
+        if chunks > 1:
+            full = f"{full}/{chunk + 1}"
+        keys = [tasks[each].key for each in needs]
+        key = task_key(build_code_version(stage), stage, number, chunk, chunks, said, keys)
+        tasks[full] = Task(
+            name=full,
+            stage=stage,
+            chunk=chunk,
+            chunks=chunks,
+            round=number,
+            needs=tuple(needs),
+            key=key,
+            estimate_s=estimate_s,
+        )
+        return full
+
+    parts: list[str] = []
+    poses = ""
+    source = list(inputs.digests)
+    if inputs.photographs:
+        capture = settings.capture
+        photographs = len(inputs.photographs)
+        posing = (capture.poses, capture.mask, capture.sky, capture.registration, capture.world)
+        # A run that used doubtful poses leaves none for one that would have stopped at them; nobody doubts given ones.
+        doubtful = capture.doubtful_poses if capture.poses == "estimate" or not inputs.has_cameras else ""
+        said = (source, inputs.name, settings.seed, posing, doubtful, capture.depth.max_side_px)
+        estimated = 0.0 if inputs.has_cameras else 1.0
+        poses = add(POSES, said, (), 2.0 + photographs * (0.15 * megapixels + estimated))
+        chunks = -(-photographs // settings.tasks.photographs_a_task)
+        # Hashed once for all chunks: a library of thousands is planned in seconds.
+        matching = task_key(capture.dense, replace(capture.depth, agreement=AgreementSettings()))
+        finishing = task_key(capture.depth)
+        before = [poses]
+        rounds = len(capture.depth.rounds) if capture.dense == "own" else 0
+        matched = photographs * min(megapixels, (capture.depth.max_side_px / 1000) ** 2 * 0.75)
+        for number in range(rounds):
+            level = capture.depth.rounds[number].level
+            cost_s = 3.0 * matched / chunks / 4**level
+            before = [
+                add(
+                    MATCHING,
+                    matching,
+                    before if number else [poses],
+                    0.3 + cost_s,
+                    chunk=k,
+                    chunks=chunks,
+                    round=number,
+                )
+                for k in range(chunks)
+            ]
+        finished = before
+        if rounds:
+            cost_s = 0.3 + matched / chunks
+            finished = [add(DEPTH, finishing, before, cost_s, chunk=k, chunks=chunks) for k in range(chunks)]
+        said_of_cloud = replace(capture, doubtful_poses="stop")  # which decides nothing once there are poses
+        cloud = add(CLOUD, said_of_cloud, [poses, *finished], 3.0 + 1.2 * matched)
+    else:
+        cloud = ""
+    has_cloud = [cloud] if cloud else []
+    plant = has_cloud  # what its parts are made of
+    if cloud and settings.isolation.make != "off":
+        given = source if inputs.has_depth else []  # which lies beside what was found
+        megapixels_of_all = len(inputs.photographs) * megapixels
+        isolation = add(ISOLATION, (settings.isolation, given), has_cloud, 5.0 + 0.7 * megapixels_of_all)
+        plant = [isolation]
+    species = settings.plant.species  # which is written into the asset of every part
+    if settings.branches.make != "off":
+        said_of_branches = (settings.seed, settings.branches, species, name, *([] if cloud else source))
+        parts.append(add(BRANCHES, said_of_branches, plant, 25.0))
+    if settings.leaves.make and cloud:
+        said_of_leaves = (settings.seed, settings.leaves, species, name, source)
+        parts.append(add(LEAVES, said_of_leaves, plant, 5.0 + 3.0 * len(inputs.photographs) * megapixels))
+    if settings.crown.make:
+        said_of_crown = (settings.seed, settings.crown, species, name, *([] if cloud else source))
+        parts.append(add(CROWN, said_of_crown, [*plant, *parts], 40.0))
+    draws = describe_interpreter() if settings.pictures.make else ()  # the thumbnail too
+    said_of_asset = (replace(settings, tasks=TaskSettings()), name, inputs.name, source, draws)
+    asset = add(ASSET, said_of_asset, [*plant, *parts], 20.0)
+    pictures: list[str] = []
+    if settings.pictures.make:
+        drawn = settings.pictures
+        said_of_pictures = (drawn, draws)
+        pictures.append(add(TURNTABLE, said_of_pictures, [asset], 4.0 + 1.2 * drawn.turntable_frames))
+        if cloud:
+            pictures.append(add(COMPARISONS, said_of_pictures, [*plant, asset], 6.0 + 2.5 * drawn.comparisons))
+        pictures.append(add(VARIANTS, said_of_pictures, [asset], 30.0))
+    everything = [*([poses] if cloud else []), *dict.fromkeys([*has_cloud, *plant]), *parts, asset, *pictures]
+    report = add(REPORT, (profile, describe_validators()), everything, 20.0)
+    last = tuple(task.name for task in tasks.values() if task.stage in only) if only else (report,)
+    return BuildPlan(tasks=tasks, last=last)
+
+
+def find_wanted(plan: BuildPlan, store: Store, *, thorough: bool) -> tuple[dict[str, Task], dict[str, Stamp]]:
+    """What must be done for the last tasks, and what is done already of all that was looked at.
+
+    What only finished tasks need is not looked at: it may be gone.
+
+    Args:
+        plan: All tasks.
+        store: Where results are.
+        thorough: Whether every byte of a result is looked at.
+    """
+    wanted: set[str] = set()
+    finished: dict[str, Stamp] = {}
+    ahead = list(plan.last)
+    while ahead:
+        name = ahead.pop()
+        if name in wanted or name in finished:
+            continue
+        stamp = find_finished(store, plan.tasks[name].key, thorough=thorough)
+        if stamp is not None and not stamp.poor:
+            finished[name] = stamp
+            continue
+        wanted.add(name)
+        ahead.extend(plan.tasks[name].needs)
+    return {name: task for name, task in plan.tasks.items() if name in wanted}, finished

@@ -1,0 +1,84 @@
+"""How long tasks may take, by what tasks of their stages took in the same work folder. No key depends on it."""
+
+import math
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from statistics import median
+
+from usdfoliage.jobs.plant.store import Store
+from usdfoliage.jobs.plant.tasks import ASSET, BRANCHES, CROWN, REPORT, VARIANTS, BuildPlan, Task
+
+_MOST_STAMPS = 1000  # that are looked at; keys are hashes, so that the first by name are a fair choice
+_HEAD_BYTES = 600  # of a stamp, before its list of files
+_HEAD = re.compile(
+    rb'"name": "([^"\\]+)",\s*"seconds": ([\d.eE+-]+),\s*"estimate_s": ([\d.eE+-]+),\s*"poor": (true|false)'
+)
+_LEAST_S = 0.05
+# Their estimates know nothing of the plant: seconds are taken as they are.
+_OF_ANY_SIZE = (BRANCHES, CROWN, ASSET, VARIANTS, REPORT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageTimes:
+    """What tasks of a stage took, in the middle."""
+
+    seconds: float
+    ratio: float  # to their estimates
+
+
+def expect_times(plan: BuildPlan, store: Store) -> BuildPlan:
+    """The plan with the estimates of all stages that the work folder has finished tasks of.
+
+    Stamps keep the estimate of the task's size, without this: what is learned is not learned again.
+    """
+    try:
+        changed_ns = (store.folder / "tasks").stat().st_mtime_ns
+    except OSError:
+        return plan  # nothing was built here
+    times = read_times(store.folder, changed_ns)
+    return replace(plan, tasks={name: _expect(task, times) for name, task in plan.tasks.items()})
+
+
+@lru_cache(maxsize=16)
+def read_times(folder: Path, changed_ns: int) -> Mapping[str, StageTimes]:
+    """By stage, and by round of matching; of a work folder as it was at that time."""
+    seconds: dict[str, list[float]] = {}
+    ratios: dict[str, list[float]] = {}
+    try:
+        names = sorted(name for name in os.listdir(folder / "tasks") if name.endswith(".json"))  # noqa: PTH208 (quick)
+    except OSError:
+        return {}
+    for name in names[:_MOST_STAMPS]:
+        try:
+            with (folder / "tasks" / name).open("rb") as file:
+                found = _HEAD.search(file.read(_HEAD_BYTES))
+        except OSError:
+            continue
+        if found is None or found[4] == b"true":  # damaged, or without what takes its time
+            continue
+        try:
+            took_s, estimate_s = float(found[2]), float(found[3])
+        except ValueError:
+            continue
+        if math.isfinite(took_s) and math.isfinite(estimate_s) and estimate_s > 0:
+            stage = _stage(found[1].decode(errors="replace"))
+            seconds.setdefault(stage, []).append(took_s)
+            ratios.setdefault(stage, []).append(took_s / estimate_s)
+    return {stage: StageTimes(seconds=median(held_s), ratio=median(ratios[stage])) for stage, held_s in seconds.items()}
+
+
+def _expect(task: Task, times: Mapping[str, StageTimes]) -> Task:
+    known = times.get(_stage(task.name))
+    if known is None:
+        return task
+    expected_s = known.seconds if task.stage in _OF_ANY_SIZE else task.estimate_s * known.ratio
+    return replace(task, estimate_s=max(expected_s, _LEAST_S))
+
+
+def _stage(name: str) -> str:
+    """Of a task's name: without the number of its chunk."""
+    return name.split("/")[0]

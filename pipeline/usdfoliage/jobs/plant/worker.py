@@ -1,0 +1,225 @@
+"""One task of a build, as every executor runs it: planned again from the files, done unless it is done, and stamped."""
+
+import logging
+import re
+import shutil
+import time
+import traceback
+from collections.abc import Mapping
+from pathlib import Path
+
+from usdfoliage.capture.folder.listing import named
+from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.jobs.capture.folder import IMAGES
+from usdfoliage.jobs.plant.call import BuildRequest, Stage, StageCall, digest_profile
+from usdfoliage.jobs.plant.executors import Done, TaskOrder
+from usdfoliage.jobs.plant.inputs import BuildInputs, find_inputs
+from usdfoliage.jobs.plant.plan_words import in_words_of_the_plan
+from usdfoliage.jobs.plant.record import note_task, use_plant
+from usdfoliage.jobs.plant.stages.assemble import assemble_asset
+from usdfoliage.jobs.plant.stages.capture import find_poses, finish_photographs, match_photographs
+from usdfoliage.jobs.plant.stages.cloud import make_cloud
+from usdfoliage.jobs.plant.stages.isolate import isolate_capture
+from usdfoliage.jobs.plant.stages.parts import find_leaves, make_crown, trace_branches
+from usdfoliage.jobs.plant.stages.report import compare_plant, report_plant, show_variants, turn_plant
+from usdfoliage.jobs.plant.store import (
+    ResultFile,
+    Stamp,
+    Store,
+    drop_result,
+    fill_result,
+    find_finished,
+    list_files,
+    lock_task,
+    stamp_mark,
+    write_stamp,
+)
+from usdfoliage.jobs.plant.summary import SUMMARY, read_summary, rename_paths
+from usdfoliage.jobs.plant.tasks import (
+    ASSET,
+    BRANCHES,
+    CLOUD,
+    COMPARISONS,
+    CROWN,
+    DEPTH,
+    ISOLATION,
+    LEAVES,
+    MATCHING,
+    POSES,
+    REPORT,
+    TURNTABLE,
+    VARIANTS,
+    BuildPlan,
+    Task,
+    plan_build,
+)
+from usdfoliage.steps import StepProgress
+
+logger = logging.getLogger(__name__)
+
+STAGES: Mapping[str, Stage] = {
+    POSES: find_poses,
+    MATCHING: match_photographs,
+    DEPTH: finish_photographs,
+    CLOUD: make_cloud,
+    ISOLATION: isolate_capture,
+    BRANCHES: trace_branches,
+    LEAVES: find_leaves,
+    CROWN: make_crown,
+    ASSET: assemble_asset,
+    TURNTABLE: turn_plant,
+    COMPARISONS: compare_plant,
+    VARIANTS: show_variants,
+    REPORT: report_plant,
+}
+# These read many files of others, each of which tells its own damage.
+_READ_MANY = (MATCHING, DEPTH)
+
+_NOT_WRITTEN = re.compile("was not written|cannot be written")
+
+
+def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Done:
+    """Do one task, unless another run has done it meanwhile.
+
+    What goes wrong is returned, not raised: a farm's worker goes on with the next.
+    """
+    try:
+        inputs, plan = _plan(order.request)
+        task = plan.tasks.get(order.name)
+        if task is None or task.key != order.key:
+            raise FoliageError(
+                f"{order.name} is planned otherwise here than where the build was started: {order.request.capture} "
+                "has changed meanwhile, or this worker has another version of usdfoliage, its libraries, validators or "
+                "preview interpreter"
+            )
+        note_task(order.request, plan, task)
+        with use_plant(order.request):
+            return _run(order, inputs, plan, task, progress)
+    except FoliageError as error:
+        return Done(
+            name=order.name,
+            seconds=0.0,
+            was_run=True,
+            error=in_words_of_the_plan(_as_given(str(error), order.request, str(order.request.capture))),
+        )
+    except Exception:  # noqa: BLE001 (a farm must hear of any)
+        return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
+
+
+def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, progress: StepProgress | None) -> Done:
+    store = order.request.store
+    with lock_task(store, task.key) as scratch:
+        finished = find_finished(store, task.key, thorough=True)
+        if finished is not None and not (finished.poor and stamp_mark(store, task.key) == order.poor_mark):
+            return Done(name=task.name, seconds=0.0, was_run=False)
+        marks = {need: stamp_mark(store, plan.tasks[need].key) for need in task.needs}
+        poor = False  # what is made of something poor is poor as well
+        for need in task.needs:
+            thorough = task.stage not in _READ_MANY
+            stamp = find_finished(store, plan.tasks[need].key, thorough=thorough)
+            if stamp is None:
+                return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
+            poor |= stamp.poor
+        start = time.perf_counter()
+        try:
+            files, is_poor = _fill(order, inputs, plan, task, scratch, progress)
+            seconds = time.perf_counter() - start
+        except Exception:
+            _require_unchanged(order.request, inputs, task)  # which says more
+            if _lost_needs(store, plan, marks, sizes=True):
+                return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
+            raise
+        _require_unchanged(order.request, inputs, task)
+        if _lost_needs(store, plan, marks):
+            drop_result(store, task.key)
+            return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
+        if stamp_mark(store, task.key):  # another run was faster, as without locks: its result stays
+            return Done(name=task.name, seconds=seconds, was_run=True)
+        write_stamp(
+            store,
+            Stamp(
+                key=task.key,
+                name=task.name,
+                seconds=seconds,
+                estimate_s=task.estimate_s,
+                files=files,
+                poor=poor or is_poor,
+            ),
+        )
+        shutil.rmtree(scratch, ignore_errors=True)
+    logger.info("%s: %.1f s", task.name, seconds)
+    return Done(name=task.name, seconds=seconds, was_run=True)
+
+
+def _fill(
+    order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, scratch: Path, progress: StepProgress | None
+) -> tuple[tuple[ResultFile, ...], bool]:
+    """Run the stage; returns the files of its result, and whether that is poor."""
+    store = order.request.store
+    with fill_result(store, task.key) as out:
+        others = STAGES[task.stage](
+            StageCall(
+                request=order.request,
+                inputs=inputs,
+                plan=plan,
+                task=task,
+                out=out,
+                scratch=scratch,
+                threads=order.threads,
+                progress=progress,
+            )
+        )
+        if (out / SUMMARY).is_file():  # which is part of the report: the same on every machine
+            rename_paths(out, lambda text: _as_given(text, order.request, order.request.capture.resolve().name))
+        return (*list_files(store, out, store.result(task.key)), *others), read_summary(out).poor
+
+
+def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
+    inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, "memory")
+    return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
+
+
+def _lost_needs(store: Store, plan: BuildPlan, marks: Mapping[str, int], *, sizes: bool = False) -> bool:
+    """Whether what a task read is gone, or was made anew by another run, while it was read."""
+    keys = {need: plan.tasks[need].key for need in marks}
+    return any(
+        stamp_mark(store, keys[need]) != mark or (sizes and find_finished(store, keys[need], thorough=False) is None)
+        for need, mark in marks.items()
+    )
+
+
+def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -> None:
+    """Nothing may be kept of files that were written while they were read: it would be taken for a result of others.
+
+    Every stage reads files of the capture, if only as links to them in results.
+
+    Raises:
+        CaptureError: The capture is not as it was when the task was planned; what was made of it is gone.
+    """
+    before = dict(inputs.digests)
+    try:
+        now = dict(find_inputs(request.capture, request.store, request.settings.leaves.depth, "files").digests)
+        changed = [name for name in sorted(now.keys() | before.keys()) if now.get(name) != before.get(name)]
+        if not changed:
+            return
+        told = named(changed)
+    except CaptureError as error:
+        told = str(error).partition(";")[0]
+    drop_result(request.store, task.key)
+    raise CaptureError(
+        f"{request.capture} changed while it was read: {told}; run the same command again when nothing writes there"
+    )
+
+
+def _as_given(text: str, request: BuildRequest, source: str) -> str:
+    """A message with files of the capture as source has them: tasks work on links and copies in the work folder.
+
+    What could not be written is a file of the task itself, and the disk of the work folder the one to look at.
+    """
+    if _NOT_WRITTEN.search(text):
+        return text
+    name = re.escape(request.capture.resolve().name)
+    laid = rf"{re.escape(str(request.store.folder))}/(?:scratch/[^/\s]+|results/[^/\s]+/capture)/{name}"
+    if not (request.capture / IMAGES).is_dir():  # a plain folder of photographs
+        laid += f"(?:/{IMAGES})?"
+    return re.sub(f"{laid}|{re.escape(str(request.capture))}(?=/|\\s|$)", lambda _: source, text)

@@ -1,0 +1,1 @@
+"""Pictures and the interactive viewer, drawn in the preview interpreter."""

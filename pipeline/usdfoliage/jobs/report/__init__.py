@@ -1,0 +1,1 @@
+"""What all reports share: rows, pictures, pages, templates."""

@@ -1,0 +1,1 @@
+"""Leaves out of dense foliage: surface patches, proposals, evidence, selection. Our own."""

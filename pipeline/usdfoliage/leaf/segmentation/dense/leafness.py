@@ -1,0 +1,75 @@
+"""How much a proposal is like a whole leaf: by its size and by what the views show of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.leaf.fit.prior import LeafPrior
+from usdfoliage.leaf.segmentation.dense.evidence import Evidence
+from usdfoliage.leaf.segmentation.dense.proposals import Proposals
+from usdfoliage.leaf.shape.measures import leaf_width
+
+ENOUGH = 100  # leaves that tell how different leaves of a set are
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsualLeaf:
+    """Sizes that half of the leaf area of a scene lies below."""
+
+    length_m: float
+    width_m: float
+    area_m2: float
+
+
+def measure_usual(proposals: Proposals, evidence: Evidence, trust: NDArray[np.float64]) -> UsualLeaf:
+    """The usual leaf of those that stand free, are seen whole and explain their points; of all, where none does.
+
+    Args:
+        trust: (N,), 0 to 1, what else is known; leaves below a half do not count.
+    """
+    area = evidence.area_m2
+    sure = (evidence.free > 0.55) & (evidence.on > 0.8) & (evidence.violated < 0.1)
+    sure &= (proposals.explained > 0.85) & (trust > 0.5)
+    if not sure.any():
+        sure = np.ones(len(proposals), bool)
+    lengths = proposals.leaves.length_m
+    widths = leaf_width(proposals.leaves.parameters) * lengths
+
+    def weighted_median(values: NDArray[np.float64]) -> float:
+        order = np.argsort(values[sure], kind="stable")
+        rising = np.cumsum(area[sure][order])
+        return float(values[sure][order][np.searchsorted(rising, rising[-1] / 2)])
+
+    return UsualLeaf(length_m=weighted_median(lengths), width_m=weighted_median(widths), area_m2=weighted_median(area))
+
+
+def judge_leaves(
+    proposals: Proposals, evidence: Evidence, usual: UsualLeaf, violation_weight: float
+) -> NDArray[np.float64]:
+    """(N,), 0 to 1: whether each is one whole leaf, by its size, its free silhouette and what sees through it.
+
+    Args:
+        violation_weight: Of the share of a leaf that views look through.
+    """
+    lengths = proposals.leaves.length_m / usual.length_m
+    widths = leaf_width(proposals.leaves.parameters) * proposals.leaves.length_m / usual.width_m
+    areas = evidence.area_m2 / usual.area_m2
+    ends = np.clip((evidence.free - 0.7 * evidence.continued) / 0.35, 0, 1)
+    # Stems are narrow; what is much too wide or long is several leaves, or ground.
+    wide = np.clip((widths - 0.25) / 0.3, 0, 1) * np.exp(-0.5 * np.square(np.log(np.maximum(widths, 1)) / 0.5))
+    long = np.exp(-0.5 * np.square(np.log(lengths) / 0.5))
+    seen = np.clip(evidence.on - violation_weight * evidence.violated - 0.2 * evidence.unseen, 0, None)
+    explained = np.clip((proposals.explained - 0.5) / 0.4, 0, 1)
+    return np.asarray(ends * wide * long * seen * explained * np.clip(areas / 0.3, 0, 1))
+
+
+def judge_likeness(proposals: Proposals, prior: LeafPrior) -> NDArray[np.float64]:
+    """(N,), 0 to 1: whether each is like the leaves that a prior was learned of, in one of its versions."""
+    means, precisions = prior.versions()
+    offsets = proposals.numbers() - means[:, None]
+    distance = np.einsum("gni,gij,gnj->gn", offsets, precisions, offsets, optimize=True).min(axis=0)
+    # Of 22 numbers of a normal distribution the sum of squares is below 34 in 95 of 100; what was learned is wide.
+    # Few leaves do not tell how different leaves may be.
+    told = min(1.0, prior.learned / ENOUGH)
+    return np.asarray(np.exp(-told * np.maximum(distance - 14.0, 0) / 10.0))

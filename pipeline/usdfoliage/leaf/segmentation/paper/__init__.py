@@ -1,0 +1,1 @@
+"""Leaves as the paper finds them: superpixels, affinity, templates, refinement."""

@@ -1,0 +1,1 @@
+"""The leaf's algebra: curves, surface, meshes, patches, edits, measures."""

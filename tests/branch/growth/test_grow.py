@@ -1,0 +1,181 @@
+"""Growth towards points whose place tells what has to come of it."""
+
+import numpy as np
+import pytest
+from usdfoliage.branch.growth.grow import grow_branches, seed_plants
+from usdfoliage.branch.growth.logistic import LogisticSettings
+from usdfoliage.branch.growth.regrowth import RegrowthSettings, draw_to_axes, fill_hidden, regrow, vary_growth
+from usdfoliage.branch.growth.settings import GrowthSettings
+
+from tests.support.branch_clouds import line
+from tests.support.branch_shapes import fork
+
+INTERNODE_M = 0.05
+PLAIN = GrowthSettings(internode_m=INTERNODE_M, tropism=0.0, logistic=LogisticSettings(longest=40))
+
+
+def ones(points_m: np.ndarray) -> np.ndarray:
+    return np.ones(len(points_m))
+
+
+def ball(middle_m, radius_m: float, count: int, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    places = rng.normal(size=(count, 3))
+    places *= (rng.random(count) ** (1 / 3) / np.linalg.norm(places, axis=1))[:, None]
+    return np.asarray(middle_m) + radius_m * places
+
+
+def test_points_in_a_line_make_one_straight_stem_of_whole_internodes():
+    points_m = line([0, 0, 0], [0, 2, 0], 201)
+    grown = grow_branches(seed_plants(np.zeros((1, 3)), INTERNODE_M, 0.02), points_m, ones(points_m), PLAIN)
+    skeleton = grown.skeleton
+    assert len(skeleton) == 1
+    assert grown.reached.all()
+    np.testing.assert_allclose(skeleton.points_m[:, [0, 2]], 0, atol=1e-9)
+    np.testing.assert_allclose(np.diff(skeleton.points_m[:, 1]), INTERNODE_M)
+    assert abs(skeleton.points_m[-1, 1] - 2) < 2 * INTERNODE_M
+
+
+def test_branching_angle_and_divergence_are_the_parameters():
+    """Points at the side, where alone the laterals of a stem see them, each in the direction in which it stands."""
+    settings = GrowthSettings(internode_m=0.1, tropism=0.0, pull=0.0, branching_deg=60, divergence_deg=90, stub=0)
+    stem = seed_plants(np.zeros((1, 3)), 0.1, 0.02)
+    stem = grow_branches(stem, line([0, 0.1, 0], [0, 1, 0], 100), np.ones(100), settings).skeleton
+    around = ball([0, 0.6, 0], 0.6, 4000)
+    around = around[np.hypot(around[:, 0], around[:, 2]) > 0.3]
+    grown = grow_branches(stem, around, ones(around), settings, seed=3).skeleton
+    lateral = np.flatnonzero(grown.order == 1)
+    assert len(lateral) >= 4
+    out = grown.points_m[grown.first[lateral] + 1] - grown.points_m[grown.first[lateral]]
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    np.testing.assert_allclose(out[:, 1], np.cos(np.radians(60)), atol=1e-9)
+    node = np.rint(grown.points_m[grown.first[lateral], 1] / 0.1)
+    turn = np.degrees(np.arctan2(out[:, 2], out[:, 0]))
+    quarters = (turn - turn[0]) / 90 + (node - node[0])
+    np.testing.assert_allclose(quarters - np.rint(quarters / 4) * 4, 0, atol=1e-6)
+
+
+def test_two_seeds_share_what_lies_between_them():
+    roots_m = np.array([[-1.0, 0, 0], [1.0, 0, 0]])
+    points_m = np.concatenate([ball([-1, 1, 0], 0.6, 3000, 1), ball([1, 1, 0], 0.6, 3000, 2)])
+    points_m = np.concatenate([points_m, line([-1, 0, 0], [-1, 1, 0], 50), line([1, 0, 0], [1, 1, 0], 50)])
+    grown = grow_branches(seed_plants(roots_m, INTERNODE_M, 0.02), points_m, ones(points_m), PLAIN)
+    skeleton = grown.skeleton
+    of_root = np.arange(len(skeleton))
+    for number in np.flatnonzero(skeleton.parent_curve >= 0):
+        of_root[number] = of_root[skeleton.parent_curve[number]]
+    side = np.sign(skeleton.points_m[:, 0])
+    np.testing.assert_array_equal(side, np.where(of_root[skeleton.curve] == 0, -1, 1))
+    assert grown.reached.mean() > 0.9
+
+
+def test_what_was_there_stays_and_radii_follow_allometry():
+    start = fork()
+    tip_m = start.points_m[start.counts[0] - 1]
+    points_m = ball(np.add(tip_m, [0, 0.5, 0]), 0.4, 2000)
+    grown = grow_branches(start, points_m, ones(points_m), PLAIN).skeleton
+    assert len(grown) > len(start)
+    for number in range(len(start)):
+        for vertex in start.points_m[start.branch(number)]:
+            assert np.linalg.norm(grown.points_m[grown.branch(number)] - vertex, axis=1).min() < 1e-9
+    child = np.arange(len(start), len(grown))
+    assert (grown.radius_m[grown.first[child]] <= grown.radius_m[grown.parent_vertex[child]] + 1e-12).all()
+    inner = np.setdiff1d(np.arange(len(grown.points_m)), grown.first)
+    new = inner[grown.curve[inner] >= len(start)]
+    assert (np.diff(grown.radius_m)[new - 1] <= 1e-12).all()
+
+
+def test_stubs_and_whips_are_shed():
+    points_m = np.concatenate([line([0, 0, 0], [0, 1, 0], 100), [[0.06, 0.5, 0.0], [0, 0.5, 0.07]]])
+    seed = seed_plants(np.zeros((1, 3)), INTERNODE_M, 0.02)
+    kept = grow_branches(seed, points_m, ones(points_m), GrowthSettings(internode_m=INTERNODE_M, stub=0, kill=0.2))
+    shed = grow_branches(seed, points_m, ones(points_m), GrowthSettings(internode_m=INTERNODE_M, stub=3, kill=0.2))
+    assert len(shed.skeleton) == 1
+    assert len(kept.skeleton) == 1 + shed.shed
+    cloud = ball([0, 1, 0], 0.7, 4000)
+    stout = grow_branches(seed, cloud, ones(cloud), GrowthSettings(internode_m=INTERNODE_M, slenderness=60))
+    slim = grow_branches(seed, cloud, ones(cloud), GrowthSettings(internode_m=INTERNODE_M, slenderness=1e9))
+    assert stout.shed > slim.shed
+    assert len(slim.skeleton) > len(stout.skeleton) > 1
+
+
+def test_weights_draw_shoots():
+    seed = seed_plants(np.zeros((1, 3)), INTERNODE_M, 0.02)
+    points_m = np.array([[0.1, 0.2, 0.0], [-0.1, 0.2, 0.0]])
+    settings = GrowthSettings(internode_m=INTERNODE_M, tropism=0.0)
+    even = grow_branches(seed, points_m, np.ones(2), settings).skeleton
+    drawn = grow_branches(seed, points_m, np.array([9.0, 1.0]), settings).skeleton
+    assert even.points_m[2, 0] == pytest.approx(0, abs=1e-9)
+    assert drawn.points_m[2, 0] > 0.005
+
+
+def test_a_seed_grows_the_same_plant_and_another_another():
+    points_m = ball([0, 1, 0], 0.8, 3000)
+    roots_m = np.zeros((1, 3))
+    one, again, other = (regrow(points_m, roots_m, 0.03, PLAIN, seed=seed).skeleton for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.points_m, again.points_m)
+    np.testing.assert_array_equal(one.radius_m, again.radius_m)
+    assert one.points_m.shape != other.points_m.shape or not np.array_equal(one.points_m, other.points_m)
+
+
+def test_points_without_weights_are_refused():
+    with pytest.raises(ValueError, match="3 points have 2 weights"):
+        grow_branches(fork(), np.zeros((3, 3)), np.ones(2), PLAIN)
+
+
+def test_no_points_leave_the_plant_as_it_is():
+    grown = grow_branches(fork(), np.zeros((0, 3)), np.zeros(0), PLAIN)
+    assert (len(grown.skeleton), grown.grown, grown.cycles) == (len(fork()), 0, 0)
+    grown = fill_hidden(fork(), line([0, 0, 0], [0, 1, 0], 60), 0.02, PLAIN)
+    assert (len(grown.skeleton), grown.grown) == (len(fork()), 0)
+
+
+def test_the_inside_of_a_closed_crown_is_grown_into():
+    rng = np.random.default_rng(0)
+    shell_m = rng.normal(size=(20_000, 3))
+    shell_m = [0, 1.5, 0] + shell_m / np.linalg.norm(shell_m, axis=1, keepdims=True)
+    trunk = seed_plants(np.zeros((1, 3)), 0.6, 0.04)  # from the ground into the ball
+    grown = fill_hidden(trunk, shell_m, 0.03, GrowthSettings(internode_m=INTERNODE_M), RegrowthSettings())
+    assert grown.grown > 20
+    away_m = np.linalg.norm(grown.skeleton.points_m - [0, 1.5, 0], axis=1)
+    inside = grown.skeleton.curve > 0
+    assert (away_m[inside] < 1.01).all()  # from the trunk, which comes in through the surface
+    assert grown.reached.mean() > 0.8
+
+
+def test_a_trunk_is_grown_along_its_axis():
+    rng = np.random.default_rng(0)
+    turn, height = rng.uniform(0, 2 * np.pi, 5000), rng.uniform(0, 2, 5000)
+    bark_m = np.column_stack([0.1 * np.cos(turn), height, 0.1 * np.sin(turn)])
+    trunk = seed_plants(np.zeros((1, 3)), 2.0, 0.1)
+    drawn_m = draw_to_axes(bark_m, trunk, 0.025)
+    np.testing.assert_allclose(drawn_m[:, [0, 2]], 0, atol=1e-9)
+    np.testing.assert_allclose(drawn_m[:, 1], height, atol=1e-9)
+    np.testing.assert_array_equal(draw_to_axes(bark_m, trunk, 0.2), bark_m)
+    np.testing.assert_array_equal(draw_to_axes(2 * bark_m, trunk, 0.025), 2 * bark_m)
+    grown = regrow(bark_m, np.zeros((1, 3)), 0.1, PLAIN, stems=trunk).skeleton
+    assert len(grown) == 1
+
+
+def test_variations_are_near_and_differ():
+    varied = [vary_growth(PLAIN, 0.1, seed) for seed in range(4)]
+    for settings in varied:
+        assert abs(settings.branching_deg / PLAIN.branching_deg - 1) <= 0.1
+        assert abs(settings.internode_m / PLAIN.internode_m - 1) <= 0.1
+    assert len({settings.divergence_deg for settings in varied}) == 4
+    assert vary_growth(PLAIN, 0, 1) == PLAIN
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"internode_m": 0},
+        {"internode_m": np.nan},
+        {"internode_m": 1, "perception_deg": 0},
+        {"internode_m": 1, "pull": -1},
+        {"internode_m": 1, "rest": 0},
+    ],
+)
+def test_settings_that_cannot_be_are_refused(wrong):
+    with pytest.raises(ValueError, match=r"must|kill|rest"):
+        GrowthSettings(**wrong)

@@ -1,0 +1,161 @@
+"""Fewer vertices and no sharp bends: what may move, by how much, and what stays."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends
+
+from tests.support.branch_clouds import line
+from tests.support.branch_shapes import plant_of, random_tree
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def off_polyline(points_m: np.ndarray, axis_m: np.ndarray) -> np.ndarray:
+    """(N,) distances of points from a polyline."""
+    step_m = np.diff(axis_m, axis=0)
+    square = np.maximum(np.sum(step_m**2, axis=1), 1e-300)
+    share = np.clip(np.sum((points_m[:, None] - axis_m[:-1]) * step_m, axis=2) / square, 0, 1)
+    return np.linalg.norm(points_m[:, None] - axis_m[:-1] - share[..., None] * step_m, axis=2).min(axis=1)
+
+
+def bends_deg(points_m: np.ndarray) -> np.ndarray:
+    step_m = np.diff(points_m, axis=0)
+    step_m = step_m[np.linalg.norm(step_m, axis=1) > 1e-9]
+    step_m = step_m / np.linalg.norm(step_m, axis=1, keepdims=True)
+    return np.degrees(np.arccos(np.clip(np.sum(step_m[1:] * step_m[:-1], axis=1), -1, 1)))
+
+
+def nothing() -> Skeleton:
+    none = np.zeros(0, np.int32)
+    return Skeleton(
+        points_m=np.zeros((0, 3)), radius_m=np.zeros(0), counts=none, parent_curve=none, parent_vertex=none, order=none
+    )
+
+
+def corner(angle_deg: float, legs_m=(1.0, 1.0)) -> Skeleton:
+    """A branch that goes up and then off by an angle."""
+    turn = np.radians(angle_deg)
+    end_m = [legs_m[1] * np.sin(turn), legs_m[0] + legs_m[1] * np.cos(turn), 0]
+    return plant_of((np.array([[0, 0, 0], [0, legs_m[0], 0], end_m]), np.array([0.03, 0.02, 0.01]), None, 0))
+
+
+def test_of_a_straight_branch_the_ends_and_the_forks_stay():
+    trunk_m, radius_m = line([0, 0, 0], [0, 2, 0], 41), np.linspace(0.1, 0.05, 41)
+    twig_m = line(trunk_m[13], trunk_m[13] + [1, 0, 0], 11)
+    plant = collapse_nodes(plant_of((trunk_m, radius_m, None, 0), (twig_m, 0.01, 0, 13)), 0.05)
+    assert plant.counts.tolist() == [3, 2]
+    np.testing.assert_allclose(plant.points_m[:3], trunk_m[[0, 13, 40]])
+    np.testing.assert_allclose(plant.radius_m[:3], radius_m[[0, 13, 40]])
+    assert plant.parent_vertex.tolist() == [-1, 1]
+
+
+def test_a_change_of_radius_stays():
+    radius_m = np.where(np.arange(11) < 5, 0.1, 0.05)
+    plant = collapse_nodes(plant_of((line([0, 0, 0], [0, 1, 0], 11), radius_m, None, 0)), 0.05)
+    assert plant.points_m[:, 1] == pytest.approx([0, 0.4, 0.5, 1])
+
+
+@examples(max_examples=50)
+@given(seed=SEEDS, most_moved=st.floats(0, 2), least_moved=st.floats(0, 1), wild=st.booleans())
+def test_collapsing_moves_no_branch_by_more_than_it_may(seed, most_moved, least_moved, wild):
+    plant = random_tree(seed, wild=wild)
+    settings = RefinementSettings(most_moved=most_moved, least_moved=least_moved, radius_change=0.2)
+    simple = collapse_nodes(plant, 0.05, settings)
+    assert len(simple) == len(plant)
+    assert simple.parent_curve.tolist() == plant.parent_curve.tolist()
+    for number in range(len(plant)):
+        own, kept = plant.branch(number), simple.branch(number)
+        before_m, after_m = plant.points_m[own], simple.points_m[kept]
+        np.testing.assert_array_equal(after_m[[0, -1]], before_m[[0, -1]])
+        allowed_m = np.maximum(most_moved * plant.radius_m[own], least_moved * 0.05)
+        assert (off_polyline(before_m, after_m) <= allowed_m + 1e-9).all()
+    forks = plant.parent_curve >= 0
+    np.testing.assert_array_equal(
+        simple.points_m[simple.parent_vertex[forks]], plant.points_m[plant.parent_vertex[forks]]
+    )
+
+
+@examples(max_examples=30)
+@given(seed=SEEDS)
+def test_where_nothing_may_move_bends_stay(seed):
+    plant = random_tree(seed)
+    simple = collapse_nodes(plant, 0.05, RefinementSettings(most_moved=0, least_moved=0, radius_change=0))
+    inner = np.setdiff1d(np.arange(len(plant.points_m)), [*plant.first, *(plant.first + plant.counts - 1)])
+    inner = np.setdiff1d(inner, plant.parent_vertex)
+    bent = [vertex for vertex in inner if bends_deg(plant.points_m[vertex - 1 : vertex + 2]).max(initial=0) > 0.01]
+    assert len(simple.points_m) >= len(plant.points_m) - len(inner) + len(bent)
+
+
+@pytest.mark.parametrize("angle_deg", [25, 60, 90, 120])
+@pytest.mark.parametrize("legs_m", [(1.0, 1.0), (1.0, 0.2), (0.3, 2.0)])
+def test_a_sharp_bend_is_shared_among_three(angle_deg, legs_m):
+    plant = corner(angle_deg, legs_m)
+    rounded = round_bends(plant)
+    assert rounded.counts.tolist() == [5]
+    bends = bends_deg(rounded.points_m)
+    assert bends.max() < 0.7 * angle_deg
+    assert bends.sum() == pytest.approx(angle_deg)  # in one plane and one way round
+    np.testing.assert_array_equal(rounded.points_m[[0, -1]], plant.points_m[[0, -1]])
+    assert off_polyline(rounded.points_m, plant.points_m).max() <= 0.5 * min(legs_m)
+    assert (np.diff(rounded.radius_m) <= 0).all()
+
+
+def test_a_slight_bend_stays_as_it_is():
+    for angle_deg, vertices in ((19.9, 3), (20.1, 5)):
+        assert len(round_bends(corner(angle_deg)).points_m) == vertices
+    assert len(round_bends(corner(120), RefinementSettings(sharpest_deg=121)).points_m) == 3
+
+
+def test_a_bend_from_which_a_branch_springs_stays():
+    trunk_m = corner(90).points_m
+    plant = plant_of((trunk_m, 0.05, None, 0), (trunk_m[1] + [[0, 0, 0], [0, 0, 1]], 0.01, 0, 1))
+    np.testing.assert_array_equal(round_bends(plant).points_m, plant.points_m)
+
+
+def test_bends_next_to_each_other_leave_no_edge_without_length():
+    zigzag_m = np.array([[0.0, 0, 0], [0.1, 0.1, 0], [0, 0.2, 0], [0.1, 0.3, 0], [0, 0.4, 0]])
+    rounded = round_bends(plant_of((zigzag_m, 0.01, None, 0)))
+    assert np.linalg.norm(np.diff(rounded.points_m, axis=0), axis=1).min() > 1e-3
+    assert bends_deg(rounded.points_m).max() < 0.7 * 90
+
+
+@examples(max_examples=60)
+@given(seed=SEEDS, wild=st.booleans(), sharpest_deg=st.floats(5, 180))
+def test_after_rounding_it_is_a_skeleton_of_the_same_branches(seed, wild, sharpest_deg):
+    plant = random_tree(seed, wild=wild)
+    rounded = round_bends(plant, RefinementSettings(sharpest_deg=sharpest_deg))  # which checks that junctions repeat
+    assert rounded.parent_curve.tolist() == plant.parent_curve.tolist()
+    assert rounded.order.tolist() == plant.order.tolist()
+    last = plant.first + plant.counts - 1
+    np.testing.assert_array_equal(rounded.points_m[rounded.first], plant.points_m[plant.first])
+    np.testing.assert_array_equal(rounded.points_m[rounded.first + rounded.counts - 1], plant.points_m[last])
+    for number in range(len(plant)):
+        sharpest = bends_deg(plant.points_m[plant.branch(number)]).max(initial=0)
+        assert bends_deg(rounded.points_m[rounded.branch(number)]).max(initial=0) <= sharpest + 1e-3
+
+
+def test_no_branches_stay_none():
+    assert not len(collapse_nodes(nothing(), 0.05))
+    assert not len(round_bends(nothing()))
+
+
+def test_vertices_at_one_place_collapse_to_two():
+    plant = plant_of((np.zeros((5, 3)), 0.01, None, 0))
+    assert collapse_nodes(plant, 0.05).counts.tolist() == [2]
+    assert round_bends(plant).counts.tolist() == [5]
+
+
+@pytest.mark.parametrize("change", [{"most_moved": -0.1}, {"least_moved": -1.0}, {"radius_change": np.nan}])
+def test_to_move_less_than_nothing_is_refused(change):
+    with pytest.raises(ValueError, match="must not be below 0"):
+        RefinementSettings(**change)
+
+
+@pytest.mark.parametrize("sharpest_deg", [0.0, 181.0])
+def test_a_bend_that_is_none_is_refused(sharpest_deg):
+    with pytest.raises(ValueError, match="sharpest_deg must be in"):
+        RefinementSettings(sharpest_deg=sharpest_deg)

@@ -1,0 +1,82 @@
+"""What is far beside a plant and small is a stray; what is below or above it is not, nor another plant."""
+
+import numpy as np
+import pytest
+from usdfoliage.branch.tracing.strays import StraySettings, find_ground_remains, find_strays
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(3)
+
+
+def plant(rng: np.random.Generator) -> np.ndarray:
+    """A trunk below a crown, 3 m high."""
+    trunk = np.column_stack([np.zeros(200), np.linspace(0, 2, 200), np.zeros(200)])
+    return np.concatenate([trunk, rng.uniform([-0.7, 1.8, -0.7], [0.7, 3, 0.7], (2000, 3))])
+
+
+def bit(rng: np.random.Generator, count: int, middle_m: tuple[float, float, float]) -> np.ndarray:
+    return np.array(middle_m) + rng.normal(0, 0.02, (count, 3))
+
+
+def test_a_plant_has_no_strays(rng):
+    assert not find_strays(plant(rng)).any()
+
+
+def test_bits_beside_a_plant_are_strays(rng):
+    points_m = np.concatenate([plant(rng), bit(rng, 40, (2.5, 0.1, 0)), bit(rng, 30, (0, 1, -3))])
+    np.testing.assert_array_equal(find_strays(points_m), np.arange(len(points_m)) >= 2200)
+
+
+def test_a_foot_below_a_crown_whose_trunk_was_not_seen_stays(rng):
+    points_m = np.concatenate([plant(rng)[200:], bit(rng, 40, (0, 0.1, 0))])
+    assert not find_strays(points_m).any()
+
+
+def test_another_plant_is_no_stray(rng):
+    assert not find_strays(np.concatenate([plant(rng), plant(rng) + np.array([4.0, 0, 0])])).any()
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+def test_strays_are_the_same_at_every_size(rng, scale):
+    points_m = np.concatenate([plant(rng), bit(rng, 40, (2.5, 0.1, 0))])
+    assert find_strays(scale * points_m).sum() == 40
+
+
+@pytest.mark.parametrize("points_m", [np.zeros((0, 3)), np.zeros((5, 3))])
+def test_what_has_no_height_has_no_strays(points_m):
+    assert not find_strays(points_m).any()
+
+
+@pytest.mark.parametrize("change", [{"gap_of_height": 0.0}, {"most_points": 1.0}])
+def test_settings_that_cannot_be_are_refused(change):
+    with pytest.raises(ValueError, match=next(iter(change))):
+        StraySettings(**change)
+
+
+def test_low_points_far_beside_a_plant_are_remains_of_its_ground():
+    rng = np.random.default_rng(1)
+    stem_m = np.column_stack([rng.normal(0, 0.02, 500), rng.uniform(0, 2, 500), rng.normal(0, 0.02, 500)])
+    crown_m = rng.normal(0, 0.3, (2000, 3)) + np.array([0.0, 3, 0])
+    shoots_m = np.column_stack([rng.uniform(-0.8, 0.8, 200), rng.uniform(0.1, 0.4, 200), rng.uniform(-0.3, 0.3, 200)])
+    turn = 2 * np.pi * rng.random(800)
+    far_m = rng.uniform(3, 8, 800)
+    remains_m = np.column_stack([far_m * np.cos(turn), rng.uniform(0.05, 0.3, 800), far_m * np.sin(turn)])
+    points_m = np.concatenate([stem_m, crown_m, shoots_m, remains_m])
+    slope = np.array([0.1, -0.05, 0.7])  # the ground rises, and is not at zero
+    points_m[:, 1] += points_m[:, [0, 2]] @ slope[:2] + slope[2]
+    found = find_ground_remains(points_m, slope)
+    np.testing.assert_array_equal(found, np.arange(len(points_m)) >= 2700)
+
+
+def test_a_spruce_keeps_its_lowest_branches_and_a_neighbour_its_stem():
+    rng = np.random.default_rng(2)
+    height_m = rng.uniform(0, 10, 20000)
+    turn, share = 2 * np.pi * rng.random(20000), np.sqrt(rng.random(20000))
+    radius_m = (10 - height_m) / 4 * share
+    cone_m = np.column_stack([radius_m * np.cos(turn), height_m, radius_m * np.sin(turn)])
+    flat = np.zeros(3)
+    assert not find_ground_remains(cone_m, flat).any()
+    assert not find_ground_remains(np.concatenate([cone_m, cone_m + np.array([12.0, 0, 0])]), flat).any()
+    assert not find_ground_remains(np.zeros((0, 3)), flat).any()

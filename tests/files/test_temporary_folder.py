@@ -1,0 +1,84 @@
+"""Folders for files that nobody keeps, on disks that are full."""
+
+import json
+import shutil
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import pytest
+from usdfoliage.errors import AssetError, FoliageError, PreviewError
+from usdfoliage.files.temporary_folder import temporary_folder
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
+
+
+@pytest.fixture
+def full_disk(small_disk, monkeypatch):
+    """A file system of 600 kB for temporary files, of which nothing is left."""
+    monkeypatch.setattr(tempfile, "tempdir", str(small_disk))
+    filling = small_disk / "filling"
+    with filling.open("wb", buffering=0) as file, suppress(OSError):
+        while True:
+            file.write(bytes(4096))
+    return filling
+
+
+def test_a_folder_is_gone_afterwards_also_after_a_failure():
+    with temporary_folder("leaf") as work:
+        (work / "a.txt").write_text("a")
+    assert not work.exists()
+    with pytest.raises(KeyError), temporary_folder("leaf") as work:
+        raise KeyError
+    assert not work.exists()
+
+
+def test_what_goes_wrong_on_a_full_disk_says_so(full_disk):
+    with (
+        pytest.raises(PreviewError, match=r"No space left on device.*; 0 MB are free .*TMPDIR"),
+        temporary_folder("preview", PreviewError) as work,
+    ):
+        (work / "a.txt").write_bytes(bytes(100_000))
+    with (
+        pytest.raises(FoliageError, match=r"Expecting value.*0 MB are free"),
+        temporary_folder("preview") as work,
+    ):
+        json.loads("")
+    with pytest.raises(AssetError, match="no leaves; 0 MB are free"), temporary_folder("preview") as work:
+        raise AssetError("no leaves")
+
+
+def test_a_folder_that_is_gone_hides_no_fault(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with pytest.raises(AssetError, match=r"^no leaves$"), temporary_folder("preview") as work:
+        fail_without(work)
+
+
+def fail_without(work: Path) -> NoReturn:
+    shutil.rmtree(work)
+    raise AssetError("no leaves")
+
+
+def test_without_a_place_for_temporary_files_it_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "absent"))
+    with (
+        pytest.raises(FoliageError, match="no place for temporary files: No such file or directory"),
+        temporary_folder("a"),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("left_kb", [0, 4, 8, 12, 16])
+def test_a_picture_that_finds_no_room_is_told_of(full_disk, tmp_path, left_kb):
+    """The disk is full after the request, with the words of Storm, in the picture."""
+    with full_disk.open("r+b") as file:
+        file.truncate(max(0, full_disk.stat().st_size - 1024 * left_kb))
+    plane = tmp_path / "plane.usda"
+    plane.write_text('#usda 1.0\n(upAxis = "Y")\ndef Sphere "ball" {}\n')
+    view = PreviewView(output=tmp_path / "ball.png")
+    with pytest.raises(PreviewError, match="are free for temporary files in"):
+        render_views(plane, [view], PreviewSettings(width_px=256, height_px=256))
+    assert not view.output.exists()
+    full_disk.unlink()
+    assert not np.any([path.name.startswith("usdfoliage-") for path in full_disk.parent.iterdir()])

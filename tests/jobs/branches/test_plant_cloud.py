@@ -1,0 +1,91 @@
+"""The cloud that branches are traced through: as close as twigs need, with colours, without what lies beside it."""
+
+import numpy as np
+import pytest
+from usdfoliage.branch.tracing.roots import RootSettings
+from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
+
+from tests.support.cloud_files import write_ply
+
+HEIGHT_M = 2.0
+CLOSEST_M = 0.3 * 0.005 * HEIGHT_M
+BROWN, GREEN = (120, 90, 60), (60, 150, 40)
+
+
+def pole(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3) points of a pole of 2 m, Z up, brown below and green above its middle; and their colours."""
+    rng = np.random.default_rng(7)
+    turn, height_m = rng.uniform(0, 2 * np.pi, count), np.linspace(0, HEIGHT_M, count)
+    points = np.column_stack([0.02 * np.cos(turn), 0.02 * np.sin(turn), height_m])
+    return points, np.where(height_m[:, None] < 1, BROWN, GREEN).astype(np.uint8)
+
+
+def read(path, points, colors=None, **asked) -> PlantCloud:
+    write_ply(path, points, colors)
+    return read_plant_cloud(PlantCloudRequest(path=path, roots=RootSettings(), up="Z", unit="m", **asked))
+
+
+def test_points_far_closer_than_twigs_need_become_fewer_and_keep_their_colours(tmp_path):
+    plant = read(tmp_path / "pole.ply", *pole(80_000))
+    assert len(plant.points_m) < 40_000
+    assert any("branches are traced through" in note for note in plant.notes)
+    middle = np.abs(plant.points_m[:, 1] - 1) < 2 * CLOSEST_M
+    assert (np.abs(plant.colors[~middle & (plant.points_m[:, 1] < 1)] - BROWN) < 1e-6).all()
+    assert (np.abs(plant.colors[~middle & (plant.points_m[:, 1] > 1)] - GREEN) < 1e-6).all()
+
+
+def test_of_a_cloud_that_is_no_closer_than_that_every_point_stays(tmp_path):
+    plant = read(tmp_path / "pole.ply", *pole(5000))
+    assert len(plant.points_m) == 5000
+    assert not any("traced through" in note for note in plant.notes)
+
+
+def test_a_shorter_internode_asks_for_more_points(tmp_path):
+    points, colors = pole(80_000)
+    counts = [
+        len(read(tmp_path / "pole.ply", points, colors, internode_m=each).points_m) for each in (0.02, 0.01, 0.0001)
+    ]
+    assert counts[0] < counts[1] < counts[2] == 80_000
+
+
+@pytest.mark.parametrize("most", [1000, 20_000])
+def test_no_more_points_come_than_are_asked_for(tmp_path, most):
+    plant = read(tmp_path / "pole.ply", *pole(80_000), most_points=most)
+    assert len(plant.points_m) == len(plant.colors) <= most
+
+
+def test_strays_are_left_out_and_said(tmp_path):
+    points, colors = pole(5000)
+    stray = np.array([[3.0, 0, 0.4]]) + np.random.default_rng(1).normal(0, 0.02, (60, 3))
+    plant = read(tmp_path / "pole.ply", np.concatenate([points, stray]), np.concatenate([colors, colors[:60]]))
+    assert len(plant.points_m) == len(plant.colors) == 5000
+    assert "60 points are far beside the plant and left out" in plant.notes
+
+
+def test_a_cloud_without_colours_has_none(tmp_path):
+    assert read(tmp_path / "pole.ply", pole(5000)[0]).colors is None
+
+
+def test_of_a_plant_whose_ground_was_left_out_what_lies_low_stays(tmp_path):
+    stem, _ = pole(4000)
+    rosette = np.random.default_rng(8).uniform([-0.6, -0.6, 0], [0.6, 0.6, 0.015], (8000, 3))
+    points = np.concatenate([stem, rosette])
+    assert len(read(tmp_path / "plant.ply", points).points_m) < 5000
+    kept = read(tmp_path / "plant.ply", points, has_ground=False)
+    assert len(kept.points_m) == len(points)
+    assert kept.ground == 0
+
+
+@pytest.mark.parametrize("most", [500, 400_000])
+def test_black_points_have_no_colour_and_darken_none(tmp_path, most):
+    points, colors = pole(40_000)
+    colors = np.tile([60, 120, 40], (len(points), 1))
+    colors[np.random.default_rng(3).random(len(points)) < 0.7] = 0
+
+    cloud = read(tmp_path / "a.ply", points, colors, most_points=most)
+
+    assert len(cloud.points_m) < len(points)
+    assert cloud.colors is not None
+    black = ~cloud.colors.any(axis=1)
+    np.testing.assert_allclose(cloud.colors[~black], np.tile([60, 120, 40], ((~black).sum(), 1)), atol=1e-3)
+    assert black.mean() < 0.7

@@ -1,0 +1,381 @@
+"""From a cloud on disk to an asset of branches, as the command does it."""
+
+import json
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+from usdfoliage.__main__ import main
+from usdfoliage.branch.tracing.reconstruct import BranchSettings
+from usdfoliage.branch.tracing.roots import RootSettings
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branches import warnings as branch_doubts
+from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
+from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset
+
+from tests.support.cloud_files import write_ply
+
+HEIGHT_M, RADIUS_M, ARM_M = 2.0, 0.04, 0.02
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def y_tree(rng, ground=False):
+    """(N, 3) points, Z up, on a tapering trunk of 2 m that leans nowhere, with an arm from its middle at 50 degrees."""
+    parts = []
+    for start, direction, length, radius, count in (
+        ((0, 0, 0), (0, 0, 1), HEIGHT_M, RADIUS_M, 6000),
+        ((0, 0, 1.0), (np.sin(0.87), 0, np.cos(0.87)), 0.9, ARM_M, 1500),
+    ):
+        along, turn = rng.uniform(0, length, count), rng.uniform(0, 2 * np.pi, count)
+        axis = np.array(direction, float)
+        side = np.cross(axis, [0, 1, 0])
+        other = np.cross(axis, side)
+        ring = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * other
+        here_m = radius * (1 - 0.6 * along / length)
+        parts.append(np.array(start) + along[:, None] * axis + here_m[:, None] * ring)
+    tree = np.concatenate(parts)
+    outside = np.hypot(tree[:, 0], tree[:, 1]) > 0.99 * RADIUS_M * (1 - 0.6 * tree[:, 2] / HEIGHT_M)
+    tree = tree[outside]
+    if ground:
+        flat = np.column_stack([rng.uniform(-1.5, 1.5, (4000, 2)), rng.normal(0, 0.004, 4000)])
+        tree = np.concatenate([tree, flat])
+    return tree + rng.normal(0, 0.001, tree.shape)
+
+
+def write_xyz(path, points):
+    path.write_text("\n".join(" ".join(f"{c:.6f}" for c in point) for point in points), encoding="utf-8")
+    return path
+
+
+def test_a_tree_in_a_text_file_becomes_an_asset_that_lies_over_it(tmp_path, rng):
+    offset = np.array([120_000.0, 480_000.0, 7.0])
+    cloud = write_xyz(tmp_path / "tree y.xyz", y_tree(rng, ground=True) + offset)
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/out/geo/guide/Skeleton"))
+    points = np.array(curves.GetPointsAttr().Get(), float)
+    assert points[0] == pytest.approx([0, 0, 0], abs=0.05)
+    orders = np.array(curves.GetPrim().GetAttribute("foliage:order").Get())
+    assert orders[0] == 0
+    assert 1 in orders
+    counts = np.array(curves.GetCurveVertexCountsAttr().Get())
+    trunk, along = np.array(curves.GetWidthsAttr().Get())[: counts[0]], points[: counts[0], 1]
+    low = along < 0.4 * HEIGHT_M
+    assert trunk[low] == pytest.approx(2 * RADIUS_M * (1 - 0.6 * along[low] / HEIGHT_M), rel=0.15)
+    matrix = np.array(stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get())
+    top = np.append(offset + np.array([0, 0, HEIGHT_M]), 1) @ matrix
+    assert np.linalg.norm(points - top[:3], axis=1).min() < 0.06
+    assert (tmp_path / "out" / "report" / "index.html").is_file()
+
+
+def test_the_same_cloud_makes_the_same_bytes(tmp_path, rng):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    for name in ("one", "two"):
+        assert main(["branches", str(cloud), "-o", str(tmp_path / name), "--name", "tree", "--no-preview"]) == 0
+    for layer in ("skeleton.usdc", "branches.usdc"):
+        first, second = (tmp_path / name / "payload" / layer for name in ("one", "two"))
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_dry_run_writes_nothing(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng, ground=True))
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--dry-run"]) == 0
+    told = capsys.readouterr().out
+    assert "roots: 1" in told
+    assert "say it with --up if that is wrong" in told
+    assert "are ground and left out" in told
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_dry_run_refuses_what_a_run_refuses(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    for words in (["--dry-run"], []):
+        assert main(["branches", str(cloud), "-o", str(tmp_path), *words]) == 2
+        assert "a folder with other things than one asset" in capsys.readouterr().err
+
+
+def test_an_upside_down_tree_is_turned_when_it_is_said(tmp_path, rng):
+    points = y_tree(rng) * [1, -1, -1]
+    cloud = write_xyz(tmp_path / "tree.xyz", points)
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--up=-Z", "--no-preview"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/out/geo/guide/Skeleton"))
+    assert np.array(curves.GetPointsAttr().Get())[:, 1].max() == pytest.approx(HEIGHT_M, abs=0.06)
+
+
+def test_millimetres_are_told(tmp_path, rng):
+    cloud = write_xyz(tmp_path / "tree.xyz", 1000 * y_tree(rng))
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z", "--no-preview"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/out/geo/guide/Skeleton"))
+    assert np.array(curves.GetPointsAttr().Get())[:, 1].max() == pytest.approx(HEIGHT_M, abs=0.06)
+
+
+@pytest.mark.parametrize("dry", [True, False])
+def test_a_height_that_no_plant_has_is_a_warning_that_names_the_unit(tmp_path, rng, capsys, caplog, dry):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::4])
+    words = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z", "--no-preview"]
+    assert main([*words, *(["--dry-run"] if dry else [])]) == 0
+    told = capsys.readouterr().out if dry else caplog.text
+    assert "the plant is 2 mm high" in told
+    assert "--unit m (2 m high)" in told
+    if not dry:
+        assert "the plant is 2 mm high" in (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+
+
+def test_a_unit_that_makes_all_of_a_cloud_ground_is_named(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng, ground=True))
+    words = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z"]
+    assert main(words) == 2
+    assert "--unit m (2" in capsys.readouterr().err
+
+
+def skeleton_points(asset):
+    stage = Usd.Stage.Open(str(asset))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath(f"/{asset.stem}/geo/guide/Skeleton"))
+    return np.array(curves.GetPointsAttr().Get(), float)
+
+
+def test_branches_can_be_grown_and_plants_alike_with_them(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    options = [
+        "--method",
+        "grow",
+        "--variations",
+        "2",
+        "--seed",
+        "4",
+        "--no-preview",
+        "--up",
+        "Z",
+        "--internode",
+        "0.05",
+    ]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
+    said = capsys.readouterr().out
+    assert "grown from the roots" in said
+    assert "exponent of the allometry, as traced: " in said  # circles are those of the branches that were traced
+    report = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert "circles believed along the branches that were traced" in report
+    assets = [tmp_path / "out" / "out.usda"]
+    assets += [tmp_path / "out" / "variations" / name / f"{name}.usda" for name in ("out_01", "out_02")]
+    tips_m = np.array([[0, HEIGHT_M, 0], [0.9 * np.sin(0.87), 1 + 0.9 * np.cos(0.87), 0]])
+    shapes = set()
+    for asset in assets:
+        points = skeleton_points(asset)
+        turned = np.column_stack([np.hypot(points[:, 0], points[:, 2]), points[:, 1], 0 * points[:, 0]])
+        for tip_m in tips_m:
+            assert (
+                np.linalg.norm(turned - tip_m, axis=1).min() < 3 * 0.05
+            )  # internodes, within which points are reached
+        shapes.add(points.tobytes())
+    assert len(shapes) == 3
+    assert main(["validate", str(assets[1])]) == 0
+    stages = [Usd.Stage.Open(str(asset)) for asset in assets]
+    named = {stage.GetDefaultPrim().GetAssetInfo()["name"] for stage in stages}
+    assert named == {"out", "out_01", "out_02"}
+
+
+def test_of_two_trees_that_at_the_given_root_is_traced(tmp_path, rng, capsys):
+    one = y_tree(rng)[::3]
+    cloud = write_xyz(tmp_path / "two.xyz", np.concatenate([one, np.add(one, [5, 0, 0])]))
+    options = ["--no-preview", "--up", "Z", "--roots", "5,0,0"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
+    assert "of other trees" in capsys.readouterr().out
+    assert np.ptp(skeleton_points(tmp_path / "out" / "out.usda")[:, [0, 2]], axis=0).max() < 1.5
+
+
+def closed_crown(rng):
+    """(N, 3) points, Z up, on a trunk of 0.9 m and on a ball of a crown around 1.3 m, half a metre to each side."""
+    trunk = rng.normal(size=(1500, 3))
+    trunk = trunk / np.linalg.norm(trunk[:, :2], axis=1, keepdims=True) * [0.05, 0.05, 0]
+    trunk[:, 2] = rng.uniform(0, 0.9, len(trunk))
+    crown = rng.normal(size=(2500, 3))
+    return np.concatenate([trunk, crown / np.linalg.norm(crown, axis=1, keepdims=True) * 0.5 + [0, 0, 1.3]])
+
+
+def test_plants_alike_fill_what_the_crown_hides_as_well(tmp_path, rng):
+    cloud = write_xyz(tmp_path / "tree.xyz", closed_crown(rng))
+    inside = []
+    for name, filled in (("shell", []), ("full", ["--fill-hidden"])):
+        options = ["--variations", "1", "--no-preview", "--up", "Z", "--internode", "0.06", *filled]
+        assert main(["branches", str(cloud), "-o", str(tmp_path / name), *options]) == 0
+        points = skeleton_points(tmp_path / name / "variations" / f"{name}_01" / f"{name}_01.usda")
+        inside.append(int((np.linalg.norm(points - [0, 1.3, 0], axis=1) < 0.3).sum()))
+    assert inside[1] > inside[0] + 20
+
+
+def test_growth_that_comes_to_few_points_is_a_warning(tmp_path, rng, caplog):
+    beside = rng.uniform([2.7, -0.3, 1], [3.3, 0.3, 2], (5000, 3))
+    cloud = write_xyz(tmp_path / "tree.xyz", np.concatenate([y_tree(rng)[::4], beside]))
+    options = ["--method", "grow", "--no-preview", "--up", "Z", "--internode", "0.05", "--roots", "0,0,0"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options, "--cloud-leaves", "off"]) == 0
+    assert "% of the points alone" in caplog.text
+    report = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert "% of the points alone" in report
+
+
+def test_branches_that_are_not_joined_are_a_warning(tmp_path, rng, caplog, monkeypatch):
+    monkeypatch.setattr(branch_doubts, "_UNJOINED", 0.01)  # a lump of points without stems has a few
+    cloud = write_xyz(tmp_path / "lump.xyz", rng.uniform(-0.5, 0.5, (1500, 3)))
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--up", "Z"]) == 0
+    assert "of the branches are not joined to the surface" in caplog.text
+
+
+def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path, rng, capsys):
+    for name, points, about in (
+        ("closed", closed_crown(rng), "branches are grown inside the crown"),
+        ("open", y_tree(rng), "hides nothing of the crown"),
+    ):
+        cloud = write_xyz(tmp_path / f"{name}.xyz", points)
+        options = ["--fill-hidden", "--no-preview", "--up", "Z", "--internode", "0.06"]
+        assert main(["branches", str(cloud), "-o", str(tmp_path / name), *options]) == 0
+        assert about in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [["--variations", "-1"], ["--variations", "1000"], ["--seed", "-1"], ["--internode", "50"], ["--internode", "1.9"]],
+)
+def test_growth_that_cannot_be_is_named(tmp_path, rng, capsys, wrong):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[:300])
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *wrong]) == 2
+    assert wrong[0] in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("content", "about"),
+    [
+        ("", "empty"),
+        ("1 2 3\n" * 200, "points"),
+        ("\n".join(f"{n % 40} {n // 40} 0" for n in range(1600)), "give a cloud of a plant"),
+        ("nan nan nan\n" * 200, "points"),
+        ("hello world\n", "tree.xyz"),
+    ],
+)
+def test_a_cloud_that_cannot_be_used_is_named_and_nothing_is_written(tmp_path, capsys, content, about):
+    cloud = tmp_path / "tree.xyz"
+    cloud.write_text(content, encoding="utf-8")
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ")
+    assert about in said
+    assert "tree.xyz" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_roots_are_a_word_a_number_or_places():
+    assert read_roots("auto") == (read_roots("auto")[0], ())
+    assert read_roots("3")[0].count == 3
+    assert read_roots("1,2,3;4,5,6")[1] == ((1, 2, 3), (4, 5, 6))
+    for bad in ("0", "one", "1,2", "1,2,nan", ""):
+        with pytest.raises(FoliageError):
+            read_roots(bad)
+
+
+def test_a_root_that_is_nowhere_near_is_refused(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    command = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--up", "Z", "--dry-run", "--roots"]
+    assert main([*command, "0,0,-1"]) == 0  # as far as the stem may be hidden
+    assert main([*command, "500000.25,0,0"]) == 2
+    assert "--roots 500000.25,0,0" in capsys.readouterr().err
+
+
+def test_units_and_axes_that_are_not_known_are_refused():
+    assert read_unit("auto") is None
+    assert read_unit("cm") == "cm"
+    assert read_up("-z") == "-Z"
+    with pytest.raises(FoliageError, match="--unit"):
+        read_unit("yard")
+    with pytest.raises(FoliageError, match="--up"):
+        read_up("W")
+
+
+def test_the_record_says_how_it_was_made(tmp_path, rng):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--internode", "0.02"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    record = stage.GetRootLayer().customLayerData["usdfoliage"]
+    assert json.loads(json.dumps(record["settings"]["internode"])) == "0.02"
+    skeleton = stage.GetPrimAtPath("/out/geo/guide/Skeleton")
+    assert skeleton.GetAttribute("foliage:growth:internodeLength").Get() == pytest.approx(0.02)
+
+
+def test_the_bark_has_the_color_that_is_asked_for(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::4])
+    command = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--up", "Z", "--bark-color"]
+    assert main([*command, "0.5", "0.25", "0.125"]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    branches = stage.GetPrimAtPath("/out/geo/render/Branches")
+    assert [tuple(color) for color in branches.GetAttribute("primvars:displayColor").Get()] == [(0.5, 0.25, 0.125)]
+    assert stage.GetRootLayer().customLayerData["usdfoliage"]["settings"]["bark-color"] == "0.5 0.25 0.125"
+    assert main([*command, "0.5", "2", "0"]) == 2
+    assert "--bark-color must be three numbers from 0 to 1" in capsys.readouterr().err
+
+
+def test_the_bark_has_the_usual_color_of_the_clouds_wood(tmp_path, rng):
+    points_m = y_tree(rng)[::4]
+    colors = np.tile(np.array([[188, 137, 99]], np.uint8), (len(points_m), 1))
+    colors[::5] = (255, 0, 255)  # of something behind it
+    cloud = write_ply(tmp_path / "tree.ply", points_m, colors)
+    request = BranchesRequest(
+        cloud=PlantCloudRequest(path=cloud, roots=RootSettings(), up="Z"),
+        output=tmp_path / "out",
+        name="out",
+        settings=BranchSettings(),
+        preview=False,
+        color_of_cloud=True,
+    )
+    made = make_branches_asset(request)
+    stage = Usd.Stage.Open(str(made.asset))
+    (color,) = stage.GetPrimAtPath("/out/geo/render/Branches").GetAttribute("primvars:displayColor").Get()
+    np.testing.assert_allclose(color, [0.503, 0.250, 0.125], atol=0.002)
+
+
+def test_what_moves_is_written_when_it_is_asked_for(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::2])
+    asked = ["--internode", "0.05", "--rig", "--rig-order", "1", "--sway", "4", "--growth", "3"]
+    stout = tmp_path / "stout.toml"
+    stout.write_text("[generic]\ntwig_radius_m = 0.1\n", encoding="utf-8")
+    asked += ["--foliage", "template", "--species", "generic", "--species-file", str(stout)]
+    asked += ["--representation", "bezier"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", *asked]) == 0
+    assert "joints" in capsys.readouterr().out
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    plant = stage.GetDefaultPrim()
+    assert {name: plant.GetVariantSet(name).GetVariantSelection() for name in ("rig", "growth")} == {
+        "rig": "none",
+        "growth": "still",
+    }
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 4)
+    settings = stage.GetRootLayer().customLayerData["usdfoliage"]["settings"]
+    assert (settings["rig-order"], settings["sway"], settings["growth"]) == ("1", "4", "3")
+    plant.GetVariantSet("rig").SetVariantSelection("skel")
+    joints = stage.GetPrimAtPath("/out/geo/render/Rig/Joints").GetAttribute("joints").Get()
+    assert joints[0] == "branch_0"
+    assert max(joint.count("/") for joint in joints) == 1
+    leaves = stage.GetPrimAtPath("/out/geo/render/Leaves")
+    assert len(leaves.GetAttribute("positions").Get())
+    assert leaves.GetAttribute("orientationsf").GetTimeSamples() == [1, 2, 3, 4]
+    plant.GetVariantSet("growth").SetVariantSelection("growing")
+    assert leaves.GetAttribute("scales").GetTimeSamples() == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("asked", "about"),
+    [
+        (["--rig-order", "1"], "--rig"),
+        (["--rig", "--rig-order", "-1"], "--rig-order"),
+        (["--sway", "1"], "--sway"),
+        (["--growth", "0"], "--growth"),
+    ],
+)
+def test_motion_that_cannot_be_is_refused(tmp_path, rng, capsys, asked, about):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[:100])
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *asked]) == 2
+    assert about in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,63 @@
+"""Clouds whose branches are traced more coarsely, kept where they stand free, or refused."""
+
+import numpy as np
+import pytest
+from usdfoliage.branch.tracing.reconstruct import BranchSettings
+from usdfoliage.branch.tracing.roots import RootSettings
+from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest
+from usdfoliage.jobs.branches.tracing import NoStemsError, trace_cloud
+
+from tests.support.branch_clouds import cone
+from tests.support.cloud_files import write_ply
+
+FEET_M = ((0.05, 0.02), (-0.05, 0.03), (0.01, -0.06))
+
+
+def noisy_leaves(rng, count: int, middle_m, spread_m, noise_m: float) -> list[np.ndarray]:
+    """Flat leaves 9 cm long that lie any way, as blurred as photographs show them."""
+    leaves = []
+    for _ in range(count):
+        normal = rng.normal([0, 1, 0], 0.5)
+        normal /= np.linalg.norm(normal)
+        along = np.cross(normal, rng.normal(size=3))
+        along /= np.linalg.norm(along)
+        radius, turn = np.sqrt(rng.uniform(0, 1, 1500)), rng.uniform(0, 2 * np.pi, 1500)
+        flat = np.column_stack([0.045 * radius * np.cos(turn), 0.025 * radius * np.sin(turn)])
+        points_m = flat @ np.stack([along, np.cross(normal, along)]) + rng.normal(middle_m, spread_m)
+        leaves.append(points_m + rng.normal(0, noise_m, 1500)[:, None] * normal)
+    return leaves
+
+
+def trace(path, points_m, **options):
+    write_ply(path, points_m)
+    cloud = PlantCloudRequest(path=path, roots=RootSettings(), up="Y")
+    return trace_cloud(cloud, BranchSettings(), {}, **options)
+
+
+def test_stems_of_a_herb_are_told_from_its_blurred_leaves(tmp_path):
+    noise_m = 0.002
+    rng = np.random.default_rng(0)
+    stems = [
+        cone([x, 0, z], [2.2 * x, 0.3, 2.2 * z], (0.005, 0.004), 5000, 3 + number, noise_m)
+        for number, (x, z) in enumerate(FEET_M)
+    ]
+    points_m = np.concatenate([*stems, *noisy_leaves(rng, 30, [0, 0.36, 0], [0.08, 0.02, 0.08], noise_m)])
+    found = trace(tmp_path / "herb.ply", points_m, needs_stems=True)
+    skeleton = found.traced.skeleton
+    assert any("as coarsely" in note for note in found.notes)
+    assert len(skeleton) < 100  # traced finely there are 2,058
+    stems = np.flatnonzero((skeleton.order == 0) & (skeleton.lengths_m > 0.15))
+    assert len(stems) == len(FEET_M)
+    # They begin at the feet; the plant's first root is the origin.
+    feet = found.plant.asset_from_cloud[:3, :3] @ np.array([[x, 0, z] for x, z in FEET_M]).T
+    feet = (feet + found.plant.asset_from_cloud[:3, 3:]).T
+    away_m = np.linalg.norm(skeleton.points_m[skeleton.first[stems], None] - feet, axis=2)
+    assert away_m.min(axis=0).max() < 0.02
+
+
+def test_a_hedge_is_refused_where_stems_are_needed(tmp_path):
+    rng = np.random.default_rng(1)
+    points_m = np.concatenate(noisy_leaves(rng, 40, [0, 0.12, 0], [0.09, 0.05, 0.05], 0.002))
+    points_m = points_m[points_m[:, 1] > 0]
+    with pytest.raises(NoStemsError, match="no stem is seen at a root"):
+        trace(tmp_path / "hedge.ply", points_m, needs_stems=True)

@@ -1,0 +1,118 @@
+"""The stage that makes one asset of the parts: what it shows first, and what it warns of."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pxr import Usd
+from usdfoliage.asset.packages.contents import interface_of
+from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud_files.ply import write_cloud
+from usdfoliage.crown.model import CrownModel
+from usdfoliage.jobs.plant.settings import BuildSettings, PictureStageSettings
+from usdfoliage.jobs.plant.stages.assemble import assemble_asset
+from usdfoliage.jobs.plant.stages.captured_leaves import read_captured_leaves
+from usdfoliage.jobs.plant.summary import read_summary
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+
+from tests.support.branch_shapes import fork
+from tests.support.leaves.assets import write_spray
+from tests.support.plant_assets import fork_branches, round_crown
+
+
+def points_on(leaves: Leaves) -> np.ndarray:
+    places = grid_places(np.linspace(-0.9, 0.9, 7), np.linspace(0.05, 0.95, 9))
+    return evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(
+    ("away", "with_crown", "overlap", "lod"),
+    [(9, True, 0.8, "crown"), (1, True, 0.8, "leaves"), (9, False, 0.0, "leaves"), (9, True, 0.1, "leaves")],
+)
+def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, away, with_crown, overlap, lod):
+    results = {name: tmp_path / name for name in ("isolation", "leaves", "crown")}
+    write_spray(results["leaves"] / "asset")
+    captured = read_captured_leaves(results["leaves"] / "asset")
+    assert captured is not None
+    # The leaves' own points, and `away` times as many that are of nothing found.
+    on_m = points_on(captured.fitted.leaves)
+    points_m = np.concatenate([on_m, *(on_m + np.array([30.0 * number, 0, 0]) for number in range(1, away))])
+    points_m = (points_m - captured.own_from_capture[:3, 3]) @ np.linalg.inv(captured.own_from_capture[:3, :3]).T
+    capture = results["isolation"] / "capture" / "fern"
+    capture.mkdir(parents=True)
+    count = len(points_m)
+    write_cloud(
+        capture / "cloud.ply",
+        Cloud(
+            points_m=points_m, normals=np.zeros((count, 3), np.float32), srgb=np.zeros((count, 3), np.uint8),
+            confidence=np.ones(count, np.float32), views=np.full(count, 2, np.int32),
+        ),
+    )  # fmt: skip
+    if with_crown:
+        results["crown"].mkdir()
+        held = {field.name: getattr(round_crown(), field.name) for field in fields(CrownModel)}
+        np.savez(results["crown"] / "crown.npz", overlap=overlap, **held)
+    call = SimpleNamespace(
+        out=tmp_path / "out",
+        inputs=SimpleNamespace(name="fern", source=Path("fern"), digests=()),
+        settings=replace(BuildSettings(), pictures=PictureStageSettings(make=False)),
+        request=SimpleNamespace(name="fern", capture=Path("fern")),
+        result_of=results.__getitem__,
+        has=lambda name: name in ("cloud", "isolation", "leaves", *(["crown"] if with_crown else [])),
+    )
+    call.out.mkdir()
+    assemble_asset(call)  # type: ignore[arg-type]
+    stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
+    assert stage.GetDefaultPrim().GetVariantSet("lod").GetVariantSelection() == lod
+    summary = read_summary(call.out)
+    told = [warning for warning in summary.warnings if "cover 11% of the cloud" in warning]
+    assert len(told) == (away > 1)
+    has_crown = with_crown and overlap > 0.5
+    assert any("lod crown" in warning for warning in told) == (has_crown and away > 1)
+    assert any("crown is left out" in warning for warning in summary.warnings) == (with_crown and not has_crown)
+    assert ("crown" in stage.GetDefaultPrim().GetVariantSet("lod").GetVariantNames()) == has_crown
+
+
+@pytest.mark.parametrize(("width_m", "lod"), [(0.1, "leaves"), (3.0, "crown")])
+def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, width_m, lod):
+    """A fork in a cloud as slim as it is, and in one that is much wider."""
+    results = {name: tmp_path / name for name in ("branches", "crown")}
+    fork_branches(results["branches"] / "asset")
+    rng = np.random.default_rng(0)
+    around_m = rng.uniform([-width_m, 0, -width_m], [width_m, 2, width_m], (3000, 3))
+    skeleton = fork()
+    np.savez(
+        results["branches"] / "plant.npz",
+        points_m=np.concatenate([skeleton.points_m, around_m]),
+        wood=np.zeros(len(skeleton.points_m) + 3000, bool),
+        knows_leaves=True,
+        colors=np.zeros((0, 3)),
+        plant_from_capture=np.eye(4),
+        lost=np.zeros(0, np.int32),
+        **{f"skeleton_{field.name}": getattr(skeleton, field.name) for field in fields(skeleton)},
+    )
+    results["crown"].mkdir()
+    held = {field.name: getattr(round_crown(), field.name) for field in fields(CrownModel)}
+    np.savez(results["crown"] / "crown.npz", overlap=0.8, **held)
+    settings = BuildSettings()
+    call = SimpleNamespace(
+        out=tmp_path / "out",
+        inputs=SimpleNamespace(name="fork", source=Path("fork.ply"), digests=()),
+        settings=replace(
+            settings,
+            pictures=PictureStageSettings(make=False),
+            foliage=replace(settings.foliage, kind="none"),
+        ),
+        request=SimpleNamespace(name="fork", capture=Path("fork.ply")),
+        result_of=results.__getitem__,
+        has=results.__contains__,
+    )
+    call.out.mkdir()
+    assemble_asset(call)  # type: ignore[arg-type]
+    stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
+    assert stage.GetDefaultPrim().GetVariantSet("lod").GetVariantSelection() == lod
+    told = [warning for warning in read_summary(call.out).warnings if "the lod crown is shown" in warning]
+    assert len(told) == (lod == "crown")

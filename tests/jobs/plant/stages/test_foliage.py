@@ -1,0 +1,189 @@
+"""Which leaves a plant gets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from usdfoliage.asset.packages.leaf_package import LeafLook
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.branches.foliage import FittedLeaves
+from usdfoliage.jobs.plant.settings import BuildSettings, FoliageSettings
+from usdfoliage.jobs.plant.stages.captured_leaves import CapturedLeaves
+from usdfoliage.jobs.plant.stages.foliage import choose_foliage, leaf_cover
+from usdfoliage.jobs.plant.stages.parts import TracedPlant, known_species
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.edits import NEUTRAL
+from usdfoliage.leaf.shape.measures import leaf_width
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+
+from tests.support.branch_shapes import random_tree
+from tests.support.leaves.assets import random_leaves
+
+FRAME = np.eye(4)
+
+
+def points_on(leaves: Leaves) -> np.ndarray:
+    places = grid_places(np.linspace(-0.9, 0.9, 7), np.linspace(0.05, 0.95, 9))
+    return evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
+
+
+def sure_leaves(count: int = 40, confidence: float = 0.9) -> Leaves:
+    rng = np.random.default_rng(5)
+    leaves = random_leaves(count, seed=5)
+    return replace(
+        leaves,
+        base_m=rng.uniform(0, 3, (count, 3)),
+        length_m=np.full(count, 0.1),
+        confidence=np.full(count, confidence),
+    )
+
+
+def captured(leaves: Leaves, own_from_capture: np.ndarray = FRAME) -> CapturedLeaves:
+    fitted = FittedLeaves(leaves=leaves, edits=NEUTRAL, look=LeafLook())
+    return CapturedLeaves(fitted=fitted, own_from_capture=own_from_capture)
+
+
+def twig_through(points_m: np.ndarray) -> Skeleton:
+    """One branch that comes by every leaf."""
+    count = len(points_m)
+    return Skeleton(
+        points_m=points_m,
+        radius_m=np.full(count, 0.001),
+        counts=np.array([count], np.int32),
+        parent_curve=np.array([-1], np.int32),
+        parent_vertex=np.array([-1], np.int32),
+        order=np.zeros(1, np.int32),
+    )
+
+
+def traced(leafy_m: np.ndarray, *, knows_leaves: bool = True) -> TracedPlant:
+    wood_m = np.random.default_rng(6).uniform(0, 3, (200, 3))
+    return TracedPlant(
+        points_m=np.concatenate([wood_m, leafy_m]),
+        wood=np.arange(200 + len(leafy_m)) < 200,
+        knows_leaves=knows_leaves,
+        colors=None,
+        plant_from_capture=FRAME,
+        skeleton=twig_through(leafy_m) if len(leafy_m) else random_tree(3),
+        lost=np.zeros(0, np.int32),
+    )
+
+
+def kind_of(found: CapturedLeaves | None, plant: TracedPlant | None) -> str:
+    return choose_foliage(found, plant, BuildSettings(), FRAME).kind
+
+
+def test_points_on_leaves_are_covered_and_those_elsewhere_are_not() -> None:
+    leaves = sure_leaves()
+    on_m = points_on(leaves)
+    assert leaf_cover(on_m, leaves) == 1
+    assert leaf_cover(on_m + 10, leaves) == 0
+    assert leaf_cover(np.concatenate([on_m, on_m + 10]), leaves) == pytest.approx(0.5)
+    assert leaf_cover(np.zeros((0, 3)), leaves) == leaf_cover(on_m, leaves.take(np.zeros(0, int))) == 0
+
+
+def test_leaves_that_cover_the_plant_stay_where_they_were_found() -> None:
+    leaves = sure_leaves()
+    chosen = choose_foliage(captured(leaves), traced(points_on(leaves)), BuildSettings(), FRAME)
+    assert chosen.kind == "captured"
+    assert chosen.leaves is not None
+    np.testing.assert_array_equal(chosen.leaves.leaves.base_m, leaves.base_m)
+
+
+def test_captured_leaves_are_brought_into_the_plants_frame() -> None:
+    leaves = sure_leaves()
+    own, plant = np.eye(4), np.eye(4)
+    own[:3, 3], plant[:3, 3] = (1, 2, 3), (5, 5, 5)
+    chosen = choose_foliage(captured(leaves, own), None, BuildSettings(), plant)
+    assert chosen.leaves is not None
+    np.testing.assert_allclose(chosen.leaves.leaves.base_m, leaves.base_m + np.array([4.0, 3, 2]))
+
+
+@pytest.mark.parametrize(
+    ("count", "confidence", "away_m", "kind"),
+    [
+        (40, 0.9, 10.0, "filled"),  # good ones, but of a small part of the plant
+        (10, 0.9, 10.0, "species"),  # too few to draw from
+    ],
+)
+def test_else_the_cloud_or_the_twigs_carry_them(count: int, confidence: float, away_m: float, kind: str) -> None:
+    leaves = sure_leaves(count, confidence)
+    chosen = choose_foliage(captured(leaves), traced(points_on(leaves) + away_m), BuildSettings(), FRAME)
+    assert chosen.kind == kind
+    assert chosen.leaves is not None
+    assert chosen.notes
+
+
+def test_guessed_leaves_are_no_model_for_more() -> None:
+    leaves = sure_leaves()
+    confidence = np.where(np.arange(40) % 2, 0.1, 0.4)
+    wide = leaves.parameters.copy()
+    wide[1::2, 2:5, 1] *= 3  # the guessed ones
+    found = replace(leaves, confidence=confidence, parameters=wide)
+    chosen = choose_foliage(captured(found), traced(points_on(leaves) + 10), BuildSettings(), FRAME)
+    assert chosen.leaves is not None
+    others = chosen.leaves.leaves.parameters[40:]
+    assert len(others)
+    assert (np.abs(others[:, None] - leaves.parameters[None, ::2]).max(axis=(2, 3)).min(axis=1) == 0).all()
+
+
+def test_leaves_that_cannot_be_told_in_the_cloud_are_on_the_twigs() -> None:
+    leaves = sure_leaves()
+    assert kind_of(captured(leaves), traced(points_on(leaves) + 10, knows_leaves=False)) == "drawn"
+
+
+def test_what_found_leaves_leave_bare_is_filled_with_leaves_like_them() -> None:
+    leaves = sure_leaves()
+    elsewhere_m = points_on(leaves) + 10
+    plant = traced(np.concatenate([points_on(leaves), elsewhere_m, points_on(leaves) + 20, points_on(leaves) + 30]))
+    chosen = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
+    assert chosen.kind == "filled"
+    assert chosen.leaves is not None
+    held = chosen.leaves.leaves
+    np.testing.assert_array_equal(held.base_m[:40], leaves.base_m)
+    assert held.confidence is not None
+    assert (held.confidence[40:] == 0).all()  # guessed
+    assert leaf_cover(elsewhere_m, held) > 0.6
+    assert 0.5 < (len(held) - 40) / (3 * 40) < 4  # not one for each point, nor one for all
+    again = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
+    assert again.leaves is not None
+    np.testing.assert_array_equal(again.leaves.leaves.base_m, held.base_m)
+
+
+def test_pods_get_leaves_as_slim_as_they_are() -> None:
+    leaves = sure_leaves()
+    rng = np.random.default_rng(3)
+    pods_m = [
+        np.linspace((0, 20 + k, 0), (0.09, 20 + k, 0), 3000) + rng.uniform(-0.002, 0.002, (3000, 3)) for k in range(3)
+    ]
+    plant = traced(np.concatenate([points_on(leaves), points_on(leaves) + 10, *pods_m]))
+    plant = replace(plant, skeleton=twig_through(np.array([[-0.05, 20.0 + k, 0] for k in range(3)])))
+    chosen = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
+    assert chosen.leaves is not None
+    held = chosen.leaves.leaves
+    pods = held.base_m[:, 1] > 19
+    assert pods.sum() == 3
+    assert (leaf_width(held.parameters[pods]) * held.length_m[pods] < 0.006).all()
+    assert (leaf_width(held.parameters[~pods]) * held.length_m[~pods] > 0.006).all()
+
+
+def test_a_bare_plant_stays_bare_unless_leaves_cannot_be_told() -> None:
+    none_m = np.zeros((0, 3))
+    assert kind_of(None, traced(none_m)) == "none"
+    assert kind_of(None, traced(none_m, knows_leaves=False)) == "species"
+    assert kind_of(None, None) == "none"
+    assert kind_of(captured(sure_leaves()), None) == "captured"
+
+
+@pytest.mark.parametrize("kind", ["captured", "drawn", "species"])
+def test_leaves_that_cannot_be_had_are_told(kind: str) -> None:
+    settings = replace(BuildSettings(), foliage=FoliageSettings(kind=kind))  # type: ignore[arg-type]
+    with pytest.raises(FoliageError, match=r"foliage\.kind"):
+        choose_foliage(None, None, settings, FRAME)
+
+
+def test_a_species_may_be_a_name_alone() -> None:
+    assert known_species("Maple") is not None
+    assert known_species("Acer pseudoplatanus L.") is None
+    assert known_species("") is None

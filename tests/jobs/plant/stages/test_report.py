@@ -1,0 +1,51 @@
+"""The last stages of a plant: what its pictures are measured against."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from usdfoliage.capture.folder.read import Capture
+from usdfoliage.jobs.plant.pages.report import Comparison
+from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.plant.stages import report as report_stage
+from usdfoliage.jobs.plant.summary import read_summary
+
+from tests.support.captures import write_capture
+
+
+@pytest.mark.parametrize(("stage", "masks"), [("isolation", "drawn"), ("isolation", "given"), ("cloud", "given")])
+def test_the_plant_is_compared_by_the_masks_that_it_is_made_by(
+    stage: str, masks: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results = {name: tmp_path / name for name in {"cloud", "asset", "comparisons", stage}}
+    write_capture(results[stage] / "capture" / "fern")
+    if masks == "drawn":
+        (results[stage] / "drawn_masks.txt").write_text("so they are")
+    seen: list[Capture] = []
+
+    def draw(asset: Path, capture: Capture, folder: Path, *rest: Any) -> list[Comparison]:
+        seen.append(capture)
+        photograph, drawing = folder / "photograph.jpg", folder / "plant.png"
+        return [
+            Comparison(name="0.png", photograph=photograph, drawing=drawing, iou=0.75),
+            Comparison(name="1.png", photograph=photograph, drawing=drawing),
+        ]
+
+    monkeypatch.setattr(report_stage, "draw_comparisons", draw)
+    results["comparisons"].mkdir()
+    call: Any = SimpleNamespace(
+        out=results["comparisons"],
+        inputs=SimpleNamespace(name="fern"),
+        settings=BuildSettings(),
+        progress=None,
+        store=SimpleNamespace(folder=tmp_path),
+        has=lambda name: name in results,
+        result_of=lambda name: results[name],
+    )
+    assert report_stage.compare_plant(call) == ()
+    assert [capture.folder for capture in seen] == [results[stage] / "capture" / "fern"]
+    assert not read_summary(results["comparisons"]).warnings
+    assert [each["masks"] for each in json.loads((results["comparisons"] / "compared.json").read_text())] == [masks, ""]
+    assert [(each.iou, each.masks) for each in report_stage._read_comparisons(call)] == [(0.75, masks), (None, "")]
