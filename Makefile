@@ -25,6 +25,7 @@ lint: setup
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
 	@.venv/bin/mypy
+	@.venv/bin/lint-imports
 
 test: setup-test lint
 	@$(PYTHON_VENV) -m pytest -m "not slow"

@@ -24,7 +24,8 @@ from usdfoliage.asset.capture_layer import (
 )
 from usdfoliage.asset.validation.known_findings import KnownFindings
 from usdfoliage.asset.validation.nvidia_rules import run_nvidia_rules
-from usdfoliage.capture.cloud.fusion import Cloud, SeenSurface, merge_views
+from usdfoliage.capture.cloud.fusion import SeenSurface, merge_views
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.lens import Lens, undistort
 from usdfoliage.errors import AssetError, PreviewError
 from usdfoliage.geometry.pinhole import Pinhole

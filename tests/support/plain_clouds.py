@@ -1,7 +1,7 @@
 """Clouds of points that are given, and cameras above the plane z = 0, for what merges and cleans clouds."""
 
 import numpy as np
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.geometry.pinhole import Pinhole
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from usdfoliage.asset.packages.contents import AssetFile
 from usdfoliage.asset.validation.findings import Finding
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.plant.pages.report import (
     Comparison,
     InputFile,
@@ -19,6 +18,7 @@ from usdfoliage.jobs.plant.pages.report import (
     Variant,
     mark_settings,
 )
+from usdfoliage.jobs.report.table import Row
 
 
 def flat_picture(color: tuple[int, int, int], size: tuple[int, int] = (300, 400)) -> NDArray[np.uint8]:

@@ -23,7 +23,7 @@ from usdfoliage.leaf.fit.alternating import AlternatingFitSettings, fit_leaves_a
 from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.surface import fit_leaves_to_surface
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, INTERIOR, LeafPoints
+from usdfoliage.leaf.points import FREE_EDGE, INTERIOR, LeafPoints
 from usdfoliage.leaf.shape.surface import evaluate_normals
 from usdfoliage.leaf.shape.variation import vary_leaves
 

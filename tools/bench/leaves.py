@@ -131,7 +131,8 @@ class StageClock:
 def make_asset(case: Case, output: Path, progress: Callable[[str, float], None]) -> None:
     """Write what the product makes of a case's capture as an asset, output."""
     from usdfoliage.jobs.leaves.run import LeavesRequest, make_leaves_asset
-    from usdfoliage.jobs.leaves.settings import LeavesSettings, set_everywhere
+    from usdfoliage.jobs.leaves.settings import LeavesSettings
+    from usdfoliage.jobs.work.settings_file import set_everywhere
 
     settings = set_everywhere(LeavesSettings(method=case.method), "threads", case.threads)
     request = LeavesRequest(

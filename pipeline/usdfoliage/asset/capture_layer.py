@@ -14,7 +14,7 @@ from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.publish_file import publish_written
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import fits_single
 from usdfoliage.capture.cloud_files.spacing import point_widths
 from usdfoliage.capture.lens import Lens, undistort_places

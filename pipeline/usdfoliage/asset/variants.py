@@ -54,3 +54,11 @@ def _fill(
         for nested in inner:
             if member in nested.inside:
                 _fill(variant, variant.primSpec, nested, ())
+
+
+REPRESENTATIONS: Mapping[str, str] = {  # and the layer of each, in the payload's folder
+    "bezier": "leaves.usdc",
+    "nurbs": "leaves_nurbs.usdc",
+    "subdiv": "leaves_subdiv.usdc",
+    "mesh": "leaves_mesh.usdc",
+}

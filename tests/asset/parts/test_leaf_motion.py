@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdSkel, Vt
 from scipy.spatial.transform import Rotation
-from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings
+from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
 from usdfoliage.asset.packages.other_parts import find_other_parts, lost_leaf_motion, write_leaves_beside
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.validate import validate_asset
+from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.motion.leaf_motion import UNBORN
 from usdfoliage.branch.motion.rig import RigSettings, skin_places
 from usdfoliage.branch.motion.skinning import pose_joints, skin_points

@@ -4,7 +4,8 @@ import weakref
 
 import numpy as np
 import pytest
-from usdfoliage.capture.cloud.fusion import Cloud, CloudSettings, SeenSurface, merge_views
+from usdfoliage.capture.cloud.fusion import CloudSettings, SeenSurface, merge_views
+from usdfoliage.capture.cloud.model import Cloud
 
 from tests.support.plain_clouds import looking_down
 

@@ -9,7 +9,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files import ply as cloud_file
 from usdfoliage.capture.cloud_files.ply import fits_single, read_cloud, read_cloud_file, write_cloud
 from usdfoliage.errors import CaptureError

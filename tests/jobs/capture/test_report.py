@@ -9,14 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture import overlap as capture_overlap
 from usdfoliage.jobs.capture import report as capture_report
 from usdfoliage.jobs.capture.map_pictures import (
     NOTHING,
-    TURBO,
-    color_values,
     depth_limits,
     draw_confidence,
     draw_depth,
@@ -33,6 +31,7 @@ from usdfoliage.jobs.capture.report import (
     doubts,
     write_capture_report,
 )
+from usdfoliage.jobs.report.pictures import TURBO, color_values
 
 from tests.support.captures import LENS, look_at, ring, sphere_depth
 

@@ -17,11 +17,7 @@ from usdfoliage.jobs.leaves.pictures import (
     draw_superpixels,
     label_points,
     leaf_palette,
-    pick_pixels,
     prepare_points,
-    shrink_camera,
-    shrink_to,
-    shrink_view,
     thin_points,
 )
 from usdfoliage.jobs.leaves.report import (
@@ -32,11 +28,13 @@ from usdfoliage.jobs.leaves.report import (
     measure_rows,
 )
 from usdfoliage.jobs.leaves.run import choose_shown, encode_texture, finish_leaves, place_plant, usual_color
-from usdfoliage.jobs.leaves.settings import LeavesSettings, set_everywhere
+from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
 from usdfoliage.jobs.preview.recorder import find_interpreter
+from usdfoliage.jobs.report.pictures import pick_pixels, shrink_camera, shrink_to, shrink_view
+from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.photographs.average_texture import AverageTexture
-from usdfoliage.leaf.segmentation.model import LeafPoints, no_points
+from usdfoliage.leaf.points import LeafPoints, no_points
 from usdfoliage.leaf.shape.bounds import leaf_bounds_m
 from usdfoliage.leaf.shape.jitter import NO_JITTER
 

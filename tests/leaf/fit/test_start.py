@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from usdfoliage.leaf.fit.start import sample_points, start_poses, thin_samples, turn_across
-from usdfoliage.leaf.segmentation.model import FREE_EDGE
+from usdfoliage.leaf.points import FREE_EDGE
 
 from tests.support.leaves.points import known_leaves, leaf_points
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface, fit_surfaces
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, INTERIOR, LeafPoints
+from usdfoliage.leaf.points import FREE_EDGE, INTERIOR, LeafPoints
 from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.segmentation.model import LeafPoints
+from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.shape.surface import evaluate_area_elements, evaluate_normals, evaluate_points, grid_places
 
 GRID = grid_places(np.linspace(-1, 1, 41), np.linspace(0, 1, 41))

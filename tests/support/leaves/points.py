@@ -2,7 +2,7 @@
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints
+from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints
 from usdfoliage.leaf.shape.surface import evaluate_normals
 from usdfoliage.leaf.shape.variation import VariationSettings, vary_leaves
 

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from usdfoliage.capture.view import View
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR, Candidates, LeafPoints, Segmentation
+from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints
+from usdfoliage.leaf.segmentation.model import Candidates, Segmentation
 
 FEWEST_PX = 150  # of a leaf in its best view
 

@@ -13,13 +13,14 @@ from usdfoliage.asset.locate import find_interface, find_plants, first_reason, l
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.looks.look import Look, read_look
 from usdfoliage.asset.materials.leaf import STORM_SURFACE, TEXTURE_COLOR
-from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafLook
+from usdfoliage.asset.packages.leaf_package import LeafLook
 from usdfoliage.asset.packed_files import is_package, is_packed, shown_name, size_bytes
 from usdfoliage.asset.parts.leaf_primvars import place
 from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
 from usdfoliage.asset.stored_numbers import stored_numbers
+from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import AssetError
 
 _FOLIAGE = "Foliage"  # begins the names of our schemas

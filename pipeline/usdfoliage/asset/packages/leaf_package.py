@@ -1,7 +1,7 @@
 """A whole asset: every layer, map and shader of its folder."""
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from usdfoliage.asset.parts.leaves import (
 )
 from usdfoliage.asset.plant import CROWN, LEAVES, Plant, box_around
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.variants import VariantSet
+from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.model import Leaves
@@ -37,12 +37,6 @@ from usdfoliage.leaf.shape.mesh import LeafMeshSettings, PrototypeSettings, buil
 
 SHADERS = "../shaders"  # from the payload's folder
 MAPS = "../maps"
-REPRESENTATIONS: Mapping[str, str] = {  # and the layer of each, in the payload's folder
-    "bezier": "leaves.usdc",
-    "nurbs": "leaves_nurbs.usdc",
-    "subdiv": "leaves_subdiv.usdc",
-    "mesh": "leaves_mesh.usdc",
-}
 LEAVES_GUIDE = "leaves_guide.usda"
 CROWN_LAYER = "crown.usdc"
 MATERIAL_LAYER = "materials.usda"

@@ -22,7 +22,6 @@ from usdfoliage.asset.packages.leaf_package import (
     CROWN_LAYER,
     LEAVES_GUIDE,
     MATERIAL_LAYER,
-    REPRESENTATIONS,
     LeafAssetSettings,
     LeafLook,
     begin_asset,
@@ -46,7 +45,7 @@ from usdfoliage.asset.plant import (
 )
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.stored_numbers import stored_numbers
-from usdfoliage.asset.variants import VariantSet
+from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits

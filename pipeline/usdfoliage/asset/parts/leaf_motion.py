@@ -14,7 +14,6 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.layer import FIRST_FRAME, author_frames, export_layer, new_layer
 from usdfoliage.asset.locate import open_copy
-from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS
 from usdfoliage.asset.parts.branch_rig import JOINTS, author_skin
 from usdfoliage.asset.parts.hero_leaf import patch_matrices, patch_nets
 from usdfoliage.asset.parts.leaf_fallbacks import patch_paths
@@ -22,7 +21,7 @@ from usdfoliage.asset.parts.leaf_gprims import outward_corners
 from usdfoliage.asset.parts.leaves import PLACE, edited_leaves, set_places
 from usdfoliage.asset.plant import LEAVES, box_around
 from usdfoliage.asset.stored_numbers import stored_numbers
-from usdfoliage.asset.variants import each_variant
+from usdfoliage.asset.variants import REPRESENTATIONS, each_variant
 from usdfoliage.branch.motion.rig import Skin
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.bounds import leaf_bounds_m

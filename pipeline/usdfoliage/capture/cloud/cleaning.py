@@ -9,7 +9,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from usdfoliage.capture.cloud.fusion import CELL_BITS, Cloud
+from usdfoliage.capture.cloud.fusion import CELL_BITS
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.geometry.disks import choose_disks
 
 _CHUNK = 200_000  # points whose neighbours are looked for at once

@@ -12,7 +12,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.chunks import PART_POINTS, CloudPart, CloudParts
 from usdfoliage.capture.cloud_files.units import find_stated_unit, find_stated_up
 from usdfoliage.capture.whole_file import whole_file

@@ -12,16 +12,17 @@ from usdfoliage.asset.locate import require_leaves, select_representation
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.packages.branch_package import BranchLeaves
 from usdfoliage.asset.packages.contents import interface_of, matrix_in_plant, read_leaf_look, require_plant
-from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafLook
+from usdfoliage.asset.packages.leaf_package import LeafLook
 from usdfoliage.asset.parts.leaves import read_leaves
+from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.foliage.place import FoliageSettings, LeafPlaces, place_leaves
 from usdfoliage.branch.foliage.species import GENERIC, Species, describe_species, load_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.errors import AssetError, FoliageError
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MOST_LEAVES, MOST_LEAVES_OF_ALL
 from usdfoliage.jobs.edits.settings import check_memory, read_representations, read_settings
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import LeafEdits
 from usdfoliage.leaf.shape.fold import find_folds

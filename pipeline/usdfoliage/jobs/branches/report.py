@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +13,6 @@ from usdfoliage.branch.distances import distances_to_cloud, distances_to_surface
 from usdfoliage.branch.growth.importance import weigh_points
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.capture.map_pictures import TURBO, VIRIDIS, color_values, write_picture
-from usdfoliage.jobs.crown.photograph_report import TEMPLATES, ReportView, Row, list_seconds
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
 from usdfoliage.jobs.report.cloud_pictures import (
     Direction,
@@ -25,6 +22,9 @@ from usdfoliage.jobs.report.cloud_pictures import (
     frame_points,
     splat_points,
 )
+from usdfoliage.jobs.report.environment import render_template
+from usdfoliage.jobs.report.pictures import TURBO, VIRIDIS, color_values, write_picture
+from usdfoliage.jobs.report.table import ReportView, Row, list_seconds
 from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)
@@ -164,10 +164,8 @@ def write_branches_report(
         except PreviewError as error:
             logger.warning("no pictures: %s", error)
             notes.append(f"no pictures of the asset: {error}")
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
-    )
-    page = environment.get_template("branches_report.html").render(
+    page = render_template(
+        "branches_report.html",
         name=report.name,
         capture=report.capture,
         generator=report.generator,

@@ -44,8 +44,8 @@ from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_bran
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.tracing import trace_cloud
 from usdfoliage.jobs.branches.warnings import doubt_surface
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.edits.scatter import read_color
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import digest_file
 from usdfoliage.steps import StepProgress, follow_step
 

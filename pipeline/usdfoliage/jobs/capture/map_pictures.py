@@ -1,18 +1,14 @@
 """Maps of photographs as pictures, and what their colours mean."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.capture.whole_file import whole_file
-from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.report.pictures import TURBO, VIRIDIS, color_table, color_values
 
 NOTHING = (46, 48, 52)  # where a map has no value
-TURBO, VIRIDIS = cv2.COLORMAP_TURBO, cv2.COLORMAP_VIRIDIS
 LEGEND_STOPS = 12
 RANGE = (0.01, 0.99)  # quantiles of what a map shows that take the ends of the colours
 
@@ -34,17 +30,6 @@ class LegendPicture:
     caption: str
     width: int
     legend: Legend | None = None
-
-
-def color_values(values: NDArray[np.floating], low: float, high: float, colors: int) -> NDArray[np.uint8]:
-    """(..., 3), values from low to high in the colours of one of cv2's maps."""
-    scaled = np.clip((np.asarray(values, np.float64) - low) / max(high - low, 1e-300), 0, 1)
-    return color_table(colors)[np.rint(255 * scaled).astype(np.uint8)]
-
-
-def color_table(colors: int) -> NDArray[np.uint8]:
-    """(256, 3), red, green and blue of one of cv2's maps."""
-    return np.ascontiguousarray(cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], colors)[:, 0, ::-1])
 
 
 def depth_limits(depth_m: NDArray[np.floating], mask: NDArray[np.bool_] | None = None) -> tuple[float, float] | None:
@@ -111,14 +96,3 @@ def make_legend(low: str, high: str, colors: int) -> Legend:
     """What the colours of one of cv2's maps mean."""
     table = color_table(colors)[np.linspace(0, 255, LEGEND_STOPS).astype(int)]
     return Legend(low=low, high=high, stops=", ".join(f"rgb({r}, {g}, {b})" for r, g, b in table.tolist()))
-
-
-def write_picture(path: Path, picture: NDArray[np.uint8]) -> str:
-    """Write a picture (H, W, 3); returns the file's name. CaptureError where it cannot be written."""
-    quality = [cv2.IMWRITE_JPEG_QUALITY, 88] if path.suffix == ".jpg" else []
-    good, encoded = cv2.imencode(path.suffix, cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), quality)
-    if not good:
-        raise CaptureError(f"the picture {path.name} of the report could not be encoded")
-    with whole_file(path) as new:
-        new.write_bytes(encoded.tobytes())
-    return path.name

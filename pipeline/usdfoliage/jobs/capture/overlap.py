@@ -9,16 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.jobs.capture.map_pictures import (
-    VIRIDIS,
-    LegendPicture,
-    draw_shared,
-    in_words,
-    make_legend,
-    write_picture,
-)
+from usdfoliage.jobs.capture.map_pictures import LegendPicture, draw_shared, in_words, make_legend
 from usdfoliage.jobs.capture.photograph import CapturePhotograph
 from usdfoliage.jobs.report.cloud_pictures import (
     Direction,
@@ -28,6 +21,7 @@ from usdfoliage.jobs.report.cloud_pictures import (
     frame_points,
     splat_points,
 )
+from usdfoliage.jobs.report.pictures import VIRIDIS, write_picture
 
 PLAN_PX = 900
 MATRIX_PX = 640

@@ -4,34 +4,26 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.spacing import point_widths
 from usdfoliage.capture.folder.listing import counted, named
 from usdfoliage.capture.whole_file import whole_file
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture.map_pictures import (
-    TURBO,
-    VIRIDIS,
     Legend,
     LegendPicture,
-    color_values,
     depth_limits,
     draw_confidence,
     draw_depth,
     draw_normals,
     in_words,
     make_legend,
-    write_picture,
 )
 from usdfoliage.jobs.capture.overlap import find_groups, find_links, write_matrix, write_plan
 from usdfoliage.jobs.capture.photograph import CapturePhotograph, ShownMaps
-from usdfoliage.jobs.crown.photograph_report import TEMPLATES, Row, list_seconds
-from usdfoliage.jobs.leaves.pictures import pick_pixels, shrink_camera, shrink_to, shrunk_size
-from usdfoliage.jobs.leaves.report import Histogram
 from usdfoliage.jobs.report.cloud_pictures import (
     Direction,
     bar_length,
@@ -44,6 +36,18 @@ from usdfoliage.jobs.report.cloud_pictures import (
     splat_points,
     thin_cloud,
 )
+from usdfoliage.jobs.report.environment import render_template
+from usdfoliage.jobs.report.pictures import (
+    TURBO,
+    VIRIDIS,
+    color_values,
+    pick_pixels,
+    shrink_camera,
+    shrink_to,
+    shrunk_size,
+    write_picture,
+)
+from usdfoliage.jobs.report.table import Histogram, Row, list_seconds
 
 __all__ = ["CapturePhotograph", "CaptureReport", "ShownMaps", "capture_rows", "doubts", "write_capture_report"]
 
@@ -114,9 +118,6 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
     Raises:
         CaptureError: A file cannot be written.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
-    )
     cameras = [held.camera for held in report.photographs if held.camera is not None]
     some = thin_cloud(report.cloud, FRAMING_POINTS)
     sides = find_sides(cameras, some, np.array(report.up, np.float64))
@@ -127,7 +128,8 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
         drawn = thin_cloud(report.cloud)
         widths_m = point_widths(drawn.points_m, cameras, len(report.cloud) / max(len(drawn), 1))
         plan = write_plan(folder, report.photographs, links, drawn, widths_m, framed_m, sides[2])
-    page = environment.get_template("capture_report.html").render(
+    page = render_template(
+        "capture_report.html",
         name=report.name,
         capture=report.capture,
         generator=report.generator,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from usdfoliage import __version__
 from usdfoliage.asset.capture_layer import CaptureCamera, CaptureLayerSettings, write_capture_layer
 from usdfoliage.asset.plant import asset_name
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.capture.folder.read import Capture
 from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings

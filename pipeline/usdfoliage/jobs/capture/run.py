@@ -62,7 +62,7 @@ from usdfoliage.jobs.capture.results import (
     write_results,
 )
 from usdfoliage.jobs.capture.settings import CaptureRunSettings, read_capture_run_settings
-from usdfoliage.jobs.leaves.report import choose_shown
+from usdfoliage.jobs.report.table import choose_shown
 from usdfoliage.jobs.work.results import forget, lock_work
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.steps import StepProgress, follow_step

@@ -14,8 +14,7 @@ from usdfoliage.capture.mvs.rounds import DenseDepthSettings, Quality, Round
 from usdfoliage.capture.poses.register import RegistrationSettings
 from usdfoliage.capture.poses.world_frame import UPS, KnownDistance, WorldSettings
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.leaves.settings import set_everywhere
-from usdfoliage.jobs.work.settings_file import read_settings_file
+from usdfoliage.jobs.work.settings_file import read_settings_file, set_everywhere
 
 DenseChoice = Literal["own", "colmap"]
 PosesChoice = Literal["auto", "known", "estimate"]

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
-import jinja2
 import numpy as np
 
 from usdfoliage.crown.captured_measures import CapturedCrownMeasures
@@ -14,16 +13,11 @@ from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.silhouette_view import draw_silhouette
 from usdfoliage.crown.views import CrownView
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.crown.photograph_report import (
-    TEMPLATES,
-    CrownReport,
-    ReportView,
-    Row,
-    write_map_pictures,
-    write_picture,
-)
-from usdfoliage.jobs.leaves.pictures import shrink_to, shrunk_size
+from usdfoliage.jobs.crown.photograph_report import JPEG_QUALITY, CrownReport, write_map_pictures
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
+from usdfoliage.jobs.report.environment import render_template
+from usdfoliage.jobs.report.pictures import shrink_to, shrunk_size, write_picture
+from usdfoliage.jobs.report.table import ReportView, Row
 from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)
@@ -90,7 +84,7 @@ def draw_captured_crown(
         )
         cv2.drawContours(photo, edges, -1, (255, 140, 0), 1, cv2.LINE_AA)
         pair = ReportPair(name=view.name, photo=f"view_{number}.jpg", drawn=f"view_{number}_crown.png")
-        write_picture(folder / pair.photo, np.asarray(photo, np.uint8))
+        write_picture(folder / pair.photo, np.asarray(photo, np.uint8), jpeg_quality=JPEG_QUALITY)
         drawn.append(PreviewView(output=folder / pair.drawn, pinhole=camera))
         pairs.append(pair)
     without = tuple(ReportPair(name=pair.name, photo=pair.photo, drawn="") for pair in pairs)
@@ -116,10 +110,8 @@ def write_captured_report(
 ) -> Path:
     """Write index.html and the pictures of the cubemaps into folder, which holds those of drawn; returns the page."""
     low, high = write_map_pictures(folder, model)
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
-    )
-    page = environment.get_template("captured_crown_report.html").render(
+    page = render_template(
+        "captured_crown_report.html",
         name=report.name,
         capture=report.capture,
         generator=report.generator,

@@ -5,18 +5,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.crown.model import CrownModel
-from usdfoliage.errors import AssetError
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.cubemap import FACES
 from usdfoliage.jobs.crown.photograph import CrownMeasures
+from usdfoliage.jobs.report.environment import render_template
+from usdfoliage.jobs.report.pictures import write_picture
+from usdfoliage.jobs.report.table import ReportView, Row, list_seconds
 
-TEMPLATES = Path(__file__).parents[1] / "report" / "templates"
 PICTURE_PX = 900  # longer side of the photograph in the report
+JPEG_QUALITY = 95
 
 # Row, column and turn (quarter turns anticlockwise) of each face, unfolded as seen from outside, after mirroring.
 UNFOLDED: Mapping[str, tuple[int, int]] = {
@@ -27,23 +28,6 @@ UNFOLDED: Mapping[str, tuple[int, int]] = {
     "-Z": (1, 3),
     "-Y": (2, 1),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """One line of a table."""
-
-    name: str
-    value: str
-    remark: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReportView:
-    """One picture of the asset."""
-
-    name: str
-    file: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,12 +41,6 @@ class CrownReport:
     settings: Mapping[str, str]
     views: Sequence[ReportView]
     seconds: Mapping[str, float]
-
-
-def list_seconds(seconds: Mapping[str, float]) -> list[Row]:
-    """Seconds by step and of all of them; nothing without steps."""
-    rows = [Row(name=name, value=f"{value:.2f}") for name, value in seconds.items()]
-    return [*rows, Row(name="all", value=f"{sum(seconds.values()):.2f}")] if rows else []
 
 
 def write_crown_report(
@@ -83,13 +61,11 @@ def write_crown_report(
         color: (H, W, 3), the photograph, linear Rec.709.
         mask: (H, W), as used.
     """
-    write_picture(folder / "input.jpg", draw_overlay(color, mask, measures))
+    write_picture(folder / "input.jpg", draw_overlay(color, mask, measures), jpeg_quality=JPEG_QUALITY)
     write_picture(folder / "mask.png", mask.astype(np.uint8) * 255)
     low, high = write_map_pictures(folder, model)
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
-    )
-    page = environment.get_template("crown_report.html").render(
+    page = render_template(
+        "crown_report.html",
         name=report.name,
         capture=report.capture,
         generator=report.generator,
@@ -108,7 +84,7 @@ def write_crown_report(
 
 def write_map_pictures(folder: Path, model: CrownModel) -> tuple[float, float]:
     """Write the unfolded cubemaps, color_faces.jpg and radius_faces.png; returns the radii that are black and white."""
-    write_picture(folder / "color_faces.jpg", _unfold(_display(model.color)))
+    write_picture(folder / "color_faces.jpg", _unfold(_display(model.color)), jpeg_quality=JPEG_QUALITY)
     low, high = float(model.radius_m.min()), float(model.radius_m.max())
     grey = np.rint((model.radius_m - low) / max(high - low, 1e-9) * 255).astype(np.uint8)
     write_picture(folder / "radius_faces.png", _unfold(np.repeat(grey[..., None], 3, axis=-1)))
@@ -170,12 +146,3 @@ def _unfold(faces: NDArray[np.uint8]) -> NDArray[np.uint8]:
             picture = picture[::-1, ::-1]
         cross[row * size : (row + 1) * size, column * size : (column + 1) * size] = picture
     return cross
-
-
-def write_picture(path: Path, pixels: NDArray[np.uint8]) -> None:
-    """Write a picture (H, W) or (H, W, 3), red, green, blue; AssetError where it cannot be encoded."""
-    bgr = pixels[..., ::-1] if pixels.ndim == 3 else pixels
-    good, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(bgr))
-    if not good:
-        raise AssetError(f"the picture {path.name} of the report could not be encoded")
-    path.write_bytes(encoded.tobytes())

@@ -31,7 +31,8 @@ from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
 from usdfoliage.jobs.crown.capture_report import captured_rows, draw_captured_crown, write_captured_report
-from usdfoliage.jobs.crown.photograph_report import CrownReport, Row
+from usdfoliage.jobs.crown.photograph_report import CrownReport
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import digest_file
 from usdfoliage.steps import StepProgress
 

@@ -21,9 +21,10 @@ from usdfoliage.capture.folder.masks import CleanMask, clean_mask, read_mask
 from usdfoliage.capture.mask_proposal.propose import propose_mask
 from usdfoliage.errors import AssetError, FoliageError, PreviewError
 from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
-from usdfoliage.jobs.crown.photograph_report import CrownReport, ReportView, Row, measure_rows, write_crown_report
+from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, write_crown_report
 from usdfoliage.jobs.crown.tangent import read_tangent
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
+from usdfoliage.jobs.report.table import ReportView, Row
 from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)

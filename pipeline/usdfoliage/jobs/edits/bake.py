@@ -23,7 +23,7 @@ from usdfoliage.asset.packages.contents import (
     representations,
     require_plant,
 )
-from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.packages.other_parts import OtherParts, find_other_parts, lost_leaf_motion, write_leaves_beside
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.parts.bare_branches import BARE_LAYER
@@ -33,6 +33,7 @@ from usdfoliage.asset.parts.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import package_versions
 from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
+from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.jobs.edits.change import bake_leaves, join_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.edits.edit import changed_edits, show_value

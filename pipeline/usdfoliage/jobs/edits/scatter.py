@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from usdfoliage import __version__
-from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.edits.settings import (
     check_memory,

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from usdfoliage.asset.materials.jitter_map import read_jitter_map
-from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings
+from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
+from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.leaf.shape.mesh import LeafMeshSettings
 

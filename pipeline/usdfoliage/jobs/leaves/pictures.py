@@ -1,7 +1,6 @@
 """What a run found, drawn over its photographs."""
 
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -11,9 +10,7 @@ from usdfoliage.capture.view import View
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.reprojection import draw_leaf_ids, project_axes
-from usdfoliage.leaf.segmentation.model import LeafPoints
-
-Value = TypeVar("Value", bound=np.generic)
+from usdfoliage.leaf.points import LeafPoints
 
 EDGE = (255, 255, 255)
 SUPERPIXEL_EDGE = (255, 210, 60)
@@ -48,29 +45,6 @@ class DrawnPoints:
 
     def __len__(self) -> int:
         return len(self.size_m)
-
-
-def shrink_view(view: View, longest_px: int) -> View:
-    """The view with no side of its picture longer than this; depth and mask are those of single pixels."""
-    size = shrunk_size(view.depth_m.shape, longest_px)
-    if size == view.depth_m.shape:
-        return view
-    return replace(
-        view,
-        camera=shrink_camera(view.camera, longest_px, np.eye(4)),
-        srgb=shrink_to(view.srgb, longest_px),
-        depth_m=pick_pixels(view.depth_m, size),
-        mask=None if view.mask is None else pick_pixels(view.mask, size),
-    )
-
-
-def pick_pixels(values: NDArray[Value], size: tuple[int, int]) -> NDArray[Value]:
-    """(h, w) of (H, W): the pixels in which the centres of a picture of this size lie."""
-    rows, columns = (
-        ((np.arange(small) + 0.5) * (large / small)).astype(np.intp)
-        for large, small in zip(values.shape, size, strict=True)
-    )
-    return values[rows[:, None], columns]
 
 
 def leaf_palette(count: int) -> NDArray[np.uint8]:
@@ -253,29 +227,6 @@ def _find_runs(chosen: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
         for row, start, end in zip(rows[::2].tolist(), ends[::2].tolist(), ends[1::2].tolist(), strict=True)
         if end - start > 1
     ]
-
-
-def shrink_to(picture: NDArray[np.uint8], longest_px: int) -> NDArray[np.uint8]:
-    """The picture with no side longer than this."""
-    height, width = shrunk_size(picture.shape[:2], longest_px)
-    if (height, width) == picture.shape[:2]:
-        return picture
-    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def shrink_camera(camera: Pinhole, longest_px: int, stage_from_world: NDArray[np.float64]) -> Pinhole:
-    """The camera of a shrunk picture, in a frame (4, 4) that is turned and moved against its world."""
-    height, width = shrunk_size((camera.height_px, camera.width_px), longest_px)
-    world_from_stage = np.linalg.inv(stage_from_world)
-    cam_from_stage = camera.cam_from_world[:, :3] @ world_from_stage[:3]
-    cam_from_stage[:, 3] += camera.cam_from_world[:, 3]
-    return replace(camera.resized(width, height), cam_from_world=cam_from_stage)
-
-
-def shrunk_size(size: tuple[int, ...], longest_px: int) -> tuple[int, int]:
-    """Height and width with no side longer than this."""
-    scale = min(1.0, longest_px / max(size))
-    return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
 
 
 def _fill(

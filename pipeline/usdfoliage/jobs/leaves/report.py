@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
 from usdfoliage.errors import AssetError
-from usdfoliage.jobs.crown.photograph_report import TEMPLATES, Row, list_seconds
 from usdfoliage.jobs.leaves.pictures import (
     SURE,
     DrawnPoints,
@@ -21,10 +19,11 @@ from usdfoliage.jobs.leaves.pictures import (
     draw_fitted,
     draw_refined,
     draw_superpixels,
-    pick_pixels,
     prepare_points,
-    shrink_view,
 )
+from usdfoliage.jobs.report.environment import render_template
+from usdfoliage.jobs.report.pictures import pick_pixels, shrink_view
+from usdfoliage.jobs.report.table import Histogram, ReportPhotograph, ReportPicture, Row, list_seconds
 from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.reconstruct import Reconstruction
 from usdfoliage.leaf.shape.measures import leaf_width
@@ -49,38 +48,6 @@ class LeavesReport:
     numbers: Sequence[int]  # of each view, among the capture's photographs
     texture: str = ""  # file of the average leaf, as seen from the report's folder
     previews: Mapping[int, str] = field(default_factory=dict)  # view: picture of the asset, in the report's folder
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReportPicture:
-    """A picture over a photograph."""
-
-    file: str
-    caption: str
-    over: str = ""  # a second one, shown to the right of a bar that can be moved
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReportPhotograph:
-    """What is shown of one photograph."""
-
-    title: str
-    facts: str
-    pictures: Sequence[ReportPicture]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Histogram:
-    """Bars of equal width."""
-
-    title: str
-    low: str
-    high: str
-    heights: Sequence[int]
-
-    @property
-    def highest(self) -> int:
-        return max([*self.heights, 1])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,9 +86,6 @@ def write_leaves_report(
         threads: That draw pictures; 0: one per core. The pictures are the same.
     """
     leaves = reconstruction.leaves
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
-    )
     left_out = ""
     if len(report.shown) < len(views):
         left_out = (
@@ -143,7 +107,8 @@ def write_leaves_report(
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         photographs = list(pool.map(write_photograph, report.shown))
-    page = environment.get_template("leaves_report.html").render(
+    page = render_template(
+        "leaves_report.html",
         name=report.name,
         capture=report.capture,
         generator=report.generator,
@@ -162,13 +127,6 @@ def write_leaves_report(
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
     return index
-
-
-def choose_shown(count: int, most: int) -> list[int]:
-    """Which of so many views are shown: all, or an even selection with the first and the last."""
-    if count <= most:
-        return list(range(count))
-    return sorted({round(place) for place in np.linspace(0, count - 1, most)}) if most > 1 else [0][:most]
 
 
 def measure_rows(leaves: Leaves) -> list[Row]:

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
-from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.capture.folder.depth_scale import check_depth_scale
 from usdfoliage.capture.folder.read import Capture, CaptureViews, read_capture, read_view, read_views
 from usdfoliage.capture.mvs.plane_sweep import sweep_depths
@@ -22,14 +23,14 @@ from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError, FoliageError, PreviewError
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import encode_srgb
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.edits.change import move_leaves
 from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL
 from usdfoliage.jobs.edits.settings import check_memory, fingerprint, read_representations
-from usdfoliage.jobs.leaves.pictures import shrink_camera
-from usdfoliage.jobs.leaves.report import LeavesReport, choose_shown, measure_rows, write_leaves_report
+from usdfoliage.jobs.leaves.report import LeavesReport, measure_rows, write_leaves_report
 from usdfoliage.jobs.leaves.settings import LeavesSettings, read_leaves_settings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, encode_png, render_views
+from usdfoliage.jobs.report.pictures import shrink_camera
+from usdfoliage.jobs.report.table import Row, choose_shown
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.average_texture import AverageTexture

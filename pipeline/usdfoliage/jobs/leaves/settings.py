@@ -3,16 +3,13 @@
 import argparse
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
 
 import numpy as np
 
 from usdfoliage.capture.mvs.plane_sweep import PlaneSweepSettings
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file
+from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file, set_everywhere
 from usdfoliage.leaf.reconstruct import ReconstructionSettings
-
-Settings = TypeVar("Settings")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,18 +44,6 @@ def read_leaves_settings(options: argparse.Namespace) -> LeavesSettings:
             raise FoliageError(f"--threads must be 0, for all cores, or more, not {options.threads}")
         settings = set_everywhere(settings, "threads", options.threads)
     return settings if options.seed is None else set_everywhere(settings, "seed", options.seed)
-
-
-def set_everywhere(settings: Settings, name: str, value: object) -> Settings:
-    """Settings with every field of this name set, in them and in all below them."""
-    changes: dict[str, Any] = {}
-    for each in dataclasses.fields(settings):  # type: ignore[arg-type]  # mypy has no name for any dataclass
-        held = getattr(settings, each.name)
-        if dataclasses.is_dataclass(held):
-            changes[each.name] = set_everywhere(held, name, value)
-        elif each.name == name:
-            changes[name] = value
-    return dataclasses.replace(settings, **changes)  # type: ignore[type-var]  # likewise
 
 
 def _read_plane_threshold(words: str) -> float | None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.files.json import read_json
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.pages.report import TaskTiming, Timings
 from usdfoliage.jobs.plant.pages.report_html import write_timings
@@ -16,6 +15,7 @@ from usdfoliage.jobs.plant.record import use_plant
 from usdfoliage.jobs.plant.stages.report import FINISHED, VERDICT
 from usdfoliage.jobs.plant.store import copy_tree, hold_lock, read_stamp
 from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import digest_file, write_whole
 
 

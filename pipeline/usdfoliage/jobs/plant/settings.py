@@ -10,8 +10,9 @@ from usdfoliage.jobs.branches.foliage import FoliageRequest
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MOST_LEAVES
-from usdfoliage.jobs.leaves.settings import LeavesSettings, set_everywhere
+from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.plant.pages.pictures import PictureSettings
+from usdfoliage.jobs.work.settings_file import set_everywhere
 
 LeafDepth = Literal["auto", "given", "estimated"]
 FoliageKind = Literal["auto", "captured", "filled", "drawn", "species", "none"]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.json import read_json
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.plant.plan_words import in_words_of_the_plan
+from usdfoliage.jobs.report.table import Row
 
 SUMMARY = "summary.json"
 

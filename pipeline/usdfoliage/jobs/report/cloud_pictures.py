@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.geometry.pinhole import Pinhole
 
 PAPER = (250, 250, 248)  # behind a cloud, as the report's page

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.jobs.leaves.pictures import shrink_to, shrunk_size
+from usdfoliage.jobs.report.pictures import shrink_to, shrunk_size
 
 QUALITY = 82  # of WebP; photographs of foliage show no fault at it
 

@@ -168,3 +168,15 @@ def format_value(value: Any) -> str:
         return str(value)
     # A JSON text is a TOML text, but for one control character.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def set_everywhere(settings: Settings, name: str, value: object) -> Settings:
+    """Settings with every field of this name set, in them and in all below them."""
+    changes: dict[str, Any] = {}
+    for each in dataclasses.fields(settings):  # type: ignore[arg-type]  # mypy has no name for any dataclass
+        held = getattr(settings, each.name)
+        if dataclasses.is_dataclass(held):
+            changes[each.name] = set_everywhere(held, name, value)
+        elif each.name == name:
+            changes[name] = value
+    return dataclasses.replace(settings, **changes)  # type: ignore[type-var]  # likewise

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from usdfoliage import _native
 from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.segmentation.model import LeafPoints
+from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places

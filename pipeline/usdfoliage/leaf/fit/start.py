@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import _native
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, LeafPoints
+from usdfoliage.leaf.points import FREE_EDGE, LeafPoints
 
 BEFORE_SPREAD = 4  # times as many points are looked at as are wanted
 APART = 3.0  # usual distances to a near neighbour, beyond which a point lies apart from its leaf

@@ -26,7 +26,7 @@ from usdfoliage.leaf.fit.under_prior import (
     version_costs,
 )
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.segmentation.model import LeafPoints
+from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.measures import leaf_width

@@ -24,7 +24,7 @@ from usdfoliage.jobs.plant.pages.report import (
     mark_settings,
 )
 from usdfoliage.jobs.plant.pages.report_html import write_plant_report, write_timings
-from usdfoliage.jobs.report.page import clean_text, in_bytes, link_to
+from usdfoliage.jobs.report.environment import clean_text, in_bytes, link_to
 from usdfoliage.jobs.report.page_pictures import embed_picture
 
 from tests.support.plant_reports import Tags, flat_picture, full_report

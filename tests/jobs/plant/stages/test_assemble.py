@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pxr import Usd
 from usdfoliage.asset.packages.contents import interface_of
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.jobs.plant.settings import BuildSettings, PictureStageSettings

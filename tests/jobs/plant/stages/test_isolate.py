@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import read_cloud, write_cloud
 from usdfoliage.capture.folder.read import read_capture, read_views
 from usdfoliage.capture.lens import Lens

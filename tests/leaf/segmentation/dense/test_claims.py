@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE
 from usdfoliage.leaf.segmentation.dense.claims import ClaimSettings, PointSettings, claim_pixels, collect_points
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE
 
 from tests.support.leaves.captures import known_foliage
 

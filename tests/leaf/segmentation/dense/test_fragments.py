@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.segmentation.dense.fragments import append_points, join_points, pair_fragments
-from usdfoliage.leaf.segmentation.model import LeafPoints
 
 from tests.support.leaves.proposals import flat_leaves, proposed
 

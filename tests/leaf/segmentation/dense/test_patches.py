@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from usdfoliage.capture.view import View
+from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE, INTERIOR
 from usdfoliage.leaf.segmentation.dense.patches import UNKNOWN_EDGE, PatchSettings, find_patches, fit_planes_of_view
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR
 
 from tests.support.leaves.views import Disc, camera, draw_view
 

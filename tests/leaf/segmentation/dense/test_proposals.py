@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from usdfoliage.leaf.fit.prior import generic_prior, learn_prior
 from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.segmentation.dense.proposals import join_proposals, propose_leaves, refit_proposals
-from usdfoliage.leaf.segmentation.model import LeafPoints
 
 from tests.support.leaves.points import known_leaves, leaf_points
 from tests.support.leaves.proposals import flat_leaves, proposed, surface_distances

@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from usdfoliage.capture.view import View
+from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.segmentation.dense.claims import complete_claims
 from usdfoliage.leaf.segmentation.dense.segment import segment_dense
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings, PassSettings
-from usdfoliage.leaf.segmentation.model import LeafPoints, Segmentation
+from usdfoliage.leaf.segmentation.model import Segmentation
 
 from tests.support.leaves.captures import KnownFoliage, known_foliage
 from tests.support.leaves.views import Disc, camera, draw_view

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR
+from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE, INTERIOR
 from usdfoliage.leaf.segmentation.paper.candidates import segment_view
 from usdfoliage.leaf.segmentation.paper.refinement import (
     RefinementSettings,

@@ -18,9 +18,6 @@ from usdfoliage.capture.folder.read import Capture, read_view
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.jobs.capture.map_pictures import write_picture
-from usdfoliage.jobs.leaves.pictures import shrink_camera, shrink_to
-from usdfoliage.jobs.leaves.report import choose_shown
 from usdfoliage.jobs.plant.pages.cameras import choose_cameras, frame_box
 from usdfoliage.jobs.plant.pages.report import Comparison
 from usdfoliage.jobs.preview.pictures import (
@@ -32,6 +29,8 @@ from usdfoliage.jobs.preview.pictures import (
     finish_picture,
     render_views,
 )
+from usdfoliage.jobs.report.pictures import shrink_camera, shrink_to, write_picture
+from usdfoliage.jobs.report.table import choose_shown
 
 logger = logging.getLogger(__name__)
 

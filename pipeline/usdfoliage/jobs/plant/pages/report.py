@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.packages.contents import AssetFile
 from usdfoliage.asset.validation.findings import Finding
-from usdfoliage.jobs.crown.photograph_report import Row
+from usdfoliage.jobs.report.table import Row
 
 State = Literal["done", "warnings", "failed", "skipped"]
 

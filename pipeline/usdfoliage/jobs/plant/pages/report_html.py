@@ -18,7 +18,8 @@ from usdfoliage.jobs.plant.pages.report import (
     is_unusable,
     judge,
 )
-from usdfoliage.jobs.report.page import clean_text, render_page
+from usdfoliage.jobs.report.environment import clean_text
+from usdfoliage.jobs.report.page import render_page
 from usdfoliage.jobs.report.page_pictures import PagePicture, embed_picture
 
 TIMINGS = "timings.js"

@@ -18,7 +18,6 @@ from usdfoliage.asset.provenance import Provenance, combined_sha256, package_ver
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.errors import FitError, PreviewError
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.pictures import draw_thumbnail
 from usdfoliage.jobs.plant.settings import STAGE_SETTINGS
@@ -29,6 +28,7 @@ from usdfoliage.jobs.plant.stages.parts import ASSET_FOLDER, TracedPlant, read_c
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.reconstruct import doubt_confidence

@@ -28,11 +28,11 @@ from usdfoliage.jobs.capture.poses import (
     read_posed,
 )
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.store import ResultFile, describe_files
 from usdfoliage.jobs.plant.summary import StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import POSES
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import WORK, has_result, write_whole
 
 

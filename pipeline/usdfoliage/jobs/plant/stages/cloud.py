@@ -7,12 +7,12 @@ from usdfoliage.capture.poses.world_frame import WorldSettings
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.results import CLOUD, REPORT
 from usdfoliage.jobs.capture.run import CaptureRequest, make_capture
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.stages.capture import capture_folder, capture_name, store_of_views
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import POSES
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import WORK
 
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.asset.packages.branch_package import BranchLeaves
-from usdfoliage.asset.packages.leaf_package import REPRESENTATIONS, LeafAssetSettings
+from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
+from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.foliage.place import FoliageSettings as GrownSettings
 from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.errors import FoliageError
@@ -19,12 +20,12 @@ from usdfoliage.jobs.branches.foliage import (
     FoliageRequest,
     grow_leaves,
 )
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.edits.change import move_leaves
 from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.stages.captured_leaves import CapturedLeaves
 from usdfoliage.jobs.plant.stages.parts import TracedPlant, known_species
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.leaf.fill import FillSettings, fill_places
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import slim_leaves

@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
-from usdfoliage.capture.cloud.fusion import Cloud
+from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import read_cloud, write_cloud
 from usdfoliage.capture.folder.raster import apply_orientation
 from usdfoliage.capture.folder.read import Capture, read_capture, read_view
@@ -25,10 +25,7 @@ from usdfoliage.geometry.point_cells import one_in_each_cell
 from usdfoliage.isolation.masks import draw_plant_mask, expect_plant, make_plant_grid
 from usdfoliage.isolation.plant import IsolatedPlant, IsolationSettings, PointKind, isolate_plant
 from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, MASKS
-from usdfoliage.jobs.capture.map_pictures import write_picture
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
-from usdfoliage.jobs.crown.photograph_report import Row
-from usdfoliage.jobs.leaves.pictures import shrink_view
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.inputs import DEPTH_FOLDER
 from usdfoliage.jobs.plant.pages.isolation_pictures import draw_kinds, draw_outline
@@ -37,6 +34,8 @@ from usdfoliage.jobs.plant.stages.capture import capture_folder, capture_name
 from usdfoliage.jobs.plant.store import ResultFile, copy_tree
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import CLOUD, ISOLATION
+from usdfoliage.jobs.report.pictures import shrink_view, write_picture
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import write_whole
 
 logger = logging.getLogger(__name__)

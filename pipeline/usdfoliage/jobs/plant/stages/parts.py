@@ -25,13 +25,14 @@ from usdfoliage.jobs.capture.folder import MASKS
 from usdfoliage.jobs.crown.capture_input import PlantPoints
 from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, make_captured_crown_asset
 from usdfoliage.jobs.leaves.run import LeavesRequest, make_leaves_asset
-from usdfoliage.jobs.leaves.settings import LeavesSettings, set_everywhere
+from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.stages.captured_leaves import read_leaf_frame
 from usdfoliage.jobs.plant.stages.isolate import GIVEN_DEPTH, is_floorless, plant_capture
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
+from usdfoliage.jobs.work.settings_file import set_everywhere
 
 logger = logging.getLogger(__name__)
 

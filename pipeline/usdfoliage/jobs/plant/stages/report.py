@@ -14,7 +14,6 @@ from usdfoliage.asset.validation.studio_profile import default_profile, read_pro
 from usdfoliage.asset.validation.validate import ValidationReport, validate_asset
 from usdfoliage.capture.folder.read import read_capture
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.crown.photograph_report import Row
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.pictures import draw_comparisons, draw_turntable, draw_variants
 from usdfoliage.jobs.plant.pages.report import (
@@ -47,6 +46,7 @@ from usdfoliage.jobs.plant.tasks import (
     TURNTABLE,
     VARIANTS,
 )
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import format_settings
 
 logger = logging.getLogger(__name__)

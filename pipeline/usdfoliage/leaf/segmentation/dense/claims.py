@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from usdfoliage import _native
 from usdfoliage.capture.view import View
 from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints
 from usdfoliage.leaf.segmentation.dense.depth_view import depth_view
 from usdfoliage.leaf.segmentation.dense.patches import LocalPlanes, PatchSettings
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 
 _LEAST_SUPPORT = 6.0  # neighbours on a plane whose normal is taken

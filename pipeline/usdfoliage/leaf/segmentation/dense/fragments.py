@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.segmentation.dense.proposals import Proposals
-from usdfoliage.leaf.segmentation.model import LeafPoints
 
 MOST_POINTS = 150  # of a piece, to measure gaps with
 GAP, LENGTH, SHORT = 0.12, 1.6, 1.2  # usual lengths: between pieces, of both together, of the shorter piece

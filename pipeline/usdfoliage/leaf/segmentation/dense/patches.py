@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from usdfoliage import _native
 from usdfoliage.capture.view import View
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE
 from usdfoliage.leaf.segmentation.dense.depth_view import depth_view
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE
 
 UNKNOWN_EDGE = 3  # kind of a pixel beside one without depth, besides those of segmentation.model
 

@@ -16,7 +16,7 @@ from usdfoliage.leaf.fit.under_prior import (
     version_costs,
 )
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.segmentation.model import LeafPoints
+from usdfoliage.leaf.points import LeafPoints
 
 EVIDENCE = 100.0  # independent points that all points of a leaf are worth at most
 START, AGAIN = DescentSettings(iterations=12, edge_noise=2.0), DescentSettings(iterations=10, edge_noise=2.0)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
 from usdfoliage.files.threads import map_threaded
+from usdfoliage.leaf.points import LeafPoints, no_points
 from usdfoliage.leaf.segmentation.dense.claims import (
     PointSettings,
     collect_points,
@@ -33,10 +34,6 @@ from usdfoliage.leaf.segmentation.dense.usual_length import (
     ladder_of_radii,
     measure_part_length,
     measure_usual_length,
-)
-from usdfoliage.leaf.segmentation.model import (
-    LeafPoints,
-    no_points,
 )
 
 FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal

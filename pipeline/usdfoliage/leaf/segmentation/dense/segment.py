@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.view import View
 from usdfoliage.files.threads import map_threaded
 from usdfoliage.leaf.fit.prior import LeafPrior, generic_prior, learn_prior
+from usdfoliage.leaf.points import LeafPoints, no_points
 from usdfoliage.leaf.segmentation.dense.claims import (
     claim_pixels,
     collect_points,
@@ -51,15 +52,7 @@ from usdfoliage.leaf.segmentation.dense.usual_length import (
     free_share,
     gather_measure,
 )
-from usdfoliage.leaf.segmentation.model import (
-    Candidates,
-    LeafPoints,
-    Segmentation,
-    Step,
-    find_nothing,
-    no_points,
-    nonzero,
-)
+from usdfoliage.leaf.segmentation.model import Candidates, Segmentation, Step, find_nothing, nonzero
 
 Progress = Callable[[int, int], None]
 PatchKey = tuple[int, int, int]  # view; how many pixels, and the sum of their indices

@@ -20,7 +20,7 @@ from scipy.spatial import KDTree
 from usdfoliage.capture.view import View
 from usdfoliage.geometry.enclosing_ellipse import enclosing_ellipses
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.leaf.segmentation.model import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints, no_points
+from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints, no_points
 from usdfoliage.leaf.segmentation.paper.candidates import ViewCandidates, plane_frames
 from usdfoliage.leaf.segmentation.paper.icp import IcpSettings, Registration, register_points
 

@@ -1,0 +1,68 @@
+"""What the tables and picture strips of reports are made of."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One line of a table."""
+
+    name: str
+    value: str
+    remark: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportView:
+    """One picture of the asset."""
+
+    name: str
+    file: str
+
+
+def list_seconds(seconds: Mapping[str, float]) -> list[Row]:
+    """Seconds by step and of all of them; nothing without steps."""
+    rows = [Row(name=name, value=f"{value:.2f}") for name, value in seconds.items()]
+    return [*rows, Row(name="all", value=f"{sum(seconds.values()):.2f}")] if rows else []
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportPicture:
+    """A picture over a photograph."""
+
+    file: str
+    caption: str
+    over: str = ""  # a second one, shown to the right of a bar that can be moved
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportPhotograph:
+    """What is shown of one photograph."""
+
+    title: str
+    facts: str
+    pictures: Sequence[ReportPicture]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Histogram:
+    """Bars of equal width."""
+
+    title: str
+    low: str
+    high: str
+    heights: Sequence[int]
+
+    @property
+    def highest(self) -> int:
+        return max([*self.heights, 1])
+
+
+def choose_shown(count: int, most: int) -> list[int]:
+    """Which of so many views are shown: all, or an even selection with the first and the last."""
+    if count <= most:
+        return list(range(count))
+    return sorted({round(place) for place in np.linspace(0, count - 1, most)}) if most > 1 else [0][:most]
