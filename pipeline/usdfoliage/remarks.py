@@ -1,0 +1,107 @@
+"""What a run has to say of its input or its result, as values: reports, terminal and JSON are made of them.
+
+A stage makes a remark with `remark(code, …)`. What it decides by is a code, never the words of a text. The codes, with
+what each means and what to do, are listed in `remark_codes`; they are part of what a version promises, as exit codes
+are. A remedy names settings, not options: each front end writes a setting as its own user sets it.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from usdfoliage.remark_codes import REMARK_KINDS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """A setting that a remedy names."""
+
+    name: str  # of a build's settings, such as branches.internode_m
+    value: str = ""  # as TOML; empty where the user must choose it
+
+
+Remedy = tuple[str | Setting, ...]  # the parts of a sentence
+RenderSetting = Callable[[Setting], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remark:
+    """One thing that the user should know."""
+
+    code: str  # one of remark_codes.REMARK_KINDS
+    severity: str  # "warning": it puts the result in doubt; "info": less than that
+    subject: str  # a photograph, a file, a part of the plant; empty where it is about the whole
+    text: str  # one sentence without a full stop, with measured values
+    remedy: Remedy = ()  # what to do about it; empty where there is nothing to do
+
+    def sentence(self, render: RenderSetting) -> str:
+        """Text and remedy as one sentence; render writes a setting as the reader sets it."""
+        return f"{self.text}: {write_remedy(self.remedy, render)}" if self.remedy else self.text
+
+    def as_json(self) -> dict[str, Any]:
+        """What JSON holds of it."""
+        remedy = [
+            part if isinstance(part, str) else {"setting": part.name, "value": part.value} for part in self.remedy
+        ]
+        return {
+            "code": self.code,
+            "severity": self.severity,
+            "subject": self.subject,
+            "text": self.text,
+            "remedy": remedy,
+        }
+
+
+def remark(code: str, text: str, *, subject: str = "", remedy: str | Remedy = ()) -> Remark:
+    """A remark of this code; its severity is that of the code.
+
+    Raises:
+        KeyError: There is no such code in remark_codes.
+    """
+    parts = (remedy,) if isinstance(remedy, str) else remedy
+    return Remark(code=code, severity=REMARK_KINDS[code].severity, subject=subject, text=text, remedy=parts)
+
+
+def remark_from_json(held: Mapping[str, Any]) -> Remark:
+    """A remark as as_json has written it.
+
+    Raises:
+        KeyError, TypeError: It is none.
+    """
+    remedy = tuple(
+        part if isinstance(part, str) else Setting(name=part["setting"], value=part["value"]) for part in held["remedy"]
+    )
+    return Remark(
+        code=held["code"], severity=held["severity"], subject=held["subject"], text=held["text"], remedy=remedy
+    )
+
+
+def warnings_of(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
+    """Those that put the result in doubt."""
+    return tuple(each for each in remarks if each.severity == "warning")
+
+
+def infos_of(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
+    """Those that do not."""
+    return tuple(each for each in remarks if each.severity == "info")
+
+
+def merge_remarks(*groups: Sequence[Remark]) -> tuple[Remark, ...]:
+    """All of them in their order, each once."""
+    return tuple(dict.fromkeys(each for group in groups for each in group))
+
+
+def rename_in(held: Remark, rename: Callable[[str], str]) -> Remark:
+    """The same remark with files named otherwise, in its subject, text and remedy."""
+    remedy = tuple(rename(part) if isinstance(part, str) else part for part in held.remedy)
+    return replace(held, subject=rename(held.subject), text=rename(held.text), remedy=remedy)
+
+
+def write_remedy(remedy: Remedy, render: RenderSetting) -> str:
+    """A remedy as text."""
+    return "".join(part if isinstance(part, str) else render(part) for part in remedy)
+
+
+def as_plan_setting(setting: Setting) -> str:
+    """A setting as a build's plan and a settings file have it: branches.internode_m = 0.2."""
+    return f"{setting.name} = {setting.value}" if setting.value else setting.name
