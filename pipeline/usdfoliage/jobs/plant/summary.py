@@ -1,4 +1,4 @@
-"""What a task says of its result: figures, remarks and pictures, in a file beside it."""
+"""What is reported of a task's result: figures, remarks and pictures, in a file beside it."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -9,6 +9,7 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.plant.plan_words import in_words_of_the_plan
 from usdfoliage.jobs.report.table import Row
+from usdfoliage.remarks import Remark, as_plan_setting, infos_of, remark_from_json, rename_in, warnings_of
 
 SUMMARY = "summary.json"
 
@@ -26,12 +27,21 @@ class StageSummary:
     """What the report says of a stage."""
 
     rows: Sequence[Row] = ()
-    notes: Sequence[str] = ()
+    remarks: Sequence[Remark] = ()
+    notes: Sequence[str] = ()  # of stages that make no remarks yet, as the next
     warnings: Sequence[str] = ()  # what puts the result in doubt
     pictures: Sequence[StagePicture] = ()
     detail: str = ""  # a page of the stage's own, from the result's folder
     failure: str = ""  # why there is no result; the plant goes without
     poor: bool = False  # made without Storm's pictures: the next run tries again
+
+    def warning_texts(self) -> list[str]:
+        """What puts the result in doubt, with the settings of a plan."""
+        return [*self.warnings, *(each.sentence(as_plan_setting) for each in warnings_of(self.remarks))]
+
+    def info_texts(self) -> list[str]:
+        """Its other remarks, likewise."""
+        return [*self.notes, *(each.sentence(as_plan_setting) for each in infos_of(self.remarks))]
 
 
 def write_summary(folder: Path, summary: StageSummary) -> None:
@@ -42,7 +52,8 @@ def write_summary(folder: Path, summary: StageSummary) -> None:
         warnings=[in_words_of_the_plan(warning) for warning in summary.warnings],
         failure=in_words_of_the_plan(summary.failure),
     )
-    text = json.dumps(asdict(said), indent=1, ensure_ascii=True)
+    held = asdict(said) | {"remarks": [each.as_json() for each in said.remarks]}
+    text = json.dumps(held, indent=1, ensure_ascii=True)
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
 
 
@@ -52,6 +63,7 @@ def read_summary(folder: Path) -> StageSummary:
         held = read_json(folder / SUMMARY)
         return StageSummary(
             rows=tuple(Row(**row) for row in held["rows"]),
+            remarks=tuple(remark_from_json(each) for each in held["remarks"]),
             notes=tuple(held["notes"]),
             warnings=tuple(held["warnings"]),
             pictures=tuple(StagePicture(**picture) for picture in held["pictures"]),
@@ -69,6 +81,7 @@ def rename_paths(folder: Path, rename: Callable[[str], str]) -> None:
     renamed = replace(
         held,
         rows=[replace(row, value=rename(row.value), remark=rename(row.remark)) for row in held.rows],
+        remarks=[rename_in(each, rename) for each in held.remarks],
         notes=[rename(note) for note in held.notes],
         warnings=[rename(warning) for warning in held.warnings],
         failure=rename(held.failure),

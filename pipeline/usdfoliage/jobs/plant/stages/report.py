@@ -137,7 +137,7 @@ def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> Pl
     warnings = [
         ReportWarning(stage=TITLES[name][0], text=text, severe=bool(summary.failure))
         for name, summary in summaries.items()
-        for text in summary.warnings
+        for text in summary.warning_texts()
     ]
     warnings += [
         ReportWarning(stage="Pictures", text=text)
@@ -145,7 +145,7 @@ def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> Pl
             text
             for name in (TURNTABLE, COMPARISONS, VARIANTS)
             if call.has(name)
-            for text in read_summary(call.result_of(name)).warnings
+            for text in read_summary(call.result_of(name)).warning_texts()
         )
     ]
     interface, _ = interface_of(finished)
@@ -214,7 +214,7 @@ def _copy_details(call: StageCall, folder: Path) -> None:
 
 def _stage(call: StageCall, name: str, summary: StageSummary) -> StageReport:
     title, sentence = TITLES[name]
-    state: State = "failed" if summary.failure else "warnings" if summary.warnings else "done"
+    state: State = "failed" if summary.failure else "warnings" if summary.warning_texts() else "done"
     folder = call.result_of(name)
     return StageReport(
         name=name,
@@ -223,7 +223,7 @@ def _stage(call: StageCall, name: str, summary: StageSummary) -> StageReport:
         state=state,
         rows=summary.rows,
         pictures=[Picture(image=folder / picture.file, caption=picture.caption) for picture in summary.pictures],
-        notes=summary.notes,
+        notes=summary.info_texts(),
         detail_report=f"{name}/index.html" if summary.detail else "",
     )
 

@@ -1,0 +1,30 @@
+"""A summary is a file beside a result, and holds remarks as values."""
+
+from pathlib import Path
+
+from usdfoliage.jobs.plant.summary import StageSummary, read_summary, rename_paths, write_summary
+from usdfoliage.remarks import Setting, remark
+
+HIGH = remark(
+    "plant-height-improbable",
+    "the plant of /work/oak.ply is 900 m high",
+    subject="/work/oak.ply",
+    remedy=("give ", Setting(name="branches.unit", value='"mm"')),
+)
+
+
+def test_remarks_survive_the_file(tmp_path: Path) -> None:
+    write_summary(tmp_path, StageSummary(remarks=[HIGH]))
+    held = read_summary(tmp_path)
+    assert held.remarks == (HIGH,)
+    assert held.warning_texts() == ['the plant of /work/oak.ply is 900 m high: give branches.unit = "mm"']
+    assert held.info_texts() == []
+
+
+def test_files_are_renamed_in_remarks_too(tmp_path: Path) -> None:
+    write_summary(tmp_path, StageSummary(remarks=[HIGH], failure="/work/oak.ply is broken"))
+    rename_paths(tmp_path, lambda text: text.replace("/work/", ""))
+    held = read_summary(tmp_path)
+    assert held.remarks[0].subject == "oak.ply"
+    assert held.remarks[0].text == "the plant of oak.ply is 900 m high"
+    assert held.failure == "oak.ply is broken"
