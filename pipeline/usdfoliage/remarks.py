@@ -16,7 +16,7 @@ from usdfoliage.remark_codes import REMARK_KINDS
 class Setting:
     """A setting that a remedy names."""
 
-    name: str  # of a build's settings, such as branches.internode_m
+    name: str  # of a build's settings, as branches.internode_m; or of capture.toml, as capture.toml:up_axis
     value: str = ""  # as TOML; empty where the user must choose it
 
 
@@ -103,5 +103,7 @@ def write_remedy(remedy: Remedy, render: RenderSetting) -> str:
 
 
 def as_plan_setting(setting: Setting) -> str:
-    """A setting as a build's plan and a settings file have it: branches.internode_m = 0.2."""
-    return f"{setting.name} = {setting.value}" if setting.value else setting.name
+    """A setting as a build's plan has it: branches.internode_m = 0.2; or up_axis = "Z" in capture.toml."""
+    file, _, key = setting.name.rpartition(":")
+    text = f"{key} = {setting.value}" if setting.value else key
+    return f"{text} in {file}" if file else text

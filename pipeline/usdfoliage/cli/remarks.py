@@ -1,0 +1,104 @@
+"""How a command writes the settings that remedies name: a build as its plan has them, the others as their options."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, warnings_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandOptions:
+    """What a command calls settings of a build."""
+
+    options: Mapping[str, str]  # by the name of the setting
+    values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # of settings whose option has other words
+    table: str = ""  # whose settings are the keys of the file that --settings takes; "": there is no such file
+
+
+_OF_A_CLOUD = {"capture.toml:metres_per_unit": "--unit", "capture.toml:up_axis": "--up", "branches.roots": "--roots"}
+
+_UNITS = {"": "m|cm|mm|ft", "1": "m", "0.01": "cm", "0.001": "mm", "0.3048": "ft"}
+
+COMMANDS: Mapping[str, CommandOptions] = {
+    "capture": CommandOptions(
+        options={
+            "capture.poses": "--poses",
+            "capture.mask": "--mask",
+            "capture.dense": "--dense",
+            "capture.registration.matching": "--matching",
+            "capture.registration.one_camera": "--camera",
+            "capture.world.times": "--scale",
+            "capture.world.up": "--up",
+            "capture.world.up_vector": "--up",
+            "seed": "--seed",
+        },
+        values={"capture.registration.one_camera": {"yes": "one", "no": "several"}},
+        table="capture",
+    ),
+    "branches": CommandOptions(
+        options={
+            **_OF_A_CLOUD,
+            "branches.internode_m": "--internode",
+            "branches.cloud_leaves": "--cloud-leaves",
+            "branches.most_points": "--most-points",
+            "foliage.leaf_length_m": "--leaf-length",
+            "foliage.most_leaves": "--most-leaves",
+            "plant.species": "--species",
+            "seed": "--seed",
+        },
+        values={"capture.toml:metres_per_unit": _UNITS},
+    ),
+    "crown": CommandOptions(
+        options={
+            **_OF_A_CLOUD,
+            "crown.size": "--size",
+            "crown.mesh_size": "--mesh-size",
+            "plant.species": "--species",
+            "seed": "--seed",
+        },
+        values={"capture.toml:metres_per_unit": _UNITS},
+    ),
+    "leaves": CommandOptions(
+        options={
+            "leaves.depth": "--depth",
+            "leaves.method": "--method",
+            "plant.species": "--species",
+            "seed": "--seed",
+        },
+        table="leaves",
+    ),
+}
+
+
+def render_for(command: str) -> RenderSetting:
+    """How a command writes a setting: its own option, else a key of the file of --settings, else as a plan has it."""
+    own = COMMANDS.get(command)
+    if own is None:
+        return as_plan_setting
+
+    def render(setting: Setting) -> str:
+        option = own.options.get(setting.name)
+        if option is not None:
+            value = setting.value.strip('"')
+            words = own.values.get(setting.name)
+            if words is None or value in words:
+                value = value if words is None else words[value]
+                return f"{option} {value}" if value else option
+        if own.table and setting.name.startswith(f"{own.table}."):
+            key = setting.name.removeprefix(f"{own.table}.")
+            return f"{as_plan_setting(Setting(name=key, value=setting.value))} in the settings file"
+        return as_plan_setting(setting)
+
+    return render
+
+
+def write_remark(remark: Remark, render: RenderSetting) -> str:
+    """The line of a remark on the terminal."""
+    return f"{'warning' if warnings_of([remark]) else 'note'}: {remark.sentence(render)}"
+
+
+def print_remarks(remarks: Iterable[Remark], command: str, show: Callable[[str], None] = print) -> None:
+    """Show remarks on the terminal, a line each, as a command writes its settings."""
+    render = render_for(command)
+    for remark in remarks:
+        show(write_remark(remark, render))
