@@ -1,6 +1,5 @@
 """Where an asset comes from: what is written of it into the asset."""
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,8 @@ from pxr import Sdf
 
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.errors import AssetError
+from usdfoliage.files.hashing import digest_text
+from usdfoliage.files.json import read_json
 
 PROVENANCE_FILE = "report/provenance.json"  # of an asset, where there is more to tell than the interface layer should
 PACKAGES = (  # that decide an asset, and the pages beside it
@@ -55,7 +56,7 @@ class Provenance:
 def combined_sha256(inputs: Mapping[str, str]) -> str:
     """One digest of many files: of the lines "<sha256>  <name>" in the order of the names, as sha256sum writes them."""
     lines = "".join(f"{digest}  {name}\n" for name, digest in sorted(inputs.items()))
-    return hashlib.sha256(lines.encode()).hexdigest()
+    return digest_text(lines)
 
 
 def package_versions(names: Sequence[str] = PACKAGES) -> dict[str, str]:
@@ -124,7 +125,7 @@ def write_provenance_file(folder: Path, provenance: Provenance) -> Path:
 def read_provenance_file(folder: Path) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
     """Inputs and stages in PROVENANCE_FILE of the asset in folder; none where there is no such file, or another."""
     try:
-        content = json.loads((folder / PROVENANCE_FILE).read_text(encoding="utf-8"))
+        content = read_json(folder / PROVENANCE_FILE)
     except (OSError, ValueError):
         return {}, {}
     if not isinstance(content, dict):

@@ -13,7 +13,6 @@ is, and removes the rest.
 
 import ctypes
 import errno
-import fcntl
 import logging
 import os
 import re
@@ -31,6 +30,8 @@ from usdfoliage.asset.locate import check_usd_name, usd_files_at_top
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.asset.packed_files import is_package
 from usdfoliage.errors import AssetError
+from usdfoliage.files.atomic import flush_to_disk
+from usdfoliage.files.locks import open_lock, open_old_lock, try_lock, wait_for_lock
 
 logger = logging.getLogger(__name__)
 
@@ -229,9 +230,9 @@ def _begin(target: Path) -> tuple[int, Path]:
     while True:
         token = uuid.uuid4().hex[:12]
         lock_path = _sibling(target, token, _LOCK)
-        lock = os.open(lock_path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        lock = open_lock(lock_path, must_be_new=True)
         with suppress(OSError):  # a file system without locks: nobody will take this run for a dead one there
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            wait_for_lock(lock)
         # Before the lock held, a run that cleans up may have taken the file for a dead run's, and removed it.
         if lock_path.exists() and os.path.samestat(os.fstat(lock), lock_path.stat()):
             break
@@ -268,14 +269,16 @@ def _recover(target: Path) -> None:
     """Put back or remove what killed runs left."""
     for lock_path, token in _runs(target):
         try:
-            lock = os.open(lock_path, os.O_RDWR)
+            lock = open_old_lock(lock_path)
         except FileNotFoundError:
             continue  # that run has just ended
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+            is_dead = try_lock(lock)
+        except OSError:  # the file system has no locks: nobody can know
+            is_dead = False
+        if not is_dead:
             os.close(lock)
-            continue  # that run lives, or the file system cannot tell
+            continue
         old = _sibling(target, token, _OLD)
         if old.exists() and not target.exists():
             logger.warning("%s was left aside by a killed run; putting it back", target)
@@ -340,13 +343,8 @@ def _flush(folder: Path) -> None:
 
 
 def _sync(path: Path) -> None:
-    if path.is_symlink():
-        return
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    if not path.is_symlink():
+        flush_to_disk(path)
 
 
 def _remove(folder: Path) -> bool:

@@ -1,13 +1,12 @@
-"""A file that appears whole, or not at all."""
+"""A layer, or a file that a layer reads, that appears whole and is read again by who has it open."""
 
-import os
-import uuid
 from collections.abc import Callable
 from pathlib import Path
 
 from pxr import Sdf
 
 from usdfoliage.errors import AssetError
+from usdfoliage.files.atomic import whole_file
 
 
 def publish_text(path: Path, text: str) -> None:
@@ -25,18 +24,8 @@ def publish_written(path: Path, write: Callable[[Path], object]) -> None:
     Raises:
         AssetError: The file cannot be written; what was there is unchanged.
     """
-    new = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.usdfoliage-new{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            write(new)
-            with new.open("rb") as written:
-                os.fsync(written.fileno())
-            new.replace(path)
-        finally:
-            new.unlink(missing_ok=True)
-    except OSError as error:
-        raise AssetError(f"{path} was not written: {error.strerror}; what was there is unchanged") from error
+    with whole_file(path, AssetError, remedy="") as new:
+        write(new)
     opened = Sdf.Layer.Find(str(path))
     if opened:
         opened.Reload(force=True)

@@ -1,4 +1,4 @@
-"""JSON of a work folder, which may have been damaged, read so that nothing in it takes the reader's stack or time."""
+"""JSON that somebody else may have written or damaged, read so that nothing in it takes the reader's stack or time."""
 
 import json
 from pathlib import Path

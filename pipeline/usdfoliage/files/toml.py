@@ -27,6 +27,15 @@ def read_toml(path: Path) -> dict[str, Any]:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"byte {error.start} is no UTF-8; save it as UTF-8") from error
+    return parse_toml(text)
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The values of a text in TOML.
+
+    Raises:
+        ValueError: As read_toml.
+    """
     for number, line in enumerate(text.splitlines(), 1):
         if line.count(".") > MAX_DOTS and not line.lstrip().startswith("#"):
             raise ValueError(f"line {number} has more than {MAX_DOTS} dots")

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pxr import Sdf, Usd, UsdGeom, UsdShade
-from usdfoliage.asset import publish_file
 from usdfoliage.asset.locate import find_leaves, find_plants, require_leaves, select_representation
 from usdfoliage.asset.look_layer import EDITS
 from usdfoliage.asset.looks.look import open_asset, read_look, write_look_layer
@@ -378,7 +377,7 @@ def test_look_appears_whole_or_not_at_all(oak: Path, tmp_path: Path, monkeypatch
     def fail(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(publish_file.os, "fsync", fail)
+    monkeypatch.setattr(os, "fsync", fail)
     with pytest.raises(AssetError, match="No space left on device"):
         write_look_layer(look, oak, LeafEdits(width=0.5))
     assert look.read_bytes() == before

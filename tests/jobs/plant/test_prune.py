@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from usdfoliage.errors import FoliageError
+from usdfoliage.files.locks import is_locked
 from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.prune import HeldTask, prune_work, survey_work
 from usdfoliage.jobs.plant.record import PRUNING, note_build, note_task, plant_key, read_record, use_plant
@@ -23,8 +24,7 @@ from usdfoliage.jobs.plant.store import (
     describe_files,
     fill_result,
     find_finished,
-    hold_lock,
-    is_held,
+    hold_work_lock,
     list_files,
     lock_task,
     write_stamp,
@@ -213,7 +213,7 @@ def test_a_survey_writes_nothing_and_lets_builds_go_on(
     monkeypatch.setattr(os, "open", read_only)
     assert "not needed" in states(survey_work(store.folder)).values()
     with another_process(request_of_shrub, "plant"):
-        assert is_held(store.plant_lock(key))
+        assert is_locked(store.plant_lock(key))
     assert {path: path.stat().st_mtime_ns for path in store.folder.rglob("*")} == before
     store.plant_lock(key).unlink()
     survey_work(store.folder)
@@ -225,7 +225,7 @@ def hold(request: BuildRequest, what: str, held: Event, over: Event) -> None:
     locks = {
         "plant": use_plant(request),
         "task": lock_task(store, plan.tasks["cloud"].key),
-        "pruning": hold_lock(store.plant_lock(PRUNING), shared=True),
+        "pruning": hold_work_lock(store.plant_lock(PRUNING), shared=True),
     }
     with locks[what]:
         held.set()

@@ -15,8 +15,8 @@ from numpy.typing import DTypeLike, NDArray
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.chunks import PART_POINTS, CloudPart, CloudParts
 from usdfoliage.capture.cloud_files.units import find_stated_unit, find_stated_up
-from usdfoliage.capture.whole_file import whole_file
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.atomic import whole_file
 
 logger = logging.getLogger(__name__)
 
@@ -103,7 +103,7 @@ def write_cloud(path: Path, cloud: Cloud, comments: Sequence[str] = (), metres_p
     header.append(f"element vertex {len(cloud)}")
     header += [f"property {words[kind]} {name}" for name, kind in zip(names, types, strict=True)]
     row = np.dtype([(name, "<" + kind) for name, kind in zip(names, types, strict=True)])
-    with whole_file(path) as new, new.open("xb") as file:
+    with whole_file(path, CaptureError) as new, new.open("xb") as file:
         file.write(("\n".join([*header, "end_header"]) + "\n").encode("ascii"))
         for start in range(0, len(cloud), _CHUNK):
             part = slice(start, start + _CHUNK)

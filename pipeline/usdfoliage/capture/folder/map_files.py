@@ -14,8 +14,8 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.depth_map import DEPTH_CHANNEL
-from usdfoliage.capture.whole_file import whole_file
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.atomic import whole_file
 
 # A layer of its own: Z alone is depth, to read_depth as to any compositing program.
 NORMAL_CHANNELS = ("N.X", "N.Y", "N.Z")
@@ -110,7 +110,7 @@ def _write(path: Path, channels: Mapping[str, NDArray[np.floating]], facts: Mapp
         **facts,
     }
     planes = {name: np.ascontiguousarray(plane) for name, plane in channels.items()}
-    with whole_file(path) as new:
+    with whole_file(path, CaptureError) as new:
         try:
             OpenEXR.File(header, dict(planes)).write(str(new))
             with OpenEXR.File(str(new), separate_channels=True) as file:

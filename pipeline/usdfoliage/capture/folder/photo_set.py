@@ -1,6 +1,5 @@
 """Which files of a folder are photographs that can be used, and what they say of the camera."""
 
-import hashlib
 import logging
 import math
 import shlex
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.folder.listing import counted, files_below, is_picture, named
 from usdfoliage.capture.folder.raster import apply_orientation, read_raster
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.hashing import hash_file
 from usdfoliage.files.threads import map_threaded, share_cores
 from usdfoliage.geometry.color import encode_srgb
 
@@ -210,8 +210,7 @@ def _read_stored(path: Path) -> NDArray[Any]:
 def _look_at(name: str, path: Path) -> PhotoFile | DroppedFile:
     try:
         gray = read_gray(path)
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = hash_file(path).hex()
     except CaptureError as error:
         return DroppedFile(name=name, reason=str(error))
     except OSError as error:

@@ -1,14 +1,13 @@
 """capture.toml: what the user says of a capture."""
 
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from usdfoliage.errors import CaptureError
-from usdfoliage.files.toml import read_toml
+from usdfoliage.files.toml import parse_toml, read_toml
 
 FILE_NAME = "capture.toml"
 
@@ -45,7 +44,7 @@ def complete_capture_settings(text: str, values: Mapping[str, str | float]) -> s
         ValueError: The text is no TOML.
     """
     mark, body = ("\ufeff", text[1:]) if text.startswith("\ufeff") else ("", text)
-    held = tomllib.loads(body)
+    held = parse_toml(body)
     missing = {key: value for key, value in values.items() if key not in held}
     if not missing:
         return text
@@ -55,7 +54,7 @@ def complete_capture_settings(text: str, values: Mapping[str, str | float]) -> s
         f"{key} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f") for key, value in missing.items()
     ]
     completed = end.join(["# added by usdfoliage capture", *lines, body])
-    if tomllib.loads(completed) != {**held, **missing}:
+    if parse_toml(completed) != {**held, **missing}:
         raise ValueError(f"{', '.join(missing)} cannot be added")
     return mark + completed
 

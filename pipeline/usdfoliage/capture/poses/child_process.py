@@ -14,8 +14,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from usdfoliage.capture.whole_file import find_damage
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.npz import find_damage
 
 logger = logging.getLogger(__name__)
 

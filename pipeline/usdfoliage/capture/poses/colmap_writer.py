@@ -3,7 +3,6 @@
 Source: COLMAP's documentation, "Output format"; src/colmap/scene/reconstruction_io_text.cc.
 """
 
-import os
 import shutil
 import uuid
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.poses.result import Registered
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.atomic import flush_to_disk
 
 _FILES = ("cameras.txt", "points3D.txt", "images.txt")  # the last is what a model is known by
 
@@ -52,8 +52,7 @@ def write_colmap_model(folder: Path, registered: Registered) -> None:
             for name in _FILES:
                 with (new / name).open("w", encoding="utf-8", newline="\n") as file:
                     file.writelines(line + "\n" for line in texts[name])
-                    file.flush()
-                    os.fsync(file.fileno())
+                flush_to_disk(new / name)
             if folder.exists():
                 for name in _FILES:
                     (new / name).replace(folder / name)

@@ -3,7 +3,6 @@
 COLMAP does the geometry; what it is given, and what of its results is told, is decided here.
 """
 
-import hashlib
 import importlib.metadata
 import json
 import logging
@@ -25,6 +24,7 @@ from usdfoliage.capture.poses.pairs import all_pairs, neighbours_in_order, retri
 from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, project_with
 from usdfoliage.capture.poses.result import Registered as Registered  # what callers get
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.hashing import digest_text
 from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)
@@ -129,7 +129,7 @@ def _told(progress: StepProgress | None, step: str) -> Callable[[int, int], None
 def _named(*parts: Any) -> str:
     """A file's name for what it is made from."""
     made_by = [_VERSION, importlib.metadata.version("pycolmap")]
-    return hashlib.sha256(json.dumps([*made_by, *parts], sort_keys=True).encode()).hexdigest()[:24]
+    return digest_text(json.dumps([*made_by, *parts], sort_keys=True))[:24]
 
 
 def _find_features(

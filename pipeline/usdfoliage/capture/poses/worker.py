@@ -7,7 +7,6 @@ output for each item N of the job.
 """
 
 import json
-import os
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.folder.photo_set import read_gray
 from usdfoliage.capture.poses.pairs import MatchSettings, match_descriptors
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.npz import read_arrays, write_arrays
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -47,29 +47,6 @@ def main(arguments: Sequence[str]) -> int:
         else:
             print("done", number, flush=True)
     return 0
-
-
-def write_arrays(path: Path, arrays: Arrays) -> None:
-    """Put arrays into a file that appears whole or not at all.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    new = path.with_name(f".{path.name}.{os.getpid()}.new")
-    named: dict[str, Any] = dict(arrays)
-    try:
-        with new.open("wb") as file:
-            np.savez(file, **named)
-            file.flush()
-            os.fsync(file.fileno())  # a name without its bytes would be taken for a result
-        new.replace(path)
-    finally:
-        new.unlink(missing_ok=True)
-
-
-def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    with np.load(path, allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}
 
 
 def _find_features(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:

@@ -30,6 +30,7 @@ from usdfoliage.branch.tracing.free_axes import points_of_branches
 from usdfoliage.branch.tracing.radii import RadiusSettings
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches
 from usdfoliage.errors import FoliageError
+from usdfoliage.files.hashing import digest_file
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.branches.foliage import (
     FittedLeaves,
@@ -46,7 +47,6 @@ from usdfoliage.jobs.branches.tracing import trace_cloud
 from usdfoliage.jobs.branches.warnings import doubt_surface
 from usdfoliage.jobs.edits.scatter import read_color
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.jobs.work.results import digest_file
 from usdfoliage.steps import StepProgress, follow_step
 
 logger = logging.getLogger(__name__)

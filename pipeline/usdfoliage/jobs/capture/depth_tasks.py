@@ -27,10 +27,11 @@ from usdfoliage.capture.mvs.patch_match import MatchedPlanes, Picture
 from usdfoliage.capture.mvs.rounds import DenseDepthSettings, DepthPlan, finish_depth, match_round, plan_depths
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.threads import MOST_AT_ONCE, map_ahead, map_threaded, share_cores
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture.settings import DenseChoice
-from usdfoliage.jobs.work.results import digest_file, explain, forget, has_result, read_result, task_key, write_result
+from usdfoliage.jobs.work.results import explain, forget, has_result, read_result, task_key, write_result
 
 logger = logging.getLogger(__name__)
 

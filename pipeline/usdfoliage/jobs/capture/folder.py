@@ -15,7 +15,9 @@ from usdfoliage.capture.folder.listing import counted, files_below, is_picture, 
 from usdfoliage.capture.folder.photo_set import RAW, explain_video, is_video
 from usdfoliage.capture.folder.settings import FILE_NAME
 from usdfoliage.errors import CaptureError
-from usdfoliage.jobs.work.results import WORK, digest_file, explain, write_whole
+from usdfoliage.files.hashing import digest_file
+from usdfoliage.files.json import read_json
+from usdfoliage.jobs.work.results import WORK, explain, write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -225,7 +227,7 @@ class Record:
         self.brought: dict[str, str] = {}  # digests of what came from the input, by name in the capture
         self.made: dict[str, set[str]] = {}  # digests that a result may have
         try:
-            held = json.loads(self._path.read_text(encoding="utf-8"))
+            held = read_json(self._path)
             brought = {str(name): str(digest) for name, digest in held["brought"].items()}
             made = {str(name): set(map(str, digests)) for name, digests in held["made"].items()}
         except (FileNotFoundError, NotADirectoryError):

@@ -10,9 +10,11 @@ import numpy as np
 from usdfoliage.capture.folder.map_files import write_confidence_map, write_depth_map, write_normal_map
 from usdfoliage.capture.lens import undistort
 from usdfoliage.capture.mvs.upsampling import enlarge_depth
+from usdfoliage.files.hashing import digest_file
+from usdfoliage.files.json import read_json
 from usdfoliage.files.threads import map_threaded, share_cores
 from usdfoliage.jobs.capture.depth_tasks import DepthTasks, in_world, picture_of, read_estimate
-from usdfoliage.jobs.work.results import digest_file, forget, task_key, write_whole
+from usdfoliage.jobs.work.results import forget, task_key, write_whole
 
 MAPS = "maps"  # in the work folder
 KINDS = ("depth", "normals", "confidence")  # folders in the capture
@@ -88,7 +90,7 @@ def _write(tasks: DepthTasks, index: int) -> ViewMaps:
 def _read_record(record: Path, files: tuple[Path, Path, Path]) -> tuple[float, float] | None:
     """Coverage and footprint of maps that are there as they were written; None for others."""
     try:
-        held = json.loads(record.read_text(encoding="utf-8"))
+        held = read_json(record)
         if held["digests"] != [digest_file(path) for path in files if path.is_file()]:
             return None
         return float(held["coverage"]), float(held["footprint_m"])

@@ -1,9 +1,9 @@
 """From a capture or a cloud on disk to an asset of its plant's crown."""
 
 import argparse
-import hashlib
 import logging
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,13 +27,13 @@ from usdfoliage.crown.reconstruct import (
     reconstruct_cloud_crown,
 )
 from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.files.hashing import digest_file, hash_each
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
 from usdfoliage.jobs.crown.capture_report import captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.jobs.work.results import digest_file
 from usdfoliage.steps import StepProgress
 
 logger = logging.getLogger(__name__)
@@ -259,16 +259,18 @@ def describe_settings(request: CapturedCrownRequest) -> dict[str, str]:
 
 def _fingerprint(read: CrownCapture) -> str:
     """Of the cloud, or of the points that were given, with their colours where these count, and of the photographs."""
-    digest = hashlib.sha256()
-    digest.update(np.ascontiguousarray(read.plant.points_m).tobytes())
-    digest.update(np.ascontiguousarray(read.plant.asset_from_capture, np.float64).tobytes())
+    return hash_each(_parts_of(read)).hex()
+
+
+def _parts_of(read: CrownCapture) -> Iterator[bytes]:
+    yield np.ascontiguousarray(read.plant.points_m).tobytes()
+    yield np.ascontiguousarray(read.plant.asset_from_capture, np.float64).tobytes()
     if read.capture is None:
         if read.plant.colors is not None:
-            digest.update(np.ascontiguousarray(read.plant.colors, np.float64).tobytes())
-        return digest.hexdigest()
+            yield np.ascontiguousarray(read.plant.colors, np.float64).tobytes()
+        return
     for view in read.capture.views:
-        digest.update(np.ascontiguousarray(view.cam_from_world).tobytes())
+        yield np.ascontiguousarray(view.cam_from_world).tobytes()
         for path in (view.photo, view.mask, view.depth):
             if path is not None:
-                digest.update(digest_file(path).encode())
-    return digest.hexdigest()
+                yield digest_file(path).encode()

@@ -1,7 +1,6 @@
 """From a photograph's file to an asset on disk."""
 
 import argparse
-import hashlib
 import logging
 import shutil
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from usdfoliage.capture.folder.images import Photo, read_photo
 from usdfoliage.capture.folder.masks import CleanMask, clean_mask, read_mask
 from usdfoliage.capture.mask_proposal.propose import propose_mask
 from usdfoliage.errors import AssetError, FoliageError, PreviewError
+from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
 from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, write_crown_report
 from usdfoliage.jobs.crown.tangent import read_tangent
@@ -265,10 +265,7 @@ def _keep_mask(request: CrownRequest, folder: Path) -> None:
 
 
 def _fingerprint(request: CrownRequest) -> str:
-    digest = hashlib.sha256()
-    for path in (request.photo, request.mask):
-        if path is not None:
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    given = [hash_file(path) for path in (request.photo, request.mask) if path is not None]
     if request.tangent_map is not None:
-        digest.update(request.tangent_map.tobytes())
-    return digest.hexdigest()
+        given.append(request.tangent_map.tobytes())
+    return hash_bytes(*given).hex()

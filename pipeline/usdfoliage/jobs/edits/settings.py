@@ -1,6 +1,5 @@
 """What a user says of how an asset of leaves is written, checked."""
 
-import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -9,6 +8,7 @@ from usdfoliage.asset.materials.jitter_map import read_jitter_map
 from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.files.hashing import hash_each, hash_file
 from usdfoliage.leaf.shape.mesh import LeafMeshSettings
 
 # Of memory, measured with tens of thousands of leaves; one representation is written after another.
@@ -83,8 +83,4 @@ def check_texture(path: Path) -> None:
 
 def fingerprint(files: Iterable[Path | None]) -> str:
     """SHA-256 of files' bytes, one after the other."""
-    digest = hashlib.sha256()
-    for path in files:
-        if path is not None:
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest()
+    return hash_each(hash_file(path) for path in files if path is not None).hex()

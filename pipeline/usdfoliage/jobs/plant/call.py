@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.asset.validation.studio_profile import default_profile
+from usdfoliage.files.hashing import digest_file
 from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.store import ResultFile, Store
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task
-from usdfoliage.jobs.work.results import digest_file
 from usdfoliage.steps import StepProgress
 
 

@@ -7,16 +7,17 @@ from pathlib import Path
 
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.pages.report import TaskTiming, Timings
 from usdfoliage.jobs.plant.pages.report_html import write_timings
 from usdfoliage.jobs.plant.record import use_plant
 from usdfoliage.jobs.plant.stages.report import FINISHED, VERDICT
-from usdfoliage.jobs.plant.store import copy_tree, hold_lock, read_stamp
+from usdfoliage.jobs.plant.store import copy_tree, hold_work_lock, read_stamp
 from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.jobs.work.results import digest_file, write_whole
+from usdfoliage.jobs.work.results import write_whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +66,7 @@ def finish_plant(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant
         FoliageError: It cannot be written; what was there stays.
     """
     # Another run may wait to do a poor report again.
-    with use_plant(made.request), hold_lock(made.request.store.lock(plan.tasks[REPORT].key), shared=True):
+    with use_plant(made.request), hold_work_lock(made.request.store.lock(plan.tasks[REPORT].key), shared=True):
         if read_stamp(made.request.store, plan.tasks[REPORT].key) is None:
             raise FoliageError(
                 f"the report in {made.request.work} vanished as soon as it was made; run the same command again"

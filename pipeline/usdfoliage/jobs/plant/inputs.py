@@ -13,11 +13,12 @@ from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES, check_cloud_file
 from usdfoliage.capture.folder.listing import files_below
 from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, MASKS, find_photographs
 from usdfoliage.jobs.plant.settings import LeafDepth
 from usdfoliage.jobs.plant.store import Store
-from usdfoliage.jobs.work.results import digest_file, task_key, write_whole
+from usdfoliage.jobs.work.results import task_key, write_whole
 
 logger = logging.getLogger(__name__)
 

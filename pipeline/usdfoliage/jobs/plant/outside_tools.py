@@ -4,7 +4,6 @@ Each is told by what it is, not by where it lies, where that can be: machines of
 """
 
 import glob
-import hashlib
 import importlib.util
 import os
 import re
@@ -16,6 +15,7 @@ from pathlib import Path
 from usdfoliage.asset.provenance import VALIDATION_PACKAGES, package_versions
 from usdfoliage.asset.resources import plugin_path_folders
 from usdfoliage.errors import PreviewError
+from usdfoliage.files.hashing import hash_each, hash_file
 from usdfoliage.jobs.preview.recorder import INTERPRETER_VARIABLE, find_interpreter
 
 PLUGIN_VARIABLE = "PXR_PLUGINPATH_NAME"
@@ -78,18 +78,16 @@ def _versions(names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
 def _digest_plugins(places: str) -> str:
     """Of the text of plug-ins, and of the Python modules that they name; "" where there are none."""
     ours = {str(folder) for folder in plugin_path_folders()}  # which the version of the code holds
-    digest = hashlib.sha256()
-    any_file = False
-    for entry in _split(places):
-        for place in sorted(glob.glob(entry, recursive=True)):  # noqa: PTH207 (of any path, as USD takes them)
-            if str(Path(place)) in ours:
-                continue
-            folder = Path(place) if Path(place).is_dir() else Path(place).parent
-            for name, path in islice(_plugin_files(folder), _MOST_FILES):
-                any_file = True
-                digest.update(f"{name}\0".encode(errors="surrogateescape"))
-                digest.update(_mark(path))
-    return digest.hexdigest() if any_file else ""
+    marks = [
+        f"{name}\0".encode(errors="surrogateescape") + _mark(path)
+        for entry in _split(places)
+        for place in sorted(glob.glob(entry, recursive=True))  # noqa: PTH207 (of any path, as USD takes them)
+        if str(Path(place)) not in ours
+        for name, path in islice(
+            _plugin_files(Path(place) if Path(place).is_dir() else Path(place).parent), _MOST_FILES
+        )
+    ]
+    return hash_each(marks).hex() if marks else ""
 
 
 def _split(paths: str) -> list[str]:
@@ -143,6 +141,6 @@ def _mark(path: Path) -> bytes:
         seen = path.stat()
         if path.suffix in _LIBRARIES or seen.st_size > _MOST_BYTES:
             return f"{seen.st_size} {seen.st_mtime_ns}".encode()
-        return hashlib.sha256(path.read_bytes()).digest()
+        return hash_file(path)
     except OSError as error:  # USD does not read it either
         return str(error.errno).encode()

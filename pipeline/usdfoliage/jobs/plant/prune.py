@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Literal
 
 from usdfoliage.errors import FoliageError
+from usdfoliage.files.locks import is_locked
 from usdfoliage.jobs.plant.record import KEY, PRUNING, PlantRecord, PlantTask, plant_locks, read_records
-from usdfoliage.jobs.plant.store import Stamp, Store, find_finished, is_held, read_stamp, remove_leftovers, try_lock
+from usdfoliage.jobs.plant.store import Stamp, Store, find_finished, read_stamp, remove_leftovers, try_work_lock
 from usdfoliage.jobs.plant.tasks import MATCHING
 
 logger = logging.getLogger(__name__)
@@ -55,7 +56,7 @@ def survey_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
         FoliageError: It is no work folder of builds.
     """
     store = open_work(folder)
-    free = {key: not is_held(store.plant_lock(key)) for key in _plants(store)}
+    free = {key: not is_locked(store.plant_lock(key)) for key in _plants(store)}
     for remark in _find_unclear(store, free):
         logger.warning("%s", remark)
     return _survey(store, keep_days, free)
@@ -78,16 +79,16 @@ def prune_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
     store = open_work(folder)
     removed = []
     with ExitStack() as locks:
-        if not locks.enter_context(try_lock(store.plant_lock(PRUNING))):
+        if not locks.enter_context(try_work_lock(store.plant_lock(PRUNING))):
             raise FoliageError(f"{folder} is being pruned, or a build of it begins, just now; try again")
-        free = {key: locks.enter_context(try_lock(store.plant_lock(key))) for key in _plants(store)}
+        free = {key: locks.enter_context(try_work_lock(store.plant_lock(key))) for key in _plants(store)}
         for remark in _find_unclear(store, free):
             raise FoliageError(remark)
         remove_leftovers(store)
         for held in _survey(store, keep_days, free):
             if held.state != "not needed":
                 continue
-            with try_lock(store.lock(held.key)) as is_idle:
+            with try_work_lock(store.lock(held.key)) as is_idle:
                 if is_idle and _remove(store, held):
                     removed.append(held)
     return tuple(removed)

@@ -3,7 +3,6 @@
 A plant is a capture and where its asset goes. Pruning keeps what the latest build of every plant needs.
 """
 
-import hashlib
 import json
 import logging
 import os
@@ -13,9 +12,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from usdfoliage.files.hashing import hash_bytes
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.plant.call import BuildRequest
-from usdfoliage.jobs.plant.store import Store, hold_lock
+from usdfoliage.jobs.plant.store import Store, hold_work_lock
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task
 from usdfoliage.jobs.work.results import write_whole
 
@@ -53,7 +53,7 @@ def note_build(request: BuildRequest, plan: BuildPlan) -> None:
         FoliageError: The work folder cannot be written.
     """
     store, key = request.store, plant_key(request)
-    with hold_lock(store.plant_lock(PRUNING), shared=True):
+    with hold_work_lock(store.plant_lock(PRUNING), shared=True):
         before = read_record(store, key)
         now = {task.key for task in plan.tasks.values()}
         earlier = dict(before.earlier) if before else {}
@@ -88,7 +88,7 @@ def note_task(request: BuildRequest, plan: BuildPlan, task: Task) -> None:
 @contextmanager
 def use_plant(request: BuildRequest) -> Iterator[None]:
     """Let nobody prune what the plant's builds have made; FoliageError where the work folder cannot be written."""
-    with hold_lock(request.store.plant_lock(plant_key(request)), shared=True):
+    with hold_work_lock(request.store.plant_lock(plant_key(request)), shared=True):
         yield
 
 
@@ -137,7 +137,7 @@ def _read_record(store: Store, key: str) -> PlantRecord:
 def plant_key(request: BuildRequest) -> str:
     """The same for every version of the code: a build by a newer one is the latest of the same plant."""
     places = b"\n".join(os.fsencode(Path(path).resolve()) for path in (request.capture, request.output))
-    return hashlib.sha256(places).hexdigest()[:32]
+    return hash_bytes(places).hex()[:32]
 
 
 def _is_left(store: Store, key: str, now: set[str]) -> bool:

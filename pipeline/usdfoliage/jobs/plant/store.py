@@ -17,8 +17,6 @@ that is missing, cut short or altered makes its task undone. The folder may be d
 """
 
 import errno
-import fcntl
-import hashlib
 import json
 import logging
 import os
@@ -32,13 +30,14 @@ from pathlib import Path
 
 from usdfoliage.capture.folder.listing import explain_lost_link, leads_nowhere
 from usdfoliage.errors import FoliageError
+from usdfoliage.files.hashing import digest_file, digest_text, hash_file
 from usdfoliage.files.json import read_json
-from usdfoliage.jobs.work.results import digest_file, explain, task_key, write_whole
+from usdfoliage.files.locks import lacks_locks, open_lock, open_old_lock, try_lock, wait_for_lock
+from usdfoliage.jobs.work.results import explain, task_key, write_whole
 
 logger = logging.getLogger(__name__)
 
 _TRIES = 5
-_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +98,7 @@ def read_stamp(store: Store, key: str) -> Stamp | None:
     try:
         held = read_json(path)
         body, seal = json.dumps(held["stamp"], sort_keys=True), held["seal"]
-        if hashlib.sha256(body.encode()).hexdigest() != seal:
+        if digest_text(body) != seal:
             raise ValueError("its seal does not match")
         stamp = held["stamp"]
         files = tuple(ResultFile(**each) for each in stamp.pop("files"))
@@ -127,7 +126,7 @@ def write_stamp(store: Store, stamp: Stamp) -> None:
             for file in sorted(stamp.files, key=lambda each: each.path)
         ],
     }
-    seal = hashlib.sha256(json.dumps(held, sort_keys=True).encode()).hexdigest()
+    seal = digest_text(json.dumps(held, sort_keys=True))
     write_whole(store.stamp(stamp.key), json.dumps({"stamp": held, "seal": seal}, indent=1).encode())
 
 
@@ -145,7 +144,7 @@ def find_finished(store: Store, key: str, *, thorough: bool) -> Stamp | None:
     for file in stamp.files:
         path = store.folder / file.path
         try:
-            good = path.stat().st_size == file.size_bytes and (not thorough or _digest(path) == file.sha256)
+            good = path.stat().st_size == file.size_bytes and (not thorough or hash_file(path).hex() == file.sha256)
             reason = "altered"
         except OSError as error:
             good, reason = False, "gone" if isinstance(error, FileNotFoundError) else f"unreadable, {error.strerror}"
@@ -236,7 +235,7 @@ def lock_task(store: Store, key: str) -> Iterator[Path]:
     Raises:
         FoliageError: The work folder cannot be written.
     """
-    with hold_lock(store.lock(key), shared=False) as is_alone:
+    with hold_work_lock(store.lock(key), shared=False) as is_alone:
         if is_alone:
             yield store.scratch(key)
             return
@@ -248,7 +247,7 @@ def lock_task(store: Store, key: str) -> Iterator[Path]:
 
 
 @contextmanager
-def hold_lock(path: Path, *, shared: bool) -> Iterator[bool]:
+def hold_work_lock(path: Path, *, shared: bool) -> Iterator[bool]:
     """Have a lock of the work folder, alone or with others who share it: waits for whoever has it otherwise.
 
     Yields:
@@ -260,10 +259,10 @@ def hold_lock(path: Path, *, shared: bool) -> Iterator[bool]:
     lock = _open_lock(path)
     try:
         try:
-            fcntl.flock(lock, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+            wait_for_lock(lock, shared=shared)
             has_lock = True
         except OSError as error:
-            if error.errno not in _NO_LOCKS:
+            if not lacks_locks(error):
                 raise FoliageError(f"{path} cannot be locked: {error.strerror}; name another folder, --work") from error
             # Without locks two runs may do a task twice; each result still appears whole.
             logger.info("%s: the file system has no locks", path)
@@ -274,7 +273,7 @@ def hold_lock(path: Path, *, shared: bool) -> Iterator[bool]:
 
 
 @contextmanager
-def try_lock(path: Path) -> Iterator[bool]:
+def try_work_lock(path: Path) -> Iterator[bool]:
     """Have a lock of the work folder alone, if nobody has it; yields whether that is so.
 
     Raises:
@@ -283,10 +282,7 @@ def try_lock(path: Path) -> Iterator[bool]:
     lock = _open_lock(path)
     try:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            free = True
-        except BlockingIOError:
-            free = False
+            free = try_lock(lock)
         except OSError as error:
             raise FoliageError(
                 f"{path} cannot be locked ({error.strerror}), so that nobody can tell what is in use; remove what you "
@@ -297,32 +293,10 @@ def try_lock(path: Path) -> Iterator[bool]:
         os.close(lock)
 
 
-def is_held(path: Path) -> bool:
-    """Whether anybody has a lock of the work folder, as far as can be told without writing or waiting.
-
-    The lock is tried and let go at once, and never made: who asks for it just then hardly waits.
-    """
-    for mode in (os.O_RDWR, os.O_RDONLY):  # NFS locks only what may be written
-        try:
-            lock = os.open(path, mode | os.O_NOFOLLOW)
-        except OSError:
-            continue  # there is none, or it is not ours to open
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        except OSError:
-            continue  # nobody can tell
-        finally:
-            os.close(lock)
-        return False
-    return False
-
-
 def _open_lock(path: Path) -> int:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        return os.open(path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o666)
+        return open_lock(path)
     except OSError as error:
         raise FoliageError(f"{path} cannot be written: {error.strerror}; name another work folder, --work") from error
 
@@ -361,14 +335,14 @@ def remove_leftovers(store: Store) -> None:
     for path in store.folder.glob("results/.*"):
         key = re.search(r"[0-9a-f]{32}", path.name)
         try:
-            lock = os.open(store.lock(key.group() if key else "none"), os.O_RDWR)
+            lock = open_old_lock(store.lock(key.group() if key else "none"))
         except OSError:
             continue  # not ours, or another run was faster
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(path, ignore_errors=True)
+            if try_lock(lock):  # else that run lives
+                shutil.rmtree(path, ignore_errors=True)
         except OSError:
-            continue  # that run lives, or the file system cannot tell
+            continue  # the file system has no locks: nobody can know
         finally:
             os.close(lock)
 
@@ -382,11 +356,6 @@ def _replace(new: Path, there: Path) -> None:
             return
     _remove(there)
     new.rename(there)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _remove(folder: Path) -> None:

@@ -5,7 +5,6 @@ the keys of the tasks whose results it reads. So a plan can say what is done alr
 """
 
 import functools
-import hashlib
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from usdfoliage import _native
 from usdfoliage.asset.provenance import PACKAGES, package_versions
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.capture.mvs.agreement import AgreementSettings
+from usdfoliage.files.hashing import digest_values, hash_files
 from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.outside_tools import describe_interpreter, describe_validators
 from usdfoliage.jobs.plant.settings import BuildSettings, TaskSettings
@@ -90,16 +90,15 @@ def build_code_version(stage: str) -> str:
     """
     of_depth = stage in (POSES, MATCHING, DEPTH)
     packages = [name for name in PACKAGES if not (of_depth and name in _NOT_OF_DEPTH)]
-    digest = hashlib.sha256(repr(sorted(package_versions(packages).items())).encode())
+    versions = repr(sorted(package_versions(packages).items()))
     package = Path(__file__).parents[2]
     patterns = CODE_OF_DEPTH if of_depth else ("**/*",)
     files = {path for pattern in patterns for path in package.glob(pattern) if path.suffix in _CODE}
     folders = [] if patterns == CODE_OF_DEPTH else [resource_folder(name) for name in _RESOURCES]
     others = [path for folder in folders for path in sorted(folder.rglob("*")) if path.suffix in _CODE]
-    for path in (*sorted(files), *others, Path(_native.__file__)):
-        digest.update(path.relative_to(package).as_posix().encode() if path in files else path.name.encode())
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest()
+    named = [(path.relative_to(package).as_posix(), path) for path in sorted(files)]
+    named += [(path.name, path) for path in (*others, Path(_native.__file__))]
+    return digest_values(versions, hash_files(named).hex())
 
 
 def plan_build(

@@ -5,10 +5,9 @@ The request and the result are JSON files, pictures come back as linear EXR; hyd
 
 import logging
 import math
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from usdfoliage.asset.locate import lost_layers, try_layer
 from usdfoliage.asset.looks.look import open_root_layer, read_look
 from usdfoliage.errors import PreviewError
+from usdfoliage.files.atomic import replace_file
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
@@ -270,21 +270,12 @@ def encode_png(picture: NDArray[np.uint8]) -> bytes:
 
 def _write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     """Write all files beside their places, then rename all."""
-    written: list[Path] = []
     try:
-        for path, data in files:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-            written.append(temporary)
-            temporary.write_bytes(data)
-        for (path, _), temporary in zip(files, written, strict=True):
-            temporary.replace(path)
+        with ExitStack() as places:
+            for path, data in files:
+                places.enter_context(replace_file(path)).write_bytes(data)
     except OSError as error:
         raise PreviewError(f"cannot write the picture: {error.strerror} ({error.filename})") from error
-    finally:
-        for temporary in written:
-            with suppress(OSError):  # a file system that refused the file refuses this too
-                temporary.unlink(missing_ok=True)
 
 
 def file_to_draw(usd_file: Path, work: Path) -> Path:

@@ -32,6 +32,7 @@ from usdfoliage.asset.packages.contents import representations, require_plant
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.errors import FoliageError, PreviewError
+from usdfoliage.files.json import read_json
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.jobs.preview.pictures import file_to_draw, write_dome
 from usdfoliage.jobs.preview.recorder import (
@@ -232,7 +233,7 @@ def _read_edits(held: Mapping[str, Any]) -> LeafEdits:
 
 def _read_script(path: Path) -> list[Any]:
     try:
-        actions = json.loads(path.read_text(encoding="utf-8"))
+        actions = read_json(path)
     except OSError as error:
         raise PreviewError(f"{path} cannot be read: {error.strerror}") from error
     except ValueError as error:

@@ -1,10 +1,10 @@
 """Pages that hold all they show: one file each, which opens from a disk and asks no network for anything."""
 
 import base64
-import hashlib
 
 from markupsafe import Markup
 
+from usdfoliage.files.hashing import hash_bytes
 from usdfoliage.jobs.report.environment import TEMPLATES, render_template
 
 
@@ -30,4 +30,4 @@ def render_page(template: str, style: str, script: str, **values: object) -> str
 
 
 def _hash(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode('ascii')}'"
+    return f"'sha256-{base64.b64encode(hash_bytes(text.encode('utf-8'))).decode('ascii')}'"

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
-from usdfoliage.capture.whole_file import whole_file
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.atomic import whole_file
 from usdfoliage.geometry.pinhole import Pinhole
 
 Value = TypeVar("Value", bound=np.generic)
@@ -87,6 +87,6 @@ def write_picture(path: Path, picture: NDArray[np.uint8], *, jpeg_quality: int =
     good, encoded = cv2.imencode(path.suffix, bgr, quality)
     if not good:
         raise CaptureError(f"the picture {path.name} of the report could not be encoded")
-    with whole_file(path) as new:
+    with whole_file(path, CaptureError) as new:
         new.write_bytes(encoded.tobytes())
     return path.name
