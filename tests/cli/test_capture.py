@@ -144,7 +144,7 @@ def test_the_summary_and_the_report(bed, capsys):
 
 KILLED = """
 import os, signal, sys
-from usdfoliage.jobs import {module}
+from usdfoliage.jobs.capture import {module}
 real, left = {module}.{function}, [{after}]
 def {function}(*words, **named):
     left[0] -= 1
@@ -160,9 +160,9 @@ main(sys.argv[1:])
 @pytest.mark.parametrize(
     ("module", "function", "after", "found"),
     [
-        ("capture_depth", "match_round", 7, 7),
-        ("capture_maps", "write_normal_map", 1, 15),
-        ("capture_folder", "digest_file", 3, 15),
+        ("depth_tasks", "match_round", 7, 7),
+        ("maps", "write_normal_map", 1, 15),
+        ("folder", "digest_file", 3, 15),
     ],
 )
 def test_a_killed_run_goes_on_where_it_was(bed, made, capsys, module, function, after, found):

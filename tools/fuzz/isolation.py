@@ -12,8 +12,17 @@ from pathlib import Path
 
 from usdfoliage.__main__ import COMMANDS, main
 
-JOBS = tuple(f"jobs.{name}" for name in ("branches", "capture", "crown_asset", "leaf_asset", "leaf_bake"))
-JOBS += tuple(f"jobs.{name}" for name in ("leaf_edit", "leaf_info", "leaves", "preview"))
+JOBS = (
+    "jobs.branches.run",
+    "jobs.capture.run",
+    "jobs.crown.run_photograph",
+    "jobs.edits.scatter",
+    "jobs.edits.bake",
+    "jobs.edits.edit",
+    "jobs.info",
+    "jobs.leaves.run",
+    "jobs.preview.pictures",
+)
 TIME_LIMIT_S = 10.0  # of the processor
 WAITING_LIMIT_S = 40.0  # by the clock: other work of the machine may take most of it
 MEMORY_LIMIT_BYTES = 6 * 2**30
@@ -43,7 +52,7 @@ class Running:
 
 def import_commands() -> None:
     """Import what the commands import, once, before processes are forked."""
-    for module in (*map("cli.{}".format, COMMANDS), *JOBS, "asset.validation", "asset.findings", "asset.locate"):
+    for module in (*map("cli.{}".format, COMMANDS), *JOBS, "asset.validation.validate", "asset.locate"):
         importlib.import_module(f"usdfoliage.{module}")
 
 
