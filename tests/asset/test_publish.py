@@ -1,6 +1,7 @@
 """An asset folder is replaced whole or not at all: after errors, full disks and kills at any moment."""
 
 import errno
+import json
 import os
 import signal
 import subprocess
@@ -9,10 +10,10 @@ import textwrap
 from pathlib import Path
 
 import pytest
-from pxr import Sdf
+from pxr import Sdf, Vt
 from usdfoliage.asset import publish
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
-from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
+from usdfoliage.asset.publish import FILES_LIST, foreign_files, is_asset_folder, plan_folder, publish_folder
 from usdfoliage.errors import AssetError
 
 
@@ -141,6 +142,53 @@ def test_foreign_folder_is_refused_without_force(tmp_path):
     with publish_folder(out, force=True) as folder:
         write_asset(folder, "new")
     assert which(out) == "new"
+
+
+def as_earlier_versions_wrote(out, files):
+    """Put the list of files into the interface layer itself, where it was before it had a file of its own."""
+    (out / FILES_LIST).unlink()
+    (out / "report").rmdir()
+    layer = Sdf.Layer.FindOrOpen(str(out / "oak.usda"))
+    layer.customLayerData = {CUSTOM_DATA_KEY: {"generator": "test", "files": Vt.StringArray(files)}}
+    layer.Save()
+
+
+def test_the_interface_layer_names_the_list_of_files(out):
+    layer = Sdf.Layer.FindOrOpen(str(out / "oak.usda"))
+    assert layer.customLayerData[CUSTOM_DATA_KEY] == {"generator": "test", "files": "report/files.json"}
+    listed = json.loads((out / FILES_LIST).read_text())
+    assert listed == {"files": ["maps/which.txt", "oak.usda", "report/files.json"]}
+
+
+@pytest.mark.parametrize("earlier", [False, True])
+def test_files_of_others_in_an_asset_are_not_lost(out, earlier):
+    if earlier:
+        as_earlier_versions_wrote(out, ["maps/which.txt", "oak.usda"])
+    assert foreign_files(out) == []
+    publish_asset(out, "again")
+    if earlier:
+        as_earlier_versions_wrote(out, ["maps/which.txt", "oak.usda"])
+    (out / "maps" / "mine.txt").write_text("precious")
+    assert foreign_files(out) == ["maps/mine.txt"]
+    with pytest.raises(AssetError, match=r"not the asset's: maps/mine.txt; .*--force"):
+        publish_asset(out, "new")
+    assert (out / "maps" / "mine.txt").read_text() == "precious"
+    assert which(out) == "again"
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[1]", '{"files": 3}', '{"files": [3]}', None])
+def test_an_asset_that_lost_the_list_of_its_files_is_replaced_with_force_alone(out, damage):
+    if damage is None:
+        (out / FILES_LIST).unlink()
+    else:
+        (out / FILES_LIST).write_text(damage)
+    with pytest.raises(AssetError, match=r"report/files.json, .*cannot be read.*--force"):
+        publish_asset(out, "new")
+    assert which(out) == "old"
+    with publish_folder(out, force=True) as folder:
+        write_asset(folder, "new")
+    assert which(out) == "new"
+    assert foreign_files(out) == []
 
 
 @pytest.mark.parametrize("extra", ["shot.usda", "OTHER.USDC"])

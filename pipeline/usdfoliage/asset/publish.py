@@ -13,30 +13,33 @@ is, and removes the rest.
 
 import ctypes
 import errno
+import json
 import logging
 import os
 import re
 import shutil
 import sys
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, Tf, Vt
+from pxr import Sdf, Tf
 
 from usdfoliage.asset.locate import check_usd_name, usd_files_at_top
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.asset.packed_files import is_package
 from usdfoliage.errors import AssetError
 from usdfoliage.files.atomic import flush_to_disk
+from usdfoliage.files.json import read_json
 from usdfoliage.files.locks import open_lock, open_old_lock, try_lock, wait_for_lock
 
 logger = logging.getLogger(__name__)
 
 _LOCK, _NEW, _OLD = "usdfoliage-lock", "usdfoliage-new", "usdfoliage-old"
-_FILES = "files"  # of an asset's record: what was written
+FILES_LIST = "report/files.json"  # of an asset: the files that were written, itself among them
+_FILES = "files"  # of an asset's record: FILES_LIST; in assets of earlier versions the list itself
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 # What renameat2 says where the kernel or the file system does not know it.
@@ -121,10 +124,32 @@ def is_asset_folder(folder: Path) -> bool:
 
 
 def foreign_files(folder: Path) -> list[str]:
-    """Files in an asset's folder that usdfoliage did not write, by their path from there, sorted."""
+    """Files in an asset's folder that usdfoliage did not write, by their path from there, sorted.
+
+    Raises:
+        AssetError: The list of the asset's own files, FILES_LIST, is lost or damaged.
+    """
     record = _read_record(folder)
-    ours = set(record.get(_FILES, ())) if record else set()
+    ours = _own_files(folder, record) if record else set()
     return [name for name in _list_files(folder) if name not in ours] if ours else []
+
+
+def _own_files(folder: Path, record: Mapping[str, Any]) -> set[str]:
+    """What usdfoliage wrote, as the record of an asset knows it; empty where it does not."""
+    held = record.get(_FILES, ())
+    if not isinstance(held, str):
+        return set(held)
+    try:
+        listed = read_json(folder / FILES_LIST)["files"]
+        if not all(isinstance(name, str) for name in listed):
+            raise ValueError("it holds other things than names of files")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise AssetError(
+            f"{folder / FILES_LIST}, the list of the asset's own files, cannot be read ({reason}); "
+            "move what is yours out of the folder, and use --force to replace the rest"
+        ) from error
+    return set(listed)
 
 
 def _interface(folder: Path) -> Path | None:
@@ -150,16 +175,18 @@ def _list_files(folder: Path) -> list[str]:
 
 
 def _record_files(folder: Path) -> None:
-    """Note in the interface layer which files are ours, so that a later run does not take others with them."""
+    """List which files are ours, so that a later run does not take others with them, and name the list in the
+    interface layer."""
     record = _read_record(folder)
     interface = _interface(folder)
     if record is None or interface is None:
         return
+    path = folder / FILES_LIST
+    path.parent.mkdir(exist_ok=True)
+    files = sorted({*_list_files(folder), FILES_LIST})
+    path.write_text(json.dumps({"files": files}, indent=1) + "\n", encoding="utf-8")
     layer = Sdf.Layer.OpenAsAnonymous(str(interface))
-    layer.customLayerData = {
-        **layer.customLayerData,
-        CUSTOM_DATA_KEY: {**record, _FILES: Vt.StringArray(_list_files(folder))},
-    }
+    layer.customLayerData = {**layer.customLayerData, CUSTOM_DATA_KEY: {**record, _FILES: FILES_LIST}}
     try:
         written = layer.Export(str(interface))
     except Tf.ErrorException as error:
