@@ -14,7 +14,8 @@ from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.work.settings_file import read_settings_file
 
 ROOT = Path(__file__).parents[2]
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+PACKAGE = ROOT / "pipeline" / "usdfoliage"
+PAGES = (*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md")))
 READMES = tuple(
     path
     for folder in ("schemas", "usd_plugins", "hydra_preview", "tools")
@@ -121,6 +122,25 @@ def test_links_lead_to_files_and_headings(page: Path) -> None:
 def test_files_of_the_repository_that_are_named_exist(page: Path) -> None:
     named = _PATH.findall(page.read_text(encoding="utf-8"))
     assert not [name for name in named if not (ROOT / name).exists()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_modules_of_the_package_that_are_named_exist(page: Path) -> None:
+    folders = "|".join(path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name[0] != "_")
+    named = re.findall(rf"`((?:{folders})/[\w/]*(?:\.\w+)?)`", page.read_text(encoding="utf-8"))
+    assert not [name for name in named if not (PACKAGE / name).exists()]
+
+
+def glossary_homes() -> list[tuple[str, str]]:
+    """The files and the names in them that the glossary's third columns hold, as `FILE`: `NAME`."""
+    text = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    return re.findall(r"`([\w/]+\.py)`: `(\w+)`", text)
+
+
+@pytest.mark.parametrize(("file", "name"), glossary_homes())
+def test_the_glossary_names_what_is_there(file: str, name: str) -> None:
+    text = (PACKAGE / file).read_text(encoding="utf-8")
+    assert re.search(rf"^(?:class {name}\b|{name}\b.*=)", text, flags=re.MULTILINE)
 
 
 def toml_blocks(page: Path) -> list[str]:

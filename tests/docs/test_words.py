@@ -1,0 +1,83 @@
+"""One word a thing: the words that the glossary gives up are in no page and in no help.
+
+The glossary's last table is the one list of these words.
+"""
+
+import argparse
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from usdfoliage.__main__ import build_parser
+
+ROOT = Path(__file__).parents[2]
+GLOSSARY = ROOT / "docs" / "glossary.md"
+GENERATED = ("settings.md", "schema_reference.md")  # from the code, whose texts are counted below
+NOT_YET = (  # pages of before that are still to be read
+    "README.md",
+    "commands.md",
+    "input_guide.md",
+    "limits.md",
+    "methods.md",
+    "pipeline_integration.md",
+    "quick_start.md",
+)
+PAGES = (
+    *sorted(ROOT.glob("*.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+    *(
+        path
+        for folder in ("schemas", "usd_plugins", "hydra_preview", "tools")
+        for path in sorted((ROOT / folder).rglob("*.md"))
+    ),
+)
+_HEADING = "## Words that are not used"
+_CODE = re.compile(r"^```.*?^```$|`[^`]*`|\]\([^)]*\)", re.MULTILINE | re.DOTALL)
+
+
+def words_not_used(where: str) -> tuple[str, ...]:
+    """The words that the glossary's last table gives up in texts or in names.
+
+    Args:
+        where: text or names.
+    """
+    _, _, table = GLOSSARY.read_text(encoding="utf-8").partition(_HEADING)
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line.startswith("| ")]
+    return tuple(
+        word.strip() for cells in rows[2:] if where in cells[2].split(", ") for word in cells[0].split(",") if word
+    )
+
+
+def count_words(text: str) -> dict[str, int]:
+    """How often a text has each word that texts give up; what stands in code marks is not counted."""
+    pattern = re.compile(rf"\b(?:{'|'.join(words_not_used('text'))})\b", re.IGNORECASE)
+    counts: dict[str, int] = {}
+    for found in pattern.findall(_CODE.sub(" ", text)):
+        counts[found.lower()] = counts.get(found.lower(), 0) + 1
+    return counts
+
+
+def commands() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    (actions,) = (action for action in build_parser()._actions if isinstance(action, argparse._SubParsersAction))
+    yield from actions.choices.items()
+
+
+def test_the_table_is_read():
+    assert {"told", "doubt", "usual"} <= set(words_not_used("text"))
+    assert {"least", "registration", "told"} <= set(words_not_used("names"))
+    assert "least" not in words_not_used("text")
+
+
+def test_words_are_counted():
+    assert count_words("It is Told twice: told. `told` is code, [a page](told.md) a link.") == {"told": 2}
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in PAGES if page.name not in (*GENERATED, *NOT_YET)],
+    ids=lambda page: page.relative_to(ROOT).as_posix(),
+)
+def test_a_page_has_none_of_them(page: Path):
+    text, _, _ = page.read_text(encoding="utf-8").partition(_HEADING if page == GLOSSARY else "\0")
+    assert count_words(text) == {}
