@@ -148,7 +148,7 @@ def test_what_is_far_from_every_twig_is_no_leaf_of_the_plant() -> None:
 
 def test_most_leaves_are_kept_evenly() -> None:
     points_m = np.random.default_rng(8).uniform(0, 0.5, (5000, 3))
-    places = fill_places(points_m, points_m[::50], LENGTH_M, np.random.default_rng(9), FillSettings(most_leaves=100))
+    places = fill_places(points_m, points_m[::50], LENGTH_M, np.random.default_rng(9), FillSettings(max_leaves=100))
     assert len(places.base_m) == 100
     assert np.abs(points_m[places.point].mean(axis=0) - 0.25).max() < 0.08
 

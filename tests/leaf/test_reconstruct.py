@@ -11,7 +11,7 @@ from usdfoliage.leaf import reconstruct
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.average_texture import AverageTextureSettings
 from usdfoliage.leaf.reconstruct import (
-    LEAST_STEP,
+    MIN_STEP,
     STEPS,
     ReconstructionSettings,
     choose_sound,
@@ -24,7 +24,7 @@ from tests.support.leaves.captures import known_foliage
 from tests.support.leaves.true_segmentation import segment_truly
 
 METHODS = ("dense", "paper")
-FAST = ReconstructionSettings(texture=AverageTextureSettings(width_px=16, height_px=32, most_pictures=4))
+FAST = ReconstructionSettings(texture=AverageTextureSettings(width_px=16, height_px=32, max_pictures=4))
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_feet_a_little_out_of_order_are_put_in_order(bed):
 def test_feet_in_order_stay_and_others_end_in_order(feet):
     ordered = order_silhouettes(some_leaf(feet)).parameters[0, 2:5, 0]
     steps = np.diff(np.concatenate([[0], feet, [1]]))
-    if (steps >= LEAST_STEP).all():
+    if (steps >= MIN_STEP).all():
         assert ordered == pytest.approx(feet, abs=1e-15)
     assert (np.diff(np.concatenate([[0], ordered, [1]])) > 0).all() or np.array_equal(ordered, feet)
 

@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 from usdfoliage.branch.cage.exits import CAGE_FACTOR, MOST_STEPS, SKIN, THICKEST, _disc, _Nearest
 from usdfoliage.branch.cage.holes import LEAST_COLUMN, RELAXED, TIGHTEST
 from usdfoliage.branch.cage.sectors import SIDES, TURN
-from usdfoliage.branch.cage.tubes import rotate_least
+from usdfoliage.branch.cage.tubes import rotate_between
 
 BATCH = 400_000  # pairs at once, so that temporaries stay small
 FARTHEST = 0.5  # radii: no vertex is moved by more
@@ -402,7 +402,7 @@ def carry_references(direction, first, counts, reference):
     ascending = -counts[longest_first]
     for step in range(1, int(counts.max(initial=1))):
         at = first[longest_first[: np.searchsorted(ascending, -step, side="left")]] + step
-        turned = rotate_least(direction[at - 1], direction[at], reference[at - 1])
+        turned = rotate_between(direction[at - 1], direction[at], reference[at - 1])
         turned -= np.sum(turned * direction[at], axis=1, keepdims=True) * direction[at]
         reference[at] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
     return reference

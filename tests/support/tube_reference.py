@@ -2,7 +2,7 @@
 
 import numpy as np
 from usdfoliage.branch.cage.rings import GROWTH, LONG, MOST_SAMPLES, PER_INTERVAL, STEADY
-from usdfoliage.branch.cage.tubes import arcs_along, rotate_least
+from usdfoliage.branch.cage.tubes import arcs_along, rotate_between
 
 SIDES = 6
 
@@ -25,7 +25,7 @@ def tangents(tubes, tube, arc_m, reach_m):
 
 def frames(tubes, tube, arc_m, tangent):
     at = tubes.segment(tube, arc_m)
-    first = rotate_least(tubes.direction[at], tangent, tubes.reference[at])
+    first = rotate_between(tubes.direction[at], tangent, tubes.reference[at])
     first -= np.sum(first * tangent, axis=1, keepdims=True) * tangent
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return first, np.cross(tangent, first)

@@ -27,7 +27,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from usdfoliage.capture.clear_sky import elevations_deg, find_clear_sky
-from usdfoliage.capture.cloud.cleaning import CleaningSettings, drop_floating, drop_strays
+from usdfoliage.capture.cloud.cleaning import CleaningSettings, drop_floating, drop_outliers
 from usdfoliage.capture.cloud.fusion import SeenSurface, merge_views
 from usdfoliage.capture.cloud.visibility import VisibilitySettings, drop_seen_through
 from usdfoliage.capture.cloud_files.ply import write_cloud
@@ -46,7 +46,7 @@ TWIG_RADIUS_M = 0.005
 DISTANCES_MM = (2, 5, 10)
 TRUTH_CELL_M = 0.0015
 MARGIN_M = 0.02  # around the plant, within which points are judged; nearer to its surface than to others, or to none
-MOST_POINTS = 800_000
+MAX_POINTS = 800_000
 PLAIN_ITERATIONS = 6
 
 
@@ -137,8 +137,8 @@ def part_twigs(capture: Capture, points_m: NDArray[np.float64], label: NDArray[n
 def score_cloud(points_m: NDArray[np.float64], truth: Truth) -> dict[str, float]:
     """Accuracy, completeness and F of a cloud (N, 3), by distance in millimetres."""
     rng = np.random.default_rng(0)
-    if len(points_m) > MOST_POINTS:
-        points_m = points_m[rng.choice(len(points_m), MOST_POINTS, replace=False)]
+    if len(points_m) > MAX_POINTS:
+        points_m = points_m[rng.choice(len(points_m), MAX_POINTS, replace=False)]
     plant = truth.label != OTHER
     low, high = truth.points_m[plant].min(axis=0) - MARGIN_M, truth.points_m[plant].max(axis=0) + MARGIN_M
     near = points_m[((points_m > low) & (points_m < high)).all(axis=1)]
@@ -155,8 +155,8 @@ def score_cloud(points_m: NDArray[np.float64], truth: Truth) -> dict[str, float]
         ("twigs", twig),
     ):
         surface = truth.points_m[chosen]
-        if len(surface) > MOST_POINTS:
-            surface = surface[rng.choice(len(surface), MOST_POINTS, replace=False)]
+        if len(surface) > MAX_POINTS:
+            surface = surface[rng.choice(len(surface), MAX_POINTS, replace=False)]
         found[name] = np.asarray(tree.query(surface, workers=-1)[0])
     for distance in DISTANCES_MM:
         accuracy = float(np.mean(away_m <= distance / 1000)) if len(away_m) else 0.0
@@ -246,7 +246,7 @@ def run(matched: Matched, variant: Variant, truth: Truth, save: Path | None) -> 
 
     depths = [(each.camera, each.depth_m) for each in found.values()]
     cloud = drop_seen_through(merge_views(surfaces()), depths, variant.visibility)
-    cloud = drop_floating(drop_strays(cloud, variant.cleaning), variant.cleaning)
+    cloud = drop_floating(drop_outliers(cloud, variant.cleaning), variant.cleaning)
     used, wall = cpu_seconds() - start + matched.cpu_s, time.perf_counter() - wall + matched.wall_s
     if save is not None:
         write_cloud(save, cloud)

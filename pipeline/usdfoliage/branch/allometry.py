@@ -25,20 +25,20 @@ class AllometrySettings:
             raise ValueError(f"exponent must be in (0, 2], not {self.exponent:g}")
 
 
-def carried_lengths(tree: RootedTree, step_m: NDArray[np.float64], least_m: float | None = None) -> NDArray[np.float64]:
+def carried_lengths(tree: RootedTree, step_m: NDArray[np.float64], min_m: float | None = None) -> NDArray[np.float64]:
     """(S,) length of all internodes above each node, and half its own, so that a tip carries something too.
 
     Args:
         tree: Of the nodes.
         step_m: (S,), internode to each node from its parent.
-        least_m: What a tip carries at least; half of the usual internode by default.
+        min_m: What a tip carries at least; half of the usual internode by default.
     """
-    if least_m is None:
-        least_m = least_carried(step_m)
-    return np.asarray(tree.sum_above(step_m) - step_m + np.maximum(0.5 * step_m, least_m))
+    if min_m is None:
+        min_m = min_carried(step_m)
+    return np.asarray(tree.sum_above(step_m) - step_m + np.maximum(0.5 * step_m, min_m))
 
 
-def least_carried(step_m: NDArray[np.float64]) -> float:
+def min_carried(step_m: NDArray[np.float64]) -> float:
     """Half of the usual internode, of those (S,) that have a length."""
     return 0.5 * float(np.median(step_m[step_m > 0])) if (step_m > 0).any() else 1.0
 

@@ -62,7 +62,7 @@ class Skeleton:
         return np.repeat(np.arange(len(self), dtype=np.int32), self.counts)
 
     @cached_property
-    def ways_m(self) -> NDArray[np.float64]:
+    def arcs_m(self) -> NDArray[np.float64]:
         """(V,) way to each point along its branch's axis."""
         steps = np.linalg.norm(np.diff(self.points_m, axis=0, prepend=self.points_m[:1]), axis=1)
         steps[self.first] = 0  # from one branch to the next
@@ -72,7 +72,7 @@ class Skeleton:
     @cached_property
     def lengths_m(self) -> NDArray[np.float64]:
         """(B,) length of each branch along its axis."""
-        return self.ways_m[self.first + self.counts - 1]
+        return self.arcs_m[self.first + self.counts - 1]
 
     def branch(self, number: int) -> slice:
         """The points of a branch."""

@@ -42,7 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--unit", default="auto", help="of the cloud: m, cm, mm or ft (what the file says)")
     parser.add_argument(
-        "--most-points", metavar="N", type=int, default=400_000, help="that branches are traced through (%(default)s)"
+        "--most-points",
+        dest="max_points",
+        metavar="N",
+        type=int,
+        default=400_000,
+        help="that branches are traced through (%(default)s)",
     )
     parser.add_argument(
         "--species",
@@ -70,7 +75,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--leaf-length", metavar="METRES", type=float, help="of a leaf (the species', or that of the fitted ones)"
     )
     parser.add_argument(
-        "--most-leaves", metavar="N", type=int, default=60_000, help="more are thinned evenly (%(default)s)"
+        "--most-leaves",
+        dest="max_leaves",
+        metavar="N",
+        type=int,
+        default=60_000,
+        help="more are thinned evenly (%(default)s)",
     )
     parser.add_argument(
         "--bark-color", metavar=("R", "G", "B"), type=float, nargs=3, help="of the branches, linear, 0 to 1 (a brown)"

@@ -37,7 +37,7 @@ class CapturedCrownMeasures:
     center: CrownCenter
     base_m: float
     points: int  # of the crown
-    strays: int
+    outliers: int
     known: float  # share of directions in which there are points
     carved: float | None  # share of directions that photographs made shorter; None of a cloud alone
     seen: float  # share of texels that a photograph shows; of a cloud alone, that have the colour of a point
@@ -68,8 +68,8 @@ def measure_view(
         spacing_m: Of the crown's points: what lies between those closer than that is the crown as well.
     """
     camera = view.camera
-    usual_m = float(np.median(model.radius_m))
-    gap_m = max(_GAP * usual_m, _SPACINGS * spacing_m)
+    median_m = float(np.median(model.radius_m))
+    gap_m = max(_GAP * median_m, _SPACINGS * spacing_m)
     gap_px = gap_m * camera.focal_px[0] / float(camera.project(model.center_m[None])[1][0])
     crown = draw_silhouette(model.radius_m, model.center_m, camera)
     mask_iou = None

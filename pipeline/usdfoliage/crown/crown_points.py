@@ -18,26 +18,26 @@ Array = NDArray[np.float64]
 class CrownPointSettings:
     """What is crown and what is trunk, and what is neither."""
 
-    least_points: int = 100
+    min_points: int = 100
     slices: int = 64  # of the plant's height
     trunk_width: float = 0.3  # of the crown's width, below which a slice shows a trunk
     trunk_slices: int = 3  # that follow each other: a crown has narrow places between its branches
-    least_trunk: float = 0.06  # of the plant's height, below which what is narrow is the crown's own lower end
+    min_trunk: float = 0.06  # of the plant's height, below which what is narrow is the crown's own lower end
     layer_slices: int = 5  # what is wide over fewer of them is a layer on the ground and no crown
     farthest: float = 1.3  # of the crown's reach from its axis, beyond which points are not of the plant
     gap: float = 0.05  # of the plant's height: parts that are farther from each other are apart
-    least_part: float = 0.02  # of the points of the largest part, that others must have
-    stray_neighbors: int = 8
-    stray_distance: float = 5.0  # usual distances to that neighbour, beyond which a point stands alone
+    min_part: float = 0.02  # of the points of the largest part, that others must have
+    outlier_neighbors: int = 8
+    outlier_distance: float = 5.0  # usual distances to that neighbour, beyond which a point stands alone
     flat: float = 0.02  # third spread over the second, below which points are a plane and have no inside
     center_faces: int = 16  # texels a side of the cubemap on which centres are compared
     center_gain: float = 0.03  # of the volume, that a centre must save to be better than the middle
 
     def __post_init__(self) -> None:
-        if min(self.trunk_slices, self.layer_slices, self.stray_neighbors, self.center_faces) < 1:
+        if min(self.trunk_slices, self.layer_slices, self.outlier_neighbors, self.center_faces) < 1:
             raise ValueError(f"counts must be 1 or more, not {self}")
-        if self.least_points < 4 or self.slices < 4 * self.layer_slices:
-            raise ValueError(f"least_points >= 4 and slices >= 4 layer_slices are needed, not {self}")
+        if self.min_points < 4 or self.slices < 4 * self.layer_slices:
+            raise ValueError(f"min_points >= 4 and slices >= 4 layer_slices are needed, not {self}")
         if not (0 < self.trunk_width < 1 and self.gap > 0 and self.farthest >= 1 and 0 <= self.flat < 1):
             raise ValueError(f"trunk_width in (0, 1), gap > 0, farthest >= 1, flat in [0, 1) are needed, not {self}")
 
@@ -48,7 +48,7 @@ class CrownPoints:
 
     chosen: NDArray[np.bool_]  # (N,), of the plant's points
     base_m: float  # height of the crown's lowest part
-    strays: int  # points that stand alone, or far from the crown, and were left out
+    outliers: int  # points that stand alone, or far from the crown, and were left out
 
 
 def choose_crown_points(
@@ -64,24 +64,24 @@ def choose_crown_points(
     Raises:
         FitError: Too few points, or they lie in a plane.
     """
-    if len(points_m) < settings.least_points:
-        raise FitError(f"{len(points_m)} points of the plant, {settings.least_points} needed for a crown")
+    if len(points_m) < settings.min_points:
+        raise FitError(f"{len(points_m)} points of the plant, {settings.min_points} needed for a crown")
     plant = ~_stand_alone(points_m, settings)
-    strays = int((~plant).sum())
-    if foliage is not None and (plant & foliage).sum() >= settings.least_points:
+    outliers = int((~plant).sum())
+    if foliage is not None and (plant & foliage).sum() >= settings.min_points:
         plant &= foliage
     base_m, near = _find_base(points_m[plant], settings)
     chosen = np.zeros(len(points_m), bool)
     chosen[np.flatnonzero(plant)[near]] = True
     chosen &= points_m[:, 1] >= base_m
-    if chosen.sum() >= settings.least_points:
+    if chosen.sum() >= settings.min_points:
         part = _main_parts(points_m[chosen], settings)
-        strays += int((~part).sum())
+        outliers += int((~part).sum())
         chosen[np.flatnonzero(chosen)[~part]] = False
-    if chosen.sum() < settings.least_points:
-        raise FitError(f"{int(chosen.sum())} points above the crown's base, {settings.least_points} needed")
+    if chosen.sum() < settings.min_points:
+        raise FitError(f"{int(chosen.sum())} points above the crown's base, {settings.min_points} needed")
     _refuse_plane(points_m[chosen], settings.flat)
-    return CrownPoints(chosen=chosen, base_m=max(base_m, float(points_m[chosen, 1].min())), strays=strays)
+    return CrownPoints(chosen=chosen, base_m=max(base_m, float(points_m[chosen, 1].min())), outliers=outliers)
 
 
 def _refuse_plane(points_m: Array, flat: float) -> None:
@@ -97,16 +97,16 @@ def _refuse_plane(points_m: Array, flat: float) -> None:
 
 def _stand_alone(points_m: Array, settings: CrownPointSettings) -> NDArray[np.bool_]:
     """(N,) points whose neighbours are much farther away than usual."""
-    k = min(settings.stray_neighbors + 1, len(points_m))
+    k = min(settings.outlier_neighbors + 1, len(points_m))
     away_m = np.asarray(cKDTree(points_m).query(points_m, k=[k], workers=-1)[0])[:, 0]
-    return np.asarray(away_m > settings.stray_distance * np.median(away_m))
+    return np.asarray(away_m > settings.outlier_distance * np.median(away_m))
 
 
 def _main_parts(points_m: Array, settings: CrownPointSettings) -> NDArray[np.bool_]:
     """(N,) points of the largest part, and of others that are large enough to be boughs of their own."""
     piece = touching_parts(points_m, settings.gap * float(np.ptp(points_m[:, 1])))
-    held = np.bincount(piece)
-    return np.asarray((held >= settings.least_part * held.max())[piece])
+    counts = np.bincount(piece)
+    return np.asarray((counts >= settings.min_part * counts.max())[piece])
 
 
 def _find_base(points_m: Array, settings: CrownPointSettings) -> tuple[float, NDArray[np.bool_]]:
@@ -137,7 +137,7 @@ def _find_base(points_m: Array, settings: CrownPointSettings) -> tuple[float, ND
             base = one
     axis_m = np.median(points_m[number >= base][:, [0, 2]], axis=0)
     near = np.linalg.norm(points_m[:, [0, 2]] - axis_m, axis=1) <= settings.farthest * far_m.max()
-    if base < settings.least_trunk * settings.slices:
+    if base < settings.min_trunk * settings.slices:
         return float(y_m[near].min(initial=high_m)), near
     return float(low_m + base * step_m), near
 

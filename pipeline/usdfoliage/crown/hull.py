@@ -36,7 +36,7 @@ class HullSettings:
     neighbors: int = 24  # points about a direction that are looked at
     widest_rad: float = 0.1  # cone in which they must lie; of few points a wider one, in which there are points enough
     sparse_rad: float = 0.4  # the widest for few points
-    least: int = 5  # points in that cone, below which nothing is known of a direction
+    min_points: int = 5  # points in that cone, below which nothing is known of a direction
     outermost: float = 0.85  # share of them that lies within the radius
     shell: float = 0.65  # of the radius around, within which points are not of the surface
     closing: float = 0.04  # of the crown's radius, width of gaps in silhouettes and depth that are no way through
@@ -53,8 +53,8 @@ class HullSettings:
     blur_rad: float = 0.02
 
     def __post_init__(self) -> None:
-        if not 1 <= self.least <= self.neighbors:
-            raise ValueError(f"1 <= least <= neighbors is needed, not {self.least} and {self.neighbors}")
+        if not 1 <= self.min_points <= self.neighbors:
+            raise ValueError(f"1 <= least <= neighbors is needed, not {self.min_points} and {self.neighbors}")
         if not self.falloff > 0:
             raise ValueError(f"falloff must be above 0, not {self.falloff}")
         for name in ("outermost", "shell", "step", "floor"):
@@ -138,7 +138,7 @@ def outermost_points(offsets_m: Array, size: int, settings: HullSettings) -> tup
     texels = np.column_stack([distinct_texels(face_directions(size)[..., axis]) for axis in range(3)])
     k = min(settings.neighbors, len(toward))
     # Wide enough for twice the least in each cone, were the points even about the centre.
-    even_rad = float(np.sqrt(8 * settings.least / len(toward)))
+    even_rad = float(np.sqrt(8 * settings.min_points / len(toward)))
     chord = 2 * np.sin(np.clip(even_rad, settings.widest_rad, max(settings.widest_rad, settings.sparse_rad)) / 2)
     _, near = cKDTree(toward).query(texels, k=k, distance_upper_bound=chord, workers=-1)
     near = np.reshape(near, (len(texels), k))
@@ -146,7 +146,7 @@ def outermost_points(offsets_m: Array, size: int, settings: HullSettings) -> tup
     count = found.sum(axis=1)
     around_m = np.sort(np.where(found, np.append(away_m, 0.0)[near], np.inf), axis=1)
     rank = np.minimum((settings.outermost * count).astype(np.intp), np.maximum(count - 1, 0))
-    known = count >= min(settings.least, k)
+    known = count >= min(settings.min_points, k)
     radius_m = np.where(known, around_m[np.arange(len(texels)), rank], 0.0)
     return (
         cubemap_from_distinct(radius_m, size),
@@ -178,8 +178,8 @@ def carve_radius(
     size = radius_m.shape[1]
     directions = np.column_stack([distinct_texels(face_directions(size)[..., axis]) for axis in range(3)])
     reach_m = distinct_texels(radius_m).copy()
-    usual_m = float(np.median(reach_m))
-    made = [_open_view(view, center_m, usual_m, settings) for view in views]
+    median_m = float(np.median(reach_m))
+    made = [_open_view(view, center_m, median_m, settings) for view in views]
     open_views = [view for view in made if view is not None]
     active = np.arange(len(reach_m))
     while len(active) and open_views:
@@ -211,10 +211,10 @@ class _OpenView:
         return np.where(seen & (depth_m < self.open_m[row, column]), self.weight, 0)
 
 
-def _open_view(view: ReducedView, center_m: Array, usual_m: float, settings: HullSettings) -> _OpenView | None:
+def _open_view(view: ReducedView, center_m: Array, median_m: float, settings: HullSettings) -> _OpenView | None:
     """Gaps narrower than the closing are none, and what is in front of the crown hides nothing of it."""
     depth_m = float(view.camera.project(center_m[None])[1][0])
-    closing_px = settings.closing * usual_m * view.camera.focal_px[0] / depth_m
+    closing_px = settings.closing * median_m * view.camera.focal_px[0] / depth_m
     side = 2 * round(closing_px) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     open_m = np.zeros(view.srgb.shape[:2], np.float32)
@@ -223,7 +223,7 @@ def _open_view(view: ReducedView, center_m: Array, usual_m: float, settings: Hul
         nearest = cv2.erode(np.where(found, view.depth_m, np.inf).astype(np.float32), kernel, borderValue=np.inf)
         share = cv2.blur(found.astype(np.float32), (side, side))
         behind = np.isfinite(nearest) & (share > 0.5)
-        open_m[behind] = nearest[behind] - np.float32(settings.margin * usual_m)
+        open_m[behind] = nearest[behind] - np.float32(settings.margin * median_m)
     drawn = settings.drawn_masks and view.mask is not None
     if drawn:
         side = 2 * round(closing_px * settings.drawn_closing / settings.closing) + 1
@@ -241,7 +241,7 @@ def _past_silhouette(view: ReducedView, kernel: NDArray[np.uint8]) -> NDArray[np
         return None
     side = kernel.shape[0]
     # Beyond the border nothing is known, so a gap at the border stays as it is.
-    padded = np.pad(view.shown.astype(np.uint8), side, mode="edge")
+    padded = np.pad(view.plant.astype(np.uint8), side, mode="edge")
     closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, kernel)[side:-side, side:-side]
     # A pixel that is half outside is on the silhouette.
     return cv2.dilate(closed, np.ones((3, 3), np.uint8)) == 0

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage.isolation.vegetation import LEAST_EXCESS, green_excess
+from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
 
-_LEAST = 0.1  # share of the points that must be green, and of the plant's height that these must span
-_LEAST_HEIGHT = 0.3
+_MIN_SHARE = 0.1  # share of the points that must be green, and of the plant's height that these must span
+_MIN_HEIGHT = 0.3
 _ASKED = 5  # coloured points that tell whether one without colour is a leaf
 
 
@@ -22,13 +22,13 @@ def find_green_points(points_m: NDArray[np.floating], colors: NDArray[np.number]
         colors: (N, 3), red, green and blue, 0 to 255.
     """
     has = have_color(colors)
-    if has.mean() < _LEAST:
+    if has.mean() < _MIN_SHARE:
         return None
-    green = np.asarray(green_excess(colors) > LEAST_EXCESS) & has
-    if green.sum() < _LEAST * has.sum():
+    green = np.asarray(green_excess(colors) > MIN_EXCESS) & has
+    if green.sum() < _MIN_SHARE * has.sum():
         return None
     low, high = np.quantile(points_m[green, 1], [0.1, 0.9])
-    if high - low < _LEAST_HEIGHT * np.ptp(points_m[:, 1]):
+    if high - low < _MIN_HEIGHT * np.ptp(points_m[:, 1]):
         return None
     if not has.all():
         count = min(_ASKED, int(has.sum()))

@@ -31,10 +31,10 @@ CAPTURED_STEPS = ("points", "photographs", "hull", "colours", "texture", "measur
 CLOUD_STEPS = ("points", "hull", "colours", "measures")
 
 MIN_SIZE, MAX_SIZE = 32, 4096  # texels a side, as for a crown of one photograph
-_HELD_BYTES = 1 << 30  # of all reduced photographs together
+_MAX_BYTES = 1 << 30  # of all reduced photographs together
 _COVERED = 1.0  # distances to the sixth neighbour: what is between points closer than that is the plant as well
 _PIXEL_BYTES = 9  # colour, depth, mask, sky
-_LEAST_KNOWN, _FEW_KNOWN = 0.1, 0.3  # share of the directions with points: refused below, and doubted
+_MIN_KNOWN, _FEW_KNOWN = 0.1, 0.3  # share of the directions with points: refused below, and doubted
 _AROUND, _AROUND_PX = 5.0, 256  # distance in reaches of the crown, and picture, of cameras that measure a cloud's
 
 
@@ -108,7 +108,7 @@ def reconstruct_captured_crown(
         colors = gather_colors(radius_m, center.center_m, reduced, settings.colors, report)
     with step("texture") as report:
         rng = np.random.default_rng(settings.seed)
-        color, told = fill_unseen(colors, radius_m, center.center_m, reduced, rng, settings.colors, report)
+        color, text = fill_unseen(colors, radius_m, center.center_m, reduced, rng, settings.colors, report)
     model = CrownModel(
         radius_m=radius_m,
         color=color,
@@ -122,12 +122,12 @@ def reconstruct_captured_crown(
             measure_view(model, view, crown_m, below_m, int(texels), spacing_m)
             for view, texels in zip(reduced, colors.texels, strict=True)
         )
-    notes = [told] if len(reduced) == len(views) else [_tell_left_out(len(views), len(reduced)), told]
+    notes = [text] if len(reduced) == len(views) else [_describe_left_out(len(views), len(reduced)), text]
     measures = CapturedCrownMeasures(
         center=center,
         base_m=chosen.base_m,
         points=len(crown_m),
-        strays=chosen.strays,
+        outliers=chosen.outliers,
         known=hull.known,
         carved=hull.carved,
         seen=float(colors.seen.mean()),
@@ -180,10 +180,10 @@ def reconstruct_cloud_crown(
         center = find_crown_center(crown_m, settings.points)
     with step("hull"):
         hull = fit_crown_hull(crown_m, center.center_m, chosen.base_m, (), settings.size, settings.hull)
-        doubts = _doubt_directions(hull.known)
+        warnings = _check_directions(hull.known)
     with step("colours"):
         radius_m = hull.radius_m.astype(np.float32)
-        own, told = _own_colors(None if colors is None else np.asarray(colors, np.float64)[chosen.chosen])
+        own, text = _own_colors(None if colors is None else np.asarray(colors, np.float64)[chosen.chosen])
         if own is None:
             own = shade_points(radius_m, center.center_m, crown_m, plain)
         color, seen = gather_point_colors(radius_m, center.center_m, crown_m, own)
@@ -203,30 +203,30 @@ def reconstruct_cloud_crown(
         center=center,
         base_m=chosen.base_m,
         points=len(crown_m),
-        strays=chosen.strays,
+        outliers=chosen.outliers,
         known=hull.known,
         carved=None,
         seen=float(seen.mean()),
         volume_m3=crown_volume(radius_m),
         distance_m=distance_from_points(model, crown_m),
         views=measured,
-        notes=(told,),
-        warnings=doubts,
+        notes=(text,),
+        warnings=warnings,
         seconds=seconds,
     )
 
 
-def _doubt_directions(known: float) -> tuple[str, ...]:
+def _check_directions(known: float) -> tuple[str, ...]:
     """What to say of a share of directions in which a cloud has points.
 
     Raises:
         FitError: They are too few.
     """
-    told = f"from the crown's centre there are points in {known:.0%} of the directions"
+    text = f"from the crown's centre there are points in {known:.0%} of the directions"
     advice = "give a cloud from all sides, of one plant"
-    if known < _LEAST_KNOWN:
-        raise FitError(f"{told}, {_LEAST_KNOWN:.0%} needed; {advice}")
-    return (f"{told}; elsewhere its surface is a guess between them: {advice}",) if known < _FEW_KNOWN else ()
+    if known < _MIN_KNOWN:
+        raise FitError(f"{text}, {_MIN_KNOWN:.0%} needed; {advice}")
+    return (f"{text}; elsewhere its surface is a guess between them: {advice}",) if known < _FEW_KNOWN else ()
 
 
 def _own_colors(colors: NDArray[np.float64] | None) -> tuple[NDArray[np.float64] | None, str]:
@@ -277,10 +277,10 @@ def _read_views(
     views: Sequence[CrownView], center_m: NDArray[np.float64], reach_m: float, size: int, report: Progress
 ) -> list[ReducedView]:
     """Those of the views that show the crown, twice as fine as its texels, or as fine as memory allows."""
-    most_px = int((_HELD_BYTES / _PIXEL_BYTES / max(len(views), 1)) ** 0.5)
+    max_px = int((_MAX_BYTES / _PIXEL_BYTES / max(len(views), 1)) ** 0.5)
     reduced = []
     for number, view in enumerate(views):
-        small = reduce_view(view, center_m, reach_m, min(2 * size, most_px))
+        small = reduce_view(view, center_m, reach_m, min(2 * size, max_px))
         if small is not None:
             reduced.append(small)
         report(number + 1, len(views))
@@ -296,5 +296,5 @@ def _cover(view: ReducedView, crown_m: NDArray[np.float64], spacing_m: float) ->
     return replace(view, covered=draw_points(crown_m, view.camera, gap_px))
 
 
-def _tell_left_out(total: int, used: int) -> str:
+def _describe_left_out(total: int, used: int) -> str:
     return f"{total - used} of {total} photographs do not show the crown from outside and are not used"

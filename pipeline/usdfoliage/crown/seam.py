@@ -9,7 +9,7 @@ from usdfoliage import _native
 # them counts as that many times more visible than in texture.
 _GRADIENT_FLOOR = 0.02
 # The dearest edge as an integer; eight of them still are one.
-_MOST = 2**26
+_MAX_FLOW = 2**26
 
 
 def cut_seam(
@@ -47,9 +47,9 @@ def cut_seam(
     _check_overlap(first, second, keep_first, keep_second, part)
 
     down, right = seam_costs(first, second, wrap=wrap, allowed=part)
-    scale = _MOST / max(float(down.max()), float(right.max()), 1e-12)
+    scale = _MAX_FLOW / max(float(down.max()), float(right.max()), 1e-12)
     # More than all edges of a pixel together, so that no cut parts a pixel from the image that keeps it.
-    terminal = np.where(part & keep_first, 8 * _MOST, 0) - np.where(part & keep_second, 8 * _MOST, 0)
+    terminal = np.where(part & keep_first, 8 * _MAX_FLOW, 0) - np.where(part & keep_second, 8 * _MAX_FLOW, 0)
     taken = _native.cut_grid(
         np.rint(down * scale).astype(np.int32), np.rint(right * scale).astype(np.int32), terminal.astype(np.int32)
     )

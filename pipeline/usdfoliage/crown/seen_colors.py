@@ -42,7 +42,7 @@ class SeenColorSettings:
     outlier: float = 2.5  # median distances from the median brightness, beyond which a photograph is not believed
     coarse_texels: float = 6.0  # standard deviation of what is coarse
     speck_texels: int = 3  # unseen places no farther than this from seen ones get the colour of these
-    least_unseen: float = 0.002  # share of texels, below which nothing is synthesised
+    min_unseen: float = 0.002  # share of texels, below which nothing is synthesised
     feather_texels: float = 3.0  # over which synthesis becomes photograph
     color_map: ColorMapSettings = field(default_factory=ColorMapSettings)
 
@@ -72,7 +72,7 @@ class _Surface:
     points_m: NDArray[np.float64]
     normals: NDArray[np.float64]
     center_m: NDArray[np.float64]
-    usual_m: float
+    median_m: float
     size: int
 
 
@@ -101,7 +101,7 @@ def gather_colors(
     worth = np.zeros((len(views), 6, cells, cells), np.float32)
     texels = np.zeros(len(views), np.int64)
     for number, view in enumerate(views):
-        weight, color = _look_up(surface, view, settings)
+        weight, color = _sample_view(surface, view, settings)
         seen = np.flatnonzero(weight > 0)
         texels[number] = len(seen)
         worth[number] = _cell_means(weight.reshape(6, size, size), cells)
@@ -135,19 +135,19 @@ def _lay_surface(radius_m: NDArray[np.floating], center_m: NDArray[np.floating])
         points_m=(center_m + out * np.asarray(radius_m, np.float64)[..., None]).reshape(-1, 3),
         normals=normals.reshape(-1, 3),
         center_m=np.asarray(center_m, np.float64),
-        usual_m=float(np.median(radius_m)),
+        median_m=float(np.median(radius_m)),
         size=size,
     )
 
 
-def _look_up(
+def _sample_view(
     surface: _Surface, view: ReducedView, settings: SeenColorSettings
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What a view shows of each texel: weight (M,), 0 where it shows nothing, and linear colour (M, 3)."""
     camera = view.camera
     place, depth_m = camera.project(surface.points_m)
     middle_m = float(camera.project(surface.center_m[None])[1][0])
-    radius_px = surface.usual_m * camera.focal_px[0] / middle_m
+    radius_px = surface.median_m * camera.focal_px[0] / middle_m
     shrink = min(1.0, _BUFFER * surface.size / radius_px / 2)
     coarse = camera.resized(max(1, round(camera.width_px * shrink)), max(1, round(camera.height_px * shrink)))
     scale = np.array([coarse.width_px / camera.width_px, coarse.height_px / camera.height_px])
@@ -165,23 +165,23 @@ def _look_up(
     low_column, low_row = (place[index] * scale).astype(np.intp).T
     # Of a slanting surface a pixel of the buffer holds nearer and farther places.
     slant = np.sqrt(1 / cosine[index] ** 2 - 1) / (radius_px * shrink)
-    shown = depth_m[index] <= nearest_m[low_row, low_column] + (settings.hidden + slant) * surface.usual_m
-    shown &= leaves[row, column]
+    is_seen = depth_m[index] <= nearest_m[low_row, low_column] + (settings.hidden + slant) * surface.median_m
+    is_seen &= leaves[row, column]
     if view.depth_m is not None:
         # Where nothing was measured, the crown's own surface says what hides what.
         ahead_m = view.depth_m[row, column] - depth_m[index]
         measured = view.depth_m[row, column] > 0
-        shown &= ~measured | (
-            (ahead_m > -settings.before * surface.usual_m) & (ahead_m < settings.behind * surface.usual_m)
+        is_seen &= ~measured | (
+            (ahead_m > -settings.before * surface.median_m) & (ahead_m < settings.behind * surface.median_m)
         )
     trust = np.ones(len(index))
     if view.depth_m is not None and view.mask is None:
         trust = np.where(view.depth_m[row, column] > 0, 1.0, settings.unmeasured)
-    index, trust = index[shown], trust[shown]
+    index, trust = index[is_seen], trust[is_seen]
     weight = np.zeros(len(place), np.float32)
     color = np.zeros((len(place), 3), np.float32)
     if len(index):
-        texel_px = camera.focal_px[0] * surface.usual_m / depth_m[index] / surface.size
+        texel_px = camera.focal_px[0] * surface.median_m / depth_m[index] / surface.size
         weight[index] = trust * cosine[index] ** 2 * texel_px**2
         rows = -(-len(index) // 1024)  # OpenCV has no wider pictures than 32767 pixels
         at = np.zeros((rows * 1024, 2), np.float32)
@@ -197,8 +197,8 @@ def _cell_means(weight: NDArray[np.float32], cells: int) -> NDArray[np.float32]:
     size = weight.shape[1]
     at = np.arange(0, size, _LABEL_CELL)
     sums = np.add.reduceat(np.add.reduceat(weight, at, axis=1), at, axis=2)
-    held = np.diff(np.append(at, size)).astype(np.float32)
-    means = sums / (held[:, None] * held)
+    counts = np.diff(np.append(at, size)).astype(np.float32)
+    means = sums / (counts[:, None] * counts)
     return np.stack([cv2.GaussianBlur(face, (5, 5), 1.0) for face in means]).reshape(6, cells, cells)
 
 
@@ -210,8 +210,8 @@ def _agreeing(colors: NDArray[np.float32], weights: NDArray[np.float32], outlier
     middle = np.where(count > 0, light[np.maximum(count - 1, 0) // 2, every], 0)
     away = np.abs(luminance(colors) - middle)
     ordered = np.sort(np.where(weights > 0, away, np.inf), axis=0)
-    usual = np.where(count > 0, ordered[np.maximum(count - 1, 0) // 2, every], 0)
-    return np.where(away <= outlier * usual + 0.02 * middle + 1e-4, weights, 0).astype(np.float32)
+    median_away = np.where(count > 0, ordered[np.maximum(count - 1, 0) // 2, every], 0)
+    return np.where(away <= outlier * median_away + 0.02 * middle + 1e-4, weights, 0).astype(np.float32)
 
 
 def _sharpest(
@@ -223,11 +223,11 @@ def _sharpest(
 ) -> NDArray[np.float32]:
     """(M, 3) of one photograph for a neighbourhood, or of that which shows the texel best where that does not."""
     label = np.zeros((6, size, size), np.int16)
-    most = np.full((6, size, size), -np.inf, np.float32)
+    best = np.full((6, size, size), -np.inf, np.float32)
     for number, of_cells in enumerate(worth):
         of_texels = np.stack([cv2.resize(face, (size, size), interpolation=cv2.INTER_CUBIC) for face in of_cells])
-        better = of_texels > most
-        most[better] = of_texels[better]
+        better = of_texels > best
+        best[better] = of_texels[better]
         label[better] = number
     # Within a texel the label's photograph comes before all others.
     rank = np.where((source == label.reshape(-1)) & (weights > 0), np.inf, weights).argmax(axis=0)
@@ -240,8 +240,8 @@ def _join_scales(
     """What is fine of one photograph on what is coarse of the mean of all."""
     share = seen[..., None].astype(np.float32)
     blurred = blur_colors(np.concatenate([mean * share, sharp * share, share], axis=-1), settings.coarse_texels)
-    held = np.maximum(blurred[..., 6:], 1e-6)
-    ratio = (blurred[..., :3] / held + 1e-4) / (blurred[..., 3:6] / held + 1e-4)
+    coverage = np.maximum(blurred[..., 6:], 1e-6)
+    ratio = (blurred[..., :3] / coverage + 1e-4) / (blurred[..., 3:6] / coverage + 1e-4)
     return np.where(seen[..., None], sharp * np.clip(ratio, 0.2, 5.0), 0).astype(np.float32)
 
 
@@ -264,7 +264,7 @@ def fill_unseen(
     if not colors.seen.any():
         raise FitError("no photograph shows the crown; check that the cameras and the cloud are of one world")
     color, seen = _fill_specks(colors, settings.speck_texels)
-    if (~seen).mean() < settings.least_unseen:
+    if (~seen).mean() < settings.min_unseen:
         return stretch_colors(color, seen), "photographs show all of the crown"
     inner = np.stack([binary_erosion(face, iterations=2, border_value=1) for face in seen])
     weight = np.where(inner, 1.0, np.where(seen, 0.6, 0.0))  # of build_color_map: kept, and free to be cut
@@ -288,8 +288,8 @@ def fill_unseen(
     share = blur_colors(inner[..., None].astype(np.float32), settings.feather_texels)
     share = np.where(seen[..., None], np.clip(2 * share - 1, 0, 1), 0)
     filled = share * color + (1 - share) * made
-    told = f"{missing} is seen by no photograph, and synthesised from {best.name}"
-    return np.asarray(share_borders(np.maximum(filled, 0).astype(np.float32)), np.float32), told
+    text = f"{missing} is seen by no photograph, and synthesised from {best.name}"
+    return np.asarray(share_borders(np.maximum(filled, 0).astype(np.float32)), np.float32), text
 
 
 def _fill_specks(colors: SeenColors, texels: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -326,12 +326,12 @@ def stretch_colors(color: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArr
 def _cut_exemplar(view: ReducedView, radius_m: NDArray[np.floating], center_m: NDArray[np.floating]) -> Exemplar:
     """The crown in the photograph that shows most of it."""
     middle_m = float(view.camera.project(np.asarray(center_m, np.float64)[None])[1][0])
-    usual_m = float(np.median(radius_m))
-    texel_px = usual_m * 2 / (radius_m.shape[1] - 1) * view.camera.focal_px[0] / middle_m
+    median_m = float(np.median(radius_m))
+    texel_px = median_m * 2 / (radius_m.shape[1] - 1) * view.camera.focal_px[0] / middle_m
     inside = draw_silhouette(radius_m, center_m, view.camera)
     foliage = inside & view.leaves
     if view.depth_m is not None:
-        behind = view.depth_m > middle_m + usual_m
+        behind = view.depth_m > middle_m + median_m
         foliage &= ~behind
     if not foliage.any():
         raise FitError(f"{view.name} shows nothing of the crown")

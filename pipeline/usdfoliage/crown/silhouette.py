@@ -94,14 +94,14 @@ def _search_center(box: NDArray[np.bool_], settings: SilhouetteSettings) -> NDAr
     spacing = max(2.0, np.sqrt(len(pixels) / 150))
     lattice = np.all(np.mod(np.floor(pixels), np.floor(spacing)) == 0, axis=1)
     candidates = np.vstack([centroid, pixels[lattice]])
-    least = np.inf
+    lowest = np.inf
     while True:
         inside = _is_inside(small, candidates)
         candidates = (
             candidates[inside] if inside.any() else pixels[np.argmin(np.sum((pixels - centroid) ** 2, axis=1))][None]
         )
         _, lost, _ = _best_radii(small, candidates, settings.search_angles, samples_per_px=1.0)
-        best, least = candidates[np.argmin(lost)], min(least, float(lost.min()))
+        best, lowest = candidates[np.argmin(lost)], min(lowest, float(lost.min()))
         if spacing <= 0.5:
             break
         spacing /= 3
@@ -109,11 +109,11 @@ def _search_center(box: NDArray[np.bool_], settings: SilhouetteSettings) -> NDAr
         candidates = (best + np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)).reshape(-1, 2)
     # The loss of a compact crown is flat, down to the accuracy of its mask: on the way from the centroid to the
     # optimum take the first centre that is as good, so that a round crown is seen from its middle.
-    way = centroid + np.linspace(0, 1, 25)[:, None] * (best - centroid)
-    way = np.vstack([way[_is_inside(small, way)], best])
-    _, lost, _ = _best_radii(small, way, settings.search_angles, samples_per_px=1.0)
-    first = int(np.argmax(lost <= max(least, float(lost[-1])) + settings.equal_share * len(pixels)))
-    return np.asarray(way[first] * stride)
+    path = centroid + np.linspace(0, 1, 25)[:, None] * (best - centroid)
+    path = np.vstack([path[_is_inside(small, path)], best])
+    _, lost, _ = _best_radii(small, path, settings.search_angles, samples_per_px=1.0)
+    first = int(np.argmax(lost <= max(lowest, float(lost[-1])) + settings.equal_share * len(pixels)))
+    return np.asarray(path[first] * stride)
 
 
 def _reduce(box: NDArray[np.bool_], stride: int) -> NDArray[np.bool_]:

@@ -24,7 +24,7 @@ _TRIES = 0
 # To look for known pixels in the exemplar: passes on the coarsest level, random places a pixel and pass, and how far
 # from what is free.
 _KNOWN_PASSES, _KNOWN_TRIES, _KNOWN_REACH_PX = 4, 8, 24
-_LEAST_PATCH_PX = 8  # a smaller patch shows nothing of the texture's structure
+_MIN_PATCH_PX = 8  # a smaller patch shows nothing of the texture's structure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,9 +45,9 @@ class TextureSettings:
     threads: int = 0  # 0: one per core; the result does not depend on it
 
     def __post_init__(self) -> None:
-        least = (
+        minima = (
             ("levels", 1),
-            ("patch_px", _LEAST_PATCH_PX),
+            ("patch_px", _MIN_PATCH_PX),
             ("radius", 1),
             ("guide_weight", 0),
             ("passes", 1),
@@ -56,7 +56,7 @@ class TextureSettings:
             ("cuts", 1),
             ("threads", 0),
         )
-        for name, low in least:
+        for name, low in minima:
             if getattr(self, name) < low:
                 raise ValueError(f"{name} must be at least {low}, not {getattr(self, name)}")
         for name, high in (("patch_share", 1.0), ("overlap_share", 0.5), ("candidate_share", 1.0)):
@@ -246,19 +246,19 @@ def _refine_level(
 def _fit_patch(valid: NDArray[np.bool_], settings: TextureSettings) -> tuple[int, int]:
     """Side of a patch and number of levels that the exemplar has room for."""
     share_px = round(settings.patch_share * float(np.sqrt(np.count_nonzero(valid))))
-    patch = max(min(settings.patch_px, share_px), _LEAST_PATCH_PX)
+    patch = max(min(settings.patch_px, share_px), _MIN_PATCH_PX)
     while True:
-        levels = min(settings.levels, (patch // _LEAST_PATCH_PX).bit_length())
+        levels = min(settings.levels, (patch // _MIN_PATCH_PX).bit_length())
         coarse = _build_pyramid(np.zeros((*valid.shape, 4), np.int16), valid, levels)[-1].mask != 0
         if _largest_square(coarse) >= patch >> (levels - 1):
             return patch, levels
-        if patch == _LEAST_PATCH_PX:
+        if patch == _MIN_PATCH_PX:
             break
-        patch = max(patch * 3 // 4, _LEAST_PATCH_PX)
+        patch = max(patch * 3 // 4, _MIN_PATCH_PX)
     h, w = valid.shape
     raise FitError(
         f"the exemplar is too small: {np.count_nonzero(valid)} pixels of {w}×{h} may be copied, and no square of "
-        f"{_LEAST_PATCH_PX} pixels fits into them; give a larger picture or a fuller mask"
+        f"{_MIN_PATCH_PX} pixels fits into them; give a larger picture or a fuller mask"
     )
 
 

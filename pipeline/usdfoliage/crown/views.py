@@ -11,7 +11,7 @@ from usdfoliage.geometry.color import decode_srgb, encode_srgb, luminance
 from usdfoliage.geometry.pinhole import Pinhole
 
 _MARGIN = 1.15  # of the crown's radius, that is cut out of a photograph
-_LEAST_PX = 16  # of the crown in a photograph, below which it shows nothing
+_MIN_PX = 16  # of the crown in a photograph, below which it shows nothing
 _NEAR_SKY_PX, _SKY_LIGHT = 12, 0.1  # from the sky, how near pixels hold its light, and how much of it is too much
 _DECODED = np.asarray(decode_srgb(np.arange(256, dtype=np.float32) / 255), np.float32)
 
@@ -50,7 +50,7 @@ class ReducedView:
     covered: NDArray[np.bool_] | None = None  # (h, w), where points of the crown are seen or would be
 
     @property
-    def shown(self) -> NDArray[np.bool_]:
+    def plant(self) -> NDArray[np.bool_]:
         """(h, w), False where the photograph surely shows something else than the plant."""
         if self.mask is not None:
             return self.mask
@@ -59,7 +59,7 @@ class ReducedView:
     @property
     def leaves(self) -> NDArray[np.bool_]:
         """(h, w), True where colours are surely the plant's: through gaps between leaves one sees what is behind."""
-        leaves = self.shown
+        leaves = self.plant
         if self.mask is None and self.covered is not None:
             leaves = leaves & self.covered
         if self.sky is None or not self.sky.any():
@@ -70,11 +70,11 @@ class ReducedView:
             return leaves
         # Among leaves and gaps finer than a pixel more of them do: all that are much brighter than leaves are.
         light = luminance(self.linear())
-        usual, behind = np.median(light[leaves]), np.median(light[self.sky])
-        if behind <= usual:  # a dark wall, whose light in them does no harm
+        median, behind = np.median(light[leaves]), np.median(light[self.sky])
+        if behind <= median:  # a dark wall, whose light in them does no harm
             return leaves
         near = cv2.dilate(sky, np.ones((2 * _NEAR_SKY_PX + 1, 2 * _NEAR_SKY_PX + 1), np.uint8)) > 0
-        return leaves & ~(near & (light > usual + _SKY_LIGHT * (behind - usual)))
+        return leaves & ~(near & (light > median + _SKY_LIGHT * (behind - median)))
 
     def linear(self) -> NDArray[np.float32]:
         """(h, w, 3), linear Rec.709."""
@@ -96,7 +96,7 @@ def reduce_view(
     reach_px = np.array(camera.focal_px) * _MARGIN * radius_m / max(float(depth_m[0]) - 0.5 * radius_m, 0.2 * radius_m)
     low = np.maximum(np.floor(place[0] - reach_px), 0).astype(int)
     high = np.minimum(np.ceil(place[0] + reach_px), (camera.width_px, camera.height_px)).astype(int)
-    if (high - low).min() < _LEAST_PX:
+    if (high - low).min() < _MIN_PX:
         return None
     picture = view.read()
     size = camera.height_px, camera.width_px

@@ -192,15 +192,15 @@ def solve_dirichlet(
     size = source.shape[1]
     identity, _, adjacency = _graph(size)
     # A texel is fixed on every face that shows it.
-    held = np.zeros(adjacency.shape[0], bool)
-    held[identity[fixed]] = True
+    is_fixed = np.zeros(adjacency.shape[0], bool)
+    is_fixed[identity[fixed]] = True
     values = np.zeros(adjacency.shape[0])
     values[identity[fixed]] = value[fixed]
-    free = np.nonzero(~held)[0]
+    free = np.nonzero(~is_fixed)[0]
     degree = np.asarray(adjacency.sum(axis=1)).ravel()
     laplacian = (sparse.diags_array(degree) - adjacency).tocsr()
     matrix = laplacian[free][:, free]
-    right = distinct_texels(source)[free] - laplacian[free][:, np.nonzero(held)[0]] @ values[held]
+    right = distinct_texels(source)[free] - laplacian[free][:, np.nonzero(is_fixed)[0]] @ values[is_fixed]
     half = (size + 1) // 2
     if half < COARSE_SIZE:
         lu = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -96,11 +96,11 @@ def texel_identity(size: int) -> NDArray[np.int64]:
     lattice = np.rint((on_cube + 1) * (size - 1) / 2).astype(np.int64)
     key = (lattice[:, 0] * size + lattice[:, 1]) * size + lattice[:, 2]
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    shown_by = texel.copy()  # the first texel that looks this way
-    shown_by[border] = texel[border][first][inverse.ravel()]
-    is_first = shown_by == texel
+    first_texel = texel.copy()  # the first texel that looks this way
+    first_texel[border] = texel[border][first][inverse.ravel()]
+    is_first = first_texel == texel
     rank = np.cumsum(is_first.ravel()) - 1
-    identity = rank[shown_by]
+    identity = rank[first_texel]
     identity.setflags(write=False)  # one array serves every caller
     return identity
 

@@ -6,7 +6,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-_MOST_CELLS = 1_000_000  # along a side, so that numbers of cells stay whole numbers
+_MAX_CELLS = 1_000_000  # along a side, so that numbers of cells stay whole numbers
 _FINER = 1.3  # by which cells grow until there are few enough of them
 
 
@@ -20,27 +20,27 @@ def number_cells(points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.int
 
 def cell_means(values: NDArray[np.number], cell: NDArray[np.integer]) -> NDArray[np.float64]:
     """(C, K) mean of the values (N, K) in each cell; cell (N,) as number_cells gives it."""
-    held = np.bincount(cell)
-    return np.column_stack([np.bincount(cell, column) / held for column in values.T])
+    count = np.bincount(cell)
+    return np.column_stack([np.bincount(cell, column) / count for column in values.T])
 
 
-def one_in_each_cell(points_m: NDArray[np.float64], most_points: int) -> tuple[NDArray[np.int64], float]:
+def one_in_each_cell(points_m: NDArray[np.float64], max_points: int) -> tuple[NDArray[np.int64], float]:
     """Points of a cloud (N, 3) of which there are at most so many: the first in each cell of a grid.
 
     Returns:
         Which (K,), in their order, and how wide a cell is; all of them, and 0, where they are few enough.
     """
-    if len(points_m) <= most_points:
+    if len(points_m) <= max_points:
         return np.arange(len(points_m)), 0.0
-    cell_m = float(np.ptp(points_m, axis=0).max()) / min(most_points, _MOST_CELLS)
+    cell_m = float(np.ptp(points_m, axis=0).max()) / min(max_points, _MAX_CELLS)
     if cell_m == 0:
         return np.zeros(1, np.int64), 0.0
     while True:
         cell = number_cells(points_m, cell_m)
-        if cell.max() < most_points:
+        if cell.max() < max_points:
             return np.sort(np.unique(cell, return_index=True)[1]).astype(np.int64), cell_m
         # Cells of a cloud that fills space are fewer by their volume; those of a line by their side.
-        cell_m *= max(_FINER, (cell.max() / most_points) ** (1 / 3))
+        cell_m *= max(_FINER, (cell.max() / max_points) ** (1 / 3))
 
 
 def touching_parts(points_m: NDArray[np.float64], cell_m: float) -> NDArray[np.int64]:

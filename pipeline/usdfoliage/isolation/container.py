@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.isolation.vegetation import LEAST_EXCESS
+from usdfoliage.isolation.vegetation import MIN_EXCESS
 
 BESIDE = 1.5  # radii from the axis, within which what is not green and below the rim is the pot
 _FEW = 30  # cells of a slab, of which nothing is told
@@ -90,14 +90,14 @@ def find_container(
     tall_m = high_m - low_m
     if not tall_m > 0:
         return ContainerSearch(container=None, why="")
-    green = excess > LEAST_EXCESS
+    green = excess > MIN_EXCESS
     if green.mean() < settings.least_green:
         why = "hardly anything is green: a pot would not be told from the plant"
         return ContainerSearch(container=None, why=why)
     # Soil in the shade is a little green as well.
     leaves = green & (heights_m > low_m + 0.5 * tall_m)
     usual = float(np.median(excess[leaves])) if leaves.any() else 0.0
-    least_excess = max(LEAST_EXCESS, settings.excess_of_leaves * usual)
+    least_excess = max(MIN_EXCESS, settings.excess_of_leaves * usual)
     green = excess > least_excess
     slab = np.clip(((heights_m - low_m) / tall_m * settings.slabs).astype(np.int64), 0, settings.slabs - 1)
     held = np.bincount(slab, minlength=settings.slabs)

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 class FocusSettings:
     """When photographs are taken to be aimed at one thing."""
 
-    least_spread: float = 0.01  # of the directions of view: 0 where all are parallel, 2/3 where they are of all sides
+    min_spread: float = 0.01  # of the directions of view: 0 where all are parallel, 2/3 where they are of all sides
     most_miss: float = 0.35  # of the distance, by which the median photograph's axis may pass beside
     least_before: float = 0.8  # share of the photographs that must have it before them
 
     def __post_init__(self) -> None:
-        if not (0 < self.least_spread < 1 and self.most_miss > 0 and 0 <= self.least_before <= 1):
-            raise ValueError(f"least_spread must be in (0, 1), most_miss above 0, least_before a share, not {self}")
+        if not (0 < self.min_spread < 1 and self.most_miss > 0 and 0 <= self.least_before <= 1):
+            raise ValueError(f"min_spread must be in (0, 1), most_miss above 0, least_before a share, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +43,7 @@ def find_focus(
         return None
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     total = across.mean(axis=0)
-    if float(np.linalg.eigvalsh(total)[0]) < settings.least_spread:
+    if float(np.linalg.eigvalsh(total)[0]) < settings.min_spread:
         return None
     place_m = np.linalg.solve(total, np.einsum("nij,nj->ni", across, positions_m).mean(axis=0))
     towards_m = place_m - positions_m

@@ -111,9 +111,9 @@ def draw_plant_mask(
     known = np.isfinite(points_m[..., 0])
     plant = np.zeros((height, width), bool)
     plant[known] = grid.holds(points_m[known])
-    least_px = max(int(settings.speck * height * width), 4)
-    plant = _drop_specks(plant, least_px)
-    other = _drop_specks(known & ~plant, least_px)
+    min_px = max(int(settings.speck * height * width), 4)
+    plant = _drop_specks(plant, min_px)
+    other = _drop_specks(known & ~plant, min_px)
     if not (plant.any() or (expected & ~known).any()):
         return plant
     reach_px = settings.reach * max(height, width)
@@ -121,7 +121,7 @@ def draw_plant_mask(
     unlike = ~known & (
         _color_odds(srgb, plant if plant.any() else expected, beside) < settings.least_odds
     )  # sky has no depth, but a colour
-    plant |= _drop_specks(expected & ~known & ~unlike, least_px)
+    plant |= _drop_specks(expected & ~known & ~unlike, min_px)
     markers = np.zeros((height, width), np.int32)
     kernel = np.ones((2 * settings.sure_px + 1,) * 2, np.uint8)
     # Depth is coarse at outlines: what is in doubt there is left to the edges of the photograph.
@@ -132,7 +132,7 @@ def draw_plant_mask(
     drawn = markers == 2
     line = markers < 0  # between the two: of the plant where depth says so
     drawn[line] = plant[line]
-    return _drop_specks(drawn, least_px)
+    return _drop_specks(drawn, min_px)
 
 
 def _color_odds(srgb: NDArray[np.uint8], plant: NDArray[np.bool_], other: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -153,10 +153,10 @@ def _grown(mask: NDArray[np.bool_], px: int) -> NDArray[np.bool_]:
     return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((2 * px + 1,) * 2, np.uint8)) > 0)
 
 
-def _drop_specks(mask: NDArray[np.bool_], least_px: int) -> NDArray[np.bool_]:
+def _drop_specks(mask: NDArray[np.bool_], min_px: int) -> NDArray[np.bool_]:
     """The mask without pieces of fewer pixels."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    kept = stats[:, cv2.CC_STAT_AREA] >= least_px
+    kept = stats[:, cv2.CC_STAT_AREA] >= min_px
     kept[0] = False
     return np.asarray(kept[labels])
 

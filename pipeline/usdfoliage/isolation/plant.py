@@ -12,7 +12,7 @@ from usdfoliage.isolation.focus import Focus, FocusSettings, find_focus
 from usdfoliage.isolation.hanging import HangingSettings, find_hanging
 from usdfoliage.isolation.pieces import PieceSettings, find_plant_pieces
 from usdfoliage.isolation.support import Support, SupportSettings, find_support
-from usdfoliage.isolation.vegetation import LEAST_EXCESS, green_excess
+from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
 
 _COARSE, _FINE = 0.008, 0.004  # of the scale, widths of cells in which the floor, and pieces of the plant, are told
 _MOST_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
@@ -167,7 +167,7 @@ def _find_hanging(
     scale_m = focus.distance_m
     cell = number_cells(low_m, _FINE * scale_m)
     first = np.unique(cell, return_index=True)[1]
-    green = _smooth_excess(colors, number_cells(low_m, _COLOR_CELLS * _FINE * scale_m)) > LEAST_EXCESS
+    green = _smooth_excess(colors, number_cells(low_m, _COLOR_CELLS * _FINE * scale_m)) > MIN_EXCESS
     hangs = find_hanging(
         low_m[first],
         heights_m[first] > -support.layer_m,

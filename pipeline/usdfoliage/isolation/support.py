@@ -26,17 +26,17 @@ class SupportSettings:
     layer: float = 0.012  # of the scale, half the thickness of the layer that must stand out
     reach: float = 2.0  # of the scale, around the focus, within which the plane is looked for
     dominance: float = 2.0  # cells in the layer for one in the fuller of two layers as thick, above it and below
-    least_cells: int = 400  # that lie in the layer
+    min_cells: int = 400  # that lie in the layer
     least_width: float = 0.35  # of the scale: square root of the area that the layer covers
-    most_below: float = 0.15  # of what is not in the layer but above or below it, the share below
+    max_below: float = 0.15  # of what is not in the layer but above or below it, the share below
     relief: float = 0.08  # of the scale, width over which the floor may rise and fall
     sigmas: float = 3.5  # of the layer's roughness, above which points are no floor
 
     def __post_init__(self) -> None:
         if not (0 < self.tilt_step_rad <= self.steepest_rad < np.pi / 4):
             raise ValueError(f"tilt_step_rad and steepest_rad must be above 0 and in order, not {self}")
-        if not (self.layer > 0 and self.reach > 0 and self.relief > 0 and self.sigmas > 0 and self.least_cells >= 3):
-            raise ValueError(f"layer, reach, relief and sigmas must be above 0, least_cells at least 3, not {self}")
+        if not (self.layer > 0 and self.reach > 0 and self.relief > 0 and self.sigmas > 0 and self.min_cells >= 3):
+            raise ValueError(f"layer, reach, relief and sigmas must be above 0, min_cells at least 3, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,12 +75,12 @@ def find_support(
     # One point that is far off must not make layers without end.
     near = (aside_m < settings.reach * scale_m) & (np.abs(cells_m[:, 1] - middle_m[1]) < _TALLEST * scale_m)
     near_m = cells_m[near] - middle_m  # far from the origin sums lose digits
-    if len(near_m) < settings.least_cells:
+    if len(near_m) < settings.min_cells:
         return None
     plane = _fit_plane(near_m, _find_layer(near_m, layer_m, settings), layer_m)
     over_m = near_m[:, 1] - near_m[:, [0, 2]] @ plane[:2] - plane[2]
     within = np.abs(over_m) < layer_m
-    if within.sum() < settings.least_cells or np.hypot(*plane[:2]) > np.tan(settings.steepest_rad):
+    if within.sum() < settings.min_cells or np.hypot(*plane[:2]) > np.tan(settings.steepest_rad):
         return None
     # What stands beside the floor, as walls do, tells nothing of it.
     width_m = 0.05 * scale_m
@@ -96,7 +96,7 @@ def find_support(
     # The next layers hold what the floor is rough by: the rivals are those after them.
     rivals = [int(((side * over_m >= 3 * layer_m) & (side * over_m < 5 * layer_m)).sum()) for side in (1, -1)]
     above, below = int((over_m >= 3 * layer_m).sum()), int((over_m <= -3 * layer_m).sum())
-    if inside < settings.dominance * max(rivals) or below > settings.most_below * (above + below):
+    if inside < settings.dominance * max(rivals) or below > settings.max_below * (above + below):
         return None
     return _follow_relief(cells_m, middle_m, plane, scale_m, settings)
 

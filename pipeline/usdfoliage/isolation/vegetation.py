@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-LEAST_EXCESS = 0.06  # of green, of all light, from which on a point is green: walls, pots and soil have less
+MIN_EXCESS = 0.06  # of green, of all light, from which on a point is green: walls, pots and soil have less
 DARK = 0.01  # of white, added to what colours are divided by
 
 

@@ -19,7 +19,7 @@ class FillSettings:
 
     apart: float = 0.5  # middles of leaves at least: a leaf's own points are no place for another
     around: float = 0.35  # of a leaf's middle, points that tell its plane
-    least_points: int = 4  # around it: fewer are no leaf
+    min_points: int = 4  # around it: fewer are no leaf
     flat: float = 0.5  # spread across the plane over that along it, above which it is no plane and tells nothing
     slim: float = 0.35  # spread across the longest direction over that along it, below which it is the leaf's own
     tilt: float = 0.7  # of a leaf there, from level: standard deviation of its normal's parts, whose upward one is 1
@@ -28,7 +28,7 @@ class FillSettings:
     unseen: float = 0.25  # between where they end and a twig there, at which the leaf begins then
     shortest: float = 0.3  # of leaves whose points end sooner; 1: all have the usual length
     farthest: float = 3.5  # from what leaves grow from: beyond it are no leaves of the plant
-    most_leaves: int = 200_000
+    max_leaves: int = 200_000
 
     def __post_init__(self) -> None:
         above = (self.apart, self.around, self.flat, self.slim, self.wide, self.gap, self.farthest)
@@ -39,8 +39,8 @@ class FillSettings:
             )
         if not 0 < self.shortest <= 1:
             raise ValueError(f"shortest must be above 0 and at most 1, not {self.shortest}")
-        if self.least_points < 3 or self.most_leaves < 1:
-            raise ValueError(f"least_points must be at least 3, most_leaves at least 1, not {self}")
+        if self.min_points < 3 or self.max_leaves < 1:
+            raise ValueError(f"min_points must be at least 3, max_leaves at least 1, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,8 +103,8 @@ def fill_places(
     # A slim piece around a twig is the twig itself.
     kept = (away_m <= settings.farthest * length_m) & ~(pieces.is_slim & (away_m <= 0.1 * length_m))
     pieces = pieces.take(kept)
-    if len(pieces.point) > settings.most_leaves:
-        pieces = pieces.take(np.sort(rng.choice(len(pieces.point), settings.most_leaves, replace=False)))
+    if len(pieces.point) > settings.max_leaves:
+        pieces = pieces.take(np.sort(rng.choice(len(pieces.point), settings.max_leaves, replace=False)))
     if not len(pieces.point):
         none = np.zeros(0)
         return FilledPlaces(
@@ -115,8 +115,8 @@ def fill_places(
     foot_m = _find_feet(pieces.middle_m, axis, origins, length_m, settings)
     begin_m, own_m, width_m = _find_ends(plant_m, pieces.middle_m, turn, foot_m, length_m, settings)
     base_m = pieces.middle_m + begin_m[:, None] * axis
-    tells = pieces.is_slim | (own_m < length_m)
-    once = _drop_repeated(base_m + 0.5 * own_m[:, None] * axis, axis, tells, 0.25 * length_m)
+    is_measured = pieces.is_slim | (own_m < length_m)
+    once = _drop_repeated(base_m + 0.5 * own_m[:, None] * axis, axis, is_measured, 0.25 * length_m)
     return FilledPlaces(
         base_m=base_m[once],
         orientation=Rotation.from_matrix(turn[once]).as_quat(canonical=True),
@@ -151,7 +151,7 @@ def _fit_planes(
     found = cKDTree(points_m).query_ball_point(points_m[chosen], around_m) if len(chosen) else []
     lists: list[list[int]] = list(found)  # type: ignore[arg-type]  # its stubs know of one place alone
     counts = np.array([len(each) for each in lists], np.int64)
-    kept = counts >= settings.least_points
+    kept = counts >= settings.min_points
     chosen, counts = chosen[kept], counts[kept]
     if not len(chosen):
         none = np.zeros((0, 3))
@@ -243,9 +243,9 @@ def _find_ends(
         else:  # it stays on its points
             begin_m[leaf] = np.clip(begin_m[leaf], -back_m, ahead_m - length_m)
         outer = (along - begin_m[leaf]) / own_m[leaf]
-        held = (outer > 0.5) & (outer < 1)  # beside its base are points of its twig
-        if held.any():
-            aside_m = abs(across[held])
+        beside = (outer > 0.5) & (outer < 1)  # beside its base are points of its twig
+        if beside.any():
+            aside_m = abs(across[beside])
             width_m[leaf] = 2 * np.quantile(aside_m[aside_m <= max(_reach(aside_m, 3 * apart_m), aside_m.min())], 0.9)
     return begin_m, own_m, width_m
 
@@ -261,12 +261,12 @@ def _reach(along_m: NDArray[np.float64], gap_m: float) -> float:
 
 
 def _drop_repeated(
-    center_m: NDArray[np.float64], axis: NDArray[np.float64], tells: NDArray[np.bool_], near_m: float
+    center_m: NDArray[np.float64], axis: NDArray[np.float64], is_measured: NDArray[np.bool_], near_m: float
 ) -> NDArray[np.int64]:
     """The leaves without those that are one of the others again: their points tell of one centre, along one axis."""
     dropped = np.zeros(len(center_m), bool)
     for first, second in sorted(cKDTree(center_m).query_pairs(near_m)):
-        if not dropped[first] and tells[first] and tells[second]:
+        if not dropped[first] and is_measured[first] and is_measured[second]:
             dropped[second] |= abs(axis[first] @ axis[second]) > np.sqrt(0.5)
     return np.flatnonzero(~dropped)
 

@@ -16,7 +16,7 @@ from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surfac
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
 from usdfoliage.leaf.photographs.colors import PhotoColorSettings, sample_leaf_colors
-from usdfoliage.leaf.photographs.direction import DirectionSettings, tell_base_from_apex
+from usdfoliage.leaf.photographs.direction import DirectionSettings, distinguish_base_from_apex
 from usdfoliage.leaf.segmentation.dense.segment import segment_dense
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings
 from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing, nonzero
@@ -28,8 +28,8 @@ METHODS = ("dense", "paper")
 STEPS = ("segmentation", "fit", "direction", "colours", "texture")
 
 LOW_CONFIDENCE = 0.3  # as the median of all leaves: most of them are guessed
-LEAST_STEP = 1e-3  # of the axis, from one silhouette point's foot to the next
-MOST_MOVED = 0.1  # of the axis, of a foot that is put in order; the silhouette moves by less than half of it
+MIN_STEP = 1e-3  # of the axis, from one silhouette point's foot to the next
+MAX_MOVED = 0.1  # of the axis, of a foot that is put in order; the silhouette moves by less than half of it
 ROUND = 0.75  # width by length from which the longest extent of a leaf is no sure sign of its axis
 LOBED = 0.7  # share of its edge on the silhouette, below which most leaves of a set are not of one lobe
 SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one silhouette describe
@@ -114,8 +114,8 @@ def reconstruct_leaves(
                 segmentation.leaves, settings.dense_fit, threads=settings.threads, progress=report
             )
     with step("direction"):
-        told = tell_base_from_apex(fitted.leaves, views, settings.direction, threads=settings.threads)
-        leaves = order_silhouettes(flip_leaves(fitted.leaves, told.flip))
+        direction = distinguish_base_from_apex(fitted.leaves, views, settings.direction, threads=settings.threads)
+        leaves = order_silhouettes(flip_leaves(fitted.leaves, direction.flip))
     sound, dropped = choose_sound(leaves, settings.min_confidence)
     leaves = leaves.take(sound)
     with step("colours"):
@@ -127,7 +127,7 @@ def reconstruct_leaves(
     return Reconstruction(
         leaves=leaves,
         source=fitted.source[sound],
-        certainty=told.certainty[sound],
+        certainty=direction.certainty[sound],
         segmentation=segmentation,
         texture=texture,
         steps=_count_steps(segmentation, fitted, leaves, dropped),
@@ -147,15 +147,15 @@ def order_silhouettes(leaves: Leaves) -> Leaves:
     feet = leaves.parameters[:, 2:5, 0]
     ordered = feet.copy()
     for point in range(3):
-        least = (ordered[:, point - 1] if point else 0.0) + LEAST_STEP
-        ordered[:, point] = np.clip(feet[:, point], least, 1 - (3 - point) * LEAST_STEP)
-    near = (np.abs(ordered - feet) <= MOST_MOVED).all(axis=1)  # not of numbers that are none
+        lowest = (ordered[:, point - 1] if point else 0.0) + MIN_STEP
+        ordered[:, point] = np.clip(feet[:, point], lowest, 1 - (3 - point) * MIN_STEP)
+    near = (np.abs(ordered - feet) <= MAX_MOVED).all(axis=1)  # not of numbers that are none
     parameters = leaves.parameters.copy()
     parameters[near, 2:5, 0] = ordered[near]
     return replace(leaves, parameters=parameters)
 
 
-def choose_sound(leaves: Leaves, least_confidence: float) -> tuple[NDArray[np.bool_], dict[str, int]]:
+def choose_sound(leaves: Leaves, min_confidence: float) -> tuple[NDArray[np.bool_], dict[str, int]]:
     """Which leaves (N,) an asset takes, and how many it does not, by reason: the first that holds of a leaf."""
     finite = np.isfinite(leaves.parameters).all(axis=(1, 2)) & np.isfinite(leaves.length_m) & (leaves.length_m > 0)
     feet = np.asarray(leaves.parameters[:, 2:5, 0], np.float32)  # as they are stored
@@ -166,7 +166,7 @@ def choose_sound(leaves: Leaves, least_confidence: float) -> tuple[NDArray[np.bo
         "whose silhouette's points are not in order": (np.diff(feet, axis=1) > 0).all(axis=1),
     }
     if leaves.confidence is not None:
-        checks[f"of less confidence than {least_confidence:g}"] = leaves.confidence >= least_confidence
+        checks[f"of less confidence than {min_confidence:g}"] = leaves.confidence >= min_confidence
     for reason, good in checks.items():
         dropped[reason] = int(np.count_nonzero(sound & ~good))
         sound &= good
@@ -193,7 +193,7 @@ def _count_steps(
     ]
 
 
-def doubt_confidence(leaves: Leaves) -> list[str]:
+def check_confidence(leaves: Leaves) -> list[str]:
     """A sentence where most leaves are guessed."""
     sure = 1.0 if leaves.confidence is None or not len(leaves) else float(np.median(leaves.confidence))
     if sure >= LOW_CONFIDENCE:
@@ -235,7 +235,7 @@ def describe_leaves(
             else "no leaf was found, not even a candidate; see which part of the photographs has depth"
         )
         return notes
-    notes.extend(doubt_confidence(leaves))
+    notes.extend(check_confidence(leaves))
     lobed = outlined is not None and float(np.median(outlined)) < LOBED
     if lobed:
         notes.append(

@@ -187,14 +187,14 @@ def test_many_leaves_are_thinned_evenly_by_whole_nodes():
     plant = plant_of(*shoots)
     every = place(plant, PAIRS)
     assert len(every) == every.grown == 50 * 2 * 101
-    some = place(plant, PAIRS, replace(EXACT, most_leaves=1001))
+    some = place(plant, PAIRS, replace(EXACT, max_leaves=1001))
     assert (len(some), some.grown) == (1000, every.grown)
     pairs = some.base_m.reshape(-1, 2, 3)
     assert np.linalg.norm(pairs[:, 0] - pairs[:, 1], axis=1) == pytest.approx(2 * RADIUS_M)
     share = np.bincount(some.branch, minlength=50)
     assert 18 <= share.min() <= share.max() <= 22
     assert 1.7 < some.base_m[:, 1].mean() < 2.3
-    assert len(place(plant, PAIRS, replace(EXACT, most_leaves=1))) == 2  # a node is never parted
+    assert len(place(plant, PAIRS, replace(EXACT, max_leaves=1))) == 2  # a node is never parted
 
 
 def test_the_same_seed_places_the_same_leaves():
@@ -211,7 +211,7 @@ def test_the_same_seed_places_the_same_leaves():
 @given(seed=st.integers(0, 10**6), name=st.sampled_from(["maple", "willow", "ash"]))
 def test_any_tree_has_leaves_that_are_finite(seed, name):
     plant = random_tree(seed, wild=True)
-    places = place(plant, load_species(name), replace(FoliageSettings(), of_root=1.0, most_leaves=500))
+    places = place(plant, load_species(name), replace(FoliageSettings(), of_root=1.0, max_leaves=500))
     for array in (places.base_m, places.orientation, places.length_m):
         assert np.isfinite(array).all()
     assert np.linalg.norm(places.orientation, axis=1) == pytest.approx(1)
@@ -220,7 +220,7 @@ def test_any_tree_has_leaves_that_are_finite(seed, name):
 
 
 @pytest.mark.parametrize(
-    "bad", [{"most_leaves": 0}, {"variation": -1.0}, {"light": (0.0, 0.0, 0.0)}, {"of_root": np.nan}]
+    "bad", [{"max_leaves": 0}, {"variation": -1.0}, {"light": (0.0, 0.0, 0.0)}, {"of_root": np.nan}]
 )
 def test_settings_that_cannot_be_are_refused(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):

@@ -4,16 +4,16 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
-from usdfoliage.branch.growth.logistic import LogisticSettings, growth_units, longest_way
+from usdfoliage.branch.growth.logistic import LogisticSettings, growth_units, longest_path
 
 
 def test_the_paper_s_plant_begins_at_2_m_and_ends_at_10():
     settings = LogisticSettings(longest=10 / 0.05, initial_share=0.2)
-    assert longest_way(0, settings) == pytest.approx(2 / 0.05)
-    assert longest_way(100, settings) == pytest.approx(10 / 0.05)
+    assert longest_path(0, settings) == pytest.approx(2 / 0.05)
+    assert longest_path(100, settings) == pytest.approx(10 / 0.05)
     # Half of it where (H_max / H_0 - 1) e^(-rho t) is 1, and there it grows fastest: rho H_max / 4.
     half = np.log(4) / 0.3
-    assert longest_way(half, settings) == pytest.approx(100)
+    assert longest_path(half, settings) == pytest.approx(100)
     assert growth_units(half, settings) == pytest.approx(0.3 * 200 / 4)
     assert growth_units(half + np.array([-1.0, 1.0]), settings).max() < growth_units(half, settings)
 
@@ -27,7 +27,7 @@ def test_the_paper_s_plant_begins_at_2_m_and_ends_at_10():
 def test_units_are_what_the_way_grows_by(cycle, longest, share, units):
     settings = LogisticSettings(longest=longest, initial_share=share, initial_units=units)
     step = 1e-4
-    slope = (longest_way(cycle + step, settings) - longest_way(cycle - step, settings)) / (2 * step)
+    slope = (longest_path(cycle + step, settings) - longest_path(cycle - step, settings)) / (2 * step)
     assert growth_units(cycle, settings) == pytest.approx(slope, rel=1e-3, abs=1e-6 * longest)
 
 

@@ -31,9 +31,9 @@ def stem_with(*limbs: tuple) -> Skeleton:
 def test_a_knee_becomes_straight(springs_m):
     settled = settle_attachments(stem_with((limb(45, springs_m), 0.05, 0, FORK)))
     assert settled.points_m[settled.parent_vertex[1], 1] == pytest.approx(springs_m, abs=0.051)
-    way_m = np.diff(settled.points_m[settled.branch(1)], axis=0)
-    way_m /= np.linalg.norm(way_m, axis=1, keepdims=True)
-    assert (way_m @ [np.sqrt(0.5), np.sqrt(0.5), 0]).min() > np.cos(np.radians(12))
+    path_m = np.diff(settled.points_m[settled.branch(1)], axis=0)
+    path_m /= np.linalg.norm(path_m, axis=1, keepdims=True)
+    assert (path_m @ [np.sqrt(0.5), np.sqrt(0.5), 0]).min() > np.cos(np.radians(12))
     assert settled.counts[1] < len(limb(45, springs_m))
 
 

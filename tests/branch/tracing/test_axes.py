@@ -23,12 +23,12 @@ def random_nodes(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_trunk_of_a_y_goes_on_in_the_longer_arm():
-    axes = find_axes(*y_nodes(), least_m=0.0)
+    axes = find_axes(*y_nodes(), min_m=0.0)
     assert [axes.axis(number).tolist() for number in range(len(axes))] == [[0, 1, 2, 3, 4], [2, 5, 6]]
     assert axes.parent.tolist() == [-1, 0]
     assert axes.order.tolist() == [0, 1]
     assert axes.own.tolist() == [True] * 5 + [False, True, True]
-    other = find_axes(*y_nodes(1.0, 2.0), least_m=0.0)
+    other = find_axes(*y_nodes(1.0, 2.0), min_m=0.0)
     assert other.axis(0).tolist() == [0, 1, 2, 5, 6]
 
 
@@ -46,8 +46,8 @@ def test_short_spurs_are_left_out():
     axes = find_axes(centers_m, parent, 1.001)
     assert len(axes) == 1
     assert axes.parent_node(7).tolist() == [-1, 0, 1, 2, 3, -1, -1]
-    least_m = np.array([9, 9, 0.5, 9, 9, 9, 9])  # that of the node from which the arm springs counts
-    assert len(find_axes(centers_m, parent, least_m)) == 2
+    min_m = np.array([9, 9, 0.5, 9, 9, 9, 9])  # that of the node from which the arm springs counts
+    assert len(find_axes(centers_m, parent, min_m)) == 2
 
 
 def test_lengths_run_along_each_axis():
@@ -70,17 +70,17 @@ def test_every_node_is_one_axis_own(seed):
         assert axes.order[number] == axes.order[axes.parent[number]] + 1
 
 
-@given(seed=st.integers(0, 2**32 - 1), least_m=st.floats(0, 8))
-def test_no_axis_is_left_out_that_is_long_enough(seed, least_m):
+@given(seed=st.integers(0, 2**32 - 1), min_m=st.floats(0, 8))
+def test_no_axis_is_left_out_that_is_long_enough(seed, min_m):
     centers_m, parent = random_nodes(seed)
     step_m = step_lengths(centers_m, parent)
     reach_m = RootedTree(parent).farthest_above(step_m) + step_m
-    axes = find_axes(centers_m, parent, least_m)
+    axes = find_axes(centers_m, parent, min_m)
     begins = axes.nodes[axes.first[:-1][axes.parent >= 0] + 1]
-    assert (reach_m[begins] >= least_m).all()
+    assert (reach_m[begins] >= min_m).all()
     held = np.isin(np.arange(len(parent)), axes.nodes)
     springs = ~held & (parent >= 0) & held[parent]
-    assert (reach_m[springs] < least_m).all()
+    assert (reach_m[springs] < min_m).all()
     assert held[parent < 0].all()
 
 

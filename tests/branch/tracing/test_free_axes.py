@@ -88,7 +88,7 @@ def test_a_cloud_without_height_has_nothing_free():
 
 
 @pytest.mark.parametrize(
-    "change", [{"reach": 0.0}, {"beside": (3.0, 1.5)}, {"free": 0.5}, {"most_hidden": 1.0}, {"straight": 2.0}]
+    "change", [{"reach": 0.0}, {"beside": (3.0, 1.5)}, {"free": 0.5}, {"max_hidden": 1.0}, {"straight": 2.0}]
 )
 def test_settings_that_mean_nothing_are_refused(change):
     with pytest.raises(ValueError, match="must be in"):

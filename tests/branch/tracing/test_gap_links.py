@@ -13,8 +13,8 @@ from usdfoliage.branch.tracing.gap_links import link_across_gaps
 from tests.support.branch_clouds import rings
 
 
-def linked(points_m: np.ndarray, most_points: int = 20_000) -> set[tuple[int, int]]:
-    return {tuple(sorted(pair)) for pair in link_across_gaps(points_m, cKDTree(points_m), most_points).tolist()}
+def linked(points_m: np.ndarray, max_points: int = 20_000) -> set[tuple[int, int]]:
+    return {tuple(sorted(pair)) for pair in link_across_gaps(points_m, cKDTree(points_m), max_points).tolist()}
 
 
 @examples(max_examples=40)
@@ -40,18 +40,18 @@ def test_cheapest_ways_by_squares_of_lengths_use_no_other_links():
     assert {tuple(pair) for pair in direct.tolist()} <= linked(points_m)
 
 
-@pytest.mark.parametrize("most_points", [20_000, 300])
-def test_a_stem_goes_on_across_a_gap_on_all_its_sides(most_points):
+@pytest.mark.parametrize("max_points", [20_000, 300])
+def test_a_stem_goes_on_across_a_gap_on_all_its_sides(max_points):
     stem_m = rings(0.1, np.r_[np.arange(0, 1, 0.02), np.arange(1.3, 2, 0.02)])
     points_m = stem_m + np.random.default_rng(0).normal(0, 0.001, stem_m.shape)
     upper = points_m[:, 1] > 1.15
-    pairs = link_across_gaps(points_m, cKDTree(points_m), most_points)
+    pairs = link_across_gaps(points_m, cKDTree(points_m), max_points)
     across = pairs[upper[pairs[:, 0]] != upper[pairs[:, 1]]]
     turn = np.arctan2(points_m[across[:, 0], 2], points_m[across[:, 0], 0])
     assert len(np.unique(np.floor(turn / (np.pi / 2)))) == 4
-    ways_m, lengths_m = (link_points(points_m).ways_m, link_points(points_m).lengths_m)
-    assert ways_m.nnz > lengths_m.nnz
-    assert (ways_m - lengths_m).min() >= 0
+    bridged_m, lengths_m = (link_points(points_m).bridged_m, link_points(points_m).lengths_m)
+    assert bridged_m.nnz > lengths_m.nnz
+    assert (bridged_m - lengths_m).min() >= 0
 
 
 @pytest.mark.parametrize("points_m", [np.eye(4, 3), np.tile([[0.0, 1, 2]], (9, 1)), np.eye(3)[[0, 1, 2] * 4]])
@@ -66,9 +66,9 @@ def test_links_of_many_points_are_those_across_gaps():
     assert (pairs // 2500 == [0, 1]).all()
 
 
-@pytest.mark.parametrize("most_points", [0, 4])
-def test_links_can_be_left_out(most_points):
-    assert not linked(np.random.default_rng(4).normal(size=(50, 3)), most_points)
+@pytest.mark.parametrize("max_points", [0, 4])
+def test_links_can_be_left_out(max_points):
+    assert not linked(np.random.default_rng(4).normal(size=(50, 3)), max_points)
 
 
 @pytest.mark.parametrize("apart_m", [1e-3, 1e-7, 1e-9, 1e-12])

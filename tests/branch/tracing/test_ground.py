@@ -94,7 +94,7 @@ def test_ground_alone_is_ground():
     assert find_ground(ground(4)).points.mean() > 0.99
 
 
-@pytest.mark.parametrize("change", [{"cell_of_extent": 0.0}, {"layer_of_height": 0.0}, {"least_cells": 2}])
+@pytest.mark.parametrize("change", [{"cell_of_extent": 0.0}, {"layer_of_height": 0.0}, {"min_cells": 2}])
 def test_settings_that_call_nothing_ground_are_refused(change):
     with pytest.raises(ValueError, match="shares must be above 0"):
         GroundSettings(**change)

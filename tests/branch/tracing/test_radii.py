@@ -112,7 +112,7 @@ def test_radii_never_grow_outwards_whatever_circles_say(seed):
     radii = estimate_radii(rng.normal(size=(count, 3)), parent, circles)
     has = parent >= 0
     assert (radii.radius_m[has] <= radii.radius_m[parent[has]]).all()
-    assert (radii.radius_m >= RadiusSettings().least_radius_m).all()
+    assert (radii.radius_m >= RadiusSettings().min_radius_m).all()
     assert RadiusSettings().exponents[0] <= radii.exponent <= RadiusSettings().exponents[1]
     assert not radii.believed[np.isnan(radius_m)].any()
 
@@ -124,9 +124,9 @@ def test_one_node_has_a_radius():
 @pytest.mark.parametrize(
     ("change", "about"),
     [
-        ({"least_seen": 0.8, "all_round": 0.7}, "least_seen <= all_round"),
-        ({"all_round": 1.1}, "least_seen <= all_round"),
-        ({"most_away": 0.0}, "must be above 0"),
+        ({"min_seen": 0.8, "all_round": 0.7}, "min_seen <= all_round"),
+        ({"all_round": 1.1}, "min_seen <= all_round"),
+        ({"max_away": 0.0}, "must be above 0"),
         ({"tolerance": 0.0}, "must be above 0"),
         ({"factor": 0.9}, "factor at least 1"),
     ],

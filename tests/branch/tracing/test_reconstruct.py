@@ -36,8 +36,8 @@ def missed(true: Skeleton, found: Skeleton) -> np.ndarray:
     return cKDTree(sample_axes(found, 0.005)[0]).query(sample_axes(true, 0.02)[0])[0]
 
 
-def long_ones(skeleton: Skeleton, least_m: float = LONG_M) -> list[int]:
-    return np.flatnonzero(skeleton.lengths_m > least_m).tolist()
+def long_ones(skeleton: Skeleton, min_m: float = LONG_M) -> list[int]:
+    return np.flatnonzero(skeleton.lengths_m > min_m).tolist()
 
 
 def test_all_axes_of_a_tree_are_found(traced):
@@ -119,18 +119,18 @@ def test_the_same_cloud_gives_the_same_skeleton():
 
 
 def test_a_tree_far_away_is_the_same_tree():
-    way_m = np.array([-1000, 1000, 1000])
-    far = reconstruct_branches(tree_cloud() + way_m, FOOT_M + way_m, SETTINGS).skeleton
-    assert_alike(trace(0.0).skeleton, far, way_m)
+    path_m = np.array([-1000, 1000, 1000])
+    far = reconstruct_branches(tree_cloud() + path_m, FOOT_M + path_m, SETTINGS).skeleton
+    assert_alike(trace(0.0).skeleton, far, path_m)
 
 
-def assert_alike(one: Skeleton, other: Skeleton, way_m=(0, 0, 0)) -> None:
+def assert_alike(one: Skeleton, other: Skeleton, path_m=(0, 0, 0)) -> None:
     """The long branches are the same; the bumps of the bark need not be, as digits and order decide of them."""
     assert other.lengths_m.sum() == pytest.approx(one.lengths_m.sum(), rel=0.1)
     assert sorted(one.order[long_ones(one)]) == sorted(other.order[long_ones(other)])
     places_m, radii_m, _ = sample_axes(one, 0.02)
     others_m, other_radii_m, _ = sample_axes(other, 0.005)
-    away_m, found = cKDTree(others_m - way_m).query(places_m)
+    away_m, found = cKDTree(others_m - path_m).query(places_m)
     assert np.quantile(away_m, 0.9) < 0.02
     assert np.median(np.abs(other_radii_m[found] / radii_m - 1)) < 0.05
 
@@ -187,8 +187,8 @@ def test_a_gap_is_bridged():
 
 def test_a_trunk_goes_on_across_a_gap_though_a_limb_leads_round_it():
     stem_m = np.concatenate([cone([0, 0, 0], [0, 2, 0], 0.1, 2500), cone([0, 2.5, 0], [0, 5, 0], 0.1, 3100, 1)])
-    way_m = [[0, 1.9, 0], [1.5, 1.9, 0], [1.5, 2.6, 0], [0, 2.6, 0]]  # close together all the way
-    limb_m = np.concatenate([cone(one, other, 0.02, 400, 2) for one, other in pairwise(way_m)])
+    path_m = [[0, 1.9, 0], [1.5, 1.9, 0], [1.5, 2.6, 0], [0, 2.6, 0]]  # close together all the way
+    limb_m = np.concatenate([cone(one, other, 0.02, 400, 2) for one, other in pairwise(path_m)])
     skeleton = reconstruct_branches(np.concatenate([stem_m, limb_m]), FOOT_M, SETTINGS).skeleton
     trunk_m = skeleton.points_m[skeleton.branch(0)]
     assert np.linalg.norm(trunk_m[:, [0, 2]], axis=1).max() < 0.1
@@ -260,7 +260,7 @@ def test_a_plant_without_root_is_refused():
         reconstruct_branches(tree_cloud(), np.zeros((0, 3)))
 
 
-@pytest.mark.parametrize("change", [{"internode_m": 0.0}, {"internode_m": np.inf}, {"way_power": 0.5}, {"fine": 0.0}])
+@pytest.mark.parametrize("change", [{"internode_m": 0.0}, {"internode_m": np.inf}, {"path_power": 0.5}, {"fine": 0.0}])
 def test_settings_that_trace_nothing_are_refused(change):
     with pytest.raises(ValueError, match="must be"):
         BranchSettings(**change)

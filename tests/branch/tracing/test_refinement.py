@@ -60,10 +60,10 @@ def test_a_change_of_radius_stays():
 
 
 @examples(max_examples=50)
-@given(seed=SEEDS, most_moved=st.floats(0, 2), least_moved=st.floats(0, 1), wild=st.booleans())
-def test_collapsing_moves_no_branch_by_more_than_it_may(seed, most_moved, least_moved, wild):
+@given(seed=SEEDS, max_moved=st.floats(0, 2), min_moved=st.floats(0, 1), wild=st.booleans())
+def test_collapsing_moves_no_branch_by_more_than_it_may(seed, max_moved, min_moved, wild):
     plant = random_tree(seed, wild=wild)
-    settings = RefinementSettings(most_moved=most_moved, least_moved=least_moved, radius_change=0.2)
+    settings = RefinementSettings(max_moved=max_moved, min_moved=min_moved, radius_change=0.2)
     simple = collapse_nodes(plant, 0.05, settings)
     assert len(simple) == len(plant)
     assert simple.parent_curve.tolist() == plant.parent_curve.tolist()
@@ -71,7 +71,7 @@ def test_collapsing_moves_no_branch_by_more_than_it_may(seed, most_moved, least_
         own, kept = plant.branch(number), simple.branch(number)
         before_m, after_m = plant.points_m[own], simple.points_m[kept]
         np.testing.assert_array_equal(after_m[[0, -1]], before_m[[0, -1]])
-        allowed_m = np.maximum(most_moved * plant.radius_m[own], least_moved * 0.05)
+        allowed_m = np.maximum(max_moved * plant.radius_m[own], min_moved * 0.05)
         assert (off_polyline(before_m, after_m) <= allowed_m + 1e-9).all()
     forks = plant.parent_curve >= 0
     np.testing.assert_array_equal(
@@ -83,7 +83,7 @@ def test_collapsing_moves_no_branch_by_more_than_it_may(seed, most_moved, least_
 @given(seed=SEEDS)
 def test_where_nothing_may_move_bends_stay(seed):
     plant = random_tree(seed)
-    simple = collapse_nodes(plant, 0.05, RefinementSettings(most_moved=0, least_moved=0, radius_change=0))
+    simple = collapse_nodes(plant, 0.05, RefinementSettings(max_moved=0, min_moved=0, radius_change=0))
     inner = np.setdiff1d(np.arange(len(plant.points_m)), [*plant.first, *(plant.first + plant.counts - 1)])
     inner = np.setdiff1d(inner, plant.parent_vertex)
     bent = [vertex for vertex in inner if bends_deg(plant.points_m[vertex - 1 : vertex + 2]).max(initial=0) > 0.01]
@@ -149,7 +149,7 @@ def test_vertices_at_one_place_collapse_to_two():
     assert round_bends(plant).counts.tolist() == [5]
 
 
-@pytest.mark.parametrize("change", [{"most_moved": -0.1}, {"least_moved": -1.0}, {"radius_change": np.nan}])
+@pytest.mark.parametrize("change", [{"max_moved": -0.1}, {"min_moved": -1.0}, {"radius_change": np.nan}])
 def test_to_move_less_than_nothing_is_refused(change):
     with pytest.raises(ValueError, match="must not be below 0"):
         RefinementSettings(**change)

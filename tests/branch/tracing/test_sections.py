@@ -9,7 +9,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.spatial import cKDTree
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 from usdfoliage.branch.tracing.cloud_graph import CloudGraphSettings, link_points
-from usdfoliage.branch.tracing.sections import cut_sections, find_ways
+from usdfoliage.branch.tracing.sections import cut_sections, find_paths
 
 from tests.support.branch_clouds import line, rings
 
@@ -35,12 +35,12 @@ def hairpin() -> tuple[np.ndarray, csr_array]:
 
 
 def ways_from(lengths_m: csr_array, *roots: int, power: float = 1.0, straight=None):
-    return find_ways(lengths_m, np.array(roots), np.arange(len(roots)), power, straight)
+    return find_paths(lengths_m, np.array(roots), np.arange(len(roots)), power, straight)
 
 
 def test_sections_of_a_cylinder_are_its_rings_in_order():
     points_m, lengths_m = cylinder()
-    ways = find_ways(lengths_m, np.arange(24), np.zeros(24, int))
+    ways = find_paths(lengths_m, np.arange(24), np.zeros(24, int))
     sections = cut_sections(points_m, lengths_m, ways, 0.0499)
     order = np.argsort(sections.center_m[:, 1])
     heights_m = 0.05 * (np.arange(12) + 0.5)
@@ -53,7 +53,7 @@ def test_sections_of_a_cylinder_are_its_rings_in_order():
 def test_all_that_ends_at_one_root_is_one_section():
     points_m = line([0, 0, 0], [9, 0, 0], 10)
     lengths_m = graph_of(points_m, [(k, k + 1) for k in range(9)])
-    sections = cut_sections(points_m, lengths_m, find_ways(lengths_m, np.array([0, 9]), np.array([0, 0])), 0.9)
+    sections = cut_sections(points_m, lengths_m, find_paths(lengths_m, np.array([0, 9]), np.array([0, 0])), 0.9)
     assert sections.section[0] == sections.section[9]
     assert sections.points[sections.section[0]] == 2
     assert (sections.parent < 0).sum() == 1
@@ -111,10 +111,10 @@ def test_parents_are_always_nearer_to_the_root(seed, count, roots):
     thickness_m = float(rng.uniform(0.05, 2))
     sections = cut_sections(points_m, lengths_m, ways, thickness_m)
 
-    way_m = RootedTree(ways.before).sum_below(step_lengths(points_m, ways.before) / thickness_m)
+    path_m = RootedTree(ways.before).sum_below(step_lengths(points_m, ways.before) / thickness_m)
     slice_of = np.full(len(sections), -1)
-    slice_of[sections.section] = np.floor(way_m)
-    assert (slice_of[sections.section] == np.floor(way_m)).all()  # a section is of one slice
+    slice_of[sections.section] = np.floor(path_m)
+    assert (slice_of[sections.section] == np.floor(path_m)).all()  # a section is of one slice
     has = sections.parent >= 0
     assert (slice_of[sections.parent[has]] < slice_of[has]).all()
     assert (~has).sum() == len(chosen)

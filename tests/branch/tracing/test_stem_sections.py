@@ -116,7 +116,7 @@ def test_a_branch_does_not_see_the_points_of_its_parent():
     assert len(part.radius_m) == len(part.offset_m) == len(part.spread_m) == 20
 
 
-@pytest.mark.parametrize("change", [{"window_m": 0.0}, {"window_m": np.nan}, {"window_m": 1.0, "least_points": 2}])
+@pytest.mark.parametrize("change", [{"window_m": 0.0}, {"window_m": np.nan}, {"window_m": 1.0, "min_points": 2}])
 def test_settings_that_fit_nothing_are_refused(change):
     with pytest.raises(ValueError, match="window_m must be above 0"):
         StemSectionSettings(**change)

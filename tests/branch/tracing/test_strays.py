@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from usdfoliage.branch.tracing.strays import StraySettings, find_ground_remains, find_strays
+from usdfoliage.branch.tracing.outliers import OutlierSettings, find_ground_remains, find_outliers
 
 
 @pytest.fixture
@@ -21,38 +21,38 @@ def bit(rng: np.random.Generator, count: int, middle_m: tuple[float, float, floa
 
 
 def test_a_plant_has_no_strays(rng):
-    assert not find_strays(plant(rng)).any()
+    assert not find_outliers(plant(rng)).any()
 
 
 def test_bits_beside_a_plant_are_strays(rng):
     points_m = np.concatenate([plant(rng), bit(rng, 40, (2.5, 0.1, 0)), bit(rng, 30, (0, 1, -3))])
-    np.testing.assert_array_equal(find_strays(points_m), np.arange(len(points_m)) >= 2200)
+    np.testing.assert_array_equal(find_outliers(points_m), np.arange(len(points_m)) >= 2200)
 
 
 def test_a_foot_below_a_crown_whose_trunk_was_not_seen_stays(rng):
     points_m = np.concatenate([plant(rng)[200:], bit(rng, 40, (0, 0.1, 0))])
-    assert not find_strays(points_m).any()
+    assert not find_outliers(points_m).any()
 
 
 def test_another_plant_is_no_stray(rng):
-    assert not find_strays(np.concatenate([plant(rng), plant(rng) + np.array([4.0, 0, 0])])).any()
+    assert not find_outliers(np.concatenate([plant(rng), plant(rng) + np.array([4.0, 0, 0])])).any()
 
 
 @pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
 def test_strays_are_the_same_at_every_size(rng, scale):
     points_m = np.concatenate([plant(rng), bit(rng, 40, (2.5, 0.1, 0))])
-    assert find_strays(scale * points_m).sum() == 40
+    assert find_outliers(scale * points_m).sum() == 40
 
 
 @pytest.mark.parametrize("points_m", [np.zeros((0, 3)), np.zeros((5, 3))])
 def test_what_has_no_height_has_no_strays(points_m):
-    assert not find_strays(points_m).any()
+    assert not find_outliers(points_m).any()
 
 
-@pytest.mark.parametrize("change", [{"gap_of_height": 0.0}, {"most_points": 1.0}])
+@pytest.mark.parametrize("change", [{"gap_of_height": 0.0}, {"max_points": 1.0}])
 def test_settings_that_cannot_be_are_refused(change):
     with pytest.raises(ValueError, match=next(iter(change))):
-        StraySettings(**change)
+        OutlierSettings(**change)
 
 
 def test_low_points_far_beside_a_plant_are_remains_of_its_ground():

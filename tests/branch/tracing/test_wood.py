@@ -171,7 +171,7 @@ def test_the_same_cloud_has_the_same_leaves():
 
 
 @pytest.mark.parametrize(
-    "change", [{"leaf_m": 0.0}, {"leafless": 1.5}, {"settled": -0.1}, {"caution": np.nan}, {"most_turns": 0}]
+    "change", [{"leaf_m": 0.0}, {"leafless": 1.5}, {"settled": -0.1}, {"caution": np.nan}, {"max_turns": 0}]
 )
 def test_settings_that_cannot_be_are_refused(change):
     with pytest.raises(ValueError, match=next(iter(change))):
@@ -186,7 +186,7 @@ def test_what_leaves_may_be_is_said():
 def test_of_a_dense_cloud_leaves_are_told_by_some_of_its_points():
     points_m, is_wood = leafy_cloud()
     some = len(points_m) * 2 // 3
-    settings = BranchSettings(leaves="on", wood=WoodSettings(most_points=some, few_points=some))
+    settings = BranchSettings(leaves="on", wood=WoodSettings(max_points=some, few_points=some))
     thinned = reconstruct_branches(points_m, FOOT_M, settings)
     assert len(thinned.wood) == len(points_m)
     assert thinned.wood[is_wood].mean() > 0.8

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
-from usdfoliage.capture.cloud.cleaning import CleaningSettings, drop_floating, drop_strays, thin_to_disks
+from usdfoliage.capture.cloud.cleaning import CleaningSettings, drop_floating, drop_outliers, thin_to_disks
 
 from tests.support.plain_clouds import cloud_of
 
@@ -22,10 +22,10 @@ def moved(points, *offset):
 @pytest.mark.parametrize("scale", [0.001, 1.0, 1000.0])
 def test_points_alone_in_the_air_are_strays_at_any_scale(scale):
     strays = np.array([(0.2, 0.2, 0.5), (0.5, 0.1, 0.2), (0.51, 0.1, 0.2)])
-    cleaned = drop_strays(cloud_of(np.concatenate([sheet(), strays]) * scale))
+    cleaned = drop_outliers(cloud_of(np.concatenate([sheet(), strays]) * scale))
     assert cleaned.points_m == pytest.approx(sheet() * scale)
     assert np.array_equal(cleaned.views, np.arange(1600))
-    assert len(drop_strays(cloud_of(strays), CleaningSettings(neighbors=0))) == 3
+    assert len(drop_outliers(cloud_of(strays), CleaningSettings(neighbors=0))) == 3
 
 
 @pytest.mark.parametrize("scale", [0.001, 1.0, 1000.0])
@@ -67,7 +67,7 @@ def test_disks_are_apart_and_leave_no_gap(seed, spacing_m):
 def test_little_is_left_as_it_is():
     empty = cloud_of(np.zeros((0, 3)))
     assert (
-        len(drop_strays(empty))
+        len(drop_outliers(empty))
         == len(drop_floating(empty))
         == len(thin_to_disks(empty, CleaningSettings(spacing_m=1.0)))
         == 0

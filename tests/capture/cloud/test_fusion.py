@@ -39,7 +39,7 @@ def test_points_lie_on_the_surface_in_its_colour():
 def test_what_few_views_see_is_left_out():
     views = [seen(looking_down(x)) for x in (0.0, 0.2, 0.4)]
     everything = merge_views(views, CloudSettings(cell_m=0.1))
-    sure = merge_views(views, CloudSettings(cell_m=0.1, least_views=3))
+    sure = merge_views(views, CloudSettings(cell_m=0.1, min_views=3))
     assert 0 < len(sure) < len(everything)
     assert np.array_equal(sure.points_m, everything.take(everything.views >= 3).points_m)
 
@@ -52,7 +52,7 @@ def test_views_that_agree_have_seen_a_point():
     left = cloud.points_m[:, 0] < 0
     assert (cloud.views[left] == 4).all()
     assert (cloud.views[~left] == 1).all()
-    sure = merge_views([SeenSurface(**{**vars(view), "agreeing": agreeing})], CloudSettings(least_views=2))
+    sure = merge_views([SeenSurface(**{**vars(view), "agreeing": agreeing})], CloudSettings(min_views=2))
     assert np.array_equal(sure.points_m, cloud.points_m[left])
     with pytest.raises(ValueError, match="agreeing"):
         merge_views([SeenSurface(**{**vars(view), "agreeing": agreeing[1:]})])
@@ -72,7 +72,7 @@ def test_noise_is_averaged_and_the_near_view_counts_more():
     center = np.linalg.norm(cloud.points_m[:, :2], axis=1) < 0.2
     assert (cloud.srgb[center, 0] > 2 * cloud.srgb[center, 2]).all()
     noisy = [seen(looking_down(), noise_m=0.01, seed=seed) for seed in range(16)]
-    flat = merge_views(noisy, CloudSettings(cell_m=0.1, least_views=10))
+    flat = merge_views(noisy, CloudSettings(cell_m=0.1, min_views=10))
     # The first point's height parts cells: what is above it and what is below is averaged apart.
     assert np.std(np.abs(flat.points_m[:, 2])) < 0.003
 
@@ -110,7 +110,7 @@ def test_nothing_and_broken_depth():
         merge_views([seen(looking_down())], CloudSettings(cell_m=1e-9))
 
 
-@pytest.mark.parametrize("wrong", [{"cell_m": 0.0}, {"cell_m": np.nan}, {"cell_footprints": 0.0}, {"least_views": 0}])
+@pytest.mark.parametrize("wrong", [{"cell_m": 0.0}, {"cell_m": np.nan}, {"cell_footprints": 0.0}, {"min_views": 0}])
 def test_settings_that_cannot_be(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         CloudSettings(**wrong)

@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from usdfoliage.capture.cloud_files.false_colors import SampledColors, doubt_colors
+from usdfoliage.capture.cloud_files.false_colors import SampledColors, check_colors
 from usdfoliage.capture.cloud_files.read import CloudInputSettings, read_cloud_input
 
 from tests.support.cloud_files import write_las, write_ply
@@ -53,9 +53,9 @@ def test_ramps_are_no_colours(name, count):
     points, _ = tree(count)
     rng = np.random.default_rng(1)
     for axis in range(3):
-        assert f"axis {'XYZ'[axis]}" in doubt_colors(points, ramp(name, unit(points[:, axis])))
-    assert "a ramp" in doubt_colors(points, ramp(name, rng.normal(0.5, 0.2, len(points)).clip(0, 1)))
-    assert "a ramp" in doubt_colors(points, ramp(name, rng.random(len(points)) ** 2))
+        assert f"axis {'XYZ'[axis]}" in check_colors(points, ramp(name, unit(points[:, axis])))
+    assert "a ramp" in check_colors(points, ramp(name, rng.normal(0.5, 0.2, len(points)).clip(0, 1)))
+    assert "a ramp" in check_colors(points, ramp(name, rng.random(len(points)) ** 2))
 
 
 @pytest.mark.parametrize("name", ["VIRIDIS", "JET", "TURBO", "HSV"])
@@ -63,7 +63,7 @@ def test_shading_over_a_ramp_of_height_hides_nothing(name):
     points, _ = tree()
     shade = np.random.default_rng(1).uniform(0.4, 1, (len(points), 1))
 
-    assert "axis Z" in doubt_colors(points, np.rint(shade * ramp(name, unit(points[:, 2]))))
+    assert "axis Z" in check_colors(points, np.rint(shade * ramp(name, unit(points[:, 2]))))
 
 
 def test_ramps_of_many_steps_and_of_another_direction():
@@ -72,7 +72,7 @@ def test_ramps_of_many_steps_and_of_another_direction():
     nodes = np.array([[0, 0, 255], [0, 255, 0], [255, 255, 0], [255, 0, 0]], float)  # as of CloudCompare
     smooth = np.column_stack([np.interp(across, np.linspace(0, 1, 4), channel) for channel in nodes.T])
 
-    assert "a ramp" in doubt_colors(points, np.rint(smooth))
+    assert "a ramp" in check_colors(points, np.rint(smooth))
 
 
 @pytest.mark.parametrize("noise", [0, 0.5, 2, 8, 25])
@@ -90,16 +90,16 @@ def test_colours_of_plants_are_colours(noise, base):
     lower_darker = 0.4 + 0.6 * unit(points[:, 2])[:, None]
     for shade in (1.0, rng.uniform(0.3, 1.4, (len(points), 1)), lower_darker):
         colors = np.rint((shade * plain + noise * rng.normal(size=points.shape)).clip(0, 255))
-        assert doubt_colors(points, colors) == ""
+        assert check_colors(points, colors) == ""
 
 
 def test_grey_and_few_points_are_not_doubted():
     points, _ = tree()
     grey = np.rint(unit(points[:, [2, 2, 2]]) * 255)
 
-    assert doubt_colors(points, grey) == ""
-    assert doubt_colors(points[:20], ramp("JET", unit(points[:20, 2]))) == ""
-    assert doubt_colors(points, np.zeros(points.shape)) == ""
+    assert check_colors(points, grey) == ""
+    assert check_colors(points[:20], ramp("JET", unit(points[:20, 2]))) == ""
+    assert check_colors(points, np.zeros(points.shape)) == ""
 
 
 def test_black_points_hide_no_ramp():
@@ -107,7 +107,7 @@ def test_black_points_hide_no_ramp():
     colors = ramp("TURBO", np.random.default_rng(3).random(len(points)))
     colors[::3] = 0
 
-    assert "a ramp" in doubt_colors(points, colors)
+    assert "a ramp" in check_colors(points, colors)
 
 
 def test_a_cloud_with_a_ramp_counts_as_uncoloured_and_says_so(tmp_path):
@@ -125,7 +125,7 @@ def test_a_cloud_with_a_ramp_counts_as_uncoloured_and_says_so(tmp_path):
 def test_thinning_hides_no_ramp(tmp_path):
     points, _ = tree()
     colors = ramp("VIRIDIS", np.random.default_rng(4).random(len(points)))
-    settings = CloudInputSettings(metres_per_unit=1.0, most_points=500)
+    settings = CloudInputSettings(metres_per_unit=1.0, max_points=500)
 
     cloud = read_cloud_input(write_las(tmp_path / "a.las", points, colors), settings)
 
@@ -169,7 +169,7 @@ def test_black_points_darken_no_mean(tmp_path):
     colors[::2] = 0
 
     cloud = read_cloud_input(
-        write_ply(tmp_path / "a.ply", points, colors), CloudInputSettings(metres_per_unit=1.0, most_points=300)
+        write_ply(tmp_path / "a.ply", points, colors), CloudInputSettings(metres_per_unit=1.0, max_points=300)
     )
 
     different = {tuple(color) for color in cloud.colors.tolist()}

@@ -89,7 +89,7 @@ def test_ply_is_told_by_its_first_bytes(tmp_path):
     cloud = read_cloud_input(write_ply(tmp_path / "scan.data", some_points()), METRES)
     assert len(cloud.points_m) == 200
     write_las(tmp_path / "scan.las", some_points()).rename(tmp_path / "scan.ptcloud")
-    assert read_cloud_input(tmp_path / "scan.ptcloud", METRES).usual_up == "+Z"
+    assert read_cloud_input(tmp_path / "scan.ptcloud", METRES).format_up == "+Z"
 
 
 def test_vertices_with_lists_are_read(tmp_path):
@@ -227,8 +227,8 @@ def test_e57_and_unknown_files_say_what_to_do(tmp_path):
 def test_settings_are_checked(wrong):
     with pytest.raises(ValueError, match="metres_per_unit"):
         CloudInputSettings(metres_per_unit=wrong)
-    with pytest.raises(ValueError, match="most_points"):
-        CloudInputSettings(most_points=7)
+    with pytest.raises(ValueError, match="max_points"):
+        CloudInputSettings(max_points=7)
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/data is absent")

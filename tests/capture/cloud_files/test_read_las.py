@@ -73,7 +73,7 @@ def test_without_a_unit_las_is_in_metres_however_large(tmp_path):
     cloud = read_cloud_input(write_las(tmp_path / "a.las", 1000 * some_points()))
     assert cloud.metres_per_unit == 1
     assert "as usual for LAS; --unit mm|cm|m|ft" in cloud.notes[0]
-    assert cloud.usual_up == "+Z"
+    assert cloud.format_up == "+Z"
     named = read_cloud_input(write_las(tmp_path / "b.las", some_points(), vlrs=[keys((3072, 2263))]))
     assert "EPSG:2263, whose unit is not looked up" in named.notes[0]
 

@@ -83,7 +83,7 @@ def test_the_cut_follows_edges_of_the_photograph():
     depth_m = np.zeros(SIZE, np.float32)
     depth_m[:, :45] = 1.0
     likelihood = np.where(np.arange(WIDTH) < 40, 0.9, 0.3) * np.ones(SIZE)
-    kept = choose_pixels(likelihood, depth_m > 0, depth_m, srgb, AgreementSettings(least_likelihood=0.35))
+    kept = choose_pixels(likelihood, depth_m > 0, depth_m, srgb, AgreementSettings(min_likelihood=0.35))
     assert kept[:, :40].all()
     assert not kept[:, 40:].any()
     # Holes in the leaf, where too few views agree, are filled; without a cut they stay.

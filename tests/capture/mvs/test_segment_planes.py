@@ -62,7 +62,7 @@ def test_segments_without_enough_depth_have_no_plane():
     assert not fit_segment_planes(np.zeros((*SIZE, 3), np.float32), np.zeros(SIZE, np.float32), labels, 0.01).any()
 
 
-@pytest.mark.parametrize("wrong", [{"size_px": 2}, {"color": 0.0}, {"least_share": 2.0}, {"refits": 0}])
+@pytest.mark.parametrize("wrong", [{"size_px": 2}, {"color": 0.0}, {"min_share": 2.0}, {"refits": 0}])
 def test_wrong_settings(wrong):
     with pytest.raises(ValueError, match="must be"):
         SegmentSettings(**wrong)

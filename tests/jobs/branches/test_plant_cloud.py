@@ -50,7 +50,7 @@ def test_a_shorter_internode_asks_for_more_points(tmp_path):
 
 @pytest.mark.parametrize("most", [1000, 20_000])
 def test_no_more_points_come_than_are_asked_for(tmp_path, most):
-    plant = read(tmp_path / "pole.ply", *pole(80_000), most_points=most)
+    plant = read(tmp_path / "pole.ply", *pole(80_000), max_points=most)
     assert len(plant.points_m) == len(plant.colors) <= most
 
 
@@ -82,7 +82,7 @@ def test_black_points_have_no_colour_and_darken_none(tmp_path, most):
     colors = np.tile([60, 120, 40], (len(points), 1))
     colors[np.random.default_rng(3).random(len(points)) < 0.7] = 0
 
-    cloud = read(tmp_path / "a.ply", points, colors, most_points=most)
+    cloud = read(tmp_path / "a.ply", points, colors, max_points=most)
 
     assert len(cloud.points_m) < len(points)
     assert cloud.colors is not None

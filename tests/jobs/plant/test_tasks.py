@@ -74,11 +74,11 @@ def test_depth_is_cut_into_chunks_of_photographs() -> None:
     ("tables", "expected"),
     [
         ({"pictures": {"comparisons": 2}}, AFTER_PARTS),
-        ({"foliage": {"most_leaves": 17}}, AFTER_PARTS),
+        ({"foliage": {"max_leaves": 17}}, AFTER_PARTS),
         ({"isolation": {"container": False}}, AFTER_CLOUD),
         ({"crown": {"size": 64}}, {"crown", *AFTER_PARTS}),
         ({"leaves": {"min_confidence": 0.3}}, {"leaves", "crown", *AFTER_PARTS}),
-        ({"branches": {"most_points": 1000}}, {"branches", "crown", *AFTER_PARTS}),
+        ({"branches": {"max_points": 1000}}, {"branches", "crown", *AFTER_PARTS}),
         ({"plant": {"species": "oak"}}, {"branches", "leaves", "crown", *AFTER_PARTS}),
     ],
 )
@@ -97,7 +97,7 @@ def test_a_species_is_written_into_each_part_by_itself(part: str) -> None:
 
 
 @pytest.fixture
-def look_again() -> Iterator[None]:
+def segment_again() -> Iterator[None]:
     """What is looked at once in a process is looked at in each plan, before and after the test."""
     outside_tools.forget()
     yield
@@ -105,7 +105,7 @@ def look_again() -> Iterator[None]:
 
 
 def test_validators_of_the_place_touch_the_report_alone(
-    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    segment_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def plan() -> BuildPlan:
         outside_tools.forget()
@@ -132,7 +132,7 @@ def test_validators_of_the_place_touch_the_report_alone(
 
 
 def test_validators_are_told_by_what_they_are_and_not_by_their_place(
-    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    segment_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told = []
     for place in ("here", "there"):
@@ -150,7 +150,7 @@ def test_validators_are_told_by_what_they_are_and_not_by_their_place(
 
 
 def test_the_module_of_a_plug_in_counts_wherever_it_lies(
-    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    segment_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "plugin").mkdir()
     (tmp_path / "plugin" / "plugInfo.json").write_text('{"Plugins": [{"Type": "python", "Name": "studio_rules_x"}]}')
@@ -168,7 +168,7 @@ def test_the_module_of_a_plug_in_counts_wherever_it_lies(
 
 
 def test_another_interpreter_draws_again_and_validates_again(
-    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    segment_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     python = tmp_path / "bin" / "python"
     python.parent.mkdir()
@@ -198,7 +198,7 @@ def test_another_interpreter_draws_again_and_validates_again(
 
 
 def test_without_pictures_nobody_asks_what_draws(
-    look_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    segment_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     settings = changed(pictures={"make": False})
     before = plan_build(make_inputs(), settings, "fern")

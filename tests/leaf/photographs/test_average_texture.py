@@ -167,7 +167,7 @@ def test_nothing_seen_is_grey(leaves):
     ("wrong", "said"),
     [
         ({"width_px": 8}, "16 pixels wide"),
-        ({"most_pictures": 0}, "most_pictures must be 1"),
+        ({"max_pictures": 0}, "max_pictures must be 1"),
         ({"edge": (0.5, 0.5)}, "edge must rise"),
     ],
 )

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.leaf.fit.flip import flip_leaves
-from usdfoliage.leaf.photographs.direction import DirectionSettings, learn_direction, tell_base_from_apex
+from usdfoliage.leaf.photographs.direction import DirectionSettings, distinguish_base_from_apex, learn_direction
 from usdfoliage.leaf.photographs.stalks import StalkSettings, find_stalk_points
 from usdfoliage.leaf.shape.variation import default_leaf
 
@@ -60,7 +60,7 @@ def photograph_with_stalks(leaves, chosen, camera=CAMERA):
 def test_stalks_tell_the_base(flip):
     leaves = scatter(SYMMETRIC)
     view = photograph_with_stalks(leaves, np.ones(24, bool))
-    told = tell_base_from_apex(flip_leaves(leaves, np.array(flip)), [view])
+    told = distinguish_base_from_apex(flip_leaves(leaves, np.array(flip)), [view])
 
     assert told.flip.tolist() == flip
     assert told.certainty.min() > 0.6
@@ -72,7 +72,7 @@ def test_stalks_before_the_open_sky_tell_the_base():
     view.depth_m[view.depth_m == np.float32(1.5)] = 0
     flip = np.arange(24) % 2 == 0
 
-    assert tell_base_from_apex(flip_leaves(leaves, flip), [view]).flip.tolist() == flip.tolist()
+    assert distinguish_base_from_apex(flip_leaves(leaves, flip), [view]).flip.tolist() == flip.tolist()
 
 
 @pytest.mark.parametrize(("noisy", "scale"), [(False, 1.0), (True, 1.0), (False, 10.0), (False, 0.1)])
@@ -82,7 +82,7 @@ def test_nearly_all_leaves_of_a_known_bed_are_told(noisy, scale):
     leaves = replace(known.leaves, base_m=known.leaves.base_m * scale, length_m=known.leaves.length_m * scale)
     views = [scaled_view(view, scale) for view in (known.noisy_views if noisy else known.views)]
     flip = np.random.default_rng(7).random(len(leaves)) < 0.5
-    told = tell_base_from_apex(flip_leaves(leaves, flip), views)
+    told = distinguish_base_from_apex(flip_leaves(leaves, flip), views)
 
     assert np.mean((told.flip == flip)[seen]) >= 0.95
 
@@ -92,7 +92,7 @@ def test_one_leaf_with_a_stalk_is_told():
     view = photograph_with_stalks(leaf, [True])
 
     for flip in (False, True):
-        assert tell_base_from_apex(flip_leaves(leaf, np.array([flip])), [view]).flip.tolist() == [flip]
+        assert distinguish_base_from_apex(flip_leaves(leaf, np.array([flip])), [view]).flip.tolist() == [flip]
 
 
 def test_a_third_of_leaves_with_stalks_teach_the_others_their_taper():
@@ -101,7 +101,7 @@ def test_a_third_of_leaves_with_stalks_teach_the_others_their_taper():
     leaves = scatter(leaf)
     flip = np.random.default_rng(5).random(24) < 0.5
     view = photograph_with_stalks(leaves, np.arange(24) % 3 == 0)
-    told = tell_base_from_apex(flip_leaves(leaves, np.array(flip)), [view])
+    told = distinguish_base_from_apex(flip_leaves(leaves, np.array(flip)), [view])
 
     assert told.flip.tolist() == flip.tolist()
 
@@ -112,22 +112,22 @@ def test_taper_may_run_either_way():
     leaves = scatter(leaf)
     view = photograph_with_stalks(leaves, np.arange(24) % 3 == 0)
 
-    assert not tell_base_from_apex(leaves, [view]).flip.any()
+    assert not distinguish_base_from_apex(leaves, [view]).flip.any()
 
 
 def test_without_any_evidence_nothing_is_certain():
     leaf = place_leaves(SYMMETRIC, [(0.0, 0.0, 0.0)])
-    told = tell_base_from_apex(leaf, [photograph(leaf, CAMERA, GREEN[None])])
+    told = distinguish_base_from_apex(leaf, [photograph(leaf, CAMERA, GREEN[None])])
 
     assert told.certainty[0] < 0.8
 
 
 def test_no_leaves_and_no_views_are_answered():
     leaves = scatter(SYMMETRIC)
-    none = tell_base_from_apex(leaves.take([False] * 24), [photograph(leaves, CAMERA, np.tile(GREEN, (24, 1)))])
+    none = distinguish_base_from_apex(leaves.take([False] * 24), [photograph(leaves, CAMERA, np.tile(GREEN, (24, 1)))])
     assert none.flip.shape == none.certainty.shape == (0,)
 
-    blind = tell_base_from_apex(leaves, [])
+    blind = distinguish_base_from_apex(leaves, [])
     assert np.isfinite(blind.certainty).all()
 
 

@@ -119,11 +119,11 @@ def test_the_spread_is_that_of_the_noise(noise):
 def test_without_depth_the_spread_is_the_least_one(leaves):
     view = photograph(leaves, CAMERA, GREEN, depth=False)
 
-    assert estimate_spread(leaves, [view]) == VisibilitySettings().least_spread
-    assert estimate_spread(leaves, []) == VisibilitySettings().least_spread
+    assert estimate_spread(leaves, [view]) == VisibilitySettings().min_spread
+    assert estimate_spread(leaves, []) == VisibilitySettings().min_spread
 
 
-@pytest.mark.parametrize("name", ["widths", "least_spread"])
+@pytest.mark.parametrize("name", ["widths", "min_spread"])
 def test_settings_must_be_above_0(name):
     with pytest.raises(ValueError, match=f"{name} must be above 0, not 0"):
         VisibilitySettings(**{name: 0})

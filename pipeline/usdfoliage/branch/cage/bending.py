@@ -12,7 +12,7 @@ FADES_OVER = 3.0  # lengths of the move, over which the axis comes back to where
 SAMPLES = 8  # points there
 NEXT = 0.02  # of that way: no new point is nearer to an old one
 TIGHT = 1.25  # half the angle of a bend takes its tangent in radii of length on both sides, and so much more
-MOST_PASSES = 60
+MAX_PASSES = 60
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,15 +37,15 @@ def move_starts(paths: list[Path], along_m: Floats, held_m: Floats) -> None:
         held_m: (T,) arc up to which a path keeps its shape.
     """
     moved: dict[int, _Moved] = {}
-    held: dict[int, Floats] = {}  # arcs of the parents that stay
+    parent_arcs: dict[int, Floats] = {}  # arcs of the parents that stay
     for number, path in enumerate(paths):
         if path.parent < 0 or (along_m[number] == 0 and path.parent not in moved):
             continue
         parent = paths[path.parent]
         before = moved.get(path.parent)
-        if before is None and path.parent not in held:
-            held[path.parent] = arcs_along(parent.points_m)
-        old_arc = before.old_arc_m if before else held[path.parent]
+        if before is None and path.parent not in parent_arcs:
+            parent_arcs[path.parent] = arcs_along(parent.points_m)
+        old_arc = before.old_arc_m if before else parent_arcs[path.parent]
         old_points = before.old_points_m if before else parent.points_m
         target = float(min(max(path.parent_arc_m + along_m[number], 0.0), old_arc[-1]))
         step = _at(old_arc, old_points, target) - _at(old_arc, old_points, path.parent_arc_m)
@@ -91,7 +91,7 @@ def ease_bends(paths: list[Path]) -> None:
     fixed = np.zeros(len(points), bool)
     fixed[first] = fixed[first + counts - 1] = True
     kept = np.arange(len(points))
-    for _ in range(MOST_PASSES):
+    for _ in range(MAX_PASSES):
         drop = _too_tight(points[kept], radius[kept], of[kept], fixed[kept])
         if not drop.any():
             break

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import _native
-from usdfoliage.branch.cage.tubes import Floats, Ints, Tubes, rotate_least
+from usdfoliage.branch.cage.tubes import Floats, Ints, Tubes, rotate_between
 
 CAGE_FACTOR = 1.2  # how much farther from the axis a cage of six is than its limit, nearly
 THICKEST = 0.95  # of the parent's radius, where a branch leaves it
-LEAST_STUB = 0.3  # of its radius: what ends thinner than this before it is clear of its parent is not worth a hole
+MIN_STUB = 0.3  # of its radius: what ends thinner than this before it is clear of its parent is not worth a hole
 SKIN = 1e-6  # radii
 MOST_STEPS = 400
 
@@ -57,7 +57,7 @@ def find_exits(tubes: Tubes, tube: Ints, clearance: Floats) -> Exits:
     room = (disc.distance_m - CAGE_FACTOR * disc.near.radius_m - clearance * radius * 0.5) / CAGE_FACTOR
     slim = room / np.maximum(disc.sideways, 1e-3)
     free_radius = np.where(free_ok, disc.radius_m, np.minimum(disc.radius_m, slim))
-    reached = exit_ok & (free_ok | (free_radius > LEAST_STUB * disc.radius_m))
+    reached = exit_ok & (free_ok | (free_radius > MIN_STUB * disc.radius_m))
 
     tangent = tubes.tangents(parent, hole_arc, 0.5 * parent_radius)
     first, second = tubes.frames(parent, hole_arc, tangent)
@@ -74,7 +74,7 @@ def find_exits(tubes: Tubes, tube: Ints, clearance: Floats) -> Exits:
 
     free_tangent = tubes.tangents(tube, free_arc, 0.5 * free_radius.clip(1e-3 * radius))
     own_first, own_second = tubes.frames(tube, free_arc, free_tangent)
-    across = rotate_least(outward, free_tangent, np.cross(tangent, outward))
+    across = rotate_between(outward, free_tangent, np.cross(tangent, outward))
     return Exits(
         tube=tube,
         parent=parent,

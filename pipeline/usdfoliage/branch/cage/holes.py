@@ -14,7 +14,7 @@ from usdfoliage.branch.cage.exits import Exits
 from usdfoliage.branch.cage.sectors import TURN
 from usdfoliage.branch.cage.tubes import Floats, Ints, Tubes, turning
 
-LEAST_SINE = np.sin(np.radians(35.0))  # a hole is no longer than one at this angle; the branch bends out of it instead
+MIN_SINE = np.sin(np.radians(35.0))  # a hole is no longer than one at this angle; the branch bends out of it instead
 SECTOR_MARGIN = np.radians(14.0)  # between a hole and the edge of its sector
 TIGHT_MARGIN = np.radians(5.0)  # the same, where other branches leave through the same rings
 NARROWEST = np.radians(23.0)  # half a sector
@@ -62,7 +62,7 @@ def place_holes(tubes: Tubes, exits: Exits, start_m: Floats, wanted: NDArray[np.
         scale: (C,), of the holes' sizes, 1 where nothing speaks against it.
     """
     across = HOLE * exits.radius_m * scale
-    along = HOLE_ALONG * across / np.maximum(exits.sine, LEAST_SINE)
+    along = HOLE_ALONG * across / np.maximum(exits.sine, MIN_SINE)
     half_block = 1.35 * along + 0.2 * np.minimum(exits.parent_radius_m, 3 * exits.radius_m)
     sine = np.minimum(across / exits.parent_radius_m, THICKEST_SINE)
     half_rad = np.clip(np.arcsin(sine) + SECTOR_MARGIN, NARROWEST, WIDEST)

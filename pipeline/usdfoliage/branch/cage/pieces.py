@@ -15,7 +15,7 @@ from usdfoliage.branch.model import Skeleton
 
 _STEP = 0.25  # of the radius of what is walked along
 _GAP = 0.1  # of a branch's radius, between it and what it springs from
-_LEAST = 3.0  # radii, that a piece must be long
+_MIN_LENGTH = 3.0  # radii, that a piece must be long
 _NEAREST = 8  # places on the axes below that are looked at
 _AT_FIRST = 64  # places along a branch that are looked at before all the others
 
@@ -48,8 +48,8 @@ def cut_loose(skeleton: Skeleton, lost: NDArray[np.bool_], joined: NDArray[np.bo
         part = skeleton.branch(branch)
         points_m, radius_m = skeleton.points_m[part], skeleton.radius_m[part]
         above, leaves = int(skeleton.parent_curve[branch]), int(skeleton.parent_vertex[branch])
-        held = above >= 0 and number[above] >= 0
-        if held and leaves - skeleton.first[above] >= begin[above]:
+        has_piece = above >= 0 and number[above] >= 0
+        if has_piece and leaves - skeleton.first[above] >= begin[above]:
             parent_curve.append(int(number[above]))
             parent_vertex.append(int(place[above] + leaves - skeleton.first[above] - begin[above]))
             kept = 0
@@ -101,17 +101,17 @@ def _first_clear(skeleton: Skeleton, branch: int, standing: NDArray[np.bool_]) -
     if not below:
         return 0, 0.0
     steps_m = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
-    way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-    if way_m[-1] == 0:
+    path_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    if path_m[-1] == 0:
         return None
     step_m = _STEP * float(radius_m.mean())
-    walked_m = np.arange(0, way_m[-1], step_m)
-    edge = np.clip(np.searchsorted(way_m, walked_m, side="right") - 1, 0, len(steps_m) - 1)
-    share = (walked_m - way_m[edge]) / np.maximum(steps_m[edge], 1e-300)
+    walked_m = np.arange(0, path_m[-1], step_m)
+    edge = np.clip(np.searchsorted(path_m, walked_m, side="right") - 1, 0, len(steps_m) - 1)
+    share = (walked_m - path_m[edge]) / np.maximum(steps_m[edge], 1e-300)
     at_m = points_m[edge] + share[:, None] * (points_m[edge + 1] - points_m[edge])
     own_m = radius_m[edge] + share * (radius_m[edge + 1] - radius_m[edge])
     along = (points_m[edge + 1] - points_m[edge]) / np.maximum(steps_m[edge], 1e-300)[:, None]
-    walked_m = np.append(walked_m, way_m[-1])
+    walked_m = np.append(walked_m, path_m[-1])
     upto = _AT_FIRST
     while True:  # few are not clear soon
         upto = min(upto, len(at_m))
@@ -120,7 +120,7 @@ def _first_clear(skeleton: Skeleton, branch: int, standing: NDArray[np.bool_]) -
         # Where it stays clear for a while: a limb that comes near what is below once more is not cut there.
         blocked = np.concatenate([np.flatnonzero(~clear), [upto]])
         free = np.concatenate([[0], blocked[:-1] + 1])
-        long = np.flatnonzero(walked_m[blocked] - walked_m[free] >= _LEAST * np.append(own_m, own_m[-1])[free])
+        long = np.flatnonzero(walked_m[blocked] - walked_m[free] >= _MIN_LENGTH * np.append(own_m, own_m[-1])[free])
         if len(long):
             first = int(free[long[0]])
             return int(edge[first]), float(min(share[first], 0.99))

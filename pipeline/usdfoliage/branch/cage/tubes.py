@@ -116,7 +116,7 @@ class Tubes:
         return _native.tube_frames(*self.axes, self.reference, tube, arc_m, tangents, 0)
 
 
-def rotate_least(from_unit: Floats, to_unit: Floats, vectors: Floats) -> Floats:
+def rotate_between(from_unit: Floats, to_unit: Floats, vectors: Floats) -> Floats:
     """Turn vectors (N, 3) by the smallest rotation that takes one unit vector to another."""
     axis = np.cross(from_unit, to_unit)
     cosine = np.sum(from_unit * to_unit, axis=1, keepdims=True)
@@ -253,8 +253,8 @@ def carry_references(direction: Floats, first: Ints, counts: Ints) -> Floats:
         counts: (T,), points of each polyline.
     """
     reference = np.empty_like(direction)
-    least = np.argmin(np.abs(direction[first]), axis=1)  # the coordinate axis that is farthest from the direction
-    start = np.eye(3)[least]
+    farthest = np.argmin(np.abs(direction[first]), axis=1)  # the coordinate axis that is farthest from the direction
+    start = np.eye(3)[farthest]
     start -= np.sum(start * direction[first], axis=1, keepdims=True) * direction[first]
     reference[first] = start / np.linalg.norm(start, axis=1, keepdims=True)
     _native.carry_references(direction, first, counts, reference, 0)

@@ -31,9 +31,9 @@ Array = NDArray[np.float64]
 class FoliageSettings:
     """Which twigs carry leaves, and how far leaves differ."""
 
-    most_leaves: int = 60_000  # more are thinned, evenly over the plant
+    max_leaves: int = 60_000  # more are thinned, evenly over the plant
     of_root: float = 0.08  # of the root's radius, below which twigs carry leaves: a scan of a large tree has no finer
-    least_shoot: float = 0.5  # internodes beyond its parent's surface; what is shorter is a bud
+    min_shoot: float = 0.5  # internodes beyond its parent's surface; what is shorter is a bud
     variation: float = 1.0  # how far leaves differ: 0 not at all, 1 as on a plant
     length: float = 0.15  # standard deviation of the logarithm of a leaf's length
     turn_rad: float = 0.2  # standard deviation about the shoot
@@ -43,9 +43,9 @@ class FoliageSettings:
     light_spread: float = 0.22  # standard deviation, of that direction's length
 
     def __post_init__(self) -> None:
-        if self.most_leaves < 1:
-            raise ValueError(f"most_leaves must be 1 or more, not {self.most_leaves}")
-        for name in ("of_root", "least_shoot", "variation", "length", "turn_rad", "petiole_rad", "droop"):
+        if self.max_leaves < 1:
+            raise ValueError(f"max_leaves must be 1 or more, not {self.max_leaves}")
+        for name in ("of_root", "min_shoot", "variation", "length", "turn_rad", "petiole_rad", "droop"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
         if not (np.isfinite(self.light).all() and np.linalg.norm(self.light) > 0):
@@ -90,7 +90,7 @@ def place_leaves(
     nodes[np.asarray(bare, np.int64)] = 0
     end = np.cumsum(nodes)
     total = int(end[-1]) if len(end) else 0
-    kept = min(total, max(1, settings.most_leaves // species.leaves_per_node))
+    kept = min(total, max(1, settings.max_leaves // species.leaves_per_node))
     number = np.arange(kept) * total // max(kept, 1)
     branch = np.searchsorted(end, number, side="right")
     node = number - (end[branch] - nodes[branch]) if kept else number
@@ -177,7 +177,7 @@ def _count_nodes(skeleton: Skeleton, axes: _Axes, species: Species, settings: Fo
     begin_m = np.maximum(np.maximum.reduceat(thick, skeleton.first), axes.length_m - species.shoot_m)
     begin_m = np.maximum(begin_m, inside_m + species.bare_internodes * species.internode_m)
     nodes = np.floor((axes.length_m - begin_m) / species.internode_m + _WHOLE).astype(np.int64) + 1
-    shoot = (skeleton.radius_m[axes.last] <= thin_m) & (free_m >= settings.least_shoot * species.internode_m)
+    shoot = (skeleton.radius_m[axes.last] <= thin_m) & (free_m >= settings.min_shoot * species.internode_m)
     # However short a shoot is, its tip has leaves.
     return np.where(shoot, np.maximum(nodes, 1), 0)
 

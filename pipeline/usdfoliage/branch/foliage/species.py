@@ -59,8 +59,8 @@ class Species:
 
     def __post_init__(self) -> None:
         for key, (low, high) in _RANGES.items():
-            held = getattr(self, _field_of(key))
-            value = math.degrees(held) if key.endswith("_deg") else held
+            number = getattr(self, _field_of(key))
+            value = math.degrees(number) if key.endswith("_deg") else number
             if not low - _SLACK <= value <= high + _SLACK:  # true for NaN too
                 raise ValueError(f"{key} must be {low:g} to {high:g}, not {value:g}")
         if len(self.color) != 3 or not all(0 <= channel <= 1 for channel in self.color):
@@ -103,8 +103,8 @@ def load_library(extra_file: Path | None = None) -> dict[str, Species]:
 def describe_species(species: Species) -> str:
     """Every parameter, as a file has it."""
     named = {key: getattr(species, _field_of(key)) for key in _RANGES}
-    told = [f"{key} {math.degrees(value) if key.endswith('_deg') else value:g}" for key, value in named.items()]
-    return ", ".join([*told, f"color {' '.join(f'{channel:g}' for channel in species.color)}"])
+    described = [f"{key} {math.degrees(value) if key.endswith('_deg') else value:g}" for key, value in named.items()]
+    return ", ".join([*described, f"color {' '.join(f'{channel:g}' for channel in species.color)}"])
 
 
 def _key_of(name: str) -> str:
@@ -145,8 +145,8 @@ def _make_species(name: str, table: Mapping[str, Any], path: Path) -> Species:
         elif not _is_number(value):
             raise FoliageError(f"species {name}: {key} must be a number, not {value!r} ({path})")
         else:
-            held = math.radians(value) if key.endswith("_deg") else value
-            numbers[_field_of(key)] = held if key in _WHOLE else float(held)
+            number = math.radians(value) if key.endswith("_deg") else value
+            numbers[_field_of(key)] = number if key in _WHOLE else float(number)
     try:
         return Species(name=name, **numbers)
     except ValueError as error:

@@ -16,7 +16,7 @@ from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.geometry.directions import two_across
 
 _BUDS = 8  # nearest ones, of which a point goes to the first that sees it
-_LEAST_STEP = 1e-9
+_MIN_STEP = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +42,7 @@ def sprout(tree: NodeTree, rng: np.random.Generator) -> GrowingPlant:
     begins = tree.parent < 0
     following = child[begins[tree.parent[child]]]
     heading[tree.parent[following]] = tree.position_m[following] - tree.position_m[tree.parent[following]]
-    heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), _LEAST_STEP)
+    heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), _MIN_STEP)
     tip = np.zeros(axes, np.int32)
     np.maximum.at(tip, tree.axis, np.arange(count, dtype=np.int32))
     within = np.arange(count) - np.searchsorted(tree.axis, tree.axis)  # nodes come axis by axis
@@ -90,12 +90,12 @@ def aim_buds(plant: GrowingPlant, points_m: NDArray[np.float64], influence_m: fl
     tree = cKDTree(plant.tree.position_m[node])
     away_m, found = tree.query(points_m, k=list(range(1, near + 1)), distance_upper_bound=influence_m, workers=-1)
     bud = np.full(len(points_m), -1, np.int64)
-    least = np.cos(np.radians(0.5 * settings.perception_deg))
+    min_cosine = np.cos(np.radians(0.5 * settings.perception_deg))
     for away, candidate in zip(np.asarray(away_m).T, np.asarray(found).T, strict=True):
         open_ = np.flatnonzero((bud < 0) & np.isfinite(away))
         chosen = candidate[open_]
         towards = points_m[open_] - plant.tree.position_m[node[chosen]]
-        ahead = np.einsum("mc,mc->m", towards, heading[chosen]) >= least * away[open_]
+        ahead = np.einsum("mc,mc->m", towards, heading[chosen]) >= min_cosine * away[open_]
         bud[open_[ahead]] = chosen[ahead]
     return Aims(node=node, heading=heading, bud=bud, apical=len(plant.tip))
 
@@ -117,8 +117,8 @@ def grow_shoots(
     growing, of = np.unique(aims.bud[seen], return_inverse=True)
     shoots = len(growing)
     goal_m, weight = points_m[seen], np.asarray(weights, np.float64)[seen]
-    held = np.bincount(of, minlength=shoots)
-    middle_m = np.column_stack([np.bincount(of, line, shoots) for line in goal_m.T]) / held[:, None]
+    counts = np.bincount(of, minlength=shoots)
+    middle_m = np.column_stack([np.bincount(of, line, shoots) for line in goal_m.T]) / counts[:, None]
     at_m = plant.tree.position_m[aims.node[growing]]
     heading = aims.heading[growing]
     distance_m = np.linalg.norm(middle_m - at_m, axis=1)
@@ -201,7 +201,7 @@ def _heading(
     shoots = len(at_m)
     towards = goal_m - at_m[of]
     away_m = np.linalg.norm(towards, axis=1)
-    towards /= np.maximum(away_m, _LEAST_STEP)[:, None]
+    towards /= np.maximum(away_m, _MIN_STEP)[:, None]
     ahead = np.einsum("mc,mc->m", towards, heading[of]) >= np.cos(np.radians(0.5 * settings.perception_deg))
     ahead &= away_m > 0.5 * settings.internode_m
     counts = np.where(ahead, weight, 0.0)

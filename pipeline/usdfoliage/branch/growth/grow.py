@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.allometry import grow_radii
 from usdfoliage.branch.growth.buds import GrowingPlant, aim_buds, grow_shoots, sprout
-from usdfoliage.branch.growth.logistic import growth_units, longest_way
+from usdfoliage.branch.growth.logistic import growth_units, longest_path
 from usdfoliage.branch.growth.node_tree import NodeTree, as_skeleton, node_tree
 from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.model import Skeleton
@@ -74,11 +74,11 @@ def grow_branches(
     waiting = np.arange(len(points_m))
     reached = np.zeros(len(points_m), bool)
     cycle, shed = 0, 0
-    while cycle < settings.most_cycles:
+    while cycle < settings.max_cycles:
         units = float(growth_units(cycle, settings.logistic))
-        older = longest_way(cycle, settings.logistic) > 0.5 * settings.logistic.longest  # growth becomes slower
-        influence_m = max(units, settings.least_reach) * settings.internode_m
-        kill_m = min(settings.kill * influence_m, settings.most_kill * settings.internode_m)
+        older = longest_path(cycle, settings.logistic) > 0.5 * settings.logistic.longest  # growth becomes slower
+        influence_m = max(units, settings.min_reach) * settings.internode_m
+        kill_m = min(settings.kill * influence_m, settings.max_kill * settings.internode_m)
         near_m = cKDTree(plant.tree.position_m).query(points_m[waiting], distance_upper_bound=kill_m, workers=-1)[0]
         used = np.isfinite(near_m)
         reached[waiting[used]] = True
@@ -111,7 +111,7 @@ def _radii(tree: NodeTree, settings: GrowthSettings) -> NDArray[np.float64]:
     """(N,) those that are known, and by allometry what springs from there (eq. 5)."""
     nodes = RootedTree(tree.parent)
     step_m = step_lengths(tree.position_m, tree.parent)
-    return np.maximum(grow_radii(nodes, step_m, tree.radius_m, settings.allometry), settings.least_radius_m)
+    return np.maximum(grow_radii(nodes, step_m, tree.radius_m, settings.allometry), settings.min_radius_m)
 
 
 def _shed(plant: GrowingPlant, lasting: int, cycle: int, settings: GrowthSettings) -> tuple[GrowingPlant, int]:

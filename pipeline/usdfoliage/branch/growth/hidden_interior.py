@@ -14,11 +14,11 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.geometry.disks import choose_disks
 
-_LEAST_POINTS = 4  # that have an inside
+_MIN_POINTS = 4  # that have an inside
 _SIDES = 128  # planes around a crown
 _TRIES = 3.0  # places tried for each disk that fits
-_MOST_TRIES = 400_000
-_MOST_CELLS = 160  # along the longest side
+_MAX_TRIES = 400_000
+_MAX_CELLS = 160  # along the longest side
 _FAR_APART = 37  # directions from one that is looked in to the next: no divisor of how many there are
 
 
@@ -52,19 +52,19 @@ def find_hidden(
         settings: How.
         seed: Of where points lie.
     """
-    if len(points_m) < _LEAST_POINTS:
+    if len(points_m) < _MIN_POINTS:
         return np.zeros((0, 3))
     rng = np.random.default_rng(seed)
     apart_m = settings.spacing * internode_m
     low_m, size_m = points_m.min(axis=0), np.ptp(points_m, axis=0)
-    tries = int(min(_MOST_TRIES, _TRIES * size_m.prod() / apart_m**3))
+    tries = int(min(_MAX_TRIES, _TRIES * size_m.prod() / apart_m**3))
     places_m = low_m + rng.random((tries, 3)) * size_m
     places_m = places_m[_within(places_m, points_m)]
     clear_m = settings.clear * internode_m
     near_m = cKDTree(points_m).query(places_m, distance_upper_bound=clear_m, workers=-1)[0]
     places_m = places_m[~np.isfinite(near_m)]
     places_m = places_m[choose_disks(places_m, apart_m, seed)]
-    cell_m = max(settings.cell * internode_m, 2 * spacing_m, float(size_m.max()) / _MOST_CELLS)
+    cell_m = max(settings.cell * internode_m, 2 * spacing_m, float(size_m.max()) / _MAX_CELLS)
     return places_m[blocked_share(places_m, points_m, cell_m, settings.blocked) >= settings.blocked]
 
 
@@ -81,7 +81,7 @@ def _within(places_m: NDArray[np.float64], points_m: NDArray[np.float64]) -> NDA
 
 
 def blocked_share(
-    places_m: NDArray[np.float64], points_m: NDArray[np.float64], cell_m: float, least: float = 0.0
+    places_m: NDArray[np.float64], points_m: NDArray[np.float64], cell_m: float, min_share: float = 0.0
 ) -> NDArray[np.float64]:
     """(M,) share of the directions in which points (N, 3), as cells of a grid, stand before a place (M, 3).
 
@@ -89,23 +89,25 @@ def blocked_share(
         places_m: (M, 3).
         points_m: (N, 3).
         cell_m: Of the grid.
-        least: Where the share cannot come to this, it is only said to be less.
+        min_share: Where the share cannot come to this, it is only said to be less.
     """
     both_m = np.concatenate([points_m, places_m])
     low_m = both_m.min(axis=0) - cell_m
     shape = np.floor((both_m.max(axis=0) - low_m) / cell_m).astype(np.int64) + 2
     taken = np.zeros(shape, bool)
     taken[tuple(np.floor((points_m - low_m) / cell_m).astype(np.int64).T)] = True
-    ways = np.array([way for way in product((-2, -1, 0, 1, 2), repeat=3) if max(map(abs, way)) == 2], np.float64)
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    ways = ways[_FAR_APART * np.arange(len(ways)) % len(ways)]  # an open side shows soon
+    directions = np.array(
+        [direction for direction in product((-2, -1, 0, 1, 2), repeat=3) if max(map(abs, direction)) == 2], np.float64
+    )
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions = directions[_FAR_APART * np.arange(len(directions)) % len(directions)]  # an open side shows soon
     blocked = np.zeros(len(places_m))
-    for number, way in enumerate(ways):
+    for number, direction in enumerate(directions):
         at = (places_m - low_m) / cell_m
         before = np.zeros(len(places_m), bool)
-        going = np.flatnonzero(blocked + len(ways) - number >= least * len(ways) - 1e-9)
+        going = np.flatnonzero(blocked + len(directions) - number >= min_share * len(directions) - 1e-9)
         while len(going):
-            at[going] += way
+            at[going] += direction
             cell = np.floor(at[going]).astype(np.int64)
             going = going[((cell >= 0) & (cell < shape)).all(axis=1)]
             cell = np.floor(at[going]).astype(np.int64)
@@ -113,4 +115,4 @@ def blocked_share(
             before[going[hit]] = True
             going = going[~hit]
         blocked += before
-    return blocked / len(ways)
+    return blocked / len(directions)

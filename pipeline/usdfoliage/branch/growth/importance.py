@@ -44,12 +44,12 @@ def weigh_points(
         part = slice(start, start + _CHUNK)
         nearest = tree.query(points_m[part], k=list(range(1, near + 2)), workers=-1)
         away_m, found = (np.asarray(each) for each in nearest)
-        held = away_m <= reach_m  # of the point itself always
-        offset_m = np.where(held[..., None], points_m[found] - points_m[part][:, None], 0)
-        count = held.sum(axis=1)[:, None]
-        offset_m = np.where(held[..., None], offset_m - offset_m.sum(axis=1, keepdims=True) / count[..., None], 0)
+        is_near = away_m <= reach_m  # of the point itself always
+        offset_m = np.where(is_near[..., None], points_m[found] - points_m[part][:, None], 0)
+        count = is_near.sum(axis=1)[:, None]
+        offset_m = np.where(is_near[..., None], offset_m - offset_m.sum(axis=1, keepdims=True) / count[..., None], 0)
         principal[part] = np.linalg.eigh(np.einsum("nki,nkj->nij", offset_m, offset_m))[1][:, :, 2]
-        others[part] = np.where(held, found, -1)[:, 1:]
+        others[part] = np.where(is_near, found, -1)[:, 1:]
     weight = np.zeros(len(points_m))
     for start in range(0, len(points_m), _CHUNK):
         part = slice(start, start + _CHUNK)

@@ -25,7 +25,7 @@ class LogisticSettings:
             raise ValueError(f"initial_share must be in (0, 1), not {self.initial_share:g}")
 
 
-def longest_way(cycle: float | NDArray[np.floating], settings: LogisticSettings) -> NDArray[np.float64]:
+def longest_path(cycle: float | NDArray[np.floating], settings: LogisticSettings) -> NDArray[np.float64]:
     """H_t (eq. 6) in internodes, after these cycles."""
     ahead = (1 / settings.initial_share - 1) * np.exp(-settings.initial_units * np.asarray(cycle, np.float64))
     return np.asarray(settings.longest / (1 + ahead))
@@ -33,5 +33,5 @@ def longest_way(cycle: float | NDArray[np.floating], settings: LogisticSettings)
 
 def growth_units(cycle: float | NDArray[np.floating], settings: LogisticSettings) -> NDArray[np.float64]:
     """rho_t (eq. 7), internodes a cycle: the derivative of H_t."""
-    reached = longest_way(cycle, settings)
+    reached = longest_path(cycle, settings)
     return np.asarray(settings.initial_units * reached * (1 - reached / settings.longest))

@@ -22,7 +22,7 @@ from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_no
 from usdfoliage.geometry.disks import choose_disks
 
 _BARK = 1.4  # radii of a stem, within which points are its own
-_LEAST_REACH = 5.0  # internodes, that a plant is taken to be high at least
+_MIN_REACH = 5.0  # internodes, that a plant is taken to be high at least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,16 +110,16 @@ def fill_hidden(
     return replace(grown, skeleton=_refined(grown.skeleton, growth.internode_m, settings))
 
 
-def draw_to_axes(points_m: NDArray[np.float64], stems: Skeleton, least_m: float) -> NDArray[np.float64]:
+def draw_to_axes(points_m: NDArray[np.float64], stems: Skeleton, min_m: float) -> NDArray[np.float64]:
     """(N, 3) points, those on the bark of stems at least so thick moved to the axis.
 
     Args:
         points_m: (N, 3).
         stems: Branches.
-        least_m: Radius from which on they count.
+        min_m: Radius from which on they count.
     """
-    places_m, radii_m, direction = sample_axes(stems, 0.5 * least_m)
-    thick = radii_m >= least_m
+    places_m, radii_m, direction = sample_axes(stems, 0.5 * min_m)
+    thick = radii_m >= min_m
     if not thick.any():
         return points_m
     places_m, radii_m, direction = places_m[thick], radii_m[thick], direction[thick]
@@ -127,7 +127,7 @@ def draw_to_axes(points_m: NDArray[np.float64], stems: Skeleton, least_m: float)
     offset_m = points_m - places_m[near]
     along_m = np.einsum("nc,nc->n", offset_m, direction[near])[:, None] * direction[near]
     away_m = np.linalg.norm(offset_m - along_m, axis=1)
-    on_bark = (away_m <= _BARK * radii_m[near]) & (np.linalg.norm(along_m, axis=1) <= least_m)
+    on_bark = (away_m <= _BARK * radii_m[near]) & (np.linalg.norm(along_m, axis=1) <= min_m)
     return np.where(on_bark[:, None], places_m[near] + along_m, points_m)
 
 
@@ -148,7 +148,7 @@ def vary_growth(growth: GrowthSettings, variation: float, seed: int) -> GrowthSe
 
 def _reaching(growth: GrowthSettings, points_m: NDArray[np.float64]) -> GrowthSettings:
     """With the longest way that the plant's height lets expect (the paper: H_max is near the height)."""
-    longest = max(float(np.ptp(points_m[:, 1])) / growth.internode_m, _LEAST_REACH)
+    longest = max(float(np.ptp(points_m[:, 1])) / growth.internode_m, _MIN_REACH)
     logistic: LogisticSettings = replace(growth.logistic, longest=longest)
     return replace(growth, logistic=logistic)
 

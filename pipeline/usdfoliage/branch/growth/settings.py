@@ -22,23 +22,23 @@ class GrowthSettings:
     logistic: LogisticSettings = field(default_factory=LogisticSettings)
     perception_deg: float = 90.0  # theta, opening of the cone in which a bud sees points
     kill: float = 0.5  # of the influence distance, within which points around a node are used up
-    most_kill: float = 3.0  # internodes, that this is at most
-    least_reach: float = 4.0  # internodes, that the influence distance is at least: what is left is grown into slowly
+    max_kill: float = 3.0  # internodes, that this is at most
+    min_reach: float = 4.0  # internodes, that the influence distance is at least: what is left is grown into slowly
     pull: float = 1.6  # alpha of equation 9, of the points
     tropism: float = 0.3  # beta of equation 9
     tropism_direction: tuple[float, float, float] = (0.0, -1.0, 0.0)
-    most_cycles: int = 400
+    max_cycles: int = 400
     rest: int = 3  # cycles without growth, after which a branch may be shed
     stub: float = 2.0  # internodes: a shorter branch is shed
     slenderness: float = 250.0  # of its thickness at its base, that a branch may be long
-    least_radius_m: float = 0.0005  # of the finest twig
+    min_radius_m: float = 0.0005  # of the finest twig
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.internode_m) and self.internode_m > 0):
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
-        if not (0 < self.perception_deg <= 360 and self.kill > 0 and self.most_kill > 0 and self.least_reach > 0):
-            raise ValueError("perception_deg in (0, 360], kill, most_kill and least_reach above 0")
+        if not (0 < self.perception_deg <= 360 and self.kill > 0 and self.max_kill > 0 and self.min_reach > 0):
+            raise ValueError("perception_deg in (0, 360], kill, max_kill and min_reach above 0")
         if not (self.pull >= 0 and self.tropism >= 0 and np.isfinite(self.tropism_direction).all()):
             raise ValueError("pull and tropism must not be below 0, tropism_direction finite")
-        if not (self.rest >= 1 and self.stub >= 0 and self.slenderness > 0 and self.least_radius_m > 0):
-            raise ValueError("rest at least 1, stub not below 0, slenderness and least_radius_m above 0")
+        if not (self.rest >= 1 and self.stub >= 0 and self.slenderness > 0 and self.min_radius_m > 0):
+            raise ValueError("rest at least 1, stub not below 0, slenderness and min_radius_m above 0")

@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.branch.allometry import AllometrySettings, carried_lengths, least_carried
+from usdfoliage.branch.allometry import AllometrySettings, carried_lengths, min_carried
 from usdfoliage.branch.cage.build import BranchCage
-from usdfoliage.branch.growth.logistic import LogisticSettings, longest_way
+from usdfoliage.branch.growth.logistic import LogisticSettings, longest_path
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.motion.surface_places import Places, arcs_of, cage_exits, cage_places, places_at
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
@@ -43,7 +43,7 @@ class GrowthStages:
     """A skeleton, and how far it has grown at each of T times."""
 
     skeleton: Skeleton
-    way_m: NDArray[np.float64]  # (V,), from the root to each point
+    path_m: NDArray[np.float64]  # (V,), from the root to each point
     front_m: NDArray[np.float64]  # (T,), longest way that is there, growing; at last beyond all by taper_m
     taper_m: float
     exponent: float  # of the allometry
@@ -54,7 +54,7 @@ class GrowthStages:
     @cached_property
     def tree(self) -> RootedTree:
         """Points as nodes; the first of a branch follows the one of its parent that it repeats."""
-        parent = np.arange(-1, len(self.way_m) - 1, dtype=np.int32)
+        parent = np.arange(-1, len(self.path_m) - 1, dtype=np.int32)
         parent[self.skeleton.first] = self.skeleton.parent_vertex
         return RootedTree(parent)
 
@@ -66,17 +66,17 @@ class GrowthStages:
     @cached_property
     def carried_m(self) -> NDArray[np.float64]:
         """(V,) what each point carries at last."""
-        return carried_lengths(self.tree, self.step_m, least_carried(self.step_m))
+        return carried_lengths(self.tree, self.step_m, min_carried(self.step_m))
 
     def thickness(self, stage: int) -> NDArray[np.float64]:
         """(V,) radius over that of the reconstruction, by what each point carries (eq. 5), there or not: 0 to 1."""
-        there_m = np.clip(self.front_m[stage] - (self.way_m - self.step_m), 0, self.step_m)
-        carried_m = carried_lengths(self.tree, there_m, least_carried(self.step_m))
+        there_m = np.clip(self.front_m[stage] - (self.path_m - self.step_m), 0, self.step_m)
+        carried_m = carried_lengths(self.tree, there_m, min_carried(self.step_m))
         return np.asarray(np.minimum(carried_m / self.carried_m, 1) ** self.exponent)
 
-    def birth(self, stage: int, way_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def birth(self, stage: int, path_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """(P,) what is left of a radius this way from the root, near a growing tip: nearly 0 beyond it, at last 1."""
-        return np.asarray(np.clip((self.front_m[stage] - way_m) / self.taper_m, _UNBORN, 1))
+        return np.asarray(np.clip((self.front_m[stage] - path_m) / self.taper_m, _UNBORN, 1))
 
 
 def plan_stages(
@@ -97,14 +97,14 @@ def plan_stages(
         raise ValueError(f"internode_m must be above 0, not {internode_m:g}")
     if count < 2:
         raise ValueError(f"growth takes 2 times or more, not {count}")
-    way_m = arcs_of(skeleton)
+    path_m = arcs_of(skeleton)
     for number in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
-        way_m[skeleton.branch(number)] += way_m[skeleton.parent_vertex[number]]
+        path_m[skeleton.branch(number)] += path_m[skeleton.parent_vertex[number]]
     taper_m = settings.taper_internodes * internode_m
-    longest = (float(way_m.max()) + 1.001 * taper_m) / internode_m  # a little more: no rounding keeps a tip back
+    longest = (float(path_m.max()) + 1.001 * taper_m) / internode_m  # a little more: no rounding keeps a tip back
     return GrowthStages(
         skeleton=skeleton,
-        way_m=way_m,
+        path_m=path_m,
         front_m=internode_m * logistic_lengths(longest, count, settings),
         taper_m=taper_m,
         exponent=settings.allometry.exponent,
@@ -122,7 +122,7 @@ def logistic_lengths(
     surplus = longest / start - 1
     end = np.log(surplus * _GROWN / (1 - _GROWN))  # rho_0 t
     logistic = LogisticSettings(longest=longest, initial_share=start / longest, initial_units=1.0)
-    grown = longest_way(np.linspace(0, end, count), logistic)
+    grown = longest_path(np.linspace(0, end, count), logistic)
     # The share that is missing at the end is spread over all times, so that growth stops where it is to.
     lengths = start + (grown - start) * (longest - start) / (grown[-1] - start)
     lengths[-1] = longest
@@ -137,13 +137,13 @@ class _Tips:
     holder: NDArray[np.int32]  # (B,), itself where it has begun, else the first below it that has
 
 
-def _find_tips(stages: GrowthStages, stage: int, least_m: NDArray[np.float64]) -> _Tips:
+def _find_tips(stages: GrowthStages, stage: int, min_m: NDArray[np.float64]) -> _Tips:
     """Tips of branches, of which each that has begun is at least so long (B,)."""
     skeleton = stages.skeleton
     parent = skeleton.parent_curve
-    base_m = stages.way_m[skeleton.first]
-    arc_m = np.clip(np.maximum(stages.front_m[stage] - base_m, least_m), 0, skeleton.lengths_m)
-    arc_m += _SAME * float(stages.way_m.max())
+    base_m = stages.path_m[skeleton.first]
+    arc_m = np.clip(np.maximum(stages.front_m[stage] - base_m, min_m), 0, skeleton.lengths_m)
+    arc_m += _SAME * float(stages.path_m.max())
     springs_m = np.where(parent >= 0, arcs_of(skeleton)[skeleton.parent_vertex], 0.0)
     begun = (parent < 0) | (springs_m <= arc_m[parent])
     holder = np.arange(len(skeleton), dtype=np.int32)
@@ -156,7 +156,7 @@ def _find_tips(stages: GrowthStages, stage: int, least_m: NDArray[np.float64]) -
 def grow_skeleton(stages: GrowthStages, stage: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (V, 3) and radii (V,) at one time; what is not there yet lies on the growing tip that it will follow."""
     skeleton = stages.skeleton
-    radius_m = skeleton.radius_m * stages.thickness(stage) * stages.birth(stage, stages.way_m)
+    radius_m = skeleton.radius_m * stages.thickness(stage) * stages.birth(stage, stages.path_m)
     tips = _find_tips(stages, stage, np.zeros(len(skeleton)))
     holder = tips.holder[skeleton.curve]
     there = (holder == skeleton.curve) & (arcs_of(skeleton) <= tips.arc_m[skeleton.curve])
@@ -190,14 +190,14 @@ def grow_surface(stages: GrowthStages, stage: int, surface: GrownSurface) -> NDA
     skeleton, places = stages.skeleton, surface.places
     thickness = stages.thickness(stage)
     at_spring = np.maximum(skeleton.parent_vertex, 0)
-    parent_share = thickness[at_spring] * stages.birth(stage, stages.way_m[at_spring])
+    parent_share = thickness[at_spring] * stages.birth(stage, stages.path_m[at_spring])
     tips = _find_tips(stages, stage, np.where(skeleton.parent_curve >= 0, surface.emerges_m * parent_share, 0.0))
     holder = tips.holder[places.curve]
     there = (holder == places.curve) & (places.arc_m <= tips.arc_m[places.curve])
     axis_m = places.between(skeleton.points_m)
     tip_m = places_at(skeleton, np.arange(len(skeleton)), tips.arc_m).between(skeleton.points_m)
-    way_m = stages.way_m[skeleton.first[places.curve]] + places.arc_m
-    share = places.between(thickness) * stages.birth(stage, way_m)
+    path_m = stages.path_m[skeleton.first[places.curve]] + places.arc_m
+    share = places.between(thickness) * stages.birth(stage, path_m)
     grown_m = np.where(there[:, None], axis_m, tip_m[holder]) + share[:, None] * (surface.points_m - axis_m)
     whole = there & (share == 1)
     return np.where(whole[:, None], surface.points_m, grown_m)

@@ -36,8 +36,8 @@ def unfold_leaves(
 ) -> Array:
     """(N,) length of leaves at places (N,) over that at last: UNBORN before their place is there, 1 at last."""
     last = len(stages) - 1
-    way_m = stages.way_m[stages.skeleton.first[places.curve]] + places.arc_m
-    born = np.interp(way_m, stages.front_m, np.arange(last + 1.0))  # the last front is beyond all places
+    path_m = stages.path_m[stages.skeleton.first[places.curve]] + places.arc_m
+    born = np.interp(path_m, stages.front_m, np.arange(last + 1.0))  # the last front is beyond all places
     share = np.clip((stage - born) / np.minimum(settings.share * last, last - born), 0, 1)
     return np.asarray(np.maximum(share * share * (3 - 2 * share), UNBORN))
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.branch.cage.tubes import rotate_least
+from usdfoliage.branch.cage.tubes import rotate_between
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.motion.surface_places import Exits, axis_exits
 
@@ -113,8 +113,8 @@ def build_rig(
     parent_m = np.where(root, 0.0, skeleton.radius_m[skeleton.parent_vertex])
     blend_m = np.maximum(settings.blend_radii * parent_m, settings.blend_share * length_m)
     # What is hardly out of its parent turns little: better than a step.
-    least_m = np.minimum(blend_m, np.maximum(parent_m, 1e-9))
-    blend_m = np.maximum(np.minimum(blend_m, settings.most_share * (length_m - exits.arc_m)), least_m)
+    min_m = np.minimum(blend_m, np.maximum(parent_m, 1e-9))
+    blend_m = np.maximum(np.minimum(blend_m, settings.most_share * (length_m - exits.arc_m)), min_m)
     columns = int(skeleton.order[wanted].max(initial=0)) + 1
     rig = Rig(
         curve=turned.astype(np.int32),
@@ -168,7 +168,7 @@ def _axes(skeleton: Skeleton, curves: NDArray[np.integer]) -> NDArray[np.float64
     length_m = np.linalg.norm(along_m, axis=1, keepdims=True)
     up = np.broadcast_to([0.0, 1.0, 0.0], along_m.shape)
     y = np.where(length_m > 0, along_m / np.where(length_m > 0, length_m, 1), up)
-    x = rotate_least(up, y, np.broadcast_to([1.0, 0.0, 0.0], along_m.shape))
+    x = rotate_between(up, y, np.broadcast_to([1.0, 0.0, 0.0], along_m.shape))
     x = x - np.sum(x * y, axis=1, keepdims=True) * y
     x = x / np.linalg.norm(x, axis=1, keepdims=True)
     return np.stack([x, y, np.cross(x, y)], axis=-1)

@@ -13,7 +13,7 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.motion.rig import Rig
 
 _SIDEWAYS = 0.4  # of a swing, across it: tips go round on ellipses
-_LEAST, _MOST = 0.4, 2.0  # times the usual swing
+_LOW, _HIGH = 0.4, 2.0  # times the usual swing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +24,7 @@ class SwaySettings:
     swing_rad: float = 0.035  # amplitude of a branch that is as slender as most of its order: 2 degrees
     trunk_share: float = 0.25  # of it, for a trunk, which carries all
     cycles: int = 2  # of the usual branch in a loop
-    most_cycles: int = 4  # of the shortest
+    max_cycles: int = 4  # of the shortest
 
     def __post_init__(self) -> None:
         if self.frames < 2:
@@ -33,8 +33,8 @@ class SwaySettings:
             raise ValueError(
                 f"swing_rad and trunk_share must be 0 to 1, not {self.swing_rad:g} and {self.trunk_share:g}"
             )
-        if not 1 <= self.cycles <= self.most_cycles:
-            raise ValueError(f"cycles must be 1 to {self.most_cycles}, not {self.cycles}")
+        if not 1 <= self.cycles <= self.max_cycles:
+            raise ValueError(f"cycles must be 1 to {self.max_cycles}, not {self.cycles}")
 
 
 def sway_joints(
@@ -56,8 +56,8 @@ def sway_joints(
         mine = order == number
         slender[mine] /= max(float(np.median(slender[mine])), 1e-9)
         quick[mine] /= max(float(np.median(quick[mine])), 1e-9)
-    swing_rad = settings.swing_rad * np.clip(slender, _LEAST, _MOST) * np.where(order == 0, settings.trunk_share, 1.0)
-    cycles = np.where(order == 0, 1, np.clip(np.rint(settings.cycles * quick), 1, settings.most_cycles))
+    swing_rad = settings.swing_rad * np.clip(slender, _LOW, _HIGH) * np.where(order == 0, settings.trunk_share, 1.0)
+    cycles = np.where(order == 0, 1, np.clip(np.rint(settings.cycles * quick), 1, settings.max_cycles))
     phase_rad, across_rad, heading_rad = 2 * np.pi * rng.random((3, len(rig)))
     turn = 2 * np.pi * np.arange(settings.frames)[:, None] / settings.frames * cycles
     # At rest the turn is not zero in a frame, but over the loop it is.

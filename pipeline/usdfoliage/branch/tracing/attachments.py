@@ -25,7 +25,7 @@ def settle_attachments(skeleton: Skeleton) -> Skeleton:
     Args:
         skeleton: With vertices closer together than its branches are thick.
     """
-    points_m, radius_m, way_m = skeleton.points_m.copy(), skeleton.radius_m.copy(), skeleton.ways_m
+    points_m, radius_m, path_m = skeleton.points_m.copy(), skeleton.radius_m.copy(), skeleton.arcs_m
     leaves_from = skeleton.parent_vertex.copy()
     kept = np.ones(len(points_m), bool)
     comes_out = np.arange(len(points_m))  # the vertex that takes the place of each
@@ -44,12 +44,12 @@ def settle_attachments(skeleton: Skeleton) -> Skeleton:
         if outside.any() and len(axis) > 1:
             out = int(np.argmax(outside)) + 1
             thick_m = float(radius_m[axis[nearest[out - 1]]])
-            own_way_m = way_m[part]
-            far = min(int(np.searchsorted(own_way_m, own_way_m[out] + _CHORD * thick_m)), len(own_m) - 1)
+            own_path_m = path_m[part]
+            far = min(int(np.searchsorted(own_path_m, own_path_m[out] + _CHORD * thick_m)), len(own_m) - 1)
             direction = own_m[far] - own_m[out] if far > out else own_m[out] - own_m[out - 1]
-            level_m = way_m[axis[nearest[out - 1]]]
-            low = np.searchsorted(way_m[axis], level_m - _BELOW * thick_m)
-            high = np.searchsorted(way_m[axis], level_m + _ABOVE * thick_m, side="right")
+            level_m = path_m[axis[nearest[out - 1]]]
+            low = np.searchsorted(path_m[axis], level_m - _BELOW * thick_m)
+            high = np.searchsorted(path_m[axis], level_m + _ABOVE * thick_m, side="right")
             high = max(int(high), 2)  # not where the parent itself springs
             there = axis[min(max(int(low), 1), high - 1) : high]
             at = int(there[_pointing_best(points_m[there], own_m[out], direction)])
@@ -65,5 +65,5 @@ def settle_attachments(skeleton: Skeleton) -> Skeleton:
 
 def _pointing_best(from_m: NDArray[np.float64], to_m: NDArray[np.float64], direction: NDArray[np.float64]) -> int:
     """Of places (K, 3) the one from which the way to a point is most in a direction."""
-    way_m = to_m - from_m
-    return int(np.argmax(way_m @ direction / np.maximum(np.linalg.norm(way_m, axis=1), 1e-12)))
+    path_m = to_m - from_m
+    return int(np.argmax(path_m @ direction / np.maximum(np.linalg.norm(path_m, axis=1), 1e-12)))

@@ -53,24 +53,24 @@ class Axes:
         points_m = center_m[self.nodes]
         steps_m = np.concatenate([[0.0], np.linalg.norm(np.diff(points_m, axis=0), axis=1)])
         steps_m[self.first[:-1]] = 0
-        way_m = np.cumsum(steps_m)
-        return way_m - way_m[self.first[:-1]][self.axis_of]
+        path_m = np.cumsum(steps_m)
+        return path_m - path_m[self.first[:-1]][self.axis_of]
 
 
-def find_axes(center_m: NDArray[np.float64], parent: NDArray[np.int32], least_m: NDArray[np.floating] | float) -> Axes:
+def find_axes(center_m: NDArray[np.float64], parent: NDArray[np.int32], min_m: NDArray[np.floating] | float) -> Axes:
     """Follow at every fork the child that carries most; what is left begins a branch of its own.
 
     Args:
         center_m: (S, 3), of the nodes.
         parent: (S,), -1 for a root.
-        least_m: Of a node (S,) or all: a branch that springs there and whose longest way is shorter is left out.
+        min_m: Of a node (S,) or all: a branch that springs there and whose longest way is shorter is left out.
     """
     step_m = step_lengths(center_m, parent)
     tree = RootedTree(parent)
     reach_m = tree.farthest_above(step_m) + step_m
     main = tree.first_child(tree.sum_above(step_m))
     order, begin = tree.by_parent
-    least = np.broadcast_to(np.asarray(least_m, np.float64), len(parent))
+    min_at = np.broadcast_to(np.asarray(min_m, np.float64), len(parent))
     forks = tree.child_counts() > 1
     chains: list[list[int]] = []
     parents: list[int] = []
@@ -82,7 +82,7 @@ def find_axes(center_m: NDArray[np.float64], parent: NDArray[np.int32], least_m:
             following = int(main[node])
             if forks[node]:
                 for child in order[begin[node] : begin[node + 1]]:
-                    if child != following and reach_m[child] >= least[node]:
+                    if child != following and reach_m[child] >= min_at[node]:
                         waiting.append((len(chains), node, int(child)))
             if following >= 0:
                 chain.append(following)

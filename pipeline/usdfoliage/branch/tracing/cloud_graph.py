@@ -30,7 +30,7 @@ class CloudGraph:
     """Points linked with those near them."""
 
     lengths_m: csr_array  # (N, N), symmetric, nothing where there is no link
-    ways_m: csr_array  # (N, N), the same, and links across gaps: where ways may go, not what hangs together
+    bridged_m: csr_array  # (N, N), the same, and links across gaps: where ways may go, not what hangs together
     pieces: int  # that there were before gaps were bridged
 
 
@@ -61,7 +61,7 @@ def link_points(points_m: NDArray[np.float64], settings: CloudGraphSettings = Cl
         graph = csr_array(graph.maximum(_linked(start, end, length_m, count)))
     start, end = link_across_gaps(points_m, tree, settings.across_gaps, threads).T
     across = _linked(start, end, np.linalg.norm(points_m[start] - points_m[end], axis=1), count)
-    return CloudGraph(lengths_m=graph, ways_m=csr_array(graph.maximum(across)), pieces=int(pieces))
+    return CloudGraph(lengths_m=graph, bridged_m=csr_array(graph.maximum(across)), pieces=int(pieces))
 
 
 def _linked(
@@ -70,5 +70,5 @@ def _linked(
     """Both ways, without links of a point to itself; no link comes twice."""
     true = rows != columns
     # What lies on each other is linked as well: a length of nothing would be no link.
-    held = coo_array((np.maximum(lengths_m[true], 1e-9), (rows[true], columns[true])), shape=(count, count)).tocsr()
-    return csr_array(held.maximum(held.T))
+    links = coo_array((np.maximum(lengths_m[true], 1e-9), (rows[true], columns[true])), shape=(count, count)).tocsr()
+    return csr_array(links.maximum(links.T))

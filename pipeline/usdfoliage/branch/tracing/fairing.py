@@ -17,7 +17,7 @@ def fair_axes(
     axes: Axes,
     weight: NDArray[np.floating] | NDArray[np.integer],
     stiffness: float,
-    most_moved_m: NDArray[np.floating] | float = np.inf,
+    max_moved_m: NDArray[np.floating] | float = np.inf,
 ) -> NDArray[np.float64]:
     """Nodes (S, 3) moved so that their axes bend little: least squares of the way moved and of second differences.
 
@@ -29,7 +29,7 @@ def fair_axes(
         axes: Chains of nodes.
         weight: (S,), how much a node is worth where it is.
         stiffness: Weight of a second difference, 0 for none.
-        most_moved_m: Of a node (S,) or all, how far it may be from where it was.
+        max_moved_m: Of a node (S,) or all, how far it may be from where it was.
     """
     fair_m = center_m.copy()
     if stiffness == 0:
@@ -45,18 +45,18 @@ def fair_axes(
             (np.tile([1.0, -2.0, 1.0], len(middle)), (rows, (middle[:, None] + np.arange(3)).ravel())),
             shape=(len(middle), count),
         ).tocsc()
-        held = weight[nodes].astype(np.float64)
-        held[~axes.own[entries]] = _FIXED
+        pull = weight[nodes].astype(np.float64)
+        pull[~axes.own[entries]] = _FIXED
         stiff = stiffness * (bend.T @ bend)
         own = axes.own[entries]
         for _ in range(_TURNS):
-            matrix = (diags_array(held) + stiff).tocsc()
+            matrix = (diags_array(pull) + stiff).tocsc()
             solver = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0, options={"SymmetricMode": True})
-            moved_m = solver.solve(held[:, None] * fair_m[nodes])
-            away = np.linalg.norm(moved_m - fair_m[nodes], axis=1) / np.broadcast_to(most_moved_m, len(fair_m))[nodes]
+            moved_m = solver.solve(pull[:, None] * fair_m[nodes])
+            away = np.linalg.norm(moved_m - fair_m[nodes], axis=1) / np.broadcast_to(max_moved_m, len(fair_m))[nodes]
             too_far = own & (away > 1)
             if not too_far.any():
                 break
-            held[too_far] *= away[too_far] ** _HARDER
+            pull[too_far] *= away[too_far] ** _HARDER
         fair_m[nodes[own]] = moved_m[own]
     return fair_m

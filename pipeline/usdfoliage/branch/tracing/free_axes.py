@@ -22,21 +22,21 @@ class FreeAxisSettings:
 
     reach: float = 0.02  # from the axis, within which points are its own
     beside: tuple[float, float] = (1.5, 3.0)  # reaches, between which points are of something else
-    most_beside: float = 0.8  # of them, for each of its own
+    max_beside: float = 0.8  # of them, for each of its own
     stem: float = 0.3  # length of a stem at least,
     free: float = 0.25  # of which so much must stand free,
     rise: float = 0.2  # and there rise, or hang, so far
     straight: float = 0.6  # from its root to where it last stands free, over the way: what leads over leaves winds
-    most_hidden: float = 0.5  # share of the stems that need not
+    max_hidden: float = 0.5  # share of the stems that need not
     twig: float = 0.04  # length of another branch at least: half of it must stand free
 
     def __post_init__(self) -> None:
-        if not (0 < self.reach < 1 and 1 <= self.beside[0] < self.beside[1] and self.most_beside > 0):
-            raise ValueError(f"reach must be in (0, 1), beside rising from 1, most_beside above 0, not {self}")
+        if not (0 < self.reach < 1 and 1 <= self.beside[0] < self.beside[1] and self.max_beside > 0):
+            raise ValueError(f"reach must be in (0, 1), beside rising from 1, max_beside above 0, not {self}")
         if not (0 <= self.rise <= self.free and 0 <= self.straight <= 1):
             raise ValueError(f"rise must be in [0, free], straight in [0, 1], not {self}")
-        if not (0 < self.free <= self.stem and 0 <= self.most_hidden < 1 and self.twig >= 0):
-            raise ValueError(f"free must be in (0, stem], most_hidden in [0, 1), twig not below 0, not {self}")
+        if not (0 < self.free <= self.stem and 0 <= self.max_hidden < 1 and self.twig >= 0):
+            raise ValueError(f"free must be in (0, stem], max_hidden in [0, 1), twig not below 0, not {self}")
 
 
 def stands_free(
@@ -73,7 +73,7 @@ def stands_free(
         slab = np.abs(on_m) < reach_m / 2
         own = np.bincount(place[slab & (away_m < reach_m)], minlength=len(places))
         other = np.bincount(place[slab & (away_m > inner_m) & (away_m < outer_m)], minlength=len(places))
-        free[places] = (own > 0) & (other < settings.most_beside * own)
+        free[places] = (own > 0) & (other < settings.max_beside * own)
     return free
 
 
@@ -96,7 +96,7 @@ def keep_free_branches(
     standing = long & (_free_lengths(stems, of_stems) >= settings.free * height_m)
     standing &= _free_rises(stems, of_stems) >= settings.rise * height_m
     standing &= _straightness(stems, _last_free(stems, of_stems)) >= settings.straight
-    if not standing.any() or standing.sum() < (1 - settings.most_hidden) * long.sum():
+    if not standing.any() or standing.sum() < (1 - settings.max_hidden) * long.sum():
         return None
     free = stands_free(points_m, skeleton, settings)
     kept = (_free_lengths(skeleton, free) >= 0.5 * skeleton.lengths_m) & (
@@ -151,7 +151,7 @@ def _last_free(skeleton: Skeleton, free: NDArray[np.bool_]) -> NDArray[np.int64]
 def _straightness(skeleton: Skeleton, last: NDArray[np.int64]) -> NDArray[np.float64]:
     """(B,) how far the vertex `last` of each branch is from its first, over the way there."""
     apart_m = np.linalg.norm(skeleton.points_m[last] - skeleton.points_m[skeleton.first], axis=1)
-    return np.asarray(apart_m / np.maximum(skeleton.ways_m[last], 1e-12))
+    return np.asarray(apart_m / np.maximum(skeleton.arcs_m[last], 1e-12))
 
 
 def _directions(skeleton: Skeleton, reach_m: float) -> NDArray[np.float64]:
@@ -159,9 +159,9 @@ def _directions(skeleton: Skeleton, reach_m: float) -> NDArray[np.float64]:
     directions = np.empty_like(skeleton.points_m)
     for branch in range(len(skeleton)):
         own = skeleton.branch(branch)
-        way_m, axis_m = skeleton.ways_m[own], skeleton.points_m[own]
+        path_m, axis_m = skeleton.arcs_m[own], skeleton.points_m[own]
         ends_m = [
-            np.column_stack([np.interp(way_m + sign * reach_m, way_m, axis_m[:, k]) for k in range(3)])
+            np.column_stack([np.interp(path_m + sign * reach_m, path_m, axis_m[:, k]) for k in range(3)])
             for sign in (-1, 1)
         ]
         directions[own] = ends_m[1] - ends_m[0]

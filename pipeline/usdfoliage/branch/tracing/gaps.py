@@ -10,7 +10,7 @@ _GAP = 3.0  # usual steps, from which on there is a gap between a section and it
 
 
 def find_beyond_gaps(
-    sections: SectionTree, usual_m: NDArray[np.floating] | float, most_gap: float
+    sections: SectionTree, typical_m: NDArray[np.floating] | float, max_gap: float
 ) -> NDArray[np.bool_]:
     """(S,) sections that are reached across a gap longer than the way through all that lies beyond it.
 
@@ -19,12 +19,12 @@ def find_beyond_gaps(
 
     Args:
         sections: Of the cloud.
-        usual_m: Step from a section to its parent where there is no gap, everywhere or at each (S,).
-        most_gap: Of the way beyond it, that a gap may be long.
+        typical_m: Step from a section to its parent where there is no gap, everywhere or at each (S,).
+        max_gap: Of the way beyond it, that a gap may be long.
     """
     tree = RootedTree(sections.parent)
     step_m = step_lengths(sections.center_m, sections.parent)
-    gap = step_m > _GAP * np.asarray(usual_m)
+    gap = step_m > _GAP * np.asarray(typical_m)
     beyond_m = tree.sum_above(np.where(gap, 0.0, step_m))
-    far = gap & (step_m > most_gap * beyond_m)
+    far = gap & (step_m > max_gap * beyond_m)
     return np.asarray(tree.sum_below(far.astype(np.float64)) > 0)

@@ -15,14 +15,14 @@ class GroundSettings:
 
     cell_of_extent: float = 0.02  # of the larger horizontal side, width of a cell whose lowest point counts
     layer_of_height: float = 0.012  # of the plant, thickness of the layer above and below the plane
-    least_layer_m: float = 0.02
-    least_cells: int = 16  # that lie on the plane, without which there is none
-    most_below: float = 0.003  # share of all points that may be lower still
+    min_layer_m: float = 0.02
+    min_cells: int = 16  # that lie on the plane, without which there is none
+    max_below: float = 0.003  # share of all points that may be lower still
     dominance: float = 2.0  # points in the layer for one in an equal layer above it
 
     def __post_init__(self) -> None:
-        if not (0 < self.cell_of_extent < 1 and self.layer_of_height > 0 and self.least_cells >= 3):
-            raise ValueError(f"shares must be above 0 and least_cells at least 3, not {self}")
+        if not (0 < self.cell_of_extent < 1 and self.layer_of_height > 0 and self.min_cells >= 3):
+            raise ValueError(f"shares must be above 0 and min_cells at least 3, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,12 +54,12 @@ def find_ground(points_m: NDArray[np.float64], settings: GroundSettings = Ground
     key = cell[:, 0] * (int(cell[:, 1].max()) + 1) + cell[:, 1]
     order = np.lexsort((points_m[:, 1], key))
     lowest = order[np.concatenate([[True], key[order][1:] != key[order][:-1]])]
-    layer_m = max(settings.layer_of_height * extent_m[1], settings.least_layer_m)
+    layer_m = max(settings.layer_of_height * extent_m[1], settings.min_layer_m)
     plane = _fit_low_plane(points_m[lowest], layer_m)
     above_m = points_m[:, 1] - ground_height(plane, points_m)
     lying = np.abs(above_m[lowest]) < layer_m
     on_plane = lowest[lying]
-    if len(on_plane) < settings.least_cells or np.hypot(plane[0], plane[1]) > STEEPEST:
+    if len(on_plane) < settings.min_cells or np.hypot(plane[0], plane[1]) > STEEPEST:
         return nothing
     # Of a trunk that was cut out, cells side by side lie at one height as well, but so does what is above them.
     ground_cells = np.isin(key, key[on_plane])
@@ -67,7 +67,7 @@ def find_ground(points_m: NDArray[np.float64], settings: GroundSettings = Ground
     over = int((ground_cells & (above_m >= layer_m) & (above_m < 3 * layer_m)).sum())
     # The underside of a crown is flat as well, but its trunk stands below it.
     below = int((above_m < -layer_m).sum())
-    if within < settings.dominance * max(over, 1) or below > settings.most_below * len(points_m):
+    if within < settings.dominance * max(over, 1) or below > settings.max_below * len(points_m):
         return nothing
     return Ground(points=above_m < layer_m, plane=plane)
 
@@ -81,8 +81,8 @@ def _fit_low_plane(points_m: NDArray[np.float64], layer_m: float) -> NDArray[np.
     for _ in range(_TURNS):
         above_m = points_m[:, 1] - design @ plane
         weight = 1 / (1 + np.square(np.where(above_m > 0, above_m, 0.3 * above_m) / reach_m)) ** 2
-        held = design * weight[:, None]
-        plane = np.linalg.lstsq(held.T @ design + 1e-9 * np.eye(3), held.T @ points_m[:, 1], rcond=None)[0]
+        weighted = design * weight[:, None]
+        plane = np.linalg.lstsq(weighted.T @ design + 1e-9 * np.eye(3), weighted.T @ points_m[:, 1], rcond=None)[0]
         reach_m = max(0.6 * reach_m, layer_m)
     plane[2] -= plane[:2] @ middle_m
     return plane

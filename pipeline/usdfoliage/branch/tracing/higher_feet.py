@@ -31,8 +31,8 @@ class HigherFootSettings:
     beside: int = 2  # cells, in which nothing may begin lower
     around: int = 3  # cells, whose points are looked at with those of the foot
     seen: float = 0.5  # share of a circle that has points: half of it from one place
-    most_away: float = 0.15  # of the radius, mean distance of points from a circle
-    most_apart: float = 0.5  # of the radius, distance between its points
+    max_away: float = 0.15  # of the radius, mean distance of points from a circle
+    max_apart: float = 0.5  # of the radius, distance between its points
     thickening: float = 1.1  # upwards, from the first circle to the last
     upright: float = 0.8  # height of the foot of its length
     off: float = 0.04  # that points of a stem are from its root, to the side
@@ -43,8 +43,8 @@ class HigherFootSettings:
             raise ValueError(f"foot and highest must be shares of the height, radius rising, not {self}")
         if not (self.beside >= 1 and self.around >= 0 and 0 < self.seen <= 1 and 0 < self.upright <= 1):
             raise ValueError(f"beside must be at least 1, around not below 0, seen and upright shares, not {self}")
-        if not (self.most_away > 0 and self.most_apart > 0 and self.thickening > 0 and self.off > 0):
-            raise ValueError(f"most_away, most_apart, thickening and off must be above 0, not {self}")
+        if not (self.max_away > 0 and self.max_apart > 0 and self.thickening > 0 and self.off > 0):
+            raise ValueError(f"max_away, max_apart, thickening and off must be above 0, not {self}")
 
 
 def find_higher_feet(
@@ -149,8 +149,8 @@ def _is_stem(points_m: NDArray[np.float64], height_m: float, settings: HigherFoo
     circles = fit_stem_sections(points_m, section, center_m, axis, StemSectionSettings(window_m=0.6 * slice_m))
     radius_m, (thinnest, thickest) = circles.radius_m, settings.radius
     with np.errstate(invalid="ignore"):
-        is_round = (circles.seen >= settings.seen) & (circles.away_m < settings.most_away * radius_m)
-        is_round &= circles.apart_m < settings.most_apart * radius_m
+        is_round = (circles.seen >= settings.seen) & (circles.away_m < settings.max_away * radius_m)
+        is_round &= circles.apart_m < settings.max_apart * radius_m
         is_round &= (radius_m >= thinnest * height_m) & (radius_m <= thickest * height_m)
     if is_round.sum() < _SLICES - 1:  # the lowest is cut aslant on a slope
         return False

@@ -30,21 +30,21 @@ class RadiusSettings:
 
     allometry: AllometrySettings = field(default_factory=AllometrySettings)
     all_round: float = 0.7  # share of a circle with points, from which on it is believed by itself
-    least_seen: float = 0.4  # and where it is as thick as allometry lets expect
-    most_away: float = 0.2  # of the radius, mean distance of its points
+    min_seen: float = 0.4  # and where it is as thick as allometry lets expect
+    max_away: float = 0.2  # of the radius, mean distance of its points
     certain_seen: float = 0.9  # share of a circle with points, and
     certain_away: float = 0.08  # of the radius, mean distance of them: it is what it is, whatever is expected
     factor: float = 1.6  # by which a circle seen in part may differ from what is expected
-    most_apart: float = 0.8  # of the radius, distance between its points
-    least_radius_m: float = 0.0005  # of the finest twig
+    max_apart: float = 0.8  # of the radius, distance between its points
+    min_radius_m: float = 0.0005  # of the finest twig
     tolerance: float = 0.1  # of the logarithm of a circle's radius
     exponents: tuple[float, float] = (0.3, 0.7)  # that are thought possible
 
     def __post_init__(self) -> None:
-        if not 0 <= self.least_seen <= self.all_round <= 1:
-            raise ValueError(f"0 <= least_seen <= all_round <= 1, not {self.least_seen:g} and {self.all_round:g}")
-        if not (self.most_away > 0 and self.least_radius_m > 0 and self.tolerance > 0 and self.factor >= 1):
-            raise ValueError("most_away, least_radius_m and tolerance must be above 0, factor at least 1")
+        if not 0 <= self.min_seen <= self.all_round <= 1:
+            raise ValueError(f"0 <= min_seen <= all_round <= 1, not {self.min_seen:g} and {self.all_round:g}")
+        if not (self.max_away > 0 and self.min_radius_m > 0 and self.tolerance > 0 and self.factor >= 1):
+            raise ValueError("max_away, min_radius_m and tolerance must be above 0, factor at least 1")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,18 +92,18 @@ def estimate_radii(
         np.square(circles.away_m[believed] / circles.radius_m[believed]) / 4 + settings.tolerance**2
     )
     # A circle through two branches is neither's.
-    doubted = believed & ~certain
-    weight[doubted] /= 1 + (measured[doubted] / (1.25 * np.log(settings.factor))) ** 4
+    uncertain = believed & ~certain
+    weight[uncertain] /= 1 + (measured[uncertain] / (1.25 * np.log(settings.factor))) ** 4
     own = np.flatnonzero(parent >= 0)
-    usual_m = float(np.median(step_m[own])) if len(own) else 1.0
-    change = 0.06 * np.maximum(step_m[own] / usual_m, 0.2) if usual_m > 0 else np.full(len(own), 0.06)
+    median_m = float(np.median(step_m[own])) if len(own) else 1.0
+    change = 0.06 * np.maximum(step_m[own] / median_m, 0.2) if median_m > 0 else np.full(len(own), 0.06)
     tie = 1 / np.square(change)
     rows, columns = np.concatenate([own, parent[own]]), np.concatenate([parent[own], own])
     ties = coo_array((np.concatenate([tie, tie]), (rows, columns)), shape=(len(parent),) * 2).tocsc()
     matrix = diags_array(ties.sum(axis=1) + weight + 0.2) - ties
     solver = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0, options={"SymmetricMode": True})
     log_radius = _falling(tree, step_m, expected + solver.solve(weight * measured))
-    radius_m = np.maximum(np.exp(log_radius), settings.least_radius_m)
+    radius_m = np.maximum(np.exp(log_radius), settings.min_radius_m)
     radius_m = _never_growing(tree, radius_m)
     logger.info(
         "%d of %d circles believed, exponent %.2f, noise %.4f m", believed.sum(), len(parent), exponent, noise_m
@@ -141,21 +141,21 @@ def _never_growing(tree: RootedTree, radius_m: NDArray[np.float64]) -> NDArray[n
 
     One radius that is too small would drag all that it carries with it, one that is too large all that carry it.
     """
-    at_most, at_least = radius_m.copy(), radius_m.copy()
+    lower, upper = radius_m.copy(), radius_m.copy()
     for level in tree.levels[1:]:
-        at_most[level] = np.minimum(at_most[level], at_most[tree.parent[level]])
+        lower[level] = np.minimum(lower[level], lower[tree.parent[level]])
     for level in reversed(tree.levels[1:]):
-        np.maximum.at(at_least, tree.parent[level], at_least[level])
-    return np.asarray(np.sqrt(at_most * at_least))
+        np.maximum.at(upper, tree.parent[level], upper[level])
+    return np.asarray(np.sqrt(lower * upper))
 
 
 def _find_round(circles: StemSections, settings: RadiusSettings) -> NDArray[np.bool_]:
     """Circles with points near them, close together, on more than one side; noise makes such ones as well."""
     radius_m, away_m = circles.radius_m, circles.away_m
     with np.errstate(invalid="ignore"):
-        good = np.isfinite(radius_m) & (away_m < settings.most_away * radius_m) & (radius_m < 4 * circles.spread_m)
-        good &= circles.apart_m < settings.most_apart * radius_m
-        part = (circles.seen >= settings.least_seen) & (away_m < 0.6 * settings.most_away * radius_m)
+        good = np.isfinite(radius_m) & (away_m < settings.max_away * radius_m) & (radius_m < 4 * circles.spread_m)
+        good &= circles.apart_m < settings.max_apart * radius_m
+        part = (circles.seen >= settings.min_seen) & (away_m < 0.6 * settings.max_away * radius_m)
     return good & (part | (circles.seen >= settings.all_round))
 
 
@@ -180,9 +180,9 @@ def _measure_trunks(
     while len(at):
         on_trunk[at] = True
         at = main[at][main[at] >= 0]
-    way_m = tree.sum_below(step_m)
+    path_m = tree.sum_below(step_m)
     reach_m = float(tree.farthest_above(step_m)[tree.levels[0]].max())
-    low = on_trunk & (way_m > _TRUNK[0] * reach_m) & (way_m < _TRUNK[1] * reach_m)
+    low = on_trunk & (path_m > _TRUNK[0] * reach_m) & (path_m < _TRUNK[1] * reach_m)
     measured = low & found
     if measured.sum() >= _FEW_SECTIONS:
         return float(np.median(carried[measured])), float(np.median(np.log(circles.radius_m[measured])))
@@ -192,7 +192,7 @@ def _measure_trunks(
     if len(spread_m):  # of points all around a trunk the spread is its radius
         guess_m = float(np.clip(np.median(spread_m), 0.5 * guess_m, 3 * guess_m))
     return float(carried[low].mean() if low.any() else carried.max()), float(
-        np.log(max(guess_m, settings.least_radius_m))
+        np.log(max(guess_m, settings.min_radius_m))
     )
 
 

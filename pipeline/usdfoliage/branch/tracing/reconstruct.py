@@ -17,7 +17,7 @@ from usdfoliage.branch.tracing.cut_ends import straighten_cut_ends
 from usdfoliage.branch.tracing.gaps import find_beyond_gaps
 from usdfoliage.branch.tracing.radii import Radii, RadiusSettings
 from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends
-from usdfoliage.branch.tracing.sections import SectionTree, cut_sections, find_ways
+from usdfoliage.branch.tracing.sections import SectionTree, cut_sections, find_paths
 from usdfoliage.branch.tracing.spurs import absorb_spurs, find_spurs
 from usdfoliage.branch.tracing.traced_axes import as_skeleton, trace_axes
 from usdfoliage.branch.tracing.wood import WoodSettings, choose_wood, shows_leaves, wood_odds
@@ -37,7 +37,7 @@ _FLARE = 0.7  # of its radius, that a stem may be thicker at its foot on one sid
 _FLARES = 4.0  # radii of it, up to which that fades
 _NEAR_BELIEVED = 3  # nodes from a believed circle, that are as thick as is thought
 
-Tell = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 CloudLeaves = Literal["auto", "on", "off"]  # whether a cloud has leaves: told by it, yes, no
 
 
@@ -48,7 +48,7 @@ class BranchSettings:
     internode_m: float | None = None  # without it from the height
     internode_of_height: float = 0.005  # table 2: 5 cm in a box of 10 m
     graph: CloudGraphSettings = field(default_factory=CloudGraphSettings)
-    way_power: float = 2.0  # of a link's length, that it costs
+    path_power: float = 2.0  # of a link's length, that it costs
     coarse: float = 2.0  # internodes, thickness of a slice in which thick stems are found
     fine: float = 0.21  # internodes, thickness of a slice
     fine_spacings: float = 1.6  # distances to the sixth neighbour, thickness of a slice at most
@@ -56,8 +56,8 @@ class BranchSettings:
     sparse: float = 0.6  # internodes, that points are apart from where on each of them may be a twig's only one
     sparse_spacings: float = 0.14  # distances to the sixth neighbour, thickness of a slice there
     stem_share: float = 0.3  # of the radius of a thick stem, thickness of its slices
-    least_length: float = 1.0  # slices, that a branch must reach beyond its parent's surface
-    most_gap: float = 1.0  # of the way beyond it, that a gap between a branch and the rest may be long
+    min_length: float = 1.0  # slices, that a branch must reach beyond its parent's surface
+    max_gap: float = 1.0  # of the way beyond it, that a gap between a branch and the rest may be long
     stiffness: float = 4.0
     radii: RadiusSettings = field(default_factory=RadiusSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
@@ -67,10 +67,10 @@ class BranchSettings:
     def __post_init__(self) -> None:
         if self.internode_m is not None and not (np.isfinite(self.internode_m) and self.internode_m > 0):
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
-        if not (self.way_power >= 1 and self.coarse > 0 and self.fine > 0 and self.least_length >= 0):
-            raise ValueError("way_power must be at least 1, coarse and fine above 0, least_length not below 0")
-        if not self.most_gap > 0:
-            raise ValueError(f"most_gap must be above 0, not {self.most_gap:g}")
+        if not (self.path_power >= 1 and self.coarse > 0 and self.fine > 0 and self.min_length >= 0):
+            raise ValueError("path_power must be at least 1, coarse and fine above 0, min_length not below 0")
+        if not self.max_gap > 0:
+            raise ValueError(f"max_gap must be above 0, not {self.max_gap:g}")
         if self.leaves not in get_args(CloudLeaves):
             raise ValueError(f"leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.leaves!r}")
 
@@ -103,7 +103,7 @@ def reconstruct_branches(
     points_m: NDArray[np.float64],
     roots_m: NDArray[np.float64],
     settings: BranchSettings = BranchSettings(),
-    progress: Tell | None = None,
+    progress: Progress | None = None,
     colors: NDArray[np.number] | None = None,
 ) -> TracedBranches:
     """Trace the branches of a plant through its cloud, and measure them.
@@ -122,8 +122,8 @@ def reconstruct_branches(
         raise ValueError(f"a plant takes two points, not {len(points_m)}")
     if not len(roots_m):
         raise ValueError("a plant has a root")
-    say = progress or (lambda name, share: None)
-    say("graph", 0.0)
+    report = progress or (lambda name, share: None)
+    report("graph", 0.0)
     spacing_m = point_spacing(points_m)
     given = np.arange(len(points_m))
     if spacing_m == 0:  # points come several times
@@ -134,44 +134,44 @@ def reconstruct_branches(
         spacing_m = point_spacing(points_m)
     internode_m = settings.internode_m or settings.internode_of_height * float(np.ptp(points_m[:, 1]))
     knows_leaves = shows_leaves(spacing_m, settings.wood)
-    look = settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves)
+    search = settings.leaves == "on" or (settings.leaves == "auto" and knows_leaves)
     some, some_spacing_m = np.arange(len(points_m)), spacing_m
-    if look and len(points_m) > settings.wood.most_points:
+    if search and len(points_m) > settings.wood.max_points:
         few = one_in_each_cell(points_m, settings.wood.few_points)[0]
         few_spacing_m = point_spacing(points_m[few])
         if shows_leaves(few_spacing_m, settings.wood):  # of a very large crown all are needed
             some, some_spacing_m = few, few_spacing_m
     if len(some) < len(points_m):
         some_colors = None if colors is None else colors[some]
-        told, _ = _tell_wood(points_m[some], roots_m, internode_m, some_spacing_m, settings, some_colors, say)
+        of_some, _ = _find_wood(points_m[some], roots_m, internode_m, some_spacing_m, settings, some_colors, report)
         nearest = np.asarray(cKDTree(points_m[some]).query(points_m, workers=-1)[1])
-        wood = np.flatnonzero(np.isin(np.arange(len(some)), told)[nearest])
+        wood = np.flatnonzero(np.isin(np.arange(len(some)), of_some)[nearest])
         cut = _cut(points_m[wood], roots_m, internode_m, point_spacing(points_m[wood]) or spacing_m, settings)
-    elif look:
-        wood, cut = _tell_wood(points_m, roots_m, internode_m, spacing_m, settings, colors, say)
+    elif search:
+        wood, cut = _find_wood(points_m, roots_m, internode_m, spacing_m, settings, colors, report)
     else:
         wood, cut = np.arange(len(points_m)), _cut(points_m, roots_m, internode_m, spacing_m, settings)
-    say("branches", 0.7)
-    cut = _without_gaps(cut, settings.most_gap)
+    report("branches", 0.7)
+    cut = _without_gaps(cut, settings.max_gap)
     fine_m = cut.fine_m
     window_m = max(2 * fine_m, 1.5 * cut.spacing_m)
     traced = trace_axes(
-        cut.points_m, cut.sections, settings.least_length * fine_m, window_m, settings.stiffness, settings.radii
+        cut.points_m, cut.sections, settings.min_length * fine_m, window_m, settings.stiffness, settings.radii
     )
     # Again, without what ends inside the stem that it springs from, or runs along its bark: its points are the stem's.
-    least_m = np.full(len(cut.sections), settings.least_length * fine_m)
-    least_m[traced.axes.nodes] += traced.radii.radius_m[traced.axes.nodes]
+    min_m = np.full(len(cut.sections), settings.min_length * fine_m)
+    min_m[traced.axes.nodes] += traced.radii.radius_m[traced.axes.nodes]
     spurs = np.zeros(len(traced.axes), bool)
     spurs[np.diff(traced.axes.first) >= 2] = _spurs(as_skeleton(traced), settings)
     sections, kept = absorb_spurs(cut.points_m, cut.sections, traced.axes, spurs)
-    traced = trace_axes(cut.points_m, sections, least_m[kept], window_m, settings.stiffness, settings.radii)
+    traced = trace_axes(cut.points_m, sections, min_m[kept], window_m, settings.stiffness, settings.radii)
     branches = as_skeleton(traced)
     branches = branches.only(~_spurs(branches, settings))
     branches = straighten_cut_ends(branches, _HANGS_TOGETHER * cut.spacing_m)
     branches = settle_attachments(branches)
     collapsed = collapse_nodes(branches, internode_m, settings.refinement)
     skeleton = round_bends(collapsed, settings.refinement)
-    say("branches", 1.0)
+    report("branches", 1.0)
     is_wood = np.zeros(len(points_m), bool)
     is_wood[wood] = True
     return TracedBranches(
@@ -186,21 +186,21 @@ def reconstruct_branches(
     )
 
 
-def _tell_wood(
+def _find_wood(
     points_m: NDArray[np.float64],
     roots_m: NDArray[np.float64],
     internode_m: float,
     spacing_m: float,
     settings: BranchSettings,
     colors: NDArray[np.number] | None,
-    say: Tell,
+    report: Progress,
 ) -> tuple[NDArray[np.intp], _Cut]:
     """(W,) points that are of wood, and their sections."""
     cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)
     wood = np.arange(len(points_m))
     sure = np.zeros(len(points_m), bool)
-    for turn in range(settings.wood.most_turns):
-        say("wood", 0.5 + 0.2 * turn / settings.wood.most_turns)
+    for turn in range(settings.wood.max_turns):
+        report("wood", 0.5 + 0.2 * turn / settings.wood.max_turns)
         odds = wood_odds(points_m, cut.sections, cut.spacing_m) + settings.wood.caution
         found = choose_wood(cut.sections, odds, _on_stems(cut), cut.spacing_m)
         logger.info("%.0f %% of the sections' length is wood", 100 * found.share)
@@ -211,8 +211,8 @@ def _tell_wood(
         if colors is not None:
             taken = np.zeros(len(points_m), bool)
             taken[wood] = found.sections[cut.sections.section] | sure[wood]
-            told = cell_means(color_odds(colors, taken)[wood, None], cut.sections.section)[:, 0]
-            found = choose_wood(cut.sections, odds + told, _on_stems(cut), cut.spacing_m)
+            by_color = cell_means(color_odds(colors, taken)[wood, None], cut.sections.section)[:, 0]
+            found = choose_wood(cut.sections, odds + by_color, _on_stems(cut), cut.spacing_m)
             logger.info("with colours %.0f %%", 100 * found.share)
             # What geometry alone doubts of a noisy cloud's wood is thin: long ways of few points, that colours spared.
             if turn and found.sections[cut.sections.section].mean() >= settings.wood.settled:
@@ -233,10 +233,10 @@ def _spurs(skeleton: Skeleton, settings: BranchSettings) -> NDArray[np.bool_]:
 
     At its foot a stem flares, more on one side than on the other.
     """
-    share = np.full(len(skeleton.points_m), settings.least_length * settings.stem_share)
+    share = np.full(len(skeleton.points_m), settings.min_length * settings.stem_share)
     of_root = skeleton.order[skeleton.curve] == 0
     foot_m = skeleton.radius_m[skeleton.first][skeleton.curve]
-    share[of_root] += _FLARE * np.clip(1 - skeleton.ways_m / (_FLARES * foot_m), 0, 1)[of_root]
+    share[of_root] += _FLARE * np.clip(1 - skeleton.arcs_m / (_FLARES * foot_m), 0, 1)[of_root]
     return find_spurs(skeleton, share * skeleton.radius_m)
 
 
@@ -257,10 +257,10 @@ def _cut(
     together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
     thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
     thick = stem_m > _HANGS_TOGETHER * spacing_m
-    ways = find_ways(graph.ways_m, feet, of_root, settings.way_power, thick)
+    paths = find_paths(graph.bridged_m, feet, of_root, settings.path_power, thick)
     return _Cut(
         points_m=points_m,
-        sections=cut_sections(points_m, graph.lengths_m, ways, thickness_m),
+        sections=cut_sections(points_m, graph.lengths_m, paths, thickness_m),
         stem_m=stem_m,
         spacing_m=spacing_m,
         fine_m=fine_m,
@@ -268,27 +268,27 @@ def _cut(
     )
 
 
-def _without_gaps(cut: _Cut, most_gap: float) -> _Cut:
+def _without_gaps(cut: _Cut, max_gap: float) -> _Cut:
     """Without what lies apart from the plant."""
     thick_m = np.zeros(len(cut.sections))  # slices of a thick stem are thick
     np.maximum.at(thick_m, cut.sections.section, cut.stem_m)
-    usual_m = np.maximum(thick_m, max(_HANGS_TOGETHER * cut.spacing_m, cut.fine_m))
-    stays = ~find_beyond_gaps(cut.sections, usual_m, most_gap)
+    typical_m = np.maximum(thick_m, max(_HANGS_TOGETHER * cut.spacing_m, cut.fine_m))
+    stays = ~find_beyond_gaps(cut.sections, typical_m, max_gap)
     points = stays[cut.sections.section]
     return replace(cut, points_m=cut.points_m[points], sections=cut.sections.take(stays), stem_m=cut.stem_m[points])
 
 
 def _on_stems(cut: _Cut) -> NDArray[np.bool_]:
     """(S,) sections most of whose points are on a thick stem."""
-    held = np.bincount(cut.sections.section, cut.stem_m > 0, len(cut.sections))
-    return np.asarray(held > 0.5 * cut.sections.points)
+    counts = np.bincount(cut.sections.section, cut.stem_m > 0, len(cut.sections))
+    return np.asarray(counts > 0.5 * cut.sections.points)
 
 
 def _in_thick_branches(cut: _Cut, settings: BranchSettings) -> NDArray[np.bool_]:
     """(N,) points of slices that fell apart on the surface of a thick branch, and look like leaves of it."""
     window_m = max(2 * cut.fine_m, 1.5 * cut.spacing_m)
-    least_m = settings.least_length * cut.fine_m
-    traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, settings.stiffness, settings.radii)
+    min_m = settings.min_length * cut.fine_m
+    traced = trace_axes(cut.points_m, cut.sections, min_m, window_m, settings.stiffness, settings.radii)
     thick = np.zeros(len(cut.sections), bool)
     thick[traced.axes.nodes] = True
     thick &= traced.radii.radius_m > _HANGS_TOGETHER * cut.spacing_m
@@ -353,7 +353,7 @@ def _find_stems(
     Thin slices of a thick stem fall apart.
     """
     coarse_m = max(settings.coarse * internode_m, _HANGS_TOGETHER * spacing_m)
-    sections = cut_sections(points_m, graph.lengths_m, find_ways(graph.ways_m, *roots), coarse_m)
+    sections = cut_sections(points_m, graph.lengths_m, find_paths(graph.bridged_m, *roots), coarse_m)
     traced = trace_axes(points_m, sections, 1.5 * coarse_m, coarse_m, settings.stiffness, settings.radii)
     known = traced.radii.believed
     for _ in range(_NEAR_BELIEVED):

@@ -19,13 +19,13 @@ _ROUNDED = 3  # vertices that take the place of one
 class RefinementSettings:
     """When nodes collapse, and when bends are rounded."""
 
-    most_moved: float = 0.05  # of the radius, by which a branch may move where a node goes
-    least_moved: float = 0.04  # internodes, that it may move however thin it is
+    max_moved: float = 0.05  # of the radius, by which a branch may move where a node goes
+    min_moved: float = 0.04  # internodes, that it may move however thin it is
     radius_change: float = 0.05  # of the radius
     sharpest_deg: float = 20.0  # bend that stays as it is
 
     def __post_init__(self) -> None:
-        if not (self.most_moved >= 0 and self.least_moved >= 0 and self.radius_change >= 0):
+        if not (self.max_moved >= 0 and self.min_moved >= 0 and self.radius_change >= 0):
             raise ValueError(f"what a branch may move and change must not be below 0, not {self}")
         if not 0 < self.sharpest_deg <= 180:
             raise ValueError(f"sharpest_deg must be in (0, 180], not {self.sharpest_deg:g}")
@@ -40,7 +40,7 @@ def collapse_nodes(
     kept = stays.copy()
     if not len(skeleton):
         return skeleton
-    allowed_m = np.maximum(settings.most_moved * skeleton.radius_m, settings.least_moved * internode_m)
+    allowed_m = np.maximum(settings.max_moved * skeleton.radius_m, settings.min_moved * internode_m)
     allowed_m = np.maximum(allowed_m, 1e-12)  # where nothing may move, what lies on a line goes still
     for number in range(len(skeleton)):
         part = skeleton.branch(number)

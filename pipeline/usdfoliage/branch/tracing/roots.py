@@ -14,7 +14,7 @@ from usdfoliage.branch.tracing.ground import ground_height
 from usdfoliage.branch.tracing.higher_feet import find_higher_feet
 
 _BLUR_CELLS = 1.0
-_MOST_CELLS = 400  # a side
+_MAX_CELLS = 400  # a side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class RootSettings:
     slab: float = 0.08  # of the height, from the ground, that is looked at
     cell_of_height: float = 0.008
     standing_out: float = 0.3  # of the densest, density of a root
-    most: int = 12
+    max_count: int = 12
 
     def __post_init__(self) -> None:
         if self.count is not None and self.count < 1:
@@ -62,7 +62,7 @@ def find_roots(
 
 def _cell_side(points_m: NDArray[np.float64], height_m: float, settings: RootSettings) -> float:
     side_m = float(np.ptp(points_m[:, [0, 2]], axis=0).max())
-    return max(settings.cell_of_height * height_m, side_m / _MOST_CELLS, 1e-9)
+    return max(settings.cell_of_height * height_m, side_m / _MAX_CELLS, 1e-9)
 
 
 def _dense_places(
@@ -79,7 +79,7 @@ def _dense_places(
     clusters = _clusters_by_level(density, settings)
     member = clusters[cell[:, 0], cell[:, 1]]
     strength = np.array([density[clusters == number].max() for number in range(1, int(clusters.max()) + 1)])
-    ranked = np.argsort(-strength, kind="stable")[: settings.count or settings.most] + 1
+    ranked = np.argsort(-strength, kind="stable")[: settings.count or settings.max_count] + 1
     roots_m = []
     for number in ranked:
         own = slab[member == number]

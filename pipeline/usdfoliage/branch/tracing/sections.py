@@ -14,7 +14,7 @@ _STEM = 0.25  # of its length, that a link on a stem costs: less than the many s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ways:
+class Paths:
     """From every point one way to a root, along the graph."""
 
     before: NDArray[np.int32]  # (N,), the point before it on that way, -1 for a root
@@ -45,13 +45,13 @@ class SectionTree:
         )
 
 
-def find_ways(
+def find_paths(
     lengths_m: csr_array,
     roots: NDArray[np.integer],
     of_root: NDArray[np.integer],
     power: float = 1.0,
     straight: NDArray[np.bool_] | None = None,
-) -> Ways:
+) -> Paths:
     """The cheapest way from every point to a root, where a link costs a power of its length.
 
     With 1 ways are the shortest and leap from point to point; above it they keep to where points are close together,
@@ -64,12 +64,12 @@ def find_ways(
         power: 1 or more.
         straight: (N,), points of thick stems: links between them cost their length alone, and a share of that.
     """
-    usual_m = float(np.median(lengths_m.data))
-    cost = np.power(lengths_m.data / usual_m, power)
+    median_m = float(np.median(lengths_m.data))
+    cost = np.power(lengths_m.data / median_m, power)
     if straight is not None:
         links = lengths_m.tocoo()
         plain = straight[links.row] & straight[links.col]
-        cost[plain] = _STEM * lengths_m.data[plain] / usual_m
+        cost[plain] = _STEM * lengths_m.data[plain] / median_m
     _, before, source = dijkstra(
         csr_array((cost, lengths_m.indices, lengths_m.indptr), shape=lengths_m.shape),
         directed=False,
@@ -79,13 +79,13 @@ def find_ways(
     )
     number = np.full(lengths_m.shape[0], -1, np.int32)
     number[roots] = of_root
-    return Ways(before=np.where(before < 0, -1, before).astype(np.int32), root=number[source])
+    return Paths(before=np.where(before < 0, -1, before).astype(np.int32), root=number[source])
 
 
 def cut_sections(
     points_m: NDArray[np.float64],
     lengths_m: csr_array,
-    ways: Ways,
+    paths: Paths,
     thickness_m: NDArray[np.floating] | float,
 ) -> SectionTree:
     """Cut the plant into slices along its ways, and these where they do not hang together.
@@ -96,7 +96,7 @@ def cut_sections(
     Args:
         points_m: (N, 3).
         lengths_m: (N, N), symmetric: what hangs together.
-        ways: To the roots.
+        paths: To the roots.
         thickness_m: Of a slice along the ways, at each point (N,) or everywhere.
 
     Source:
@@ -105,29 +105,29 @@ def cut_sections(
     """
     count = len(points_m)
     thick_m = np.broadcast_to(np.asarray(thickness_m, np.float64), count)
-    above = np.maximum(ways.before, 0)
-    passed = step_lengths(points_m, ways.before) / (0.5 * (thick_m + thick_m[above]))
-    slice_of = np.floor(RootedTree(ways.before).sum_below(passed)).astype(np.int64)
+    above = np.maximum(paths.before, 0)
+    passed = step_lengths(points_m, paths.before) / (0.5 * (thick_m + thick_m[above]))
+    slice_of = np.floor(RootedTree(paths.before).sum_below(passed)).astype(np.int64)
     links = lengths_m.tocoo()
-    level = (slice_of[links.row] == slice_of[links.col]) & (ways.root[links.row] == ways.root[links.col])
+    level = (slice_of[links.row] == slice_of[links.col]) & (paths.root[links.row] == paths.root[links.col])
     # All that a root's ways end at is one section, the foot of its stem.
-    ends = np.flatnonzero(ways.before < 0)
-    first_end = np.zeros(int(ways.root[ends].max()) + 1, np.int64)
-    first_end[ways.root[ends][::-1]] = ends[::-1]
+    ends = np.flatnonzero(paths.before < 0)
+    first_end = np.zeros(int(paths.root[ends].max()) + 1, np.int64)
+    first_end[paths.root[ends][::-1]] = ends[::-1]
     rows = np.concatenate([links.row[level], ends])
-    columns = np.concatenate([links.col[level], first_end[ways.root[ends]]])
+    columns = np.concatenate([links.col[level], first_end[paths.root[ends]]])
     within = coo_array((np.ones(len(rows), bool), (rows, columns)), shape=(count, count))
     sections, section = connected_components(within, directed=False)
-    held = np.bincount(section)
+    counts = np.bincount(section)
     center_m = cell_means(points_m, section)
     own, other = section, section[above]
-    leaves = (ways.before >= 0) & (own != other)
+    leaves = (paths.before >= 0) & (own != other)
     votes = coo_array((np.ones(int(leaves.sum())), (own[leaves], other[leaves])), shape=(sections, sections)).tocsr()
     parent = np.where(np.diff(votes.indptr) > 0, np.asarray(votes.argmax(axis=1)).ravel(), -1)
-    parent[section[ways.before < 0]] = -1
+    parent[section[paths.before < 0]] = -1
     return SectionTree(
         center_m=center_m,
-        points=held.astype(np.int32),
+        points=counts.astype(np.int32),
         parent=parent.astype(np.int32),
         section=section.astype(np.int32),
     )

@@ -70,11 +70,11 @@ def absorb_spurs(
     kept = taken_by < 0
     number = np.cumsum(kept) - 1
     section = number[into[sections.section]]
-    held = np.bincount(section, minlength=int(kept.sum()))
+    counts = np.bincount(section, minlength=int(kept.sum()))
     parent = sections.parent[kept]
     absorbed = SectionTree(
         center_m=cell_means(points_m, section),
-        points=held.astype(np.int32),
+        points=counts.astype(np.int32),
         parent=np.where(parent < 0, -1, number[parent]).astype(np.int32),
         section=section.astype(np.int32),
     )

@@ -19,11 +19,11 @@ class StemSectionSettings:
     """Which points a circle is fitted to."""
 
     window_m: float  # along the axis, to both sides
-    least_points: int = 12
+    min_points: int = 12
 
     def __post_init__(self) -> None:
-        if not self.window_m > 0 or self.least_points < 3:
-            raise ValueError(f"window_m must be above 0 and least_points at least 3, not {self}")
+        if not self.window_m > 0 or self.min_points < 3:
+            raise ValueError(f"window_m must be above 0 and min_points at least 3, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +65,7 @@ def fit_stem_sections(
     """
     count = len(center_m)
     radius_m, away_m, spread_m, apart_m = (np.full(count, np.nan) for _ in range(4))
-    offset_m, seen, held = np.zeros((count, 3)), np.zeros(count), np.zeros(count, np.int64)
+    offset_m, seen, used = np.zeros((count, 3)), np.zeros(count), np.zeros(count, np.int64)
     entries = np.flatnonzero(axes.own)
     nodes = axes.nodes[entries]
     # Points in the order of the chains, so that a window of nodes is a run of points.
@@ -77,7 +77,7 @@ def fit_stem_sections(
     begin = np.searchsorted(at[ordered], np.arange(len(nodes) + 1))
     low, high, direction, length_m = _windows(center_m, axes, entries, settings.window_m)
     runs = begin[high] - begin[low]
-    usable = np.flatnonzero((runs >= settings.least_points) & (np.linalg.norm(direction, axis=1) > 0))
+    usable = np.flatnonzero((runs >= settings.min_points) & (np.linalg.norm(direction, axis=1) > 0))
     ends = np.cumsum(runs[usable])
     for part in np.split(usable, np.searchsorted(ends, np.arange(_CHUNK, int(ends[-1]) if len(ends) else 0, _CHUNK))):
         if not len(part):
@@ -94,12 +94,18 @@ def fit_stem_sections(
         to = nodes[part]
         radius_m[to], away_m[to], spread_m[to], seen[to] = fit.radius, fit.away, fit.spread, fit.seen
         offset_m[to] = fit.x[:, None] * side + fit.y[:, None] * other
-        held[to] = runs_here
+        used[to] = runs_here
         area_m2 = 2 * np.pi * fit.radius * fit.seen * np.minimum(2 * settings.window_m, length_m[part])
         apart_m[to] = np.sqrt(area_m2 / runs_here)
     offset_m[~np.isfinite(radius_m)] = 0
     return StemSections(
-        radius_m=radius_m, offset_m=offset_m, away_m=away_m, seen=seen, points=held, spread_m=spread_m, apart_m=apart_m
+        radius_m=radius_m,
+        offset_m=offset_m,
+        away_m=away_m,
+        seen=seen,
+        points=used,
+        spread_m=spread_m,
+        apart_m=apart_m,
     )
 
 
@@ -107,11 +113,11 @@ def _windows(
     center_m: NDArray[np.float64], axes: Axes, entries: NDArray[np.int64], window_m: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """For each own entry the run of own entries around it, from low up to high, the axis' direction and its length."""
-    way_m = axes.lengths_along(center_m)
+    path_m = axes.lengths_along(center_m)
     axis_of = axes.axis_of
     # Axes far apart on one line, so that one search serves all.
-    apart_m = float(way_m.max(initial=0)) + 4 * window_m + 1
-    line_m = way_m[entries] + axis_of[entries] * apart_m
+    apart_m = float(path_m.max(initial=0)) + 4 * window_m + 1
+    line_m = path_m[entries] + axis_of[entries] * apart_m
     numbers = np.arange(len(entries))
     first, last = (
         np.searchsorted(axis_of[entries], axis_of[entries]),

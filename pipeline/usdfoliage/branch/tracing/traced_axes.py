@@ -17,8 +17,8 @@ _OF_WINDOW = 0.13  # of the window, that a node is moved for its axis to be fair
 _OF_SPREAD = 0.5  # and of the spread of its points: the middle of a few points on a thick stem may be far off
 _THICK_STIFFNESS = 10.0  # of the axes of branches thicker than the window, once they have radii,
 _OF_RADIUS = 0.3  # of which their nodes move at most
-_HELD = 1e6  # weight of nodes that stay
-_MOST_MOVED = 0.7  # of the radius, that a node is moved to the middle of its circle
+_FIXED = 1e6  # weight of nodes that stay
+_MAX_MOVED = 0.7  # of the radius, that a node is moved to the middle of its circle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,7 +35,7 @@ class TracedAxes:
 def trace_axes(
     points_m: NDArray[np.float64],
     sections: SectionTree,
-    least_m: NDArray[np.floating] | float,
+    min_m: NDArray[np.floating] | float,
     window_m: float,
     stiffness: float,
     settings: RadiusSettings,
@@ -45,16 +45,16 @@ def trace_axes(
     Args:
         points_m: (N, 3).
         sections: Of the points.
-        least_m: At a section (S,) or everywhere, length that a branch springing there must have.
+        min_m: At a section (S,) or everywhere, length that a branch springing there must have.
         window_m: Along the axis to both sides, of the points that a circle is fitted to.
         stiffness: Of the axes.
         settings: Of the radii.
     """
-    axes = find_axes(sections.center_m, sections.parent, least_m)
+    axes = find_axes(sections.center_m, sections.parent, min_m)
     away = np.square(points_m - sections.center_m[sections.section])
     spread_m = np.sqrt(cell_means(away, sections.section).sum(axis=1))
-    most_moved_m = _OF_WINDOW * window_m + _OF_SPREAD * spread_m
-    center_m = fair_axes(sections.center_m, axes, sections.points, stiffness, most_moved_m)
+    max_moved_m = _OF_WINDOW * window_m + _OF_SPREAD * spread_m
+    center_m = fair_axes(sections.center_m, axes, sections.points, stiffness, max_moved_m)
     parent = axes.parent_node(len(sections))
     circles = fit_stem_sections(points_m, sections.section, center_m, axes, StemSectionSettings(window_m=window_m))
     on_axis = np.zeros(len(sections), bool)
@@ -66,17 +66,17 @@ def trace_axes(
         circles.take(on_axis),
         settings,
     )
-    radius_m, believed = np.full(len(sections), settings.least_radius_m), np.zeros(len(sections), bool)
+    radius_m, believed = np.full(len(sections), settings.min_radius_m), np.zeros(len(sections), bool)
     radius_m[on_axis], believed[on_axis] = radii.radius_m, radii.believed
     away_m = np.linalg.norm(circles.offset_m, axis=1)
-    share = np.minimum(1, _MOST_MOVED * radius_m / np.maximum(away_m, 1e-12))
+    share = np.minimum(1, _MAX_MOVED * radius_m / np.maximum(away_m, 1e-12))
     center_m = np.where(believed[:, None], center_m + share[:, None] * circles.offset_m, center_m)
     # Circles of a few points are off their middle by chance, one to this side and the next to the other: a lumpy stem.
     thick = radius_m > window_m
     center_m = fair_axes(
         center_m,
         axes,
-        np.where(thick, 1.0, _HELD),
+        np.where(thick, 1.0, _FIXED),
         _THICK_STIFFNESS,
         np.where(thick, _OF_RADIUS * radius_m, np.inf),
     )

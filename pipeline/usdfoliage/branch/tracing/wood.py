@@ -22,12 +22,12 @@ _WINDOWS = (10.0, 20.0)  # of a way, to both sides, over which it is straight or
 _CELL = 1.0  # of which filled ones are counted
 _AROUND = 1.5  # of a section, where they are counted
 _BLUR = 0.1  # that a way strays in any case
-_MOST_SECTIONS = 250  # of a way within a window
+_MAX_SECTIONS = 250  # of a way within a window
 # Logarithm of the odds for wood: constant; straightness in both windows, fewness of points, emptiness around. Logistic
 # regression, rounded, on a simulated tree with leaves of several sizes, scanned and sampled at several spacings and
 # noises, the same without leaves, and two real clouds without leaves and with simulated ones.
 _WEIGHTS = (-1.3, 1.8, 1.2, 2.5, 0.8)
-_MOST_SURE = 6.0  # logarithm of the odds
+_MAX_SURE = 6.0  # logarithm of the odds
 _STEM_SURE = 3.0  # of what is on a thick stem
 
 
@@ -39,18 +39,18 @@ class WoodSettings:
     leaf_spacings: float = 3.0  # distances to the sixth neighbour in it, fewer of which do not show what it is
     leafless: float = 0.75  # share of the sections' length that is wood, from which on a plant has no leaves
     caution: float = 0.5  # added to the logarithm of the odds for wood: among leaves it looks less like it
-    most_points: int = 500_000  # of a cloud, of which more are thinned for this:
+    max_points: int = 500_000  # of a cloud, of which more are thinned for this:
     few_points: int = 200_000  # leaves that are seen from near are no more like leaves, and ways cost much
     settled: float = 0.87  # share that is wood of what was left, from which on no leaves are looked for any more
-    most_turns: int = 5  # of leaving leaves out
+    max_turns: int = 5  # of leaving leaves out
 
     def __post_init__(self) -> None:
         if not (self.leaf_m > 0 and self.leaf_spacings > 0 and 0 <= self.leafless <= 1 and 0 <= self.settled <= 1):
             raise ValueError(f"leaf_m, leaf_spacings must be above 0, leafless and settled in [0, 1], not {self}")
-        if not 2 <= self.few_points <= self.most_points:
-            raise ValueError(f"2 <= few_points <= most_points, not {self.few_points} and {self.most_points}")
-        if not np.isfinite(self.caution) or self.most_turns < 1:
-            raise ValueError(f"caution must be a number and most_turns at least 1, not {self}")
+        if not 2 <= self.few_points <= self.max_points:
+            raise ValueError(f"2 <= few_points <= max_points, not {self.few_points} and {self.max_points}")
+        if not np.isfinite(self.caution) or self.max_turns < 1:
+            raise ValueError(f"caution must be a number and max_turns at least 1, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,7 +87,7 @@ def choose_wood(sections: SectionTree, odds: NDArray[np.float64], stem: NDArray[
         spacing_m: To the sixth neighbour.
     """
     step_m = step_lengths(sections.center_m, sections.parent)
-    sure = np.where(stem, _STEM_SURE, np.clip(odds, -_MOST_SURE, _MOST_SURE))
+    sure = np.where(stem, _STEM_SURE, np.clip(odds, -_MAX_SURE, _MAX_SURE))
     kept = best_rooted_part(RootedTree(sections.parent), sure * np.maximum(step_m, 0.05 * spacing_m))
     whole_m = float(step_m.sum())
     return Wood(sections=kept, share=float(step_m[kept].sum()) / whole_m if whole_m > 0 else 1.0)
@@ -138,25 +138,25 @@ def _straightness(
 ) -> NDArray[np.float64]:
     """(S,) logarithm of how much longer than wide the way is, on both sides of each section, within window_m."""
     center_m, count = sections.center_m, len(sections)
-    held = np.ones(count)
+    count_near = np.ones(count)
     total = np.zeros((count, 3))  # of the way's sections, from the own one, so that no digits are lost
     square = np.zeros((count, 3, 3))
     for upwards in (False, True):
         own: NDArray[np.signedinteger] = np.arange(count)
         at: NDArray[np.signedinteger] = own
-        way_m = np.zeros(count)
-        for _ in range(_MOST_SECTIONS):
+        path_m = np.zeros(count)
+        for _ in range(_MAX_SECTIONS):
             beside = following[at] if upwards else sections.parent[at]
-            way_m = way_m + np.where(beside < 0, np.inf, step_m[beside] if upwards else step_m[at])
-            on = way_m <= window_m
+            path_m = path_m + np.where(beside < 0, np.inf, step_m[beside] if upwards else step_m[at])
+            on = path_m <= window_m
             if not on.any():
                 break
-            own, at, way_m = own[on], beside[on], way_m[on]
+            own, at, path_m = own[on], beside[on], path_m[on]
             offset_m = center_m[at] - center_m[own]
-            held[own] += 1
+            count_near[own] += 1
             total[own] += offset_m
             square[own] += offset_m[:, :, None] * offset_m[:, None, :]
-    mean_m = total / held[:, None]
-    spread = np.linalg.eigvalsh(square / held[:, None, None] - mean_m[:, :, None] * mean_m[:, None, :])
+    mean_m = total / count_near[:, None]
+    spread = np.linalg.eigvalsh(square / count_near[:, None, None] - mean_m[:, :, None] * mean_m[:, None, :])
     long_m, wide_m = np.sqrt(np.maximum(spread[:, 2], 0)), np.sqrt(np.maximum(spread[:, 1], 0))
     return np.asarray(np.log((long_m + blur_m) / (wide_m + blur_m)))

@@ -40,6 +40,6 @@ def color_odds(colors: NDArray[np.number], is_wood: NDArray[np.bool_]) -> NDArra
 
 def _shares(key: NDArray[np.int64]) -> NDArray[np.float64]:
     """(bins,) share of the points in each bin."""
-    held = np.bincount(key, minlength=_BINS**2).astype(np.float64).reshape(_BINS, _BINS)
-    smooth = gaussian_filter(held, _BLUR) + _UNSEEN
+    counts = np.bincount(key, minlength=_BINS**2).astype(np.float64).reshape(_BINS, _BINS)
+    smooth = gaussian_filter(counts, _BLUR) + _UNSEEN
     return np.asarray((smooth / smooth.sum()).ravel())

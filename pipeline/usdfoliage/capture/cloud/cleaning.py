@@ -14,7 +14,7 @@ from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.geometry.disks import choose_disks
 
 _CHUNK = 200_000  # points whose neighbours are looked for at once
-_FIRST_GAP = 16  # of the distance between neighbouring points: smaller pieces are looked for by drop_strays
+_FIRST_GAP = 16  # of the distance between neighbouring points: smaller pieces are looked for by drop_outliers
 _GAP_CELLS = 4  # that a gap is wide when pieces are looked for; above 2 sqrt 3, see _find_pieces
 _BESIDE = [step for step in product((-1, 0, 1), repeat=3) if step > (0, 0, 0)]  # half of the cells that touch one
 
@@ -36,7 +36,7 @@ class CleaningSettings:
             raise ValueError(f"isolation must not be below 0, not {self.isolation:g}")
 
 
-def drop_strays(cloud: Cloud, settings: CleaningSettings = CleaningSettings()) -> Cloud:
+def drop_outliers(cloud: Cloud, settings: CleaningSettings = CleaningSettings()) -> Cloud:
     """Without points that have few neighbours within reach: chance agreements of views stand alone in the air."""
     if settings.neighbors == 0 or len(cloud) <= settings.neighbors:
         return cloud
@@ -123,19 +123,19 @@ def _find_pieces(
     if pieces == 1:
         return pieces, piece_of
 
-    is_most = piece_of == np.argmax(np.bincount(piece_of))
-    most, others = np.flatnonzero(is_most), np.flatnonzero(~is_most)
+    is_main = piece_of == np.argmax(np.bincount(piece_of))
+    main, others = np.flatnonzero(is_main), np.flatnonzero(~is_main)
     pairs = others[cKDTree(middles_m[others]).query_pairs(gap_m, output_type="ndarray")]
     starts.append(pairs[:, 0])
     ends.append(pairs[:, 1])
-    away_m, nearest = cKDTree(middles_m[most], balanced_tree=False).query(
+    away_m, nearest = cKDTree(middles_m[main], balanced_tree=False).query(
         middles_m[others],
         distance_upper_bound=2 * gap_m,  # which itself is left out
         workers=-1,
     )
     near = np.asarray(away_m) <= gap_m
     starts.append(others[near])
-    ends.append(most[np.asarray(nearest)[near]])
+    ends.append(main[np.asarray(nearest)[near]])
     return join()
 
 

@@ -16,7 +16,7 @@ from usdfoliage.files.threads import map_ahead, map_threaded, share_cores
 from usdfoliage.geometry.pinhole import Pinhole
 
 CELL_BITS = 21  # of a cell's number along an axis: three of them fill 63 bits
-LEAST_COSINE = 0.1  # at which a surface is taken to be seen, for its weight
+MIN_COSINE = 0.1  # at which a surface is taken to be seen, for its weight
 _BEST = 4  # power of a weight for colours: a view that sees half as finely counts a sixteenth
 
 
@@ -38,13 +38,13 @@ class CloudSettings:
 
     cell_m: float | None = None  # side of the cells, metres; auto: cell_footprints of a pixel of the median view
     cell_footprints: float = 1.0  # side of the cells, in what a pixel covers on the plant, where cell_m is not said
-    least_views: int = 1  # that a point must be seen by
+    min_views: int = 1  # that a point must be seen by
 
     def __post_init__(self) -> None:
         if self.cell_m is not None and not (np.isfinite(self.cell_m) and self.cell_m > 0):
             raise ValueError(f"cell_m must be above 0, not {self.cell_m}")
-        if not (np.isfinite(self.cell_footprints) and self.cell_footprints > 0) or self.least_views < 1:
-            raise ValueError(f"cell_footprints must be above 0 and least_views at least 1, not {self}")
+        if not (np.isfinite(self.cell_footprints) and self.cell_footprints > 0) or self.min_views < 1:
+            raise ValueError(f"cell_footprints must be above 0 and min_views at least 1, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +102,7 @@ def merge_views(
     cells = joined.pop() if joined else _no_cells()
     while joined:
         cells = _join(joined.pop(), cells, at_once)
-    return _to_cloud(cells, np.zeros(3) if grid is None else grid.origin_m, settings.least_views)
+    return _to_cloud(cells, np.zeros(3) if grid is None else grid.origin_m, settings.min_views)
 
 
 def _seen_points(
@@ -133,7 +133,7 @@ def _sum_view(surface: SeenSurface, grid: _Grid) -> _Cells:
     normals = surface.normals[rows, columns].astype(np.float64)
     towards = surface.camera.position_m - points_m
     cosine = np.einsum("nc,nc->n", normals, towards) / np.linalg.norm(towards, axis=1)
-    weight = np.maximum(cosine, LEAST_COSINE) / np.square(footprint_m) / grid.unit_weight
+    weight = np.maximum(cosine, MIN_COSINE) / np.square(footprint_m) / grid.unit_weight
     best = np.clip(weight**_BEST, 1e-30, 1e30)
     offsets_m = points_m - grid.origin_m
     srgb = surface.srgb[rows, columns]
@@ -153,14 +153,16 @@ def _sum_view(surface: SeenSurface, grid: _Grid) -> _Cells:
         sums[1 + axis] = total(offsets_m[:, axis] * weight)
         sums[4 + axis] = total(normals[:, axis] * weight)
         sums[8 + axis] = total(srgb[:, axis] * best)
-    most = np.stack([np.maximum.reduceat(held[order], first) for held in (surface.confidence[rows, columns], others)])
-    return _Cells(keys=ordered[first], sums=sums, best=most.astype(np.float64), views=np.ones(len(first), np.int64))
+    largest = np.stack(
+        [np.maximum.reduceat(values[order], first) for values in (surface.confidence[rows, columns], others)]
+    )
+    return _Cells(keys=ordered[first], sums=sums, best=largest.astype(np.float64), views=np.ones(len(first), np.int64))
 
 
-def _to_cloud(cells: _Cells, origin_m: NDArray[np.float64], least_views: int) -> Cloud:
+def _to_cloud(cells: _Cells, origin_m: NDArray[np.float64], min_views: int) -> Cloud:
     """The means of the cells that enough views have seen."""
     seen_by = np.maximum(cells.views, cells.best[1].astype(np.int64) + 1)
-    seen = seen_by >= least_views
+    seen = seen_by >= min_views
     weight, best = cells.sums[0, seen], cells.sums[7, seen]
     points_m, normals = np.empty((len(weight), 3)), np.empty((len(weight), 3))
     srgb = np.empty((len(weight), 3), np.uint8)

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 Array = NDArray[np.float64]
 
 _LOOKED_AT, _PLACES = 20_000, 500  # colours that are looked at, and places among them where a curve is looked for
-_LEAST_COLORS = 24  # different ones, below which they are classes or a few materials
-_AROUND, _LEAST_AROUND = 24.0, 8  # of 255, how far about a colour, and how many others, its curve is looked for
+_MIN_COLORS = 24  # different ones, below which they are classes or a few materials
+_AROUND, _MIN_AROUND = 24.0, 8  # of 255, how far about a colour, and how many others, its curve is looked for
 _THIN = 0.12  # spread across the curve over that along it; scans that a camera coloured have 0.3 and more
 _DARK = 0.01  # of white, added to what colours are divided by: the chromaticity of what is black is nothing
 # Extents in chromaticity; that of one leaf in light and shade is below 0.05, from green leaves to brown wood 0.25.
@@ -22,7 +22,7 @@ _SLICES, _STEPS, _STEPPED = 48, 6, 0.8  # of the cloud, the largest changes betw
 _BY_PLACE = 0.05  # variance between neighbours along an axis over that of all
 
 
-def doubt_colors(points: NDArray[np.floating], colors: NDArray[np.number]) -> str:
+def check_colors(points: NDArray[np.floating], colors: NDArray[np.number]) -> str:
     """Why the colours of a cloud are none of a plant's: what they seem to be; empty where they may be.
 
     Colours (almost) on one curve through many hues are a ramp. So are those that follow one axis of the cloud,
@@ -93,14 +93,14 @@ def _follow(chroma: Array, along: Array) -> bool:
 def _lie_on_curve(shade: Array) -> bool:
     """Whether colours (N, 3), 0 to 255, lie on a thin curve, as lines through the colours about some of them tell."""
     different = np.unique(np.rint(shade), axis=0)
-    if len(different) < _LEAST_COLORS:
+    if len(different) < _MIN_COLORS:
         return False
     tree = cKDTree(different)
     thin = []
     for place in shade[:: max(1, len(shade) // _PLACES)]:
         around = tree.query_ball_point(place, _AROUND)
-        if len(around) < _LEAST_AROUND:
-            around = tree.query(place, k=_LEAST_AROUND)[1]
+        if len(around) < _MIN_AROUND:
+            around = tree.query(place, k=_MIN_AROUND)[1]
         near = different[around]
         spread = np.linalg.svd(near - near.mean(axis=0), compute_uv=False)
         thin.append(float(np.hypot(spread[1], spread[2]) / spread[0]))

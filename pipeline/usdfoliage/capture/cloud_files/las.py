@@ -20,7 +20,7 @@ from usdfoliage.errors import CaptureError
 
 _NOISE = (7, 18)  # classes of points, low and high
 _VARIABLE = 2**32 - 1  # size of a LAZ file's chunks, where its table tells that of each
-_MOST_IN_CHUNK = 10_000_000  # points; writers put 50,000 into one
+_MAX_IN_CHUNK = 10_000_000  # points; writers put 50,000 into one
 _DEGREES_WIDE = 0.05  # what is wider is no plant in degrees: 5 km
 _SAME_UNIT = 1e-4  # relative: feet are of two sizes, which differ by less
 # What laspy and lazrs raise over bytes that are no LAS; a panic in Rust is no Exception, and has no public name.
@@ -44,7 +44,7 @@ def open_las_parts(path: Path, unit_is_given: bool = False) -> CloudParts:
             what is wrong with the points is raised when their part is read.
     """
     _check_records(path)
-    with _damage_told(path), laspy.open(path) as reader:
+    with _report_damage(path), laspy.open(path) as reader:
         header = reader.header
         count, scales, offsets = int(header.point_count), np.array(header.scales), np.array(header.offsets)
         unit = _read_unit(header)
@@ -95,7 +95,7 @@ def _check_chunk_table(path: Path, start: int, count: int, packing: bytes) -> No
     Source: M. Isenburg, LASzip: lossless compression of LiDAR data, 2013, with the offset of the table before the
     points or, from writers that could not go back, at the end of the file.
     """
-    with _damage_told(path), path.open("rb") as file:
+    with _report_damage(path), path.open("rb") as file:
         size = file.seek(0, 2)
         file.seek(start)
         (table,) = struct.unpack("<q", file.read(8))
@@ -111,14 +111,14 @@ def _check_chunk_table(path: Path, start: int, count: int, packing: bytes) -> No
         _, chunks = struct.unpack("<II", file.read(8))
         (in_chunk,) = struct.unpack_from("<I", packing, 12)  # all bits set: as the table tells of each
         is_fixed = in_chunk != _VARIABLE
-        if is_fixed and in_chunk > max(count, _MOST_IN_CHUNK):  # lazrs asks for the memory of a whole one
+        if is_fixed and in_chunk > max(count, _MAX_IN_CHUNK):  # lazrs asks for the memory of a whole one
             raise CaptureError(f"{path} is damaged: it tells of {in_chunk:,} points in a chunk; copy it again")
         if chunks > table - start or count > chunks * in_chunk:  # none is empty
             raise CaptureError(f"{path} is damaged: it tells of {count:,} points in {chunks:,} chunks; copy it again")
 
 
 @contextmanager
-def _damage_told(path: Path) -> Iterator[None]:
+def _report_damage(path: Path) -> Iterator[None]:
     """What goes wrong with a file as CaptureError."""
     try:
         yield
@@ -138,7 +138,7 @@ def _damage_told(path: Path) -> Iterator[None]:
 
 def _read_parts(path: Path, count: int, has_colors: bool) -> Iterator[CloudPart]:
     done = 0
-    with _damage_told(path), laspy.open(path, read_evlrs=False) as reader:
+    with _report_damage(path), laspy.open(path, read_evlrs=False) as reader:
         while done < count:
             part = reader.read_points(min(PART_POINTS, count - done))
             if not len(part):

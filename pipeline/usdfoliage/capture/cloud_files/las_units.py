@@ -21,7 +21,7 @@ _IN_DOUBLES = 34736  # where a key's value is when it is not in the key
 _LENGTHS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # metres, by EPSG code
 
 _TOKEN = re.compile(r'"((?:[^"]|"")*)"|([A-Za-z_][\w]*)\s*[\[(]|([\])])|([^\s,"\[\]()]+)')
-_MOST_NODES = 10_000
+_MAX_NODES = 10_000
 
 
 class LasUnit(NamedTuple):
@@ -59,14 +59,14 @@ def read_key_unit(keys: Sequence[tuple[int, int, int, int]], doubles: Sequence[f
         keys: Of each its number, where its value is, how many values it has, and its value or the place of the first.
         doubles: Values that are not in the keys.
     """
-    held = {number: (place, value) for number, place, _, value in keys}
+    by_number = {number: (place, value) for number, place, _, value in keys}
 
     def code(number: int) -> int | None:
-        place, value = held.get(number, (1, 0))
+        place, value = by_number.get(number, (1, 0))
         return value if place == 0 else None
 
     metres = _LENGTHS.get(code(_KEY_UNIT) or 0)
-    place, value = held.get(_KEY_UNIT_SIZE, (0, 0))
+    place, value = by_number.get(_KEY_UNIT_SIZE, (0, 0))
     if metres is None and place == _IN_DOUBLES and value < len(doubles):
         metres = _checked(doubles[value])
     system = code(_KEY_SYSTEM)
@@ -96,7 +96,7 @@ def _parse(text: str) -> _Node:
     root = _Node("")
     open_nodes = [root]
     for number, match in enumerate(_TOKEN.finditer(text)):
-        if number > _MOST_NODES:
+        if number > _MAX_NODES:
             return _Node("")
         quoted, keyword, closing, word = match.groups()
         if keyword is not None:

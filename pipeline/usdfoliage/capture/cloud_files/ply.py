@@ -137,13 +137,13 @@ def read_cloud(path: Path, metres_per_unit: float = 1.0) -> Cloud:
     Raises:
         CaptureError: As read_cloud_file.
     """
-    held = read_cloud_file(path, metres_per_unit)
-    if held.not_finite:
-        logger.warning("%s: %d points are not finite and left out", path, held.not_finite)
-    lacking = [name for name, has in (("normals", held.has_normals), ("colours", held.has_colors)) if not has]
+    loaded = read_cloud_file(path, metres_per_unit)
+    if loaded.not_finite:
+        logger.warning("%s: %d points are not finite and left out", path, loaded.not_finite)
+    lacking = [name for name, has in (("normals", loaded.has_normals), ("colours", loaded.has_colors)) if not has]
     if lacking:
         logger.warning("%s has no %s", path, " and no ".join(lacking))
-    return held.cloud
+    return loaded.cloud
 
 
 def read_cloud_file(path: Path, metres_per_unit: float = 1.0) -> CloudFile:
@@ -275,11 +275,11 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
                 raise ValueError
         except (IndexError, KeyError, ValueError) as error:
             raise CaptureError(f"{path}:{number} {line[:60]!r} is no line of a PLY header; write it again") from error
-        if sum(len(held) for _, _, held in elements) > MAX_PROPERTIES:
+        if sum(len(properties) for _, _, properties in elements) > MAX_PROPERTIES:
             raise CaptureError(f"{path} has more than {MAX_PROPERTIES} properties; write it again with fewer")
     if order is None:
         raise CaptureError(f"{path} does not say its format; write it again as binary_little_endian")
-    named = tuple(_Element(name, count, tuple(held)) for name, count, held in elements)
+    named = tuple(_Element(name, count, tuple(properties)) for name, count, properties in elements)
     return _Header(order, named, tuple(comments))
 
 
@@ -325,9 +325,9 @@ def _find_vertices(path: Path, header: _Header) -> _Element:
     vertices = next((element for element in header.elements if element.name == "vertex"), None)
     if vertices is None:
         raise CaptureError(f"{path} has no element vertex, but {_names(header.elements)}; give a cloud")
-    held = {one.name for one in vertices.properties if one.count_type is None}
-    if not {"x", "y", "z"} <= held:
-        raise CaptureError(f"the vertices of {path} have {', '.join(sorted(held)) or 'nothing'}, but no x, y and z")
+    names = {one.name for one in vertices.properties if one.count_type is None}
+    if not {"x", "y", "z"} <= names:
+        raise CaptureError(f"the vertices of {path} have {', '.join(sorted(names)) or 'nothing'}, but no x, y and z")
     return vertices
 
 
@@ -376,16 +376,16 @@ def _read_lists(
         if all((rows[name] == rows[name][0]).all() for name in lists):
             file.seek(start + rows.nbytes)
             return _columns(rows, element.properties) if wanted else {}
-    at, held = 0, []
+    at, blocks = 0, []
     for number in range(element.rows):
         lengths, size = _measure_row(path, data, at, element, order, number)
         if wanted:
             row = _row_type(element.properties, order, lengths)
             one = np.frombuffer(data, row, 1, at)
-            held.append(_columns(one, element.properties))
+            blocks.append(_columns(one, element.properties))
         at += size
     file.seek(start + at)
-    return {name: np.concatenate([columns[name] for columns in held]) for name in held[0]} if held else {}
+    return {name: np.concatenate([columns[name] for columns in blocks]) for name in blocks[0]} if blocks else {}
 
 
 def _measure_row(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.cloud_files.chunks import CloudParts
-from usdfoliage.capture.cloud_files.false_colors import SampledColors, doubt_colors
+from usdfoliage.capture.cloud_files.false_colors import SampledColors, check_colors
 from usdfoliage.capture.cloud_files.las import open_las_parts
 from usdfoliage.capture.cloud_files.ply import fits_single, open_cloud_parts
 from usdfoliage.capture.cloud_files.text import open_text_parts
@@ -23,7 +23,7 @@ from usdfoliage.files.toml import read_toml
 
 logger = logging.getLogger(__name__)
 
-LEAST_POINTS = 50  # in different places; with fewer nothing can be said of a plant
+MIN_POINTS = 50  # in different places; with fewer nothing can be said of a plant
 _PLY, _LAS, _TEXT = (".ply",), (".las", ".laz"), (".xyz", ".txt", ".pts", ".csv", ".asc")
 CLOUD_SUFFIXES = (*_PLY, *_LAS, *_TEXT)
 _SURELY_CLOUDS = (*_PLY, *_LAS, ".xyz", ".pts")  # a capture's other text files are no clouds
@@ -38,13 +38,13 @@ class CloudInputSettings:
     """How a cloud is read."""
 
     metres_per_unit: float | None = None  # None: as capture.toml or the file states it, else guessed
-    most_points: int = 3_000_000  # beyond it, one point a cell of a grid
+    max_points: int = 3_000_000  # beyond it, one point a cell of a grid
 
     def __post_init__(self) -> None:
         if self.metres_per_unit is not None and not 1e-9 <= self.metres_per_unit <= 1e9:
             raise ValueError(f"metres_per_unit must be in 1e-9 to 1e9, not {self.metres_per_unit}")
-        if self.most_points < LEAST_POINTS:
-            raise ValueError(f"most_points must be at least {LEAST_POINTS}, not {self.most_points}")
+        if self.max_points < MIN_POINTS:
+            raise ValueError(f"max_points must be at least {MIN_POINTS}, not {self.max_points}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +57,7 @@ class CloudInput:
     colors: NDArray[np.uint8] | None  # (N, 3), sRGB; black where a point has none
     metres_per_unit: float
     stated_up: str | None  # the axis that capture.toml or the file says is up, X, Y or Z with + or -; None: not said
-    usual_up: str | None  # the axis that is up in files of this format; None: none is usual
+    format_up: str | None  # the axis that is up in files of this format; None: none is usual
     total: int  # points in the file, with those left out
     notes: tuple[str, ...]  # what was left out or assumed, in sentences for the user
     warnings: tuple[str, ...] = ()  # what of it is not used, and why
@@ -72,7 +72,7 @@ def read_cloud_input(
 
     Files are told apart by their first bytes, then by their suffix: PLY, LAS, LAZ, and text with a point a line. Points
     that are not finite, those that a LAS file marks as withheld or noise, and exact duplicates are left out. A cloud of
-    more than most_points is thinned while it is read, so that memory does not grow with the file: one point a cell of a
+    more than max_points is thinned while it is read, so that memory does not grow with the file: one point a cell of a
     grid, the mean of those in it.
 
     The unit is, in this order: the settings'; what capture.toml says, for a folder; what the file says; for LAS metres;
@@ -97,7 +97,7 @@ def read_cloud_input(
     parts = _open_parts(path, metres_per_unit is not None)
     notes += parts.notes
     sampled = SampledColors()
-    thinned, total, highest, left_out = _read_points(parts, settings.most_points, sampled, progress)
+    thinned, total, highest, left_out = _read_points(parts, settings.max_points, sampled, progress)
     _check_points(path, thinned.points, total, left_out)
     if parts.is_single and not fits_single(thinned.points):
         step = float(np.spacing(np.float32(np.abs(thinned.points).max())))
@@ -124,11 +124,11 @@ def read_cloud_input(
     warnings = []
     if colors is not None:
         some, of_some = sampled.finish()
-        doubt = doubt_colors(some, np.asarray(_as_srgb(of_some, highest, parts.color_levels)))
-        if doubt:
+        problem = check_colors(some, np.asarray(_as_srgb(of_some, highest, parts.color_levels)))
+        if problem:
             colors = None
             warnings.append(
-                f"the cloud's colours are {doubt}, and none of a plant: they are not used, as if it had none; export "
+                f"the cloud's colours are {problem}, and none of a plant: they are not used, as if it had none; export "
                 "it with those of photographs, or without any"
             )
 
@@ -143,7 +143,7 @@ def read_cloud_input(
         colors=colors,
         metres_per_unit=metres_per_unit,
         stated_up=stated_up or parts.up_axis,
-        usual_up="+Z" if parts.is_survey else None,
+        format_up="+Z" if parts.is_survey else None,
         total=total,
         notes=tuple(notes),
         warnings=tuple(warnings),
@@ -196,10 +196,10 @@ def _read_stated(folder: Path) -> tuple[float | None, str | None]:
     """The unit and the axis that is up, where capture.toml says them: its defaults say nothing of a scan."""
     settings, _ = read_capture_settings(folder)
     file = folder / FILE_NAME
-    said = read_toml(file) if file.is_file() else {}
+    stated = read_toml(file) if file.is_file() else {}
     return (
-        settings.metres_per_unit if "metres_per_unit" in said else None,
-        f"+{settings.up_axis}" if "up_axis" in said else None,
+        settings.metres_per_unit if "metres_per_unit" in stated else None,
+        f"+{settings.up_axis}" if "up_axis" in stated else None,
     )
 
 
@@ -243,10 +243,10 @@ def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
 
 
 def _read_points(
-    parts: CloudParts, most_points: int, sampled: SampledColors, progress: Callable[[int, int], None] | None
+    parts: CloudParts, max_points: int, sampled: SampledColors, progress: Callable[[int, int], None] | None
 ) -> tuple[ThinnedPoints, int, float, Counter[str]]:
     """The points that are left, how many there were, the highest colour, and what was left out; sampled gets some."""
-    thinner = PointThinner(most_points)
+    thinner = PointThinner(max_points)
     left_out: Counter[str] = Counter()
     total, done, highest = 0, 0, 0.0
     for part in parts.parts:
@@ -280,9 +280,9 @@ def _check_points(path: Path, points: NDArray[np.float64], total: int, left_out:
     local = points - points[0]
     if not local.any():
         raise CaptureError(f"all {total:,} points of {path} are in one place; export it again")
-    if len(points) < LEAST_POINTS:
+    if len(points) < MIN_POINTS:
         raise CaptureError(
-            f"{path} has {len(points)} usable points in different places, {LEAST_POINTS} are needed; give a scan"
+            f"{path} has {len(points)} usable points in different places, {MIN_POINTS} are needed; give a scan"
         )
     local = local - local.mean(axis=0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(local.T @ local / len(local)), 0))

@@ -18,7 +18,7 @@ _BLOCK = 1 << 25  # bytes that are read at once
 _HEAD = 1 << 16  # bytes that tell the layout
 _HEAD_LINES = 400
 _LONGEST_LINE = 1 << 20
-_MOST_BAD = 0.1  # share of the lines that may be no points; beyond, the file is something else
+_MAX_BAD = 0.1  # share of the lines that may be no points; beyond, the file is something else
 _COMMENTS = ("#", "//", ";", "%", "!")
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eEdD][-+]?\d+)?$|[-+]?(?:nan|inf|infinity)$", re.IGNORECASE)
 _COMMA_NUMBER = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?$")
@@ -35,8 +35,8 @@ class _Layout(NamedTuple):
     color: tuple[int, ...] | None
     levels: tuple[float, ...]  # of the colours
     start: int  # of the first line with a point, in bytes
-    told: int | None  # how many points there are, as the line before them says
-    said: tuple[str, ...]  # comments and names of columns
+    declared: int | None  # how many points there are, as the line before them says
+    comments: tuple[str, ...]  # comments and names of columns
 
 
 def open_text_parts(path: Path) -> CloudParts:
@@ -63,8 +63,8 @@ def open_text_parts(path: Path) -> CloudParts:
     return CloudParts(
         parts=_read_parts(path, layout),
         work=size,
-        metres_per_unit=find_stated_unit(layout.said),
-        up_axis=find_stated_up(layout.said),
+        metres_per_unit=find_stated_unit(layout.comments),
+        up_axis=find_stated_up(layout.comments),
         color_levels=layout.levels,
     )
 
@@ -72,7 +72,7 @@ def open_text_parts(path: Path) -> CloudParts:
 def _find_layout(path: Path, head: bytes) -> _Layout:
     names: list[str] | None = None
     count: int | None = None
-    said: list[str] = []
+    comments: list[str] = []
     at = 3 if head.startswith(b"\xef\xbb\xbf") else 0
     ends = [at, *(match.end() for match in re.finditer(rb"\r\n|\n|\r", head))]
     if ends[-1] < len(head):
@@ -80,19 +80,19 @@ def _find_layout(path: Path, head: bytes) -> _Layout:
     lines = [(begin, head[begin:end].decode("latin-1").strip()) for begin, end in pairwise(ends)]
     for number, (begin, line) in enumerate(lines[:_HEAD_LINES]):
         if not line or line.startswith(_COMMENTS):
-            said.append(line.lstrip("#/;%! "))
-            names = _names(said[-1]) or names
+            comments.append(line.lstrip("#/;%! "))
+            names = _names(comments[-1]) or names
             continue
         separator, decimal_comma = _separator(line)
         words = _words(line, separator, decimal_comma)
         if len(words) >= 3 and sum(map(_is_number, words)) >= 3:
             sample = [_words(text, separator, decimal_comma) for _, text in lines[number : number + 100] if text]
             place, color, levels = _columns(names, sample)
-            return _Layout(separator, decimal_comma, place, color, levels, begin, count, tuple(said))
+            return _Layout(separator, decimal_comma, place, color, levels, begin, count, tuple(comments))
         if len(words) == 1 and _is_count(words[0]):
             count = int(words[0])
         else:
-            said.append(line)
+            comments.append(line)
             names = _names(line) or names
     raise CaptureError(
         f"{path} has no line 'x y z' among its first {min(len(lines), _HEAD_LINES)}; give a cloud as text"
@@ -170,7 +170,7 @@ def _read_parts(path: Path, layout: _Layout) -> Iterator[CloudPart]:
                 text, rest = rest + block[:end], block[end:]
                 values, wrong = _numbers(text, layout, columns)
                 found, bad, work = found + len(values), bad + wrong, work + len(text)
-                if bad > _MOST_BAD * (found + bad) and bad > 1:
+                if bad > _MAX_BAD * (found + bad) and bad > 1:
                     raise CaptureError(
                         f"{path}: {bad:,} of the first {found + bad:,} lines are not {max(columns) + 1} numbers; "
                         f"give a text file with a point x y z a line"
@@ -182,9 +182,9 @@ def _read_parts(path: Path, layout: _Layout) -> Iterator[CloudPart]:
                     break
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
-    if layout.told is not None and found + bad < layout.told:
+    if layout.declared is not None and found + bad < layout.declared:
         raise CaptureError(
-            f"{path} is truncated: its first line tells of {layout.told:,} points, there are {found + bad:,}; "
+            f"{path} is truncated: its first line tells of {layout.declared:,} points, there are {found + bad:,}; "
             f"copy it again"
         )
 

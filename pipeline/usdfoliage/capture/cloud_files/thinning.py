@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _FIRST_CELLS = 1 << 16  # across the points that there are when thinning begins: finer than any scan needs
-_LEAST_EXTENT = 1e-3  # in units: what is smaller is one point; and cells of one 1e11 units away still have numbers
+_MIN_EXTENT = 1e-3  # in units: what is smaller is one point; and cells of one 1e11 units away still have numbers
 _GROWTH = 2.0**0.25  # of the cells, the least
 _SMALLER = 3  # such steps in a doubling, without the last
 _TAILS = 0.002  # share of the points on each side that do not count for the size: strays
@@ -36,7 +36,7 @@ class _Cells:
 
 
 class PointThinner:
-    """Takes points and gives back most_points at most; in memory are never more than some three times as many.
+    """Takes points and gives back max_points at most; in memory are never more than some three times as many.
 
     Points that are not too many come back as they are, in their order, but for exact duplicates. Others become the mean
     of all points in their cell, in the order of numbers that depend on the cells alone; their colour is the mean of
@@ -46,11 +46,11 @@ class PointThinner:
     once in a million clouds.
     """
 
-    def __init__(self, most_points: int) -> None:
-        if most_points < 1:
-            raise ValueError(f"most_points must be at least 1, not {most_points}")
-        self._most = most_points
-        self._held: list[tuple[NDArray[np.float64], NDArray[np.float32] | None]] = []
+    def __init__(self, max_points: int) -> None:
+        if max_points < 1:
+            raise ValueError(f"max_points must be at least 1, not {max_points}")
+        self._max_points = max_points
+        self._parts: list[tuple[NDArray[np.float64], NDArray[np.float32] | None]] = []
         self._count = 0  # of the points held as they are
         self._pending: list[_Cells] = []
         self._origin = np.zeros(3)
@@ -66,19 +66,19 @@ class PointThinner:
         if not len(points):
             return
         if self._cell == 0:
-            self._held.append((points, colors))
+            self._parts.append((points, colors))
             self._count += len(points)
-            if self._count > self._most:
+            if self._count > self._max_points:
                 self._begin()
             return
         self._pending.append(self._sum_points(points, colors))
-        if sum(map(len, self._pending)) > 2 * self._most:
+        if sum(map(len, self._pending)) > 2 * self._max_points:
             self._shrink()
 
     def finish(self) -> ThinnedPoints:
         """What is left; nothing can be added afterwards."""
         if self._cell == 0:
-            return self._finish_held()
+            return self._finish_parts()
         self._shrink()
         cells = self._pending.pop()
         points = np.column_stack([line / cells.count for line in cells.sums[:3]]) + self._origin
@@ -88,14 +88,14 @@ class PointThinner:
             colors = np.column_stack([(line / colored).astype(np.float32) for line in cells.sums[3:6]])
         return ThinnedPoints(points, colors, self._cell, 0)
 
-    def _finish_held(self) -> ThinnedPoints:
-        if not self._held:
+    def _finish_parts(self) -> ThinnedPoints:
+        if not self._parts:
             return ThinnedPoints(np.zeros((0, 3)), None, 0.0, 0)
-        points = np.concatenate([part for part, _ in self._held])
+        points = np.concatenate([part for part, _ in self._parts])
         colors = None
-        if self._held[0][1] is not None:
-            colors = np.concatenate([part for _, part in self._held if part is not None])
-        self._held.clear()
+        if self._parts[0][1] is not None:
+            colors = np.concatenate([part for _, part in self._parts if part is not None])
+        self._parts.clear()
         first = _first_of_each(points)
         duplicates = len(points) - int(np.count_nonzero(first))
         if duplicates:
@@ -104,14 +104,14 @@ class PointThinner:
 
     def _begin(self) -> None:
         """From points as they are to cells."""
-        held, self._held = self._held, []
-        self._origin = held[0][0][0].copy()  # far from it sums would lose digits
-        sample = np.concatenate([points[:: max(1, len(points) // 10_000)] for points, _ in held])
+        parts, self._parts = self._parts, []
+        self._origin = parts[0][0][0].copy()  # far from it sums would lose digits
+        sample = np.concatenate([points[:: max(1, len(points) // 10_000)] for points, _ in parts])
         extent = float(np.max(np.diff(np.quantile(sample, [_TAILS, 1 - _TAILS], axis=0), axis=0)))
-        farthest = max(float(np.abs(points - self._origin).max()) for points, _ in held)
-        self._cell = max(extent, farthest * 1e-9, _LEAST_EXTENT) / _FIRST_CELLS
-        while held:
-            self._pending.append(self._sum_points(*held.pop(0)))
+        farthest = max(float(np.abs(points - self._origin).max()) for points, _ in parts)
+        self._cell = max(extent, farthest * 1e-9, _MIN_EXTENT) / _FIRST_CELLS
+        while parts:
+            self._pending.append(self._sum_points(*parts.pop(0)))
         self._shrink()
 
     def _sum_points(self, points: NDArray[np.float64], colors: NDArray[np.float32] | None) -> _Cells:
@@ -124,19 +124,19 @@ class PointThinner:
     def _shrink(self) -> None:
         """Make all cells one set, and the cells so large that there are not too many."""
         middles = [np.concatenate([part.sums[axis] / part.count for part in self._pending]) for axis in range(3)]
-        if _count_cells(middles, self._cell) > self._most:
+        if _count_cells(middles, self._cell) > self._max_points:
             self._cell = self._grown(middles)
         del middles
-        if len(self._pending) > 1 or len(self._pending[0]) > self._most:
+        if len(self._pending) > 1 or len(self._pending[0]) > self._max_points:
             self._pending = [self._join(self._pending)]
 
     def _grown(self, middles: list[NDArray[np.float64]]) -> float:
         """The side of cells that are not too many: by doubling, then as much less as can be."""
         cell = 2 * self._cell
-        while _count_cells(middles, cell) > self._most:
+        while _count_cells(middles, cell) > self._max_points:
             cell *= 2
         for _ in range(_SMALLER):
-            if _count_cells(middles, cell / _GROWTH) > self._most:
+            if _count_cells(middles, cell / _GROWTH) > self._max_points:
                 break
             cell /= _GROWTH
         return cell

@@ -26,7 +26,7 @@ _UP = re.compile(
 )
 
 # Of the largest side of a cloud without a unit; what is smaller or larger is never taken for millimetres.
-_LEAST_MM, _MOST_MM = 200.0, 60_000.0
+_MIN_MM, _MAX_MM = 200.0, 60_000.0
 _PLANT_SIZED = 2000.0  # below it, both a plant in millimetres and land in metres are common
 _LAND_FLATNESS = 0.25  # smallest side over the largest: land of that width, with its trees, is flatter
 _TILE_FLATNESS = 0.05  # the same beyond _PLANT_SIZED: land is kilometres wide then
@@ -87,7 +87,7 @@ def guess_unit(points: NDArray[np.float64]) -> GuessedUnit:
     largest, flatness = float(sides[2]), float(sides[0] / sides[2]) if sides[2] > 0 else 0.0
     away = float(np.linalg.norm((low + high) / 2))
     no_unit = "the file states no unit"
-    if _LEAST_MM < largest <= _MOST_MM:
+    if _MIN_MM < largest <= _MAX_MM:
         reason = None
         if away > _FAR * largest:
             reason = f"lie {away:,.0f} from the origin, as on a map"

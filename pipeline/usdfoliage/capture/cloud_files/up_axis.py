@@ -14,11 +14,11 @@ from scipy.ndimage import median_filter
 Grid = NDArray[np.bool_]  # (A, B, H), cells with points; the last axis goes up
 
 _CELLS = 64  # along the mean side
-_MOST_CELLS = 256  # along the largest
+_MAX_CELLS = 256  # along the largest
 _TAIL = 0.0005  # share of the points on each side that may be strays
 _AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 # Evidence that is believed, of a direction by how usual it is.
-_CLEAR_USUAL, _CLEAR_Y, _CLEAR_OTHER, _CLEAR_AGAINST_FORMAT = 0.3, 0.4, 0.45, 0.6
+_CLEAR_EXPECTED, _CLEAR_Y, _CLEAR_OTHER, _CLEAR_AGAINST_FORMAT = 0.3, 0.4, 0.45, 0.6
 _LEAD = 0.15  # of it over the next best
 _SURE = 0.5
 
@@ -27,7 +27,7 @@ _GROUND_SHARE = 0.5  # of the columns, that the ground fills at least: a plant d
 _BARE_SHARE = 0.3  # of the columns with nothing above the ground, from which on more of them are no better evidence
 _STEEPEST = 0.5  # ground, height over width
 _EVEN = 0.7  # share of the ground's columns that are off by half of that at most: bark seen from the side is round
-_MOST_BELOW = 0.03  # share of the columns whose lowest cell may be below the ground
+_MAX_BELOW = 0.03  # share of the columns whose lowest cell may be below the ground
 _TRUNK_WIDTH = 0.25  # of the plant's width, that a trunk has at most
 _TRUNK_SHARE = 0.2  # of the cells of the fullest slabs, that a trunk's slab has at most
 _TRUNK_LENGTH = 0.25  # of the height, from which on a trunk is no better evidence
@@ -35,7 +35,7 @@ _TIP_LENGTH = 0.05  # of the height, up to which it is none: tips of crowns and 
 _GROWTH = 1.6  # of a trunk's width above that at its end, at most: a treetop's grows without end
 _UNBROKEN = 0.6  # share of the slabs of a trunk that were seen at all
 _POLE = 0.2  # of its length, that a trunk seen from the side is thick at most
-_LEAST_WIDTH = 2.5  # cells, of anything seen through a grid
+_MIN_WIDTH = 2.5  # cells, of anything seen through a grid
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,7 +70,7 @@ class _Evidence(NamedTuple):
         return " and ".join(named) or "its shape"
 
 
-def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, usual: str | None = None) -> CloudUp:
+def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, format_up: str | None = None) -> CloudUp:
     """Find which axis of a cloud is up.
 
     For each of the six directions two things are looked for at its lower end. A trunk: slabs that hold few cells, close
@@ -83,22 +83,22 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, usua
         points_m: (N, 3) float, finite, of a single plant, in any order; N at least 1.
         stated: The axis that the user or the file says is up, X, Y or Z with or without + or -. It is followed; where
             the evidence is clearly against it, that is told.
-        usual: The axis that is up in files of this kind; evidence must be clearer to be believed against it.
+        format_up: The axis that is up in files of this kind; evidence must be clearer to be believed against it.
 
     Raises:
         ValueError: points_m is not (N, 3), or an axis is none.
     """
     if points_m.ndim != 2 or points_m.shape[1] != 3 or not len(points_m):
         raise ValueError(f"points_m must be (N, 3), not {points_m.shape}")
-    prior = _parse_axis(usual) if usual is not None else "+Z"
+    prior = _parse_axis(format_up) if format_up is not None else "+Z"
     grid = _fill_grid(points_m)
     evidence = _find_evidence(grid)
     ranked = sorted(_AXES, key=lambda axis: (-evidence[axis].total, axis != prior, axis))
     best, second = ranked[0], ranked[1]
     lead = evidence[best].total - evidence[second].total
     if best == prior:
-        needed = _CLEAR_USUAL
-    elif usual is not None:
+        needed = _CLEAR_EXPECTED
+    elif format_up is not None:
         needed = _CLEAR_AGAINST_FORMAT
     else:
         needed = _CLEAR_Y if best == "+Y" else _CLEAR_OTHER
@@ -115,11 +115,11 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, usua
         return CloudUp(axis=axis_vector(axis), how=f"{axis} as stated", sure=True)
     if is_clear:
         return CloudUp(axis=axis_vector(best), how=f"{best} by {evidence[best].text}", sure=is_sure)
-    reason = "as is usual for such files" if usual is not None else "assumed"
+    reason = "as is usual for such files" if format_up is not None else "assumed"
     return CloudUp(
         axis=axis_vector(prior),
         how=f"{prior} {reason}; neither a trunk nor the ground says so clearly",
-        sure=usual is not None,
+        sure=format_up is not None,
     )
 
 
@@ -167,7 +167,7 @@ def _fill_grid(points_m: NDArray[np.float64]) -> Grid:
     sides = high - low
     if not sides.max() > 0:
         return np.ones((1, 1, 1), bool)
-    cell_m = max(float(np.cbrt(np.prod(sides))) / _CELLS, float(sides.max()) / _MOST_CELLS)
+    cell_m = max(float(np.cbrt(np.prod(sides))) / _CELLS, float(sides.max()) / _MAX_CELLS)
     # About the middle, so that a cloud turned upside down has the same cells.
     reach = np.ceil(sides / cell_m / 2).astype(np.int64) + 1
     cells = np.floor((points_m - (low + high) / 2) / cell_m).astype(np.int64) + reach
@@ -221,7 +221,7 @@ def _find_ground(grid: Grid) -> tuple[Grid, float]:
     if np.hypot(plane[0], plane[1]) > _STEEPEST:
         return none
     away = lowest - design @ plane
-    if np.mean(away < -_GROUND_BAND - 1) > _MOST_BELOW:
+    if np.mean(away < -_GROUND_BAND - 1) > _MAX_BELOW:
         return none
     heights = np.arange(grid.shape[2])
     above = heights - (design @ plane)[:, None]
@@ -249,11 +249,11 @@ def _find_trunk(grid: Grid) -> _Trunk:
     fullest = np.argsort(counts, kind="stable")[-max(1, height // 20) :]
     if _is_pole(np.asarray(grid[:, :, fullest].any(axis=2)), height):
         return _Trunk(0.0, 0.0)
-    thin = (counts <= max(_TRUNK_SHARE * full, 1)) & (widths <= max(_TRUNK_WIDTH * wide, _LEAST_WIDTH))
+    thin = (counts <= max(_TRUNK_SHARE * full, 1)) & (widths <= max(_TRUNK_WIDTH * wide, _MIN_WIDTH))
     # The foot may be wider: roots, grass, what is left of the ground. The trunk begins where it is longest.
     run, width = 0, 0.0
     for start in np.flatnonzero(thin[: max(2, height // 16) + 1]):
-        first = max(float(np.median(widths[start : start + max(3, height // 20)])), _LEAST_WIDTH)
+        first = max(float(np.median(widths[start : start + max(3, height // 20)])), _MIN_WIDTH)
         rest = thin[start:] & (widths[start:] <= _GROWTH * first)
         length = len(rest) if rest.all() else int(np.argmin(rest))
         if length > run and np.mean(counts[start : start + length] > 0) >= _UNBROKEN:

@@ -81,7 +81,7 @@ def read_camera_model(folder: Path) -> CameraModel:
     return CameraModel(folder=folder, lenses=lenses, images=tuple(images[name] for name in sorted(images)))
 
 
-def read_model_points(folder: Path, most: int = 100_000) -> NDArray[np.float64]:
+def read_model_points(folder: Path, max_points: int = 100_000) -> NDArray[np.float64]:
     """The first so many points of a COLMAP model, (N, 3) in its unit; none where it has no points3D.
 
     Raises:
@@ -93,7 +93,7 @@ def read_model_points(folder: Path, most: int = 100_000) -> NDArray[np.float64]:
     points = []
     for point in read_text_points(path) if path.suffix == ".txt" else read_binary_points(path):
         points.append(point)
-        if len(points) >= most:
+        if len(points) >= max_points:
             break
     found = np.array(points, np.float64).reshape(-1, 3)
     return np.asarray(found[(np.abs(found) < _MAX_PLACE).all(axis=1)])

@@ -319,8 +319,8 @@ def _assess(mask: NDArray[np.bool_], envelope: NDArray[np.bool_], contrast: floa
         f"it reaches the image border ({', '.join(cut)})": 0.7 if cut else 1.0,
     }
     confidence = float(np.prod(list(factors.values())))
-    doubts = [doubt for doubt, factor in factors.items() if factor < 0.8]
-    if not doubts:
+    problems = [problem for problem, factor in factors.items() if factor < 0.8]
+    if not problems:
         return confidence, "the crown stands out clearly"
     lead = "doubtful" if confidence < _LOW_CONFIDENCE else "to be checked"
-    return confidence, f"{lead}: {'; '.join(doubts)}"
+    return confidence, f"{lead}: {'; '.join(problems)}"

@@ -30,7 +30,7 @@ class AgreementSettings:
     through: float = 1.0  # views that see something behind, or nothing, for each that agrees; with more it is dropped
     agree_px: float = 1.5  # between a pixel and where it comes back to from the other view
     agree_share: float = 0.01  # between two depths that agree
-    least_likelihood: float = 0.05  # below it a pixel had better have no depth, as far as its neighbours let it
+    min_likelihood: float = 0.05  # below it a pixel had better have no depth, as far as its neighbours let it
     # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
     smoothness: float = 0.4
     edge: float = 30.0  # of 765: a difference of colour that divides that cost by e
@@ -52,8 +52,8 @@ class AgreementSettings:
             raise ValueError("agree_px, agree_share, edge, filter_color and filter_share must be above 0")
         if not (0 <= self.fringe_px <= 64 and self.fringe_passes >= 0 and 0 <= self.fringe_nearer < 1):
             raise ValueError("fringe_px must be in [0, 64], fringe_passes not below 0, fringe_nearer in [0, 1)")
-        if not self.through >= 0 or not 0 <= self.least_likelihood < 1 or not 0 <= self.smoothness < 100:
-            raise ValueError("through must not be below 0, least_likelihood must be in [0, 1), smoothness in [0, 100)")
+        if not self.through >= 0 or not 0 <= self.min_likelihood < 1 or not 0 <= self.smoothness < 100:
+            raise ValueError("through must not be below 0, min_likelihood must be in [0, 1), smoothness in [0, 100)")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,7 +130,7 @@ def choose_pixels(
 ) -> NDArray[np.bool_]:
     """Which pixels (H, W) keep their depth, equation 4.
 
-    u(p) is 1 where depth is kept: that costs least_likelihood − L(p), and each pair of neighbours of which one is kept
+    u(p) is 1 where depth is kept: that costs min_likelihood − L(p), and each pair of neighbours of which one is kept
     costs smoothness, less across an edge of the photograph. Pairs that lie at different depths do not hold together.
 
     Args:
@@ -143,15 +143,15 @@ def choose_pixels(
     kept = (depth_m > 0) & confirmed
     if settings.smoothness == 0:
         return kept
-    gain = np.where(kept, likelihood - settings.least_likelihood, -settings.least_likelihood)
+    gain = np.where(kept, likelihood - settings.min_likelihood, -settings.min_likelihood)
     colors = srgb.astype(np.int16)
     pairs = []
     for axis in (0, 1):
         step = np.abs(np.roll(colors, -1, axis) - colors).sum(axis=2) / settings.edge
         weight = settings.smoothness * np.exp(-step)
         beside = np.roll(depth_m, -1, axis)
-        least = np.minimum(depth_m, beside)
-        torn = (least > 0) & (np.abs(beside - depth_m) > settings.agree_share * least)
+        nearer_m = np.minimum(depth_m, beside)
+        torn = (nearer_m > 0) & (np.abs(beside - depth_m) > settings.agree_share * nearer_m)
         weight[torn] = 0
         weight[(slice(None), -1) if axis else (-1, slice(None))] = 0
         pairs.append(np.rint(weight * _CUT_UNIT).astype(np.int32))
@@ -217,14 +217,14 @@ def smooth_depth(
     return np.where(near, np.divide(1, smooth, out=depth_m.copy(), where=near), depth_m).astype(np.float32)
 
 
-def drop_small_pieces(depth_m: NDArray[np.float32], share: float, least_px: int) -> NDArray[np.float32]:
-    """Without connected pieces of depth below least_px; a jump by more than a share of the depth parts pieces."""
-    if least_px <= 1 or not (depth_m > 0).any():
+def drop_small_pieces(depth_m: NDArray[np.float32], share: float, min_px: int) -> NDArray[np.float32]:
+    """Without connected pieces of depth below min_px; a jump by more than a share of the depth parts pieces."""
+    if min_px <= 1 or not (depth_m > 0).any():
         return depth_m
     levels = np.zeros(depth_m.shape, np.float32)
     np.log(depth_m, out=levels, where=depth_m > 0)
     lowest = levels[depth_m > 0].min()
     steps = np.clip(np.rint((levels - lowest) * (4 / share)) + 1, 1, 32000)  # quarters of what parts pieces
     quarters = np.where(depth_m > 0, steps, 0).astype(np.int16)
-    cv2.filterSpeckles(quarters, 0, least_px - 1, 4)
+    cv2.filterSpeckles(quarters, 0, min_px - 1, 4)
     return np.where(quarters > 0, depth_m, np.float32(0))

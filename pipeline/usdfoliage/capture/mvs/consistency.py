@@ -68,11 +68,11 @@ def _confirmed(
     own_m, step_m = depth_m[rows, columns].astype(np.float64), steps_m[index][rows, columns]
     points_m = camera.unproject(np.stack([columns + 0.5, rows + 0.5], axis=1), own_m)
 
-    alike = [own_m]
+    agreeing_m = [own_m]
     confirming, contradicting = np.zeros(len(rows), int), np.zeros(len(rows), int)
     for k in _nearest(cameras, index, settings.max_views):
         places, expected_m = cameras[k].project(points_m)
-        theirs_m, their_step_m = _look_up(cameras[k], depths_m[k], steps_m[k], places)
+        theirs_m, their_step_m = _sample(cameras[k], depths_m[k], steps_m[k], places)
         tolerance_m = settings.max_steps * np.maximum(their_step_m, step_m)
         known = theirs_m > 0
         agrees = known & (np.abs(theirs_m - expected_m) <= tolerance_m)
@@ -80,10 +80,10 @@ def _confirmed(
         contradicting += known & (theirs_m - expected_m > tolerance_m)
         estimate_m = np.full(len(rows), np.nan)
         _, estimate_m[agrees] = camera.project(cameras[k].unproject(places[agrees], theirs_m[agrees]))
-        alike.append(estimate_m)
+        agreeing_m.append(estimate_m)
     stays = (confirming >= settings.min_confirmed) & (contradicting <= confirming)
     if stays.any():
-        kept[rows[stays], columns[stays]] = _median(np.stack(alike)[:, stays])
+        kept[rows[stays], columns[stays]] = _median(np.stack(agreeing_m)[:, stays])
     return kept
 
 
@@ -101,7 +101,7 @@ def _nearest(cameras: Sequence[Pinhole], index: int, count: int) -> list[int]:
     return [k for k in np.argsort(away, kind="stable").tolist() if k != index][:count]
 
 
-def _look_up(
+def _sample(
     camera: Pinhole, depth_m: NDArray[np.floating], step_m: NDArray[np.floating], places_px: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Depth (N,) and its step at places (N, 2); between pixels where these are of one surface; 0 outside."""

@@ -18,8 +18,8 @@ from usdfoliage import _native
 from usdfoliage.capture.view import View
 from usdfoliage.geometry.pinhole import Pinhole
 
-MOST_SOURCES, _MOST_SAMPLES = 16, 64  # as native code takes them
-_LEAST_SIDE_PX = 32  # of a coarse picture; below it there is nothing to match
+MAX_SOURCES, _MOST_SAMPLES = 16, 64  # as native code takes them
+_MIN_SIDE_PX = 32  # of a coarse picture; below it there is nothing to match
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,9 +47,9 @@ class PatchMatchSettings:
     max_slant_deg: float = 80.0  # between the line of sight and the normal
 
     def __post_init__(self) -> None:
-        if self.window_px < 1 or self.window_step_px < 1 or not 1 <= self.best_sources <= MOST_SOURCES:
+        if self.window_px < 1 or self.window_step_px < 1 or not 1 <= self.best_sources <= MAX_SOURCES:
             raise ValueError(
-                f"window_px and window_step_px must be at least 1 and best_sources 1 to {MOST_SOURCES}, not {self}"
+                f"window_px and window_step_px must be at least 1 and best_sources 1 to {MAX_SOURCES}, not {self}"
             )
         if 2 * self.window_px % self.window_step_px:
             raise ValueError(
@@ -148,8 +148,8 @@ def match_view(
     near_m, far_m = range_m
     if not 0 < near_m < far_m:
         raise ValueError(f"the range must be 0 < near < far, not {near_m:g}, {far_m:g}")
-    if not 1 <= len(sources) <= MOST_SOURCES:
-        raise ValueError(f"1 to {MOST_SOURCES} sources can be matched, not {len(sources)}")
+    if not 1 <= len(sources) <= MAX_SOURCES:
+        raise ValueError(f"1 to {MAX_SOURCES} sources can be matched, not {len(sources)}")
     if source_planes is not None and len(source_planes) != len(sources):
         raise ValueError(f"{len(sources)} sources need as many planes, not {len(source_planes)}")
     own, *others = [Picture.of(view, max_side_px, level) for view in (reference, *sources)]
@@ -284,8 +284,8 @@ class Picture(NamedTuple):
         sides = view.camera.width_px, view.camera.height_px
         scale = min(1.0, max_side_px / max(sides))
         halved = 0.5**level
-        least = min(1.0, _LEAST_SIDE_PX / (min(sides) * scale))
-        scale *= max(halved, least)
+        smallest = min(1.0, _MIN_SIDE_PX / (min(sides) * scale))
+        scale *= max(halved, smallest)
         return whole if scale >= 1 else whole.scaled(scale)
 
     def scaled(self, scale: float) -> "Picture":

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.mvs.agreement import AgreementSettings, DepthEstimate, confirm_depth
 from usdfoliage.capture.mvs.patch_match import (
-    MOST_SOURCES,
+    MAX_SOURCES,
     MatchedPlanes,
     PatchMatchSettings,
     Picture,
@@ -32,8 +32,8 @@ from usdfoliage.geometry.pinhole import Pinhole
 
 logger = logging.getLogger(__name__)
 
-MOST_LEVELS = 16  # no photograph has as many pixels a side as 2^16 times those that matching needs
-MOST_ITERATIONS = 1000
+MAX_LEVELS = 16  # no photograph has as many pixels a side as 2^16 times those that matching needs
+MAX_ITERATIONS = 1000
 _LIMIT = 0.01  # of the range of inverse depth, at its ends
 
 Quality = Literal["draft", "normal", "high"]
@@ -49,10 +49,10 @@ class Round:
     segments: bool = False  # whether the planes of segments count as well, equation 2
 
     def __post_init__(self) -> None:
-        if not 0 <= self.level <= MOST_LEVELS:
-            raise ValueError(f"level must be 0 to {MOST_LEVELS}, not {self.level}")
-        if not 1 <= self.iterations <= MOST_ITERATIONS:
-            raise ValueError(f"iterations must be 1 to {MOST_ITERATIONS}, not {self.iterations}")
+        if not 0 <= self.level <= MAX_LEVELS:
+            raise ValueError(f"level must be 0 to {MAX_LEVELS}, not {self.level}")
+        if not 1 <= self.iterations <= MAX_ITERATIONS:
+            raise ValueError(f"iterations must be 1 to {MAX_ITERATIONS}, not {self.iterations}")
 
 
 ROUNDS = (
@@ -89,8 +89,8 @@ class DenseDepthSettings:
             raise ValueError(f"nearer must not be below 0, not {self.nearer:g}")
         if not (np.isfinite(self.farther) and self.farther >= 1):
             raise ValueError(f"farther must be at least 1, not {self.farther:g}")
-        if not self.matching.best_sources <= self.sources <= MOST_SOURCES:
-            raise ValueError(f"best_sources <= sources <= {MOST_SOURCES}, not {self.sources}")
+        if not self.matching.best_sources <= self.sources <= MAX_SOURCES:
+            raise ValueError(f"best_sources <= sources <= {MAX_SOURCES}, not {self.sources}")
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed must be in [0, 2^63), not {self.seed}")
 

@@ -20,15 +20,15 @@ class SegmentSettings:
     color: float = 15.0  # of 255: its radius in colour
     size_px: int = 14  # side of a segment, about
     compactness: float = 12.0  # of segments: against colour, which they follow else
-    least_px: int = 20  # pixels with depth, below which a segment has no plane
+    min_px: int = 20  # pixels with depth, below which a segment has no plane
     refits: int = 4  # of a plane, with what does not belong to it weighing less and less
-    least_share: float = 0.4  # of a segment's pixels, that a plane must hold
+    min_share: float = 0.4  # of a segment's pixels, that a plane must hold
 
     def __post_init__(self) -> None:
-        if self.spatial_px < 1 or self.size_px < 4 or self.least_px < 3 or self.refits < 1:
-            raise ValueError("spatial_px and refits must be at least 1, size_px 4 and least_px 3")
-        if not (self.color > 0 and self.compactness > 0 and 0 <= self.least_share <= 1):
-            raise ValueError("color and compactness must be above 0, least_share in [0, 1]")
+        if self.spatial_px < 1 or self.size_px < 4 or self.min_px < 3 or self.refits < 1:
+            raise ValueError("spatial_px and refits must be at least 1, size_px 4 and min_px 3")
+        if not (self.color > 0 and self.compactness > 0 and 0 <= self.min_share <= 1):
+            raise ValueError("color and compactness must be above 0, min_share in [0, 1]")
 
 
 def segment_photo(srgb: NDArray[np.uint8], settings: SegmentSettings = SegmentSettings()) -> NDArray[np.int32]:
@@ -85,11 +85,11 @@ def fit_segment_planes(
     planes = np.zeros((count, 3))  # value at the segment's centre, slopes right and down
     planes[:, 0] = np.where(with_depth > 0, value[order][middle] if len(order) else 0.0, 0.0)
 
-    held = np.zeros(count, np.int64)
+    counts = np.zeros(count, np.int64)
     for refit in range(settings.refits + 1):
         away = np.abs(value - planes[label, 0] - planes[label, 1] * x - planes[label, 2] * y)
         reach = tolerance * max(1.0, 2.0 ** (settings.refits - 1 - refit))  # tilted ones are far from their median
-        held = np.bincount(label[away <= reach], minlength=count)
+        counts = np.bincount(label[away <= reach], minlength=count)
         if refit == settings.refits:
             break
         part = weight * np.maximum(0, 1 - (away / reach) ** 2) ** 2
@@ -100,7 +100,7 @@ def fit_segment_planes(
         # Thin segments do not tell how they tilt across.
         normal += np.einsum("n,ij->nij", 0.5 + 1e-3 * sums[0], np.diag([0.0, 1.0, 1.0])) + np.diag([1e-9, 0, 0])
         planes = np.asarray(np.linalg.solve(normal, np.stack(right, -1)[..., None])[..., 0], np.float64)
-    believed = (with_depth >= settings.least_px) & (held >= settings.least_share * size) & (planes[:, 0] > 0)
+    believed = (with_depth >= settings.min_px) & (counts >= settings.min_share * size) & (planes[:, 0] > 0)
 
     own = planes[labels]
     field = np.empty((height, width, 3), np.float32)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.mvs.agreement import DepthEstimate
 from usdfoliage.geometry.pinhole import Pinhole
 
-_MOST_CHANGE = 1.25  # of depth inside a pixel; beyond it a plane is seen so much from its side that it tells nothing
+_MAX_CHANGE = 1.25  # of depth inside a pixel; beyond it a plane is seen so much from its side that it tells nothing
 
 
 def enlarge_depth(estimate: DepthEstimate, camera: Pinhole) -> DepthEstimate:
@@ -31,7 +31,7 @@ def enlarge_depth(estimate: DepthEstimate, camera: Pinhole) -> DepthEstimate:
     its_ray = _rays(small, rows, columns)
     along, towards = np.sum(normals * its_ray, axis=2), np.sum(normals * own_ray, axis=2)
     change = np.divide(along, towards, out=np.ones_like(along), where=(along < 0) & (towards < 0))
-    change[(change > _MOST_CHANGE) | (change < 1 / _MOST_CHANGE)] = 1
+    change[(change > _MAX_CHANGE) | (change < 1 / _MAX_CHANGE)] = 1
     return DepthEstimate(
         camera=camera,
         depth_m=(depth_m * change).astype(np.float32),

@@ -61,8 +61,8 @@ class FoliageRequest:
             raise FoliageError(
                 f"--leaf-length must be {shortest_m:g} to {longest_m:g} metres, not {options.leaf_length:g}"
             )
-        if not 1 <= options.most_leaves <= MOST_LEAVES:
-            raise FoliageError(f"--most-leaves must be 1 to {MOST_LEAVES:,}, not {options.most_leaves}")
+        if not 1 <= options.max_leaves <= MOST_LEAVES:
+            raise FoliageError(f"--most-leaves must be 1 to {MOST_LEAVES:,}, not {options.max_leaves}")
         chosen = read_representations(options.representation) if options.representation else None
         resolution = (options.resolution[0], options.resolution[1]) if options.resolution else None
         read_settings(chosen or ("bezier",), resolution)
@@ -71,7 +71,7 @@ class FoliageRequest:
             species=species or load_species(GENERIC),
             source=options.leaves,
             length_m=options.leaf_length,
-            settings=FoliageSettings(most_leaves=options.most_leaves),
+            settings=FoliageSettings(max_leaves=options.max_leaves),
             representations=chosen,
             resolution=resolution,
         )
@@ -180,7 +180,7 @@ def describe_foliage(request: FoliageRequest) -> dict[str, str]:
         return described
     described["leaves"] = request.source.name if request.source else "none"
     described["leaf-length"] = "auto" if request.length_m is None else f"{request.length_m:g}"
-    described["most-leaves"] = str(request.settings.most_leaves)
+    described["most-leaves"] = str(request.settings.max_leaves)
     described["representation"] = " ".join(request.representations or ()) or "auto"
     described["resolution"] = " ".join(map(str, request.resolution or ())) or "auto"
     return described

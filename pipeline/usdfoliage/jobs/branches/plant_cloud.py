@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.tracing.ground import find_ground, no_ground
 from usdfoliage.branch.tracing.other_trees import find_other_trees
+from usdfoliage.branch.tracing.outliers import find_ground_remains, find_outliers
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, point_spacing
 from usdfoliage.branch.tracing.roots import RootSettings, find_roots
-from usdfoliage.branch.tracing.strays import find_ground_remains, find_strays
 from usdfoliage.capture.cloud_files.read import CloudInput, CloudInputSettings, read_cloud_input
 from usdfoliage.capture.cloud_files.thinning import PointThinner
 from usdfoliage.capture.cloud_files.units import UNITS
@@ -24,7 +24,7 @@ from usdfoliage.geometry.point_cells import cell_means, number_cells
 from usdfoliage.jobs.branches.warnings import doubt_height
 from usdfoliage.steps import StepProgress
 
-LEAST_POINTS = 50  # of a plant without its ground
+MIN_POINTS = 50  # of a plant without its ground
 _CLOSEST = 0.3  # internodes: points closer together take time and show nothing more
 _WORTH = 0.67  # share of the points that is left, above which a cloud stays as it is
 
@@ -38,7 +38,7 @@ class PlantCloudRequest:
     given_roots: Sequence[tuple[float, float, float]] = ()  # in the cloud's own coordinates
     up: str | None = None  # an axis of the cloud; None: told by the cloud
     unit: str | None = None  # of UNITS; None: told by the file
-    most_points: int = 400_000  # that branches are traced through
+    max_points: int = 400_000  # that branches are traced through
     internode_m: float | None = None  # None: from the height, as branches are traced
     has_ground: bool = True  # False: it was left out before, and what lies low is of the plant
 
@@ -46,15 +46,15 @@ class PlantCloudRequest:
     def from_options(cls, options: argparse.Namespace) -> "PlantCloudRequest":
         """The cloud that a command line names; FoliageError for values that cannot be."""
         roots, given = read_roots(options.roots)
-        if options.most_points < LEAST_POINTS:
-            raise FoliageError(f"--most-points must be at least {LEAST_POINTS}, not {options.most_points}")
+        if options.max_points < MIN_POINTS:
+            raise FoliageError(f"--most-points must be at least {MIN_POINTS}, not {options.max_points}")
         return cls(
             path=options.cloud,
             roots=roots,
             given_roots=given,
             up=read_up(options.up),
             unit=read_unit(options.unit),
-            most_points=options.most_points,
+            max_points=options.max_points,
             internode_m=options.internode,
         )
 
@@ -65,7 +65,7 @@ class PlantCloudRequest:
             "roots": roots or str(self.roots.count or "auto"),
             "up": self.up or "auto",
             "unit": self.unit or "auto",
-            "most-points": str(self.most_points),
+            "most-points": str(self.max_points),
         }
 
 
@@ -136,7 +136,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     if request.up is not None:
         axis = axis_vector(request.up)
     else:
-        up = find_cloud_up(source.points_m, source.stated_up, source.usual_up)
+        up = find_cloud_up(source.points_m, source.stated_up, source.format_up)
         axis = up.axis
         is_told = up.sure and source.stated_up is not None  # what is found is wrong for some plants, however clear
         notes.append(up.how if is_told else f"{up.how}; say it with --up if that is wrong")
@@ -153,7 +153,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
             notes.append(f"{int(remains.sum()):,} points low and far beside the plant are ground too and left out")
             points_m = points_m[~remains]
             colors = None if colors is None else colors[~remains]
-    strays = find_strays(points_m)
+    strays = find_outliers(points_m)
     if strays.any():
         notes.append(f"{int(strays.sum()):,} points are far beside the plant and left out")
         points_m = points_m[~strays]
@@ -163,7 +163,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     points_m, colors, cell_m = _thin_plant(points_m, colors, request)
     if cell_m > 0:
         notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * cell_m:.1f} mm")
-    if len(points_m) < LEAST_POINTS:
+    if len(points_m) < MIN_POINTS:
         raise FitError(_explain_few(len(points_m), close, source, axis, request))
     if request.given_roots:
         given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
@@ -197,10 +197,10 @@ def _explain_few(
     left: int, close: int, source: CloudInput, axis: NDArray[np.float64], request: PlantCloudRequest
 ) -> str:
     """Why fewer points of a plant are left than can be traced, and what to do; close were left before thinning."""
-    if close >= LEAST_POINTS and request.internode_m is not None:
-        told = f"--internode {request.internode_m:g} leaves {left} points of the plant, {LEAST_POINTS} needed"
+    if close >= MIN_POINTS and request.internode_m is not None:
+        told = f"--internode {request.internode_m:g} leaves {left} points of the plant, {MIN_POINTS} needed"
         return f"{told}; give a shorter one"
-    told = f"{left} points are left without the ground, {LEAST_POINTS} needed ({source.path})"
+    told = f"{left} points are left without the ground, {MIN_POINTS} needed ({source.path})"
     if doubt_height(float(np.ptp(source.points_m, axis=0).max()), source.metres_per_unit):
         doubts = doubt_height(float(np.ptp(source.points_m @ axis)), source.metres_per_unit)
         return "; ".join([told, *doubts])
@@ -210,7 +210,7 @@ def _explain_few(
 def _check_internode(points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
     """FitError where an internode is given that is longer than the plant is high: in another unit than metres."""
     height_m = float(np.ptp(points_m[:, 1])) if len(points_m) else 0.0
-    if request.internode_m is not None and len(points_m) >= LEAST_POINTS and request.internode_m > height_m:
+    if request.internode_m is not None and len(points_m) >= MIN_POINTS and request.internode_m > height_m:
         raise FitError(
             f"--internode {request.internode_m:g} is longer than the plant, {height_m:.2f} m high; it is in metres"
         )
@@ -235,8 +235,8 @@ def _thin_plant(
                 cell_m = _CLOSEST * internode_m
                 values = cell_means(values, cell)
                 values[:, 3:6] /= np.where(values[:, 6:] > 0, values[:, 6:], 1)
-    if len(values) > request.most_points:
-        thinner = PointThinner(request.most_points)
+    if len(values) > request.max_points:
+        thinner = PointThinner(request.max_points)
         thinner.add(values[:, :3], None if colors is None else values[:, 3:6].astype(np.float32))
         thinned = thinner.finish()
         cell_m = thinned.cell

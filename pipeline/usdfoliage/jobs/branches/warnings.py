@@ -18,17 +18,17 @@ def doubt_height(height_m: float, metres_per_unit: float) -> list[str]:
         height_m: Of the plant.
         metres_per_unit: That the height was taken by.
     """
-    least_m, most_m = _PLANT_M
-    if least_m <= height_m <= most_m:
+    min_m, max_m = _PLANT_M
+    if min_m <= height_m <= max_m:
         return []
     units = height_m / metres_per_unit
     heights_m = {name: units * size for name, size in UNITS.items()}
-    likely = [f"--unit {name} ({own_m:.3g} m high)" for name, own_m in heights_m.items() if least_m <= own_m <= most_m]
-    told = f"{1000 * height_m:.3g} mm" if height_m < least_m else f"{height_m:,.0f} m"
+    likely = [f"--unit {name} ({own_m:.3g} m high)" for name, own_m in heights_m.items() if min_m <= own_m <= max_m]
+    told = f"{1000 * height_m:.3g} mm" if height_m < min_m else f"{height_m:,.0f} m"
     what_to_do = (
         f"its unit is probably another one; say {' or '.join(likely)}" if likely else "look at the cloud's unit"
     )
-    return [f"the plant is {told} high, {'lower' if height_m < least_m else 'higher'} than plants are: {what_to_do}"]
+    return [f"the plant is {told} high, {'lower' if height_m < min_m else 'higher'} than plants are: {what_to_do}"]
 
 
 def doubt_stems(believed: float, stems: float, internode_m: float) -> list[str]:

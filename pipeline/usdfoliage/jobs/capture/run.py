@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from usdfoliage import __version__
-from usdfoliage.capture.cloud.cleaning import drop_floating, drop_strays, thin_to_disks
+from usdfoliage.capture.cloud.cleaning import drop_floating, drop_outliers, thin_to_disks
 from usdfoliage.capture.cloud.fusion import CloudSettings, merge_views
 from usdfoliage.capture.cloud.visibility import drop_seen_through
 from usdfoliage.capture.folder.listing import counted, named
@@ -195,7 +195,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
             depths = seen_depths(tasks, threads=threads)
             cloud = drop_seen_through(cloud, depths, request.settings.visibility, threads=threads)
             cleaning = request.settings.cleaning
-            cloud = thin_to_disks(drop_floating(drop_strays(cloud, cleaning), cleaning), cleaning)
+            cloud = thin_to_disks(drop_floating(drop_outliers(cloud, cleaning), cleaning), cleaning)
         if not len(cloud):
             raise CaptureError(
                 f"no depth was found in {counted(len(prepared.views), 'photograph')} of {given.folder}: they agree "

@@ -136,7 +136,9 @@ def captured_rows(model: CrownModel, measures: CapturedCrownMeasures) -> list[Ro
     """The figures of a crown, for report and terminal."""
     center = ", ".join(f"{place:.2f}" for place in model.center_m)
     rows = [
-        Row(name="points", value=f"{measures.points:,}", remark=f"of the crown; {measures.strays:,} strays left out"),
+        Row(
+            name="points", value=f"{measures.points:,}", remark=f"of the crown; {measures.outliers:,} outliers left out"
+        ),
         Row(name="crown base", value=f"{measures.base_m:.2f} m", remark="above the root"),
         Row(
             name="centre",

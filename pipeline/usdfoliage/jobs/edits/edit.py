@@ -15,7 +15,7 @@ from usdfoliage.asset.packages.contents import interface_of, prototype_segments,
 from usdfoliage.asset.parts.leaf_primvars import read_edits
 from usdfoliage.errors import FoliageError
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, Vector, compose_edits, jitter_silhouette
-from usdfoliage.leaf.shape.mesh import MOST_SEGMENTS
+from usdfoliage.leaf.shape.mesh import MAX_SEGMENTS
 
 Value = float | Vector
 
@@ -138,7 +138,7 @@ def _coarse_jitter(edits: LeafEdits, segments: int | None) -> list[str]:
         return []
     shown = f"bezier shows a coarser wave than {edits.jitter_frequency:g} cycles"
     room = f"each silhouette of its prototype has {segments} segments, enough for {segments // LEAST_SEGMENTS_A_CYCLE}"
-    return [f"{shown}{' until baked' if segments < MOST_SEGMENTS else ''}: {room}"]
+    return [f"{shown}{' until baked' if segments < MAX_SEGMENTS else ''}: {room}"]
 
 
 def _check_range(edits: LeafEdits) -> None:

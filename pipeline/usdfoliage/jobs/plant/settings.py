@@ -75,7 +75,7 @@ class BranchStageSettings:
     roots: str = "auto"  # where stems come out of the ground: auto, a number, or x,y,z in the capture's coordinates
     internode_m: float | None = None  # length of an internode; auto: 0.005 of the plant's height
     cloud_leaves: CloudLeaves = "auto"  # whether the cloud has leaves, which are then left out
-    most_points: int = PlantCloudRequest.most_points  # that branches are traced through
+    max_points: int = PlantCloudRequest.max_points  # that branches are traced through
 
     def __post_init__(self) -> None:
         if self.internode_m is not None and not self.internode_m > 0:
@@ -84,8 +84,8 @@ class BranchStageSettings:
             raise ValueError(f"make must be one of {', '.join(get_args(MakeBranches))}, not {self.make!r}")
         if self.cloud_leaves not in get_args(CloudLeaves):
             raise ValueError(f"cloud_leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.cloud_leaves}")
-        if self.most_points < 50:
-            raise ValueError(f"most_points must be at least 50, not {self.most_points}")
+        if self.max_points < 50:
+            raise ValueError(f"max_points must be at least 50, not {self.max_points}")
         try:
             read_roots(self.roots)
         except FoliageError as error:
@@ -111,7 +111,7 @@ class FoliageSettings:
     least_cover: float = 0.85  # share of the cloud's leaves that captured leaves must cover, for auto to add no others
     least_drawn: int = 20  # captured leaves to draw from, for auto
     leaf_length_m: float | None = None  # of a leaf on a twig; auto: the species', or the captured leaves'
-    most_leaves: int = FoliageRequest().settings.most_leaves  # on twigs
+    max_leaves: int = FoliageRequest().settings.max_leaves  # on twigs
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(FoliageKind):
@@ -121,8 +121,8 @@ class FoliageSettings:
         shortest_m, longest_m = LENGTHS_M
         if self.leaf_length_m is not None and not shortest_m <= self.leaf_length_m <= longest_m:
             raise ValueError(f"leaf_length_m must be {shortest_m:g} to {longest_m:g}, not {self.leaf_length_m:g}")
-        if not 1 <= self.most_leaves <= MOST_LEAVES:
-            raise ValueError(f"most_leaves must be 1 to {MOST_LEAVES}, not {self.most_leaves}")
+        if not 1 <= self.max_leaves <= MOST_LEAVES:
+            raise ValueError(f"max_leaves must be 1 to {MOST_LEAVES}, not {self.max_leaves}")
         if self.least_drawn < 1:
             raise ValueError(f"least_drawn must be at least 1, not {self.least_drawn}")
 

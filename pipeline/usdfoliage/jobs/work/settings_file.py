@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 from usdfoliage.errors import FoliageError
 from usdfoliage.files.toml import read_toml
 from usdfoliage.jobs.work.field_comments import field_comments
+from usdfoliage.jobs.work.renamed_settings import with_new_names
 
 AUTO = "auto"
 _SAID_ONCE = ("seed", "threads")  # for all tables at once, at the top or by an option
@@ -26,7 +27,7 @@ def read_settings_file(path: Path, defaults: Settings) -> Settings:
     """Settings with what a file says in place of the defaults.
 
     Args:
-        path: TOML; what it leaves out stays as it is.
+        path: TOML; what it leaves out stays as it is. Names of the version before are read too, with a warning.
         defaults: A dataclass of numbers, texts, tuples of these and further dataclasses.
 
     Raises:
@@ -38,7 +39,7 @@ def read_settings_file(path: Path, defaults: Settings) -> Settings:
         raise FoliageError(f"the settings cannot be read: {error.strerror} ({path})") from error
     except ValueError as error:
         raise FoliageError(f"the settings are no TOML: {error} ({path}); --print-settings shows the form") from error
-    return _replace(defaults, table, "", path)
+    return _replace(defaults, with_new_names(table, defaults, path), "", path)
 
 
 def format_settings(settings: object, *, documented: bool = False) -> str:

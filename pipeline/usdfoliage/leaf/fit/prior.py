@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 NUMBERS = 22  # the parameters of a leaf, row after row, and the logarithm of its length
 LENGTH_SPREAD = 0.35  # standard deviation of the logarithm of the length, before leaves were seen
-LEAST_SPREAD = 0.01  # of any number, so that many leaves alike do not forbid another
+MIN_SPREAD = 0.01  # of any number, so that many leaves alike do not forbid another
 
 # Rows of the parameters, as in leaf.model.PARAMETERS.
 _ENDS_EXCHANGED = [1, 0, 4, 3, 2, 5, 6]
@@ -92,7 +92,7 @@ def learn_prior(leaves: NDArray[np.float64], before: LeafPrior, strength: float 
     covariance = offsets.T @ offsets / max(weights.sum() - 1, 1.0)
     return LeafPrior(
         mean=share * mean + (1 - share) * before.mean,
-        covariance=share * covariance + (1 - share) * before.covariance + LEAST_SPREAD**2 * np.eye(NUMBERS),
+        covariance=share * covariance + (1 - share) * before.covariance + MIN_SPREAD**2 * np.eye(NUMBERS),
         learned=len(leaves),
     )
 

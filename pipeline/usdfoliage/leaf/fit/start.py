@@ -107,8 +107,8 @@ def start_poses(samples: LeafSamples, towards: NDArray[np.float64]) -> LeafPoses
         offsets = points - center[:, None]
         _, vectors = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weights, offsets, offsets))
         local = offsets @ vectors
-        usual = np.maximum(1.4826 * np.median(np.abs(local), axis=1), np.finfo(np.float64).tiny)
-        far = np.abs(local) / usual[:, None]
+        typical = np.maximum(1.4826 * np.median(np.abs(local), axis=1), np.finfo(np.float64).tiny)
+        far = np.abs(local) / typical[:, None]
         beside = np.maximum(far[..., 1:].max(axis=-1) - 2, 0)
         weights = given / (1 + np.square(far[..., 0] / 4) + np.square(beside)) ** 2
     y, z = vectors[..., 2], vectors[..., 0]

@@ -35,7 +35,7 @@ from usdfoliage.leaf.shape.surface import evaluate_area_elements, grid_places
 CELLS_U, CELLS_V = 6, 8  # of a leaf's surface, to tell how much of it has points
 EDGE_CELLS = 12  # of either silhouette
 STRONGER = 100.0  # how much more folds cost where leaves fold still
-LEAST_SINGLE = 0.1  # confidence that leaves keep whose edges are nowhere near one silhouette
+MIN_SINGLE = 0.1  # confidence that leaves keep whose edges are nowhere near one silhouette
 STEPS_BACK = 4  # towards the mean leaf, where that did not help
 
 BLADE = 4.0  # widths, as a size; leaves are shorter
@@ -216,11 +216,11 @@ def _first_fits(
     leaf = np.concatenate([np.arange(len(source)), np.flatnonzero(broad)])
     poses = found.append(turn_across(found.take(np.flatnonzero(broad))))
     if broad.mean() > 0.5:  # neither of both extents is to be preferred
-        usual_m, width = float(np.median(np.sqrt(found.length_m * found.width_m))), 1.0
+        typical_m, width = float(np.median(np.sqrt(found.length_m * found.width_m))), 1.0
     else:
-        usual_m, width = float(np.median(found.length_m)), float(np.median(found.width_m / found.length_m))
-    prior = generic_prior(usual_m, width)
-    noise_m = np.full(len(source), 2 * settings.misfit * _size(usual_m, width * usual_m))
+        typical_m, width = float(np.median(found.length_m)), float(np.median(found.width_m / found.length_m))
+    prior = generic_prior(typical_m, width)
+    noise_m = np.full(len(source), 2 * settings.misfit * _size(typical_m, width * typical_m))
     start = PosedLeaves(
         parameters=np.repeat(prior.mean[:21].reshape(1, 7, 3), len(leaf), axis=0),
         axes=poses.axes,
@@ -310,9 +310,9 @@ def _well_seen(quality: FitQuality) -> NDArray[np.bool_]:
 
 def _noise(residual_m: NDArray[np.float64], leaves: PosedLeaves, settings: SurfaceFitSettings) -> NDArray[np.float64]:
     """Noise (N,) of the points of each leaf, not far from what is usual, nor below what the model misses."""
-    usual = np.median(residual_m)
+    median_m = np.median(residual_m)
     size_m = _size(leaves.length_m, leaf_width(leaves.parameters) * leaves.length_m)
-    return np.asarray(np.maximum(np.clip(residual_m, usual / 2, usual * 2), settings.misfit * size_m))
+    return np.asarray(np.maximum(np.clip(residual_m, median_m / 2, median_m * 2), settings.misfit * size_m))
 
 
 def _size(length_m: Lengths, width_m: Lengths) -> Lengths:
@@ -397,11 +397,11 @@ def _confidence(given: NDArray[np.float64], fits: SurfaceFits, settings: Surface
     quality = fits.quality
     close = 1 / (1 + np.square(quality.residual_m / (2 * settings.misfit * fits.length_m)) / 4)
     seen = 0.4 + 0.3 * quality.covered + 0.3 * quality.supported
-    alike = np.minimum(1.0, 2.0 / np.maximum(quality.unlikely, 1e-9))
+    likeness = np.minimum(1.0, 2.0 / np.maximum(quality.unlikely, 1e-9))
     wide = np.square(np.minimum(1.0, leaf_width(fits.parameters) / settings.narrow))
     low, high = settings.lobed
-    single = np.clip((quality.outlined - low) / (high - low), LEAST_SINGLE, 1.0)
-    return np.asarray(np.clip(given * quality.explained * close * seen * np.sqrt(alike) * wide * single, 0.0, 1.0))
+    single = np.clip((quality.outlined - low) / (high - low), MIN_SINGLE, 1.0)
+    return np.asarray(np.clip(given * quality.explained * close * seen * np.sqrt(likeness) * wide * single, 0.0, 1.0))
 
 
 def _no_fits() -> SurfaceFits:

@@ -37,15 +37,15 @@ logger = logging.getLogger(__name__)
 GREY = 0.18  # linear, of a leaf that nobody saw
 VIEWS_A_LEAF = 2  # at most, so that few leaves that are often seen do not make up the average
 MIXED_PX = 1.5  # how far from a leaf's silhouette, or from what stands before it, pixels show something else besides
-LEAST_SEEN = 0.2  # of a leaf; showing less, a photograph adds more seams than leaf
+MIN_SEEN = 0.2  # of a leaf; showing less, a photograph adds more seams than leaf
 ACROSS = 0.5  # places at which is looked what is seen, across a leaf for one along it: one of these for each pixel
-LEAST_ROWS = 24
+MIN_ROWS = 24
 TYPICAL_STEP = 3  # of so many texels along and across, one tells the usual colour
 REDUCED = 4  # texels a side that share a low frequency
-LEAST_SHARE = 0.25  # of the pictures: where fewer show leaf, colours come from around
+MIN_SHARE = 0.25  # of the pictures: where fewer show leaf, colours come from around
 VEIN = 0.02  # of the height: standard deviation that parts single veins from what is wider
-MOST_ALIKE = 24  # of the pictures, the most typical: what veins come from
-ALIKE = 0.75  # of the likeness of the likest: pictures as like as this, or more, all give their veins
+MAX_TYPICAL = 24  # of the pictures, the most typical: what veins come from
+SIMILAR = 0.75  # of the likeness of the likest: pictures as like as this, or more, all give their veins
 OFTEN_SEEN = 0.4  # of the pictures: where fewer show leaf, veins fade
 SMOOTH = 0.06  # of the height: standard deviation that parts colour and shade from veins
 REACH = 0.05  # of the height: farthest that veins are moved to fit others
@@ -61,7 +61,7 @@ class AverageTextureSettings:
 
     width_px: int = 128  # of the picture, from silhouette to silhouette
     height_px: int = 256  # from base to apex
-    most_pictures: int = 64  # unwrapped leaves, those seen largest first
+    max_pictures: int = 64  # unwrapped leaves, those seen largest first
     vein_pictures: int = 3  # of them, those that veins come from; 0 for none
     edge: tuple[float, float] = (0.25, 0.75)  # shares of leaves that reach a place, from opacity 0 to opacity 1
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
@@ -71,9 +71,9 @@ class AverageTextureSettings:
             raise ValueError(
                 f"the picture must be 16 pixels wide and high or more, not {self.width_px, self.height_px}"
             )
-        if self.most_pictures < 1 or self.vein_pictures < 0:
+        if self.max_pictures < 1 or self.vein_pictures < 0:
             raise ValueError(
-                f"most_pictures must be 1 or more and vein_pictures 0 or more, not {self.most_pictures} and "
+                f"max_pictures must be 1 or more and vein_pictures 0 or more, not {self.max_pictures} and "
                 f"{self.vein_pictures}"
             )
         if not 0 <= self.edge[0] < self.edge[1] <= 1:
@@ -160,13 +160,13 @@ def _choose_pictures(
         sights = find_sights(leaves, view, uv, spread, settings.visibility, drawn[number])
         away = np.linalg.norm(leaves.base_m - view.camera.position_m, axis=1)
         seen = np.mean(sights.inner * sights.facing, axis=1)
-        seen[np.mean(sights.inner, axis=1) < LEAST_SEEN] = 0
+        seen[np.mean(sights.inner, axis=1) < MIN_SEEN] = 0
         pixels[number] = seen * (leaves.length_m * max(view.camera.focal_px) / np.maximum(away, 1e-12)) ** 2
     pixels *= 1 if pixels.sum() >= 0 else -1
     order = np.argsort(-pixels, axis=0, kind="stable")[:VIEWS_A_LEAF]  # best views of each leaf first
     best = np.take_along_axis(pixels, order, axis=0)
     rank, leaf = np.nonzero(best > 0)
-    chosen = np.lexsort((leaf, -best[rank, leaf], rank))[: settings.most_pictures]
+    chosen = np.lexsort((leaf, -best[rank, leaf], rank))[: settings.max_pictures]
     return [(int(order[rank[place], leaf[place]]), int(leaf[place])) for place in chosen]
 
 
@@ -186,14 +186,14 @@ def _unwrap(
         """Into octaves and weight, what one view shows; returns its shares of reached and absent."""
         view = views[number]
         places = [place for place, pair in enumerate(pairs) if pair[0] == number]
-        shown = leaves.take([pairs[place][1] for place in places])
+        leaves_seen = leaves.take([pairs[place][1] for place in places])
         # Finer than the photograph, nothing is to be learnt of what is seen where.
-        away = np.linalg.norm(shown.base_m - view.camera.position_m, axis=1)
-        length_px = float(np.max(shown.length_m / np.maximum(away, 1e-12))) * max(view.camera.focal_px)
-        rows, columns = (max(LEAST_ROWS, int(share * length_px)) for share in (1, ACROSS))
+        away = np.linalg.norm(leaves_seen.base_m - view.camera.position_m, axis=1)
+        length_px = float(np.max(leaves_seen.length_m / np.maximum(away, 1e-12))) * max(view.camera.focal_px)
+        rows, columns = (max(MIN_ROWS, int(share * length_px)) for share in (1, ACROSS))
         coarse = (min(size[0], rows), min(size[1], columns))
         uv = replace(settings, height_px=coarse[0], width_px=coarse[1]).uv
-        sights = find_sights(shown, view, uv, spread, settings.visibility, drawn[number])
+        sights = find_sights(leaves_seen, view, uv, spread, settings.visibility, drawn[number])
         reached, absent = np.zeros(size, np.float32), np.zeros(size, np.float32)
         for one, place in enumerate(places):
             at = sights.places_px[one].reshape(*coarse, 2)
@@ -237,8 +237,8 @@ def _leave_out_mixed(inner: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArr
     across_px = np.linalg.norm(np.diff(at[rows // 2], axis=0), axis=1).mean()
     # Odd numbers of rows and columns; of a leaf that is seen from its edge, nothing is left.
     down, aside = (
-        2 * min(int(np.ceil(MIXED_PX / max(px, 1e-6))), most) + 1
-        for px, most in ((along_px, rows), (across_px, columns))
+        2 * min(int(np.ceil(MIXED_PX / max(px, 1e-6))), limit) + 1
+        for px, limit in ((along_px, rows), (across_px, columns))
     )
     border = cv2.BORDER_CONSTANT
     clear = cv2.erode(inner.astype(np.float32), np.ones((down, aside), np.uint8), borderType=border, borderValue=0)
@@ -287,7 +287,7 @@ def _average_shade(
     seen = np.stack([cv2.resize(one, (width, height), interpolation=cv2.INTER_AREA) for one in weight])
     used = seen > 0.05
     middle = _median_of_pictures(shade, np.where(used, seen, 0)[..., None])
-    known = used.sum(axis=0) >= max(1, LEAST_SHARE * len(shade))
+    known = used.sum(axis=0) >= max(1, MIN_SHARE * len(shade))
     filled = np.where(known[..., None], middle, 0).astype(np.float32)
     near = known.astype(np.float32)
     sigma = 1.0
@@ -320,23 +320,23 @@ def _pick_veins(
         veins: (K, H, W), octaves about the low frequencies.
         count: How many pictures at least.
     """
-    usual = np.median([_deviation(one, seen) for one, seen in zip(veins, weight, strict=True)])
-    most = CLEAR * usual  # beyond are shadows and the dark of edges
-    veins = np.clip(veins, -most, most)
+    median = np.median([_deviation(one, seen) for one, seen in zip(veins, weight, strict=True)])
+    limit = CLEAR * median  # beyond are shadows and the dark of edges
+    veins = np.clip(veins, -limit, limit)
     total = np.maximum(weight.sum(axis=0), 1e-6)
     mean = np.sum(veins * weight, axis=0) / total
     often = np.mean(weight > 0, axis=0)
     typical = np.array(
         [_likeness(one, mean, seen) * np.mean(seen > 0) for one, seen in zip(veins, weight, strict=True)]
     )
-    first = np.argsort(-typical, kind="stable")[: max(count, MOST_ALIKE)]
+    first = np.argsort(-typical, kind="stable")[: max(count, MAX_TYPICAL)]
     veins, weight, best = veins[first], weight[first], 0
     moved, moved_weight = _register(veins, weight, best, threads)
     likeness = np.array(
         [_likeness(one, veins[best], seen * weight[best]) for one, seen in zip(moved, moved_weight, strict=True)]
     )
     order = np.argsort(-likeness, kind="stable")
-    alike = order[: max(count, int(np.count_nonzero(likeness >= ALIKE * np.sort(likeness)[-2:].min())))]
+    similar = order[: max(count, int(np.count_nonzero(likeness >= SIMILAR * np.sort(likeness)[-2:].min())))]
     summed, used = np.zeros(mean.shape, np.float32), np.zeros(mean.shape, np.float32)
     for place in order:
         share = np.minimum(np.clip(4 * moved_weight[place], 0, 1), count - used)
@@ -347,12 +347,12 @@ def _pick_veins(
     fine = np.median([_deviation(one - _blur_seen(one, seen), seen) for one, seen in zip(veins, weight, strict=True)])
     lines *= min(STRONGEST, max(1.0, fine / max(_deviation(lines, used), 1e-6)))
     # What is wider than veins and on some leaves only is shadow: the median of many has none.
-    wide = _median_of_pictures(moved[alike], moved_weight[alike])
-    seen = np.clip(4 * np.sum(moved_weight[alike], axis=0), 0, 1)
+    wide = _median_of_pictures(moved[similar], moved_weight[similar])
+    seen = np.clip(4 * np.sum(moved_weight[similar], axis=0), 0, 1)
     picked = lines + _blur_seen(wide, seen)
     # Where few leaves are seen, they are seen by mistake: others' edges and shadows.
     inside = np.minimum(used, 1) * np.clip(often / OFTEN_SEEN, 0, 1)
-    return np.asarray(inside * most * np.tanh(picked / max(most, 1e-6)))
+    return np.asarray(inside * limit * np.tanh(picked / max(limit, 1e-6)))
 
 
 def _blur_seen(veins: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:

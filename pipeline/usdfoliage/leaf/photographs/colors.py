@@ -74,11 +74,11 @@ def sample_leaf_colors(
         if (view.depth_m <= 0).any():
             drawn = draw_leaf_ids(leaves, view.camera, settings.visibility.draw)
         sights = find_sights(leaves, view, uv, spread, settings.visibility, drawn)
-        shown = ((sights.state == SEEN) | (sights.state == PRESUMED)) & sights.inner
-        columns, rows = sights.places_px[shown].astype(np.intp).T
+        is_seen = ((sights.state == SEEN) | (sights.state == PRESUMED)) & sights.inner
+        columns, rows = sights.places_px[is_seen].astype(np.intp).T
         encoded = view.srgb[rows, columns]
-        colors[number][shown] = DECODED[encoded]
-        weights[number][shown] = np.abs(sights.facing[shown]) * (encoded.max(axis=1) < CLIPPED)
+        colors[number][is_seen] = DECODED[encoded]
+        weights[number][is_seen] = np.abs(sights.facing[is_seen]) * (encoded.max(axis=1) < CLIPPED)
 
     gain = _find_gains(colors, weights) if settings.equalize_exposure else np.ones(len(views))
     colors /= gain[:, None, None, None]

@@ -59,7 +59,7 @@ class DirectionResult:
     certainty: NDArray[np.float64]  # (N,), 0.5 nothing is known to 1
 
 
-def tell_base_from_apex(
+def distinguish_base_from_apex(
     leaves: Leaves, views: Sequence[View], settings: DirectionSettings = DirectionSettings(), *, threads: int = 0
 ) -> DirectionResult:
     """Tell which end of each leaf is the one at its stalk.

@@ -25,7 +25,7 @@ SAMPLE_STEP = 7  # one pixel of so many tells of noise, and of the colour of lea
 NOISE_QUANTILE = 0.8  # of what a median filter changes: of pure noise a standard deviation, or a little more
 NOISE_WIDTHS = 5.0
 FOREIGN = 3.0  # standard deviations of the leaves' colour; beyond, a colour is not theirs
-LEAST_COLORS = 50  # pixels of leaves, below which nobody knows their colour
+MIN_COLORS = 50  # pixels of leaves, below which nobody knows their colour
 ENOUGH_PX = 150  # length of a leaf, above which every other pixel, or every third, will do
 FINE_PX = 3  # median filter against single wrong pixels; stalks narrower than 2 pixels go with them
 
@@ -83,16 +83,16 @@ def find_stalk_points(
         return StalkPoints(np.zeros((0, 3)), np.zeros(0))
     ends_m = evaluate_points(leaves.parameters, BOTH_ENDS, placements=leaves.asset_from_leaf()).reshape(-1, 3)
 
-    def look(view: View) -> _Seen:
-        return _look_for_stalks(leaves, ends_m, view, spread, settings)
+    def scan(view: View) -> _Seen:
+        return _scan_view(leaves, ends_m, view, spread, settings)
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        seen = [_NOTHING, *pool.map(look, [view for view in views if view.has_depth])]
+        seen = [_NOTHING, *pool.map(scan, [view for view in views if view.has_depth])]
     points_m, colors, leaf_colors = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     return _one_a_cell(points_m, _is_foreign(colors, leaf_colors), settings.cell * float(np.median(leaves.length_m)))
 
 
-def _look_for_stalks(
+def _scan_view(
     leaves: Leaves, ends_m: NDArray[np.float64], view: View, spread: float, settings: StalkSettings
 ) -> _Seen:
     length_m = float(np.median(leaves.length_m))
@@ -178,9 +178,9 @@ def _near_ends(
     size = np.array([view.camera.width_px, view.camera.height_px])
     radius_px = np.minimum(radius_px, size.max())
     with np.errstate(invalid="ignore"):
-        shown = ((places > -radius_px[:, None]) & (places < size + radius_px[:, None])).all(axis=1)
+        in_picture = ((places > -radius_px[:, None]) & (places < size + radius_px[:, None])).all(axis=1)
     near = np.zeros(view.depth_m.shape, np.uint8)
-    centers, radii = np.rint(places[shown]).astype(int).tolist(), (radius_px[shown].astype(int) + 1).tolist()
+    centers, radii = np.rint(places[in_picture]).astype(int).tolist(), (radius_px[in_picture].astype(int) + 1).tolist()
     for center, radius in zip(centers, radii, strict=True):
         cv2.circle(near, center, radius, 1, cv2.FILLED)
     return near > 0
@@ -194,7 +194,7 @@ def _chroma(encoded: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 def _is_foreign(colors: NDArray[np.float64], of_leaves: NDArray[np.float64]) -> NDArray[np.float64]:
     """(K,), 1 where a colour is none that leaves have, 0 elsewhere."""
-    if len(of_leaves) < LEAST_COLORS:
+    if len(of_leaves) < MIN_COLORS:
         return np.zeros(len(colors))
     away = of_leaves - np.median(of_leaves, axis=0)
     scatter = np.cov(away.T) + 1e-6 * np.eye(2)

@@ -40,11 +40,11 @@ class VisibilitySettings:
     """When depth counts as that of a leaf."""
 
     widths: float = 3.0  # standard deviations
-    least_spread: float = 0.005  # standard deviation assumed at least, leaf lengths; the one without depth too
+    min_spread: float = 0.005  # standard deviation assumed at least, leaf lengths; the one without depth too
     draw: DrawSettings = field(default_factory=DrawSettings)
 
     def __post_init__(self) -> None:
-        for name in ("widths", "least_spread"):
+        for name in ("widths", "min_spread"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
 
@@ -61,7 +61,7 @@ class Sights(NamedTuple):
 def estimate_spread(
     leaves: Leaves, views: Sequence[View], settings: VisibilitySettings = VisibilitySettings()
 ) -> float:
-    """Standard deviation of depth about the leaves it belongs to, in leaf lengths; settings.least_spread at least.
+    """Standard deviation of depth about the leaves it belongs to, in leaf lengths; settings.min_spread at least.
 
     Fit and depth both contribute. Robust: what lies farther from a leaf than a few deviations is of something else.
     """
@@ -75,12 +75,12 @@ def estimate_spread(
         away = (project.seen_m - project.depth_m) * np.abs(project.facing) / leaves.length_m[:, None]
         differences.append(away[known])
     away = np.abs(np.concatenate(differences))
-    gate, spread = FIRST_GATE, settings.least_spread
+    gate, spread = FIRST_GATE, settings.min_spread
     for _ in range(GATE_TURNS):
         near = away[away < gate]
         if not len(near):
             break
-        spread = max(1.4826 * float(np.median(near)), settings.least_spread)
+        spread = max(1.4826 * float(np.median(near)), settings.min_spread)
         gate = min(FIRST_GATE, settings.widths * spread)
     return spread
 
@@ -115,9 +115,9 @@ def find_sights(
     with np.errstate(invalid="ignore"):
         state[known & (np.abs(away_m) <= allowed_m)] = SEEN
         behind = known & (away_m > allowed_m)
-    least_m, most_m = _extremes(view.depth_m, project)
-    state[behind] = np.where(least_m - project.depth_m <= allowed_m, BESIDE, ABSENT)[behind]
-    inner = (state == SEEN) & (least_m > 0) & (most_m - least_m <= around_m)
+    nearest_m, farthest_m = _extremes(view.depth_m, project)
+    state[behind] = np.where(nearest_m - project.depth_m <= allowed_m, BESIDE, ABSENT)[behind]
+    inner = (state == SEEN) & (nearest_m > 0) & (farthest_m - nearest_m <= around_m)
 
     blank = project.inside & ~known
     if blank.any():
@@ -132,8 +132,8 @@ def find_sights(
             state[off] = ABSENT
             presumed &= ~off
         state[presumed] = PRESUMED
-        least_m, most_m = _extremes(nearest.depth_m, project)
-        inner |= presumed & (least_m > 0) & (most_m - least_m <= around_m)
+        nearest_m, farthest_m = _extremes(nearest.depth_m, project)
+        inner |= presumed & (nearest_m > 0) & (farthest_m - nearest_m <= around_m)
     return Sights(project.places_px, state, project.facing, inner)
 
 
@@ -193,5 +193,5 @@ def _project(leaves: Leaves, view: View, uv: NDArray[np.floating]) -> _Projectio
 def _extremes(depth_m: NDArray[np.float32], project: _Projection) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Least and greatest depth among a pixel and those around, (N, P) each; the least is 0 beside a hole."""
     around = np.ones((3, 3), np.uint8)
-    least, most = cv2.erode(depth_m, around), cv2.dilate(depth_m, around)
-    return least[project.rows, project.columns], most[project.rows, project.columns]
+    lowest, highest = cv2.erode(depth_m, around), cv2.dilate(depth_m, around)
+    return lowest[project.rows, project.columns], highest[project.rows, project.columns]

@@ -74,11 +74,11 @@ def build_leaf_cage(
     st = np.empty((count, vertices, 2), np.float32)
     creased = midrib_angles(leaves.parameters) >= np.radians(settings.smooth_below_deg)
     for crease in (False, True):
-        alike = np.flatnonzero(creased == crease)
+        same_crease = np.flatnonzero(creased == crease)
         operator = _cage_operator(settings.across, settings.along, crease)
-        st[alike] = operator.st
-        for first in range(0, len(alike), BLOCK):
-            chosen = alike[first : first + BLOCK]
+        st[same_crease] = operator.st
+        for first in range(0, len(same_crease), BLOCK):
+            chosen = same_crease[first : first + BLOCK]
             block = leaves.take(chosen)
             cages = _fit_cages(block, operator, jitter)
             matrix = block.asset_from_leaf()
@@ -145,8 +145,8 @@ def _cage_operator(across: int, along: int, creased: bool) -> _CageOperator:
 
     from_samples = np.zeros((topology.vertex_count, len(places)))
     from_samples[2:] = np.linalg.pinv(limit[:, 2:])
-    held = from_samples @ limit[:, :2]  # what base and apex already make of the surface
-    from_samples[:, (base, apex)] -= held
+    from_ends = from_samples @ limit[:, :2]  # what base and apex already make of the surface
+    from_samples[:, (base, apex)] -= from_ends
     from_samples[0, base] = from_samples[1, apex] = 1.0
     u, v = places.T
     rows, row = np.unique(v, return_inverse=True)

@@ -39,10 +39,10 @@ class LeafEdits:
             vector = getattr(self, name)
             if len(vector) != 3 or not np.isfinite(vector).all():
                 raise ValueError(f"{name} must be three finite numbers, not {vector}")
-        for name, least in (("width", 0.0), ("jitter_amplitude", 0.0)):
+        for name, minimum in (("width", 0.0), ("jitter_amplitude", 0.0)):
             number = getattr(self, name)
-            if not (np.isfinite(number) and number >= least):
-                raise ValueError(f"{name} must be {least:g} or more, not {number}")
+            if not (np.isfinite(number) and number >= minimum):
+                raise ValueError(f"{name} must be {minimum:g} or more, not {number}")
         if not (np.isfinite(self.jitter_frequency) and self.jitter_frequency > 0):
             raise ValueError(f"jitter_frequency must be above 0, not {self.jitter_frequency}")
 

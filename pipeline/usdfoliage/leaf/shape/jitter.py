@@ -29,8 +29,8 @@ class Jitter:
     @property
     def reach(self) -> float:
         """How far a silhouette may be moved, in leaf lengths, whatever the phase."""
-        most = sum(weight for _, weight in WAVES) if self.map is None else float(np.abs(self.map).max())
-        return self.amplitude * most
+        peak = sum(weight for _, weight in WAVES) if self.map is None else float(np.abs(self.map).max())
+        return self.amplitude * peak
 
 
 NO_JITTER = Jitter()

@@ -15,8 +15,8 @@ from usdfoliage.leaf.shape.topology import LeafTopology, leaf_topology
 SEGMENTS_A_ROW = 2  # of the silhouette: with 16 rows it keeps 998 of 1000 pixels of the leaf, with one a row 994
 SEGMENTS_A_CYCLE = 16  # of the silhouette, so that chords cut some 2 % of the jitter's amplitude at most
 SEGMENTS_A_TEXEL = 2
-MOST_SEGMENTS = 512  # beyond it, a jitter map is finer than a leaf is ever drawn
-LEAST_MEAN = np.float32(1e-4)  # below it, normals cancel: the leaf is folded flat
+MAX_SEGMENTS = 512  # beyond it, a jitter map is finer than a leaf is ever drawn
+MIN_MEAN = np.float32(1e-4)  # below it, normals cancel: the leaf is folded flat
 BLOCK = 512  # leaves evaluated at once, so that temporaries stay small
 
 
@@ -55,12 +55,12 @@ class LeafMesh:
     face_vertices: NDArray[np.int32]  # (sum of face_counts,), indices of points_m
 
 
-def silhouette_segments(least: int, jitter: Jitter) -> int:
-    """How many segments a silhouette needs to show its jitter: least, or more up to MOST_SEGMENTS."""
+def silhouette_segments(min_segments: int, jitter: Jitter) -> int:
+    """How many segments a silhouette needs to show its jitter: least, or more up to MAX_SEGMENTS."""
     if not jitter.amplitude:
-        return least
+        return min_segments
     a_cycle = SEGMENTS_A_CYCLE if jitter.map is None else SEGMENTS_A_TEXEL * len(jitter.map)
-    return max(least, math.ceil(min(jitter.frequency * a_cycle, MOST_SEGMENTS)))
+    return max(min_segments, math.ceil(min(jitter.frequency * a_cycle, MAX_SEGMENTS)))
 
 
 def build_leaf_mesh(
@@ -147,4 +147,4 @@ def _mean_direction(normals: NDArray[np.float32]) -> NDArray[np.float32]:
     """Unit means (N, P, 3) of normals (N, P, K, 3); the first where they cancel each other."""
     mean = normals.mean(axis=2)
     length = np.linalg.norm(mean, axis=-1, keepdims=True)
-    return np.where(length > LEAST_MEAN, mean / np.maximum(length, LEAST_MEAN), normals[:, :, 0])
+    return np.where(length > MIN_MEAN, mean / np.maximum(length, MIN_MEAN), normals[:, :, 0])

@@ -21,8 +21,8 @@ SHAPE = (5, 7, 3)  # of a net
 APEX = np.array([0.0, 1.0, 0.0])  # in leaf space; the base is the origin
 SAMPLES = grid_places(np.linspace(-1, 1, 13), np.linspace(0, 1, 9))  # (P, 2), where patch and leaf are compared
 REACH = (-0.25, 1.25)  # where on the axis silhouettes may be anchored
-LEAST_LENGTH = 1e-6  # of the patch's extent: shorter, base and apex are one point
-LEAST_WIDTH = 1e-6  # of the length: narrower, nothing says which side is up
+MIN_LENGTH = 1e-6  # of the patch's extent: shorter, base and apex are one point
+MIN_WIDTH = 1e-6  # of the length: narrower, nothing says which side is up
 FOLD_RESIDUAL = 1e-3  # of the length: a leaf this near to the patch is what it was drawn as, folded or not
 
 
@@ -66,9 +66,9 @@ def fit_leaf(net: NDArray[np.floating]) -> FittedLeaf:
     base, apex = points[0].mean(axis=0), points[-1].mean(axis=0)
     extent = float(np.linalg.norm(np.ptp(points.reshape(-1, 3), axis=0)))
     length = float(np.linalg.norm(apex - base))
-    if length <= LEAST_LENGTH * extent:
+    if length <= MIN_LENGTH * extent:
         raise FitError(
-            f"base and apex of the patch are {length:.3g} apart, {LEAST_LENGTH * extent:.3g} at least are needed; "
+            f"base and apex of the patch are {length:.3g} apart, {MIN_LENGTH * extent:.3g} at least are needed; "
             "part the first row of control points from the last one"
         )
     patch_from_leaf = _frame(points, (apex - base) / length, length)
@@ -103,9 +103,9 @@ def _frame(points: NDArray[np.float64], along: NDArray[np.float64], length: floa
     nearest = np.linalg.svd(across)[2][0]
     nearest *= 1.0 if np.sum(across @ nearest) >= 0 else -1.0
     width = float(np.abs(across @ nearest).max())
-    if width <= LEAST_WIDTH * length:
+    if width <= MIN_WIDTH * length:
         raise FitError(
-            f"the patch is {width:.3g} wide, {LEAST_WIDTH * length:.3g} at least are needed; "
+            f"the patch is {width:.3g} wide, {MIN_WIDTH * length:.3g} at least are needed; "
             "draw its left and right silhouettes apart"
         )
     return np.column_stack([nearest, along, np.cross(nearest, along)])

@@ -248,11 +248,11 @@ def _fill_samples(
         raise ValueError(f"phase must be ({len(leaves)},), not {phases.shape}")
     matrices = checked_placements(leaves, placements)
     wave = None if jitter.map is None else np.ascontiguousarray(jitter.map, np.float64)
-    uv, alike = checked_places(leaves, places), places.ndim == 2
+    uv, shared = checked_places(leaves, places), places.ndim == 2
     _native.leaf_samples(
         leaves,
         uv,
-        alike,
+        shared,
         jitter.amplitude,
         jitter.frequency,
         np.array(WAVES),

@@ -157,9 +157,9 @@ def _lift_halves(
 
 def _is_unusual(settings: VariationSettings) -> bool:
     """Whether leaves may fold elsewhere than at base and apex: not with the usual settings, as the tests show."""
-    usual = VariationSettings()
-    scales = [name for name in usual.__dataclass_fields__ if name != "amount"]
-    return any(settings.amount * getattr(settings, name) > getattr(usual, name) for name in scales)
+    defaults = VariationSettings()
+    scales = [name for name in defaults.__dataclass_fields__ if name != "amount"]
+    return any(settings.amount * getattr(settings, name) > getattr(defaults, name) for name in scales)
 
 
 def _take_back_folded(leaves: NDArray[np.float64], mean: NDArray[np.float64], anywhere: bool) -> None:

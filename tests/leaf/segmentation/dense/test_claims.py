@@ -46,7 +46,7 @@ def test_noise_may_be_given_for_each_view(known, depths):
 def test_points_are_where_the_pixels_are(known, depths):
     count = len(known.leaves)
     ids = [one.astype(np.int32) for one in known.leaf_ids]
-    points = collect_points(known.views, depths, ids, count, settings=PointSettings(most_per_leaf=10**6))
+    points = collect_points(known.views, depths, ids, count, settings=PointSettings(max_per_leaf=10**6))
     shown = np.array([np.bincount(one.ravel(), minlength=count + 1)[1:] for one in ids])
     assert np.array_equal(np.diff(points.offsets), shown.sum(axis=0))
     seen = shown.sum(axis=0) > 0
@@ -75,9 +75,9 @@ def test_points_are_where_the_pixels_are(known, depths):
 def test_points_are_thinned_evenly(known, depths):
     count = len(known.leaves)
     ids = [one.astype(np.int32) for one in known.leaf_ids]
-    whole = collect_points(known.views, depths, ids, count, settings=PointSettings(most_per_leaf=10**6))
-    few = collect_points(known.views, depths, ids, count, settings=PointSettings(most_per_leaf=200))
-    again = collect_points(known.views, depths, ids, count, settings=PointSettings(most_per_leaf=200), threads=1)
+    whole = collect_points(known.views, depths, ids, count, settings=PointSettings(max_per_leaf=10**6))
+    few = collect_points(known.views, depths, ids, count, settings=PointSettings(max_per_leaf=200))
+    again = collect_points(known.views, depths, ids, count, settings=PointSettings(max_per_leaf=200), threads=1)
     assert np.array_equal(few.points_m, again.points_m)
     assert np.array_equal(few.normals, again.normals)
     assert np.array_equal(np.diff(few.offsets), np.minimum(np.diff(whole.offsets), 200))
@@ -123,4 +123,4 @@ def test_wrong_arguments_are_refused(known, depths):
         with pytest.raises(ValueError, match="not"):
             ClaimSettings(**wrong)
     with pytest.raises(ValueError, match="not"):
-        PointSettings(most_per_leaf=0)
+        PointSettings(max_per_leaf=0)

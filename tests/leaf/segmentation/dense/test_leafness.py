@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.leaf.fit.prior import exchange_ends, generic_prior, learn_prior
-from usdfoliage.leaf.segmentation.dense.leafness import UsualLeaf, judge_leaves, judge_likeness, measure_usual
+from usdfoliage.leaf.segmentation.dense.leafness import MedianLeaf, judge_leaves, judge_likeness, measure_median_leaf
 from usdfoliage.leaf.shape.measures import leaf_area, leaf_width
 from usdfoliage.leaf.shape.variation import VariationSettings, vary_leaves
 
@@ -17,8 +17,8 @@ USUAL = flat_leaves([(0, 0, 0)])
 share = st.floats(0, 1)
 
 
-def usual_of(leaves) -> UsualLeaf:
-    return UsualLeaf(
+def usual_of(leaves) -> MedianLeaf:
+    return MedianLeaf(
         length_m=float(leaves.length_m[0]),
         width_m=float(leaf_width(leaves.parameters)[0] * leaves.length_m[0]),
         area_m2=float(leaf_area(leaves.parameters)[0] * leaves.length_m[0] ** 2),
@@ -97,7 +97,7 @@ def test_scale_does_not_matter(scale):
 
 def test_the_usual_leaf_is_that_of_leaves_alike():
     leaves = flat_leaves(np.zeros((5, 3)))
-    usual = measure_usual(proposed(leaves), evidence_of(leaves), np.ones(5))
+    usual = measure_median_leaf(proposed(leaves), evidence_of(leaves), np.ones(5))
     expected = usual_of(USUAL)
     assert usual.length_m == pytest.approx(expected.length_m)
     assert usual.width_m == pytest.approx(expected.width_m)
@@ -106,7 +106,7 @@ def test_the_usual_leaf_is_that_of_leaves_alike():
 
 def test_crumbs_do_not_make_the_usual_leaf_small():
     leaves = sized([0.1] * 10 + [0.01] * 100, 0.4)
-    usual = measure_usual(proposed(leaves), evidence_of(leaves), np.ones(110))
+    usual = measure_median_leaf(proposed(leaves), evidence_of(leaves), np.ones(110))
     assert usual.length_m == pytest.approx(0.1)
 
 
@@ -117,13 +117,13 @@ def test_ground_does_not_make_the_usual_leaf_large(wrong):
     usually = {"free": 1.0, "on": 1.0, "violated": 0.0, "explained": 1.0, "trust": 1.0}
     numbers = {name: np.where(ground, wrong.get(name, value), value) for name, value in usually.items()}
     trust, explained = numbers.pop("trust"), numbers.pop("explained")
-    usual = measure_usual(proposed(leaves, explained), evidence_of(leaves, **numbers), trust)
+    usual = measure_median_leaf(proposed(leaves, explained), evidence_of(leaves, **numbers), trust)
     assert usual.length_m == pytest.approx(0.1)
 
 
 def test_where_no_leaf_is_sure_all_count():
     leaves = sized([0.1, 0.1, 0.1], 0.4)
-    usual = measure_usual(proposed(leaves, 0.0), evidence_of(leaves, free=0.0), np.zeros(3))
+    usual = measure_median_leaf(proposed(leaves, 0.0), evidence_of(leaves, free=0.0), np.zeros(3))
     assert usual.length_m == pytest.approx(0.1)
 
 
@@ -131,10 +131,10 @@ def test_where_no_leaf_is_sure_all_count():
 @given(st.permutations(range(6)))
 def test_the_order_of_leaves_does_not_matter(order):
     leaves = sized([0.05, 0.08, 0.1, 0.11, 0.15, 0.3], [0.3, 0.4, 0.5, 0.3, 0.4, 0.5])
-    quality, usual = judge(leaves), measure_usual(proposed(leaves), evidence_of(leaves), np.ones(6))
+    quality, usual = judge(leaves), measure_median_leaf(proposed(leaves), evidence_of(leaves), np.ones(6))
     other = leaves.take(np.array(order))
     assert judge(other) == pytest.approx(quality[order])
-    assert measure_usual(proposed(other), evidence_of(other), np.ones(6)) == usual
+    assert measure_median_leaf(proposed(other), evidence_of(other), np.ones(6)) == usual
 
 
 def test_leaves_are_like_those_a_prior_was_learned_of_either_way_round():

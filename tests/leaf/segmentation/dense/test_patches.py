@@ -126,7 +126,7 @@ def test_nothing_is_found_where_nothing_is():
     crumbs = np.zeros((30, 40))
     crumbs[5:10, 5:10] = 1
     assert len(find_patches(view(cam, crumbs), crumbs, 0.0)) == 0
-    assert len(find_patches(view(cam, crumbs), crumbs, 0.0, PatchSettings(least_px=25))) == 1
+    assert len(find_patches(view(cam, crumbs), crumbs, 0.0, PatchSettings(min_px=25))) == 1
 
 
 def test_wrong_arguments_are_refused():

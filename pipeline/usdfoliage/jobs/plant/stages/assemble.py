@@ -31,7 +31,7 @@ from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.reconstruct import doubt_confidence
+from usdfoliage.leaf.reconstruct import check_confidence
 
 _FEW = 0.2  # share of the cloud that is near leaves, below which they do not stand for the plant
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
@@ -106,7 +106,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             "branches, or it shows more than one plant"
         )
     if captured is not None and chosen.kind in ("captured", "filled"):
-        warnings.extend(doubt_confidence(captured.fitted.leaves))
+        warnings.extend(check_confidence(captured.fitted.leaves))
     poor = False
     if call.settings.pictures.make:
         with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:

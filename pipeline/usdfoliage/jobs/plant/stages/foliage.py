@@ -94,7 +94,7 @@ def choose_foliage(
         kind=FITTED if kind == "drawn" else TEMPLATE,
         species=species,
         length_m=wanted.leaf_length_m,
-        settings=replace(GrownSettings(), most_leaves=wanted.most_leaves),
+        settings=replace(GrownSettings(), max_leaves=wanted.max_leaves),
         representations=settings.plant.representations,
     )
     fitted = captured.fitted if kind == "drawn" and captured is not None else None
@@ -122,8 +122,8 @@ def _fill(
     length_m = settings.foliage.leaf_length_m or float(np.median(sure.length_m))
     leafy_m = traced.points_m[~traced.wood]
     bare_m = leafy_m[~near_leaves(leafy_m, placed)]
-    most = max(settings.foliage.most_leaves - len(placed), 1)
-    settings_of_fill = FillSettings(most_leaves=most)
+    most = max(settings.foliage.max_leaves - len(placed), 1)
+    settings_of_fill = FillSettings(max_leaves=most)
     places = fill_places(bare_m, traced.skeleton.points_m, length_m, rng, settings_of_fill, plant_m=traced.points_m)
     drawn = rng.integers(len(sure), size=len(places.base_m))
     usual = places.length_m >= length_m  # a length that the points tell is not varied

@@ -45,7 +45,7 @@ _FLOORLESS = "floorless.txt"  # beside the capture of a cloud that a floor was l
 _DRAWN = "drawn_masks.txt"  # beside a capture whose masks were drawn here
 _MAPS = (IMAGES, CAMERAS, DEPTH_FOLDER, "confidence", "normals")
 _PICTURES = "pictures"
-_LEAST_POINTS = 200  # of a plant
+_MIN_POINTS = 200  # of a plant
 _LEAST, _LITTLE = 0.0005, 0.005  # share of the points: below, it is no plant, or hardly one
 _MUCH = 0.9  # share of the points, from which on a floor or a background may be among them
 _WORTH = 0.002  # share of the points that must be left out, for masks to be worth having
@@ -115,7 +115,7 @@ def _isolate(call: StageCall, source: Path) -> None:
     share = found.share(PointKind.PLANT)
     notes, warnings = list(found.notes), []
     plant = found.plant
-    if share < _LEAST or int(plant.sum()) < _LEAST_POINTS:
+    if share < _LEAST or int(plant.sum()) < _MIN_POINTS:
         warnings.append(
             f"everything in the photographs is taken for the plant: no more than {share:.2%} of the cloud's "
             f"{len(cloud):,} points were left without floor and surroundings; give masks, or say isolation.make"

@@ -54,7 +54,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             path=_cloud_of(call),
             roots=roots,
             given_roots=given_roots,
-            most_points=settings.most_points,
+            max_points=settings.max_points,
             internode_m=settings.internode_m,
             has_ground=not is_floorless(call),
         ),

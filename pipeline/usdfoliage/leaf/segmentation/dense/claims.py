@@ -15,13 +15,13 @@ from usdfoliage.leaf.segmentation.dense.depth_view import depth_view
 from usdfoliage.leaf.segmentation.dense.patches import LocalPlanes, PatchSettings
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 
-_LEAST_SUPPORT = 6.0  # neighbours on a plane whose normal is taken
+_MIN_SUPPORT = 6.0  # neighbours on a plane whose normal is taken
 _KINDS = np.array(
     [INTERIOR, FREE_EDGE, HIDDEN_EDGE, HIDDEN_EDGE], np.uint8
 )  # an unknown edge may hide more of the leaf
 
 
-LEAST_CLAIMED = 0.5  # share of a patch that leaves claim, where they may claim more of it
+MIN_CLAIMED = 0.5  # share of a patch that leaves claim, where they may claim more of it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,14 +50,14 @@ class ClaimSettings:
 class PointSettings:
     """Which points are kept of claimed pixels."""
 
-    most_per_leaf: int = 4000  # points; of more an even choice is kept
+    max_per_leaf: int = 4000  # points; of more an even choice is kept
     edge: float = 3.0  # footprints that what is seen beside an edge lies farther or nearer
     edge_noises: float = 0.0  # standard deviations of the depth, besides
     beside_px: int = 4  # within which what is behind an edge shows where the leaf ends, half way
 
     def __post_init__(self) -> None:
-        if self.most_per_leaf < 1 or self.edge < 0 or self.edge_noises < 0:
-            raise ValueError(f"most_per_leaf must be at least 1, edge and edge_noises not below 0, not {self}")
+        if self.max_per_leaf < 1 or self.edge < 0 or self.edge_noises < 0:
+            raise ValueError(f"max_per_leaf must be at least 1, edge and edge_noises not below 0, not {self}")
         if self.beside_px < 1:
             raise ValueError(f"beside_px must be at least 1, not {self.beside_px}")
 
@@ -124,7 +124,7 @@ def complete_claims(labels: NDArray[np.int32], patches: NDArray[np.int32], reach
     count = int(patches.max()) + 1
     pixels = np.bincount(patches.ravel(), minlength=count)
     # A leaf may be one patch with the ground or wall it touches; that is not its margin.
-    own = np.bincount(patches[claimed], minlength=count) >= LEAST_CLAIMED * np.maximum(pixels, 1)
+    own = np.bincount(patches[claimed], minlength=count) >= MIN_CLAIMED * np.maximum(pixels, 1)
     own[0] = False
     goes_on = ~claimed & own[patches] & (distance_px <= reach_px) & (patch_of[nearest] == patches)
     return np.where(goes_on, leaf_of[nearest], labels).astype(np.int32)
@@ -163,16 +163,16 @@ def collect_points(
     """
     noises = np.broadcast_to(np.asarray(noise_m, np.float64), len(views))
     seen = [depth_view(one.camera, depth_m) for one, depth_m in zip(views, depths_m, strict=True)]
-    shown = np.zeros((len(views), count), np.int64)
+    pixels_seen = np.zeros((len(views), count), np.int64)
     for number, (one, claimed) in enumerate(zip(seen, labels, strict=True)):
         if claimed.shape != one[0].shape:
             raise ValueError(f"the labels must be {one[0].shape}, not {claimed.shape}")
-        if (most := int(claimed.max(initial=0))) > count:
-            raise ValueError(f"labels must be at most {count}, not {most}")
-        shown[number] = _native.count_labels(one, claimed, count)
+        if (highest := int(claimed.max(initial=0))) > count:
+            raise ValueError(f"labels must be at most {count}, not {highest}")
+        pixels_seen[number] = _native.count_labels(one, claimed, count)
 
-    total = shown.sum(axis=0)
-    kept = np.minimum(total, settings.most_per_leaf)
+    total = pixels_seen.sum(axis=0)
+    kept = np.minimum(total, settings.max_per_leaf)
     offsets = np.concatenate([[0], np.cumsum(kept)]).astype(np.int64)
     points, normals = np.empty((offsets[-1], 3)), np.empty((offsets[-1], 3))
     kind, point_view = np.empty(offsets[-1], np.uint8), np.empty(offsets[-1], np.int32)
@@ -192,13 +192,13 @@ def collect_points(
             *_native.place_edges(one, claimed, slopes, pixels, edges, settings.beside_px, threads)
         )
         facing = np.asarray(_native.plane_normals(one, slopes, pixels, threads), np.float64)
-        alone = support < _LEAST_SUPPORT
+        alone = support < _MIN_SUPPORT
         towards = camera.position_m - located[alone]
         facing[alone] = towards / np.linalg.norm(towards, axis=1, keepdims=True)
         points[places], normals[places] = located, facing
         kind[places] = _KINDS[edges]
         point_view[places] = number
-    most_shown = shown.argmax(axis=0) if len(views) else np.zeros(count)
+    best_view = pixels_seen.argmax(axis=0) if len(views) else np.zeros(count)
     return LeafPoints(
         points_m=points,
         normals=normals,
@@ -206,5 +206,5 @@ def collect_points(
         point_view=point_view,
         offsets=offsets,
         confidence=np.ones(count) if confidence is None else np.asarray(confidence, np.float64),
-        view=(most_shown if view is None else view).astype(np.int32),
+        view=(best_view if view is None else view).astype(np.int32),
     )

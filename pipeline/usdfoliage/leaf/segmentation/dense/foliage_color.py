@@ -49,7 +49,7 @@ def judge_colors(
     probes = evidence.points_m.shape[1]
     flat = evidence.points_m.reshape(-1, 3)
 
-    def look(number: int) -> tuple[NDArray[np.intp], NDArray[np.int32], NDArray[np.intp]]:
+    def sample_view(number: int) -> tuple[NDArray[np.intp], NDArray[np.int32], NDArray[np.intp]]:
         index, camera, depth_m = indices[number], views[number].camera, depths_m[number]
         places, distance_m = camera.project(flat)
         with np.errstate(invalid="ignore"):  # behind the camera
@@ -60,7 +60,7 @@ def judge_colors(
         histogram = np.bincount(index[::2, ::2].ravel(), minlength=BINS * BINS)
         return which[seen] // probes, index[row[seen], column[seen]], histogram
 
-    leaf, color, histograms = zip(*map_threaded(look, range(len(views)), threads=threads), strict=True)
+    leaf, color, histograms = zip(*map_threaded(sample_view, range(len(views)), threads=threads), strict=True)
     leaves, colors, whole = np.concatenate(leaf), np.concatenate(color), np.sum(histograms, axis=0)
     everywhere = _smooth(whole)
     total = np.maximum(np.bincount(leaves, minlength=count), 1)

@@ -7,17 +7,17 @@ from scipy.spatial import cKDTree
 from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.segmentation.dense.proposals import Proposals
 
-MOST_POINTS = 150  # of a piece, to measure gaps with
+MAX_POINTS = 150  # of a piece, to measure gaps with
 GAP, LENGTH, SHORT = 0.12, 1.6, 1.2  # usual lengths: between pieces, of both together, of the shorter piece
 
 
-def pair_fragments(proposals: Proposals, points: LeafPoints, usual_m: float) -> NDArray[np.int64]:
+def pair_fragments(proposals: Proposals, points: LeafPoints, median_m: float) -> NDArray[np.int64]:
     """Pairs (K, 2) of proposals near each other that together are not longer than a leaf.
 
     Args:
         proposals: N.
         points: Of the N proposals.
-        usual_m: The usual length of a leaf.
+        median_m: The usual length of a leaf.
     """
     count = len(proposals)
     few = [_few(points, leaf) for leaf in range(count)]
@@ -25,18 +25,18 @@ def pair_fragments(proposals: Proposals, points: LeafPoints, usual_m: float) -> 
     known = np.flatnonzero(np.isfinite(middles[:, 0]))
     if len(known) < 2:
         return np.zeros((0, 2), np.int64)
-    near = known[cKDTree(middles[known]).query_pairs(usual_m, output_type="ndarray")]
+    near = known[cKDTree(middles[known]).query_pairs(median_m, output_type="ndarray")]
     lengths = proposals.leaves.length_m
     chosen = []
     for first, second in near[np.lexsort((near[:, 1], near[:, 0]))]:
-        if min(lengths[first], lengths[second]) > SHORT * usual_m:
+        if min(lengths[first], lengths[second]) > SHORT * median_m:
             continue
-        if np.min(cKDTree(few[first]).query(few[second])[0]) > GAP * usual_m:
+        if np.min(cKDTree(few[first]).query(few[second])[0]) > GAP * median_m:
             continue
         both = np.concatenate([few[first], few[second]])
         both = both - both.mean(axis=0)
         longest = np.linalg.eigh(both.T @ both)[1][:, 2]
-        if np.ptp(both @ longest) < LENGTH * usual_m:
+        if np.ptp(both @ longest) < LENGTH * median_m:
             chosen.append((first, second))
     return np.asarray(chosen, np.int64).reshape(-1, 2)
 
@@ -77,4 +77,4 @@ def append_points(first: LeafPoints, second: LeafPoints) -> LeafPoints:
 
 def _few(points: LeafPoints, leaf: int) -> NDArray[np.float64]:
     part = points.points_m[points.offsets[leaf] : points.offsets[leaf + 1]]
-    return part[:: max(1, len(part) // MOST_POINTS)]
+    return part[:: max(1, len(part) // MAX_POINTS)]

@@ -14,7 +14,7 @@ ENOUGH = 100  # leaves that tell how different leaves of a set are
 
 
 @dataclass(frozen=True, kw_only=True)
-class UsualLeaf:
+class MedianLeaf:
     """Sizes that half of the leaf area of a scene lies below."""
 
     length_m: float
@@ -22,7 +22,7 @@ class UsualLeaf:
     area_m2: float
 
 
-def measure_usual(proposals: Proposals, evidence: Evidence, trust: NDArray[np.float64]) -> UsualLeaf:
+def measure_median_leaf(proposals: Proposals, evidence: Evidence, trust: NDArray[np.float64]) -> MedianLeaf:
     """The usual leaf of those that stand free, are seen whole and explain their points; of all, where none does.
 
     Args:
@@ -41,20 +41,20 @@ def measure_usual(proposals: Proposals, evidence: Evidence, trust: NDArray[np.fl
         rising = np.cumsum(area[sure][order])
         return float(values[sure][order][np.searchsorted(rising, rising[-1] / 2)])
 
-    return UsualLeaf(length_m=weighted_median(lengths), width_m=weighted_median(widths), area_m2=weighted_median(area))
+    return MedianLeaf(length_m=weighted_median(lengths), width_m=weighted_median(widths), area_m2=weighted_median(area))
 
 
 def judge_leaves(
-    proposals: Proposals, evidence: Evidence, usual: UsualLeaf, violation_weight: float
+    proposals: Proposals, evidence: Evidence, median_leaf: MedianLeaf, violation_weight: float
 ) -> NDArray[np.float64]:
     """(N,), 0 to 1: whether each is one whole leaf, by its size, its free silhouette and what sees through it.
 
     Args:
         violation_weight: Of the share of a leaf that views look through.
     """
-    lengths = proposals.leaves.length_m / usual.length_m
-    widths = leaf_width(proposals.leaves.parameters) * proposals.leaves.length_m / usual.width_m
-    areas = evidence.area_m2 / usual.area_m2
+    lengths = proposals.leaves.length_m / median_leaf.length_m
+    widths = leaf_width(proposals.leaves.parameters) * proposals.leaves.length_m / median_leaf.width_m
+    areas = evidence.area_m2 / median_leaf.area_m2
     ends = np.clip((evidence.free - 0.7 * evidence.continued) / 0.35, 0, 1)
     # Stems are narrow; what is much too wide or long is several leaves, or ground.
     wide = np.clip((widths - 0.25) / 0.3, 0, 1) * np.exp(-0.5 * np.square(np.log(np.maximum(widths, 1)) / 0.5))
@@ -71,5 +71,5 @@ def judge_likeness(proposals: Proposals, prior: LeafPrior) -> NDArray[np.float64
     distance = np.einsum("gni,gij,gnj->gn", offsets, precisions, offsets, optimize=True).min(axis=0)
     # Of 22 numbers of a normal distribution the sum of squares is below 34 in 95 of 100; what was learned is wide.
     # Few leaves do not tell how different leaves may be.
-    told = min(1.0, prior.learned / ENOUGH)
-    return np.asarray(np.exp(-told * np.maximum(distance - 14.0, 0) / 10.0))
+    learned_share = min(1.0, prior.learned / ENOUGH)
+    return np.asarray(np.exp(-learned_share * np.maximum(distance - 14.0, 0) / 10.0))

@@ -54,7 +54,7 @@ def measure_overlaps(
     view_of = np.repeat(np.arange(len(views)), counts)
     samples, seen_px = np.zeros(total), np.zeros((total, len(views)))
 
-    def look(index: int) -> tuple[NDArray[np.intp], list[tuple[int, NDArray[np.intp], NDArray[np.int64]]]]:
+    def match_view(index: int) -> tuple[NDArray[np.intp], list[tuple[int, NDArray[np.intp], NDArray[np.int64]]]]:
         """Pixels looked for (P,); by view that was looked into: pixels seen (P,), and keys of the pairs that meet."""
         view, depth_m, label = views[index], depths_m[index], labels[index]
         picked, patch = _pick(label, counts[index])
@@ -81,7 +81,7 @@ def measure_overlaps(
     rows: list[NDArray[np.int64]] = []
     columns: list[NDArray[np.int64]] = []
     hits: list[NDArray[np.int64]] = []
-    for looked_for, found in map_threaded(look, range(len(views)), threads=threads):
+    for looked_for, found in map_threaded(match_view, range(len(views)), threads=threads):
         samples += looked_for
         for other, seen_there, key in found:
             seen_px[:, other] += seen_there
@@ -141,6 +141,6 @@ def _pick(label: NDArray[np.int32], count: int) -> tuple[NDArray[np.int64], NDAr
     numbers = np.bincount(flat[pixels], minlength=count + 1)[1:]
     rank = np.arange(len(pixels)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
     size = np.repeat(numbers, numbers)
-    most = np.minimum(size, SAMPLES)
-    chosen = (rank * most) // np.maximum(size, 1) != ((rank - 1) * most) // np.maximum(size, 1)
+    samples = np.minimum(size, SAMPLES)
+    chosen = (rank * samples) // np.maximum(size, 1) != ((rank - 1) * samples) // np.maximum(size, 1)
     return pixels[chosen], (flat[pixels[chosen]] - 1).astype(np.int64)

@@ -31,10 +31,10 @@ class PartSettings:
 def find_creases(normals: NDArray[np.float32], crease_deg: float, radius_px: int) -> NDArray[np.bool_]:
     """(H, W), where the surface of these normals (H, W, 3) turns by more than an angle within a window for planes."""
     reach = max(1, radius_px - 1)
-    least = np.cos(np.radians(crease_deg))
+    min_cosine = np.cos(np.radians(crease_deg))
     crease = np.zeros(normals.shape[:2], bool)
-    across = np.sum(normals[:, 2 * reach :] * normals[:, : -2 * reach], axis=2) < least
-    down = np.sum(normals[2 * reach :] * normals[: -2 * reach], axis=2) < least
+    across = np.sum(normals[:, 2 * reach :] * normals[:, : -2 * reach], axis=2) < min_cosine
+    down = np.sum(normals[2 * reach :] * normals[: -2 * reach], axis=2) < min_cosine
     crease[:, reach:-reach] |= across
     crease[reach:-reach] |= down
     return crease
@@ -51,7 +51,7 @@ def find_steps(planes: LocalPlanes, gap: float) -> NDArray[np.bool_]:
 
 
 def part_at_necks(
-    patches: NDArray[np.int32], steps: NDArray[np.bool_], radius_px: float, least_px: int
+    patches: NDArray[np.int32], steps: NDArray[np.bool_], radius_px: float, min_px: int
 ) -> NDArray[np.int32]:
     """Parts (H, W) of patches, from 1, 0 for none: each a place that is wide, and what of its patch is around it.
 
@@ -59,7 +59,7 @@ def part_at_necks(
         patches: (H, W), from 1, 0 for none.
         steps: (H, W), what bounds parts besides the rims of patches.
         radius_px: Of the disc that fits into a wide place.
-        least_px: Smaller parts are dropped.
+        min_px: Smaller parts are dropped.
     """
     inside = patches > 0
     open_px = _without_specks(inside & ~steps, round(SPECK * radius_px**2))
@@ -76,7 +76,7 @@ def part_at_necks(
     patch_of[nearest[wide]] = patches[wide]
     near = inside & (away_px < REACH * radius_px) & (patches == patch_of[nearest])
     parts = np.where(near, core_of[nearest], 0)
-    large = np.bincount(parts.ravel()) >= least_px
+    large = np.bincount(parts.ravel()) >= min_px
     large[0] = False
     return (np.cumsum(large) * large)[parts].astype(np.int32)
 

@@ -28,12 +28,12 @@ class PatchSettings:
     gap_noises: float = 0.0  # standard deviations of the depth that the gap may be wider
     edge: float = 3.0  # footprints that what is seen beside an edge lies farther or nearer
     edge_noises: float = 0.0  # standard deviations of the depth, besides
-    least_px: int = 60  # smaller patches are dropped
+    min_px: int = 60  # smaller patches are dropped
     least_cosine: float = 0.1  # at which a surface is taken to be seen, for its area
 
     def __post_init__(self) -> None:
-        if self.radius_px < 1 or self.least_px < 1:
-            raise ValueError(f"radius_px and least_px must be at least 1, not {self}")
+        if self.radius_px < 1 or self.min_px < 1:
+            raise ValueError(f"radius_px and min_px must be at least 1, not {self}")
         if not (self.steepest > 0 and self.gap > 0 and self.edge >= 0):
             raise ValueError(f"steepest and gap must be above 0 and edge not below, not {self}")
         if self.gap_noises < 0 or self.edge_noises < 0 or not 0 < self.least_cosine <= 1:
@@ -140,7 +140,7 @@ def find_patches(
         planes = fit_planes_of_view(view, depth_m, noise_m, settings, threads=threads)
     allowed = np.ones(depth_m.shape, np.uint8) if valid is None else np.ascontiguousarray(valid, np.uint8)
     labels, _ = _native.join_pixels(
-        seen, planes.gap_right, planes.gap_down, allowed, settings.gap, settings.gap_noises * noise_m, settings.least_px
+        seen, planes.gap_right, planes.gap_down, allowed, settings.gap, settings.gap_noises * noise_m, settings.min_px
     )
     return measure_patches(
         view, depth_m, labels, noise_m, settings,

@@ -20,11 +20,11 @@ class RimSettings:
     reach: float = 0.008  # of the longer side: from a surface to the farthest pixel that gets its depth
     contrast: float = 0.1  # of white, between what is on either side of a hole, below which colours tell nothing
     apart: float = 0.1  # of the depth, between the surfaces on either side: leaves close together are of one colour
-    most_change: float = 0.02  # of the depth, by which a surface may go on nearer or farther over its rim
+    max_change: float = 0.02  # of the depth, by which a surface may go on nearer or farther over its rim
 
     def __post_init__(self) -> None:
-        if not (0 <= self.reach < 1 and 0 <= self.most_change < 1 and min(self.contrast, self.apart) >= 0):
-            raise ValueError(f"reach and most_change must be in [0, 1), contrast and apart not below 0, not {self}")
+        if not (0 <= self.reach < 1 and 0 <= self.max_change < 1 and min(self.contrast, self.apart) >= 0):
+            raise ValueError(f"reach and max_change must be in [0, 1), contrast and apart not below 0, not {self}")
 
 
 def fill_rims(
@@ -58,13 +58,13 @@ def fill_rims(
     beyond = other[filled]
     own_m, beyond_m = depth_m.ravel()[source[filled]], depth_m.ravel()[np.maximum(beyond, 0)]
     sure = (beyond < 0) | (np.abs(own_m - beyond_m) > settings.apart * np.minimum(own_m, beyond_m))
-    filled[filled] = sure & _colors_tell(srgb, filled, source[filled], beyond, settings.contrast)
+    filled[filled] = sure & _colors_differ(srgb, filled, source[filled], beyond, settings.contrast)
     row, column = np.nonzero(filled)
     from_row, from_column = np.divmod(source[filled], depth_m.shape[1])
     slopes = planes.slopes[from_row, from_column]
     known_m = depth_m[from_row, from_column]
     inverse = 1 / known_m + slopes[:, 0] * (column - from_column) + slopes[:, 1] * (row - from_row)
-    change = settings.most_change
+    change = settings.max_change
     goes_on_m = np.clip(1 / np.maximum(inverse, 1e-12), (1 - change) * known_m, (1 + change) * known_m)
     result = depth_m.copy()
     result[filled] = goes_on_m
@@ -96,7 +96,7 @@ def _nearest_known(
     return source, other
 
 
-def _colors_tell(
+def _colors_differ(
     srgb: NDArray[np.uint8],
     holes: NDArray[np.bool_],
     source: NDArray[np.int32],

@@ -16,6 +16,13 @@ from usdfoliage.leaf.segmentation.dense.claims import (
 from usdfoliage.leaf.segmentation.dense.coherence import make_depth_coherent, nearest_views
 from usdfoliage.leaf.segmentation.dense.foliage_color import index_colors
 from usdfoliage.leaf.segmentation.dense.fragments import append_points
+from usdfoliage.leaf.segmentation.dense.median_length import (
+    free_share,
+    gather_measure,
+    ladder_of_radii,
+    measure_median_length,
+    measure_part_length,
+)
 from usdfoliage.leaf.segmentation.dense.open_sky import put_sky_far
 from usdfoliage.leaf.segmentation.dense.overlap import Overlaps, measure_overlaps
 from usdfoliage.leaf.segmentation.dense.parts import find_creases, find_steps, part_at_necks
@@ -28,15 +35,8 @@ from usdfoliage.leaf.segmentation.dense.patches import (
 )
 from usdfoliage.leaf.segmentation.dense.rims import fill_rims
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings
-from usdfoliage.leaf.segmentation.dense.usual_length import (
-    free_share,
-    gather_measure,
-    ladder_of_radii,
-    measure_part_length,
-    measure_usual_length,
-)
 
-FEW_POINTS = PointSettings(most_per_leaf=1000)  # enough for a proposal
+FEW_POINTS = PointSettings(max_per_leaf=1000)  # enough for a proposal
 MEASURED_VIEWS = 8  # that the usual length is told by
 LENGTHS_AGREE = 1.7  # factor by which patches are longer than their parts, beyond which these are the leaves
 
@@ -54,12 +54,12 @@ class Scene:
     planes: Sequence[LocalPlanes]
     patches: Sequence[Patches]
     colors: Sequence[NDArray[np.int32]]
-    usual_m: float = 0.0  # how long a leaf is, as far as is known
+    median_m: float = 0.0  # how long a leaf is, as far as is known
     large: bool = False  # whether leaves are that many pixels long that details tell them apart
     misfit_m: float = 0.0  # that the surface of a leaf may be off its model
 
 
-def look_at_scene(
+def measure_scene(
     views: Sequence[View],
     used: Sequence[int],
     settings: DenseSegmentationSettings,
@@ -75,13 +75,13 @@ def look_at_scene(
     )
     depths_m = put_sky_far(coherent.depth_m)
 
-    def look(number: int) -> tuple[LocalPlanes, Patches]:
+    def measure_view(number: int) -> tuple[LocalPlanes, Patches]:
         view, depth_m = chosen[number], depths_m[number]
         fitted = fit_planes_of_view(view, depth_m, noise_m, settings.patches, threads=1)
         return fitted, find_patches(view, depth_m, noise_m, settings.patches, planes=fitted, valid=view.mask, threads=1)
 
     planes, patches = [], []
-    for fitted, found in map_threaded(look, range(len(chosen)), threads=threads):
+    for fitted, found in map_threaded(measure_view, range(len(chosen)), threads=threads):
         planes.append(fitted)
         patches.append(found)
         step()
@@ -145,10 +145,10 @@ def overlap_patches(scene: Scene, settings: DenseSegmentationSettings, threads: 
 
 def measure_length(scene: Scene, overlaps: Overlaps, settings: DenseSegmentationSettings, threads: int) -> float:
     """How long the usual leaf is: of the patches, unless parts of them tell otherwise."""
-    of_patches_m = measure_usual_length(scene.patches, overlaps)
+    of_patches_m = measure_median_length(scene.patches, overlaps)
     if not scene.footprint_m > 0:
         return of_patches_m
-    shown = np.unique(np.linspace(0, len(scene.views) - 1, min(MEASURED_VIEWS, len(scene.views))).astype(int))
+    measured = np.unique(np.linspace(0, len(scene.views) - 1, min(MEASURED_VIEWS, len(scene.views))).astype(int))
 
     def part(number: int) -> list[Patches]:
         view, whole = scene.views[number], scene.patches[number]
@@ -156,25 +156,25 @@ def measure_length(scene: Scene, overlaps: Overlaps, settings: DenseSegmentation
         return [
             measure_patches(
                 view, scene.depths_m[number],
-                part_at_necks(whole.labels, steps, radius_px, settings.patches.least_px),
+                part_at_necks(whole.labels, steps, radius_px, settings.patches.min_px),
                 scene.noise_m, settings.patches, threads=1,
             )
             for radius_px in radii_px
         ]  # fmt: skip
 
     radii_px = ladder_of_radii(max(scene.views[0].depth_m.shape))
-    parts = list(zip(*map_threaded(part, shown.tolist(), threads=threads), strict=True))
+    parts = list(zip(*map_threaded(part, measured.tolist(), threads=threads), strict=True))
     of_parts_m = measure_part_length(parts, radii_px, scene.footprint_m)
     # Patches of leaves that touch are too long. Where parts are longer than patches, leaves are too small to be parted.
     too_long = of_parts_m is not None and of_patches_m > LENGTHS_AGREE * of_parts_m
     return of_parts_m if of_parts_m is not None and too_long else of_patches_m
 
 
-def expect_length(scene: Scene, usual_m: float, settings: DenseSegmentationSettings) -> Scene:
+def expect_length(scene: Scene, median_m: float, settings: DenseSegmentationSettings) -> Scene:
     """The scene, in which leaves are usually so long."""
-    misfit_m = settings.misfit * usual_m
+    misfit_m = settings.misfit * median_m
     return replace(
-        scene, usual_m=usual_m, misfit_m=misfit_m, tolerance_m=max(scene.tolerance_m, settings.tolerance * misfit_m)
+        scene, median_m=median_m, misfit_m=misfit_m, tolerance_m=max(scene.tolerance_m, settings.tolerance * misfit_m)
     )  # fmt: skip
 
 
@@ -210,9 +210,9 @@ def points_of_patches(
     )  # fmt: skip
 
 
-def points_of_parts(scene: Scene, usual_m: float, settings: DenseSegmentationSettings, threads: int) -> LeafPoints:
+def points_of_parts(scene: Scene, median_m: float, settings: DenseSegmentationSettings, threads: int) -> LeafPoints:
     """Parts of patches as leaves: leaves that touch are often one patch."""
-    radii_px = [width * usual_m / scene.footprint_m for width in settings.parts.wide] if scene.large else []
+    radii_px = [width * median_m / scene.footprint_m for width in settings.parts.wide] if scene.large else []
 
     def part(number: int) -> list[tuple[Patches, NDArray[np.bool_]]]:
         view, planes, whole = scene.views[number], scene.planes[number], scene.patches[number]
@@ -220,7 +220,7 @@ def points_of_parts(scene: Scene, usual_m: float, settings: DenseSegmentationSet
         found = [find_within(scene, number, ~creases, settings)]
         steps = find_steps(planes, settings.parts.gap)
         for radius_px in radii_px:
-            labels = part_at_necks(whole.labels, steps, radius_px, settings.patches.least_px)
+            labels = part_at_necks(whole.labels, steps, radius_px, settings.patches.min_px)
             found.append(
                 measure_patches(view, scene.depths_m[number], labels, scene.noise_m, settings.patches, threads=1)
             )
@@ -228,32 +228,32 @@ def points_of_parts(scene: Scene, usual_m: float, settings: DenseSegmentationSet
 
     points = no_points()
     # One way of parting after the other, since each gives a pixel to one part.
-    for way in zip(*map_threaded(part, range(len(scene.views)), threads=threads), strict=True):
-        parts, proper = [one for one, _ in way], np.concatenate([own for _, own in way])
-        chosen = may_be_leaves(parts, usual_m, 0.05, settings) & proper
+    for of_width in zip(*map_threaded(part, range(len(scene.views)), threads=threads), strict=True):
+        parts, proper = [one for one, _ in of_width], np.concatenate([own for _, own in of_width])
+        chosen = may_be_leaves(parts, median_m, 0.05, settings) & proper
         number = np.where(chosen, np.cumsum(chosen), 0)
         points = append_points(points, points_of_patches(scene, parts, number, int(chosen.sum()), threads))
     return points
 
 
-def _is_proper(parts: Patches, whole: Patches, most: float) -> NDArray[np.bool_]:
+def _is_proper(parts: Patches, whole: Patches, max_share: float) -> NDArray[np.bool_]:
     """(P,) parts that are less than most of the patch they are of: what is nearly all of it was tried as that."""
     parent = np.zeros(len(parts) + 1, np.int64)
     parent[parts.labels] = whole.labels
     size = np.concatenate([[0], whole.pixels])[parent[1:]]
-    return np.asarray((parts.pixels < most * size) & (size > 0))
+    return np.asarray((parts.pixels < max_share * size) & (size > 0))
 
 
 def may_be_leaves(
-    patches: Sequence[Patches], usual_m: float, least_free: float, settings: DenseSegmentationSettings
+    patches: Sequence[Patches], median_m: float, min_free: float, settings: DenseSegmentationSettings
 ) -> NDArray[np.bool_]:
     """(P,), which patches of all views are about as large as a leaf and end freely somewhere."""
     length_m, width_m, area_m2 = (gather_measure(patches, name) for name in ("length_m", "width_m", "area_m2"))
     return np.asarray(
-        (area_m2 > settings.piece_area * usual_m**2)
-        & (area_m2 < settings.whole * usual_m**2)
-        & (length_m > settings.piece_length * usual_m)
-        & (length_m < settings.whole * usual_m)
+        (area_m2 > settings.piece_area * median_m**2)
+        & (area_m2 < settings.whole * median_m**2)
+        & (length_m > settings.piece_length * median_m)
+        & (length_m < settings.whole * median_m)
         & (width_m > 0.08 * length_m)
-        & (free_share(patches) > least_free)
+        & (free_share(patches) > min_free)
     )

@@ -27,7 +27,11 @@ from usdfoliage.leaf.segmentation.dense.claims import (
 from usdfoliage.leaf.segmentation.dense.evidence import Evidence, weigh_evidence
 from usdfoliage.leaf.segmentation.dense.foliage_color import judge_colors
 from usdfoliage.leaf.segmentation.dense.fragments import append_points, join_points, pair_fragments, take_leaves
-from usdfoliage.leaf.segmentation.dense.leafness import UsualLeaf, judge_leaves, judge_likeness, measure_usual
+from usdfoliage.leaf.segmentation.dense.leafness import MedianLeaf, judge_leaves, judge_likeness, measure_median_leaf
+from usdfoliage.leaf.segmentation.dense.median_length import (
+    free_share,
+    gather_measure,
+)
 from usdfoliage.leaf.segmentation.dense.overlap import Overlaps, group_patches
 from usdfoliage.leaf.segmentation.dense.patches import (
     Patches,
@@ -38,9 +42,9 @@ from usdfoliage.leaf.segmentation.dense.scene import (
     expect_length,
     fill_scene_rims,
     find_within,
-    look_at_scene,
     may_be_leaves,
     measure_length,
+    measure_scene,
     noise_with_misfit,
     overlap_patches,
     points_of_parts,
@@ -48,16 +52,12 @@ from usdfoliage.leaf.segmentation.dense.scene import (
 )
 from usdfoliage.leaf.segmentation.dense.selection import drop_twins, select_leaves
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings, PassSettings
-from usdfoliage.leaf.segmentation.dense.usual_length import (
-    free_share,
-    gather_measure,
-)
 from usdfoliage.leaf.segmentation.model import Candidates, Segmentation, Step, find_nothing, nonzero
 
 Progress = Callable[[int, int], None]
 PatchKey = tuple[int, int, int]  # view; how many pixels, and the sum of their indices
 
-USUAL_WIDTH = 0.5  # in lengths, before any leaf was seen
+ASSUMED_WIDTH = 0.5  # in lengths, before any leaf was seen
 SIZE_SPREAD = 2.0  # factor by which patches that show a leaf differ from the usual size
 
 
@@ -69,7 +69,7 @@ class _Pass:
     points: LeafPoints
     labels: Sequence[NDArray[np.int32]]
     prior: LeafPrior
-    usual: UsualLeaf
+    median_leaf: MedianLeaf
     quality: NDArray[np.float64]  # of all proposals that were tried
     dropped: dict[str, int]  # how many of them went, by reason
 
@@ -92,21 +92,21 @@ def segment_dense(
     used = [index for index, view in enumerate(views) if view.has_depth]
     if not used:
         return find_nothing(views)
-    tell = _Teller(progress, 2 * len(used) + 7)
-    scene = look_at_scene(views, used, settings, tell.step, threads)
+    steps = _StepCounter(progress, 2 * len(used) + 7)
+    scene = measure_scene(views, used, settings, steps.step, threads)
 
     overlaps = overlap_patches(scene, settings, threads)
-    tell.step()
-    usual_m = measure_length(scene, overlaps, settings, threads)
-    large = usual_m >= settings.large_px * scene.footprint_m > 0
+    steps.step()
+    median_m = measure_length(scene, overlaps, settings, threads)
+    large = median_m >= settings.large_px * scene.footprint_m > 0
     if large:
         scene = fill_scene_rims(scene, settings, threads)
         overlaps = overlap_patches(scene, settings, threads)
-        usual_m = measure_length(scene, overlaps, settings, threads)
+        median_m = measure_length(scene, overlaps, settings, threads)
     patches = scene.patches
-    scene = expect_length(replace(scene, large=large), usual_m, settings)
-    candidates = _candidates(views, used, patches, usual_m)
-    groups = _choose_groups(patches, overlaps, usual_m, settings)
+    scene = expect_length(replace(scene, large=large), median_m, settings)
+    candidates = _candidates(views, used, patches, median_m)
+    groups = _choose_groups(patches, overlaps, median_m, settings)
     count, grouped = len(overlaps.view), sum(map(len, groups))
     small = {"too small, too large or without a free edge": count - grouped, "of one that another view shows": grouped}
     small["of one that another view shows"] -= len(groups)
@@ -117,13 +117,13 @@ def segment_dense(
     for number, group in enumerate(groups, start=1):
         group_of[group] = number
     points = points_of_patches(scene, patches, group_of, len(groups), threads)
-    points = append_points(points, points_of_parts(scene, usual_m, settings, threads))
-    proposals = propose_leaves(points, usual_m, USUAL_WIDTH, scene.tolerance_m, threads=threads)
-    tell.step()
+    points = append_points(points, points_of_parts(scene, median_m, settings, threads))
+    proposals = propose_leaves(points, median_m, ASSUMED_WIDTH, scene.tolerance_m, threads=threads)
+    steps.step()
 
     state = _settle(scene, proposals, None, None, settings.first, settings, threads=threads)
     passes.append(_describe(state, "first"))
-    tell.step()
+    steps.step()
     named = {"second": settings.second, "third": settings.third, "last": settings.last}
     hopeless: set[PatchKey] = set()
     for name, passing in named.items():
@@ -132,20 +132,20 @@ def segment_dense(
         if not len(proposals):
             break
         # The first fits say of size, and the second of form, what the next are judged by.
-        usual = state.usual if name == "second" else None
+        median_leaf = state.median_leaf if name == "second" else None
         prior = None if name == "second" else state.prior
-        scene = expect_length(scene, state.usual.length_m, settings)
-        state = _settle(scene, proposals, usual, prior, passing, settings, pairs=pairs, threads=threads)
-        unlike = state.quality[found : found + len(keys)] < settings.hopeless * passing.least_quality
+        scene = expect_length(scene, state.median_leaf.length_m, settings)
+        state = _settle(scene, proposals, median_leaf, prior, passing, settings, pairs=pairs, threads=threads)
+        unlike = state.quality[found : found + len(keys)] < settings.hopeless * passing.min_quality
         hopeless |= {key for key, failed in zip(keys, unlike, strict=True) if failed}
         passes.append(_describe(state, name))
-        tell.step()
+        steps.step()
     leaves, dropped = _finish(scene, state, settings, threads)
-    tell.step()
+    steps.step()
     return Segmentation(candidates=candidates, leaves=leaves, dropped=dropped, passes=passes)
 
 
-class _Teller:
+class _StepCounter:
     """Counts steps for a progress report."""
 
     def __init__(self, progress: Progress | None, total: int) -> None:
@@ -158,11 +158,11 @@ class _Teller:
 
 
 def _choose_groups(
-    patches: Sequence[Patches], overlaps: Overlaps, usual_m: float, settings: DenseSegmentationSettings
+    patches: Sequence[Patches], overlaps: Overlaps, median_m: float, settings: DenseSegmentationSettings
 ) -> list[NDArray[np.int64]]:
-    plausible = may_be_leaves(patches, usual_m, 0.08, settings)
+    plausible = may_be_leaves(patches, median_m, 0.08, settings)
     stability = np.where(overlaps.views_seen > 0, overlaps.stability, 0.5)
-    size = np.minimum(gather_measure(patches, "area_m2") / usual_m**2, 0.5)
+    size = np.minimum(gather_measure(patches, "area_m2") / median_m**2, 0.5)
     return group_patches(overlaps, plausible * free_share(patches) * size * (stability + 0.01))
 
 
@@ -174,23 +174,23 @@ def _propose_more(
     Pairs (K, 2) tell of which leaves the last ones are, keys of which patches those before are. The hopeless patches
     are not tried again.
     """
-    usual_m = state.usual.length_m
+    median_m = state.median_leaf.length_m
 
-    def look_again(number: int) -> Patches:
+    def segment_again(number: int) -> Patches:
         # Claims end a pixel early or late; their rims are not leaves.
         rest = cv2.erode((state.labels[number] == 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         return find_within(scene, number, rest, settings)
 
-    patches = list(map_threaded(look_again, range(len(scene.views)), threads=threads))
+    patches = list(map_threaded(segment_again, range(len(scene.views)), threads=threads))
     keys = [(view, *key) for view, one in enumerate(patches) for key in one.pixel_keys()]
-    plausible = may_be_leaves(patches, usual_m, 0.05, settings)
+    plausible = may_be_leaves(patches, median_m, 0.05, settings)
     plausible &= np.array([key not in hopeless for key in keys], bool)
     number = np.where(plausible, np.cumsum(plausible), 0)
     rest_points = points_of_patches(scene, patches, number, int(plausible.sum()), threads)
-    pairs = pair_fragments(state.proposals, state.points, usual_m)
+    pairs = pair_fragments(state.proposals, state.points, median_m)
     points = append_points(rest_points, join_points(state.points, pairs))
-    width = state.usual.width_m / usual_m
-    more = propose_leaves(points, usual_m, width, scene.tolerance_m, threads=threads)
+    width = state.median_leaf.width_m / median_m
+    more = propose_leaves(points, median_m, width, scene.tolerance_m, threads=threads)
     return join_proposals(state.proposals, more), pairs, [keys[index] for index in np.flatnonzero(plausible)]
 
 
@@ -199,43 +199,45 @@ def _weigh(scene: Scene, proposals: Proposals, settings: DenseSegmentationSettin
     return weigh_evidence(proposals.leaves, scene.views, scene.depths_m, noise_m, settings.evidence, threads=threads)
 
 
-def _near_expected(usual: UsualLeaf, expected_m: float, settings: DenseSegmentationSettings) -> UsualLeaf:
+def _near_expected(median_leaf: MedianLeaf, expected_m: float, settings: DenseSegmentationSettings) -> MedianLeaf:
     """The usual leaf, not far from what was expected: what is measured of few leaves drifts to pieces, or stems."""
-    length_m = float(np.clip(usual.length_m, expected_m / settings.shorter, expected_m * settings.longer))
-    scale = length_m / usual.length_m
-    width_m = max(usual.width_m * scale, settings.slender * length_m)
-    return UsualLeaf(length_m=length_m, width_m=width_m, area_m2=usual.area_m2 * scale * width_m / usual.width_m)
+    length_m = float(np.clip(median_leaf.length_m, expected_m / settings.shorter, expected_m * settings.longer))
+    scale = length_m / median_leaf.length_m
+    width_m = max(median_leaf.width_m * scale, settings.slender * length_m)
+    return MedianLeaf(
+        length_m=length_m, width_m=width_m, area_m2=median_leaf.area_m2 * scale * width_m / median_leaf.width_m
+    )
 
 
 def _judge(
     scene: Scene,
     proposals: Proposals,
     evidence: Evidence,
-    usual: UsualLeaf | None,
+    median_leaf: MedianLeaf | None,
     prior: LeafPrior | None,
     violation_weight: float,
     settings: DenseSegmentationSettings,
     threads: int,
-) -> tuple[NDArray[np.float64], UsualLeaf]:
+) -> tuple[NDArray[np.float64], MedianLeaf]:
     """(N,), 0 to 1, of each proposal, and the usual leaf, measured where it is not known."""
     everything = np.ones(len(proposals))
     by_shape = judge_leaves(
-        proposals, evidence, usual or measure_usual(proposals, evidence, everything), violation_weight
+        proposals, evidence, median_leaf or measure_median_leaf(proposals, evidence, everything), violation_weight
     )  # fmt: skip
     by_color = judge_colors(
         scene.colors, scene.views, scene.depths_m, evidence, scene.tolerance_m + 1e-12, by_shape, threads=threads
     )  # fmt: skip
-    if usual is None:
-        usual = _near_expected(measure_usual(proposals, evidence, by_color), scene.usual_m, settings)
-        by_shape = judge_leaves(proposals, evidence, usual, violation_weight)
+    if median_leaf is None:
+        median_leaf = _near_expected(measure_median_leaf(proposals, evidence, by_color), scene.median_m, settings)
+        by_shape = judge_leaves(proposals, evidence, median_leaf, violation_weight)
     likeness = judge_likeness(proposals, prior) if prior else everything
-    return by_shape * by_color * likeness, usual
+    return by_shape * by_color * likeness, median_leaf
 
 
 def _settle(
     scene: Scene,
     proposals: Proposals,
-    usual: UsualLeaf | None,
+    median_leaf: MedianLeaf | None,
     prior: LeafPrior | None,
     passing: PassSettings,
     settings: DenseSegmentationSettings,
@@ -246,14 +248,16 @@ def _settle(
     """Keep the best proposals, give them the pixels that show them, and fit them to these."""
     dropped = dict[str, int]()
     evidence = _weigh(scene, proposals, settings, threads)
-    quality, usual = _judge(scene, proposals, evidence, usual, prior, passing.violation_weight, settings, threads)
-    good = quality > passing.least_quality
+    quality, median_leaf = _judge(
+        scene, proposals, evidence, median_leaf, prior, passing.violation_weight, settings, threads
+    )
+    good = quality > passing.min_quality
     dropped["unlike a leaf"] = int(np.count_nonzero(~good))
     # Among leaves as good the larger goes first, so that a whole leaf comes before its pieces.
-    worth = quality * np.sqrt(np.clip(evidence.area_m2 * evidence.on / usual.area_m2, 0.1, 1.2)) * good
+    worth = quality * np.sqrt(np.clip(evidence.area_m2 * evidence.on / median_leaf.area_m2, 0.1, 1.2)) * good
     if pairs is not None and len(pairs):
-        _favour_joined(proposals, quality, worth, pairs, passing.least_quality, usual, settings)
-    kept = select_leaves(evidence, worth, _surface_apart(scene, usual), passing.max_overlap)
+        _favour_joined(proposals, quality, worth, pairs, passing.min_quality, median_leaf, settings)
+    kept = select_leaves(evidence, worth, _surface_apart(scene, median_leaf), passing.max_overlap)
     kept = kept[drop_twins(proposals.leaves.take(kept), worth[kept], settings.twins)]
     dropped["of a leaf that another shows better"] = int(np.count_nonzero(good)) - len(kept)
     proposals = proposals.take(kept)
@@ -261,7 +265,7 @@ def _settle(
     labels = claim_pixels(
         proposals.leaves, scene.views, scene.depths_m, scene.noise_m, settings.claims, threads=threads
     )  # fmt: skip
-    reach_px = settings.reach * usual.length_m / scene.footprint_m if scene.footprint_m else 0.0
+    reach_px = settings.reach * median_leaf.length_m / scene.footprint_m if scene.footprint_m else 0.0
     completed = map_threaded(
         lambda pair: complete_claims(pair[0], pair[1].labels, reach_px),
         zip(labels, scene.patches, strict=True),
@@ -269,7 +273,7 @@ def _settle(
     )
     labels = tuple(completed)
     pixels = sum(np.bincount(label.ravel(), minlength=len(proposals) + 1) for label in labels)
-    enough = np.asarray(pixels)[1:] > settings.patches.least_px
+    enough = np.asarray(pixels)[1:] > settings.patches.min_px
     dropped["shown by too few pixels"] = int(np.count_nonzero(~enough))
     proposals = proposals.take(np.flatnonzero(enough))
     number = np.concatenate([[0], np.cumsum(enough) * enough]).astype(np.int32)
@@ -278,15 +282,22 @@ def _settle(
         scene.views, scene.depths_m, labels, len(proposals), settings=settings.points, noise_m=scene.noise_m,
         planes=scene.planes, threads=threads,
     )  # fmt: skip
-    generic = generic_prior(usual.length_m, usual.width_m / usual.length_m)
+    generic = generic_prior(median_leaf.length_m, median_leaf.width_m / median_leaf.length_m)
     if not len(proposals):
         return _Pass(
-            proposals=proposals, points=points, labels=labels, prior=prior or generic, usual=usual, quality=quality,
-            dropped=nonzero(dropped),
+            proposals=proposals, points=points, labels=labels, prior=prior or generic,
+            median_leaf=median_leaf, quality=quality, dropped=nonzero(dropped),
         )  # fmt: skip
     evidence = _weigh(scene, proposals, settings, threads)
     trust, _ = _judge(
-        scene, replace(proposals, explained=np.ones(len(proposals))), evidence, usual, None, 1.0, settings, threads
+        scene,
+        replace(proposals, explained=np.ones(len(proposals))),
+        evidence,
+        median_leaf,
+        None,
+        1.0,
+        settings,
+        threads,
     )
     teachers = np.argsort(-trust * evidence.on, kind="stable")[: max(20, len(proposals) // 2)]
     prior = learn_prior(proposals.numbers()[teachers], generic)
@@ -296,7 +307,7 @@ def _settle(
         points=points,
         labels=labels,
         prior=prior,
-        usual=usual,
+        median_leaf=median_leaf,
         quality=quality,
         dropped=nonzero(dropped),
     )
@@ -307,23 +318,23 @@ def _favour_joined(
     quality: NDArray[np.float64],
     worth: NDArray[np.float64],
     pairs: NDArray[np.int64],
-    least_quality: float,
-    usual: UsualLeaf,
+    min_quality: float,
+    median_leaf: MedianLeaf,
     settings: DenseSegmentationSettings,
 ) -> None:
     """Two pieces that make one good leaf go after it: half a leaf is often the better leaf by itself."""
     lengths = proposals.leaves.length_m
     begin = len(proposals) - len(pairs)
     for number, (first, second) in enumerate(pairs, start=begin):
-        needed = max(settings.joined_quality * min(quality[first], quality[second]), least_quality)
-        longer = 1.02 * max(lengths[first], lengths[second]) < lengths[number] < 1.6 * usual.length_m
+        needed = max(settings.joined_quality * min(quality[first], quality[second]), min_quality)
+        longer = 1.02 * max(lengths[first], lengths[second]) < lengths[number] < 1.6 * median_leaf.length_m
         if quality[number] > needed and proposals.explained[number] > 0.9 and longer:
             worth[number] = max(worth[number], 1.02 * max(worth[first], worth[second]))
 
 
-def _surface_apart(scene: Scene, usual: UsualLeaf) -> float:
+def _surface_apart(scene: Scene, median_leaf: MedianLeaf) -> float:
     """Metres between surfaces that are not the same."""
-    return max(scene.tolerance_m, 0.04 * usual.length_m)
+    return max(scene.tolerance_m, 0.04 * median_leaf.length_m)
 
 
 def _finish(
@@ -333,11 +344,11 @@ def _finish(
     if not len(state.proposals):
         return no_points(), {}
     evidence = _weigh(scene, state.proposals, settings, threads)
-    quality, _ = _judge(scene, state.proposals, evidence, state.usual, state.prior, 1.0, settings, threads)
-    sure = quality > settings.least_confidence
+    quality, _ = _judge(scene, state.proposals, evidence, state.median_leaf, state.prior, 1.0, settings, threads)
+    sure = quality > settings.min_confidence
     # Fits to their own points have grown into each other since leaves were chosen: no surface is of two leaves.
     apart = np.zeros(len(quality), bool)
-    apart[select_leaves(evidence, quality * sure, _surface_apart(scene, state.usual), settings.shared)] = True
+    apart[select_leaves(evidence, quality * sure, _surface_apart(scene, state.median_leaf), settings.shared)] = True
     dropped = {
         "that the views doubt in the end": int(np.count_nonzero(~sure)),
         "that a better one covers in part": int(np.count_nonzero(sure & ~apart)),
@@ -354,7 +365,7 @@ def _finish(
 
 
 def _candidates(
-    views: Sequence[View], used: Sequence[int], patches: Sequence[Patches], usual_m: float
+    views: Sequence[View], used: Sequence[int], patches: Sequence[Patches], median_m: float
 ) -> list[Candidates]:
     """The patches of each view, for the report: how full of itself each is, and how far of the usual size."""
     found = dict(zip(used, patches, strict=True))
@@ -362,7 +373,7 @@ def _candidates(
     for index, view in enumerate(views):
         if index in found:
             one = found[index]
-            size = np.sqrt(np.maximum(one.length_m * one.width_m, 1e-30) / (usual_m**2 * USUAL_WIDTH))
+            size = np.sqrt(np.maximum(one.length_m * one.width_m, 1e-30) / (median_m**2 * ASSUMED_WIDTH))
             like = np.exp(-0.5 * np.square(np.log(size) / np.log(SIZE_SPREAD)))
             candidates.append(Candidates(labels=one.labels, confidence=np.clip(one.fill, 0, 1) * like))
         else:

@@ -19,13 +19,13 @@ from usdfoliage.leaf.segmentation.dense.rims import RimSettings
 class PassSettings:
     """When a pass keeps a leaf."""
 
-    least_quality: float  # 0 to 1
+    min_quality: float  # 0 to 1
     violation_weight: float  # of the share of a leaf that views look through
     max_overlap: float  # share of a leaf that better ones may cover
 
     def __post_init__(self) -> None:
-        if not (0 <= self.least_quality <= 1 and self.violation_weight >= 0 and 0 < self.max_overlap <= 1):
-            raise ValueError(f"least_quality and max_overlap must be from 0 to 1, violation_weight 0 or more: {self}")
+        if not (0 <= self.min_quality <= 1 and self.violation_weight >= 0 and 0 < self.max_overlap <= 1):
+            raise ValueError(f"min_quality and max_overlap must be from 0 to 1, violation_weight 0 or more: {self}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,16 +42,16 @@ class DenseSegmentationSettings:
     points: PointSettings = field(default_factory=PointSettings)
     # First fits are rough: what sees through them counts less, and many are tried.
     first: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.06, violation_weight=0.4, max_overlap=0.6)
+        default_factory=lambda: PassSettings(min_quality=0.06, violation_weight=0.4, max_overlap=0.6)
     )
     second: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.08, violation_weight=0.4, max_overlap=0.5)
+        default_factory=lambda: PassSettings(min_quality=0.08, violation_weight=0.4, max_overlap=0.5)
     )
     third: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.1, violation_weight=0.5, max_overlap=0.5)
+        default_factory=lambda: PassSettings(min_quality=0.1, violation_weight=0.5, max_overlap=0.5)
     )
     last: PassSettings = field(
-        default_factory=lambda: PassSettings(least_quality=0.12, violation_weight=0.7, max_overlap=0.35)
+        default_factory=lambda: PassSettings(min_quality=0.12, violation_weight=0.7, max_overlap=0.35)
     )
     piece_length: float = 0.3  # least length of a patch that may be a leaf, in usual lengths
     piece_area: float = 0.04  # and its least area, in squares of it
@@ -61,7 +61,7 @@ class DenseSegmentationSettings:
     hopeless: float = 0.5  # of the quality that a pass asks for, below which a patch is not tried again
     joined_quality: float = 0.5  # of the worse of two pieces, that both as one leaf need
     reach: float = 0.15  # usual lengths that a leaf claims of the surface beyond its model
-    least_confidence: float = 0.12  # of a leaf that is given to the fit
+    min_confidence: float = 0.12  # of a leaf that is given to the fit
     shared: float = 0.2  # share of a leaf that better ones may cover in the end
     twins: float = 0.1  # leaf lengths between leaves that are the same
     large_px: float = 100.0  # of the usual leaf's length, from which rims are filled and patches parted at necks
@@ -87,7 +87,7 @@ class DenseSegmentationSettings:
         ):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
-        for name in ("hopeless", "joined_quality", "reach", "least_confidence", "misfit", "slender"):
+        for name in ("hopeless", "joined_quality", "reach", "min_confidence", "misfit", "slender"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name} must not be below 0, but is {getattr(self, name)}")
         if not min(self.longer, self.shorter) >= 1:

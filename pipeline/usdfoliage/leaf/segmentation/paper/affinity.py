@@ -89,12 +89,12 @@ def measure_affinity(
     place = np.searchsorted(edges_key, key)
     place = np.minimum(place, max(len(edges_key) - 1, 0))
     belongs = edges_key[place] == key if len(edges_key) else np.zeros(len(key), np.bool_)
-    least = np.full(len(edges_key), np.inf)
-    np.minimum.at(least, place[belongs], distance[belongs])
+    nearest = np.full(len(edges_key), np.inf)
+    np.minimum.at(nearest, place[belongs], distance[belongs])
 
     low, high = edges_key // count if count else edges_key, edges_key % max(count, 1)
     cosine = np.einsum("ij,ij->i", planes.normals[low], planes.normals[high])
-    d_n, d_p = 1 - np.minimum(cosine, 1.0), least / plane_threshold_m  # eq. 7
+    d_n, d_p = 1 - np.minimum(cosine, 1.0), nearest / plane_threshold_m  # eq. 7
     affinity = np.exp(-(d_n**2 + d_p**2) / (2 * settings.sigma**2))  # eq. 8
     return SuperpixelGraph(edges=np.column_stack([low, high]).astype(np.int32), affinity=affinity)
 

@@ -23,7 +23,7 @@ class IcpSettings:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Registration:
+class Alignment:
     """Where the source lies on the target."""
 
     target_from_source: NDArray[np.float64]  # (3, 4), rigid
@@ -38,7 +38,7 @@ def register_points(
     start: NDArray[np.float64],
     max_distance_m: float,
     settings: IcpSettings = IcpSettings(),
-) -> Registration:
+) -> Alignment:
     """Iterate closest points from a start.
 
     Args:
@@ -69,7 +69,7 @@ def register_points(
         turn = np.linalg.norm(step[:, :3] - np.eye(3)) * size
         if shift + turn < settings.still * max_distance_m:
             break
-    return Registration(target_from_source=motion, matched=matched, rms_m=rms_m, iterations=used)
+    return Alignment(target_from_source=motion, matched=matched, rms_m=rms_m, iterations=used)
 
 
 def rigid_motion(source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:

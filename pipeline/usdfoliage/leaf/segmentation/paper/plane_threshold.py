@@ -75,7 +75,7 @@ def measure_footprints(view: View) -> tuple[NDArray[np.float64], float]:
     )
     rows = depth.astype(np.float64)
     left, middle, right = rows[:, :-2], rows[:, 1:-1], rows[:, 2:]
-    alike = (np.minimum(left, right) > 0) & (middle > 0) & (middle <= farthest[:, 1:-1])
-    bend = np.abs(left - 2 * middle + right)[alike & np.isfinite(farthest[:, 1:-1])]
+    same_surface = (np.minimum(left, right) > 0) & (middle > 0) & (middle <= farthest[:, 1:-1])
+    bend = np.abs(left - 2 * middle + right)[same_surface & np.isfinite(farthest[:, 1:-1])]
     noise_m = 1.4826 * float(np.median(bend)) / np.sqrt(6) if len(bend) else 0.0
     return chosen, noise_m

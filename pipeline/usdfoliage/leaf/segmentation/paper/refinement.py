@@ -22,7 +22,7 @@ from usdfoliage.geometry.enclosing_ellipse import enclosing_ellipses
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints, no_points
 from usdfoliage.leaf.segmentation.paper.candidates import ViewCandidates, plane_frames
-from usdfoliage.leaf.segmentation.paper.icp import IcpSettings, Registration, register_points
+from usdfoliage.leaf.segmentation.paper.icp import Alignment, IcpSettings, register_points
 
 _EXCESS = 1.25  # a candidate longer or wider than the template by this factor may be more leaves than one
 _CLOUD = 300  # points of a candidate that ICP sees
@@ -111,10 +111,10 @@ def refine_leaves(
         if placed is None or placed[0].matched < settings.min_matched:
             dropped["candidates unlike the template"] += 1
             continue
-        registration, length_m = placed
+        alignment, length_m = placed
         reach_m = plane_threshold_m * settings.claim_distance
         claims = [
-            _claim(view, free_there, registration.target_from_source, length_m, ratio, reach_m)
+            _claim(view, free_there, alignment.target_from_source, length_m, ratio, reach_m)
             for view, free_there in zip(views, owner, strict=True)
         ]
         if sum(len(claim) for claim in claims) < settings.min_points:
@@ -123,7 +123,7 @@ def refine_leaves(
         for claim, there in zip(claims, owner, strict=True):
             if there is not None:
                 there.ravel()[claim] = len(motions)
-        motions.append(registration.target_from_source)
+        motions.append(alignment.target_from_source)
         lengths.append(length_m)
         confidence.append(sure)
     if progress is not None:
@@ -168,7 +168,7 @@ def _place(
     camera: Pinhole,
     plane_threshold_m: float,
     settings: RefinementSettings,
-) -> tuple[Registration, float] | None:
+) -> tuple[Alignment, float] | None:
     """The template on a candidate, and its length; None where the candidate has no width."""
     offsets = np.array([0, len(cloud)])
     means, frames = plane_frames(cloud, offsets, camera.position_m)

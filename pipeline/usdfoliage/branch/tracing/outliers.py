@@ -15,24 +15,24 @@ _FEW = 100  # points, which show no crown
 
 
 @dataclass(frozen=True, kw_only=True)
-class StraySettings:
+class OutlierSettings:
     """What is far from a plant."""
 
     gap_of_height: float = 0.1  # without any points, around what is a piece of its own
-    most_points: float = 0.05  # of those of the largest piece, that a stray has
+    max_points: float = 0.05  # of those of the largest piece, that a stray has
     low: float = 0.25  # of the height, below which points may be remains of the ground
     wide: float = (
         1.5  # of the reach of what is higher, beyond which they are: the lowest branches reach farther than it
     )
 
     def __post_init__(self) -> None:
-        if not (self.gap_of_height > 0 and 0 <= self.most_points < 1):
-            raise ValueError(f"gap_of_height must be above 0, most_points in [0, 1), not {self}")
+        if not (self.gap_of_height > 0 and 0 <= self.max_points < 1):
+            raise ValueError(f"gap_of_height must be above 0, max_points in [0, 1), not {self}")
         if not (0 < self.low < 1 and self.wide >= 1):
             raise ValueError(f"low must be in (0, 1), wide at least 1, not {self}")
 
 
-def find_strays(points_m: NDArray[np.float64], settings: StraySettings = StraySettings()) -> NDArray[np.bool_]:
+def find_outliers(points_m: NDArray[np.float64], settings: OutlierSettings = OutlierSettings()) -> NDArray[np.bool_]:
     """(N,) points of small pieces apart from the plant, and beside it: a trunk below a crown is none, seen or not.
 
     Args:
@@ -43,16 +43,16 @@ def find_strays(points_m: NDArray[np.float64], settings: StraySettings = StraySe
     if not gap_m > 0:
         return np.zeros(len(points_m), bool)
     piece = touching_parts(points_m, gap_m)
-    held = np.bincount(piece)
-    largest = int(held.argmax())
+    counts = np.bincount(piece)
+    largest = int(counts.argmax())
     plant = points_m[piece == largest][:, [0, 2]]
-    middle_m = np.column_stack([np.bincount(piece, points_m[:, axis]) / held for axis in (0, 2)])
+    middle_m = np.column_stack([np.bincount(piece, points_m[:, axis]) / counts for axis in (0, 2)])
     outside = ((middle_m < plant.min(axis=0)) | (middle_m > plant.max(axis=0))).any(axis=1)
-    return np.asarray((outside & (held < settings.most_points * held[largest]))[piece])
+    return np.asarray((outside & (counts < settings.max_points * counts[largest]))[piece])
 
 
 def find_ground_remains(
-    points_m: NDArray[np.float64], plane: NDArray[np.float64], settings: StraySettings = StraySettings()
+    points_m: NDArray[np.float64], plane: NDArray[np.float64], settings: OutlierSettings = OutlierSettings()
 ) -> NDArray[np.bool_]:
     """(N,) points low above the ground and farther from the plant than it reaches.
 

@@ -9,8 +9,8 @@ from usdfoliage.leaf.segmentation.dense.overlap import Overlaps
 from usdfoliage.leaf.segmentation.dense.patches import Patches
 
 SMALLEST_RADIUS, LARGEST_RADIUS = 3.0, 1 / 12  # in pixels, and in the longer side of a picture
-LEAST_PARTS = 10  # of one radius, that say anything
-MOST_OF_PICTURE = 0.2  # share of a picture that one leaf takes, at most, to say what is usual
+MIN_PARTS = 10  # of one radius, that say anything
+MAX_OF_PICTURE = 0.2  # share of a picture that one leaf takes, at most, to say what is usual
 
 
 def gather_measure(patches: Sequence[Patches], name: str) -> NDArray[np.float64]:
@@ -24,19 +24,19 @@ def free_share(patches: Sequence[Patches]) -> NDArray[np.float64]:
     return free / np.maximum(free + hidden + unknown, 1)
 
 
-def measure_usual_length(patches: Sequence[Patches], overlaps: Overlaps) -> float:
+def measure_median_length(patches: Sequence[Patches], overlaps: Overlaps) -> float:
     """Length that half of the area of patches lies below that stand free, are flat ellipses and seen alike by views."""
     length_m, width_m, area_m2, fill = (
         gather_measure(patches, name) for name in ("length_m", "width_m", "area_m2", "fill")
     )
     slender, flat = width_m / np.maximum(length_m, 1e-30), gather_measure(patches, "thickness_m") < 0.08 * length_m
-    small = gather_measure(patches, "pixels") < MOST_OF_PICTURE * min(found.labels.size for found in patches)
+    small = gather_measure(patches, "pixels") < MAX_OF_PICTURE * min(found.labels.size for found in patches)
     shaped = small & (fill > 0.65) & (fill < 1.1) & (slender > 0.25) & flat & (gather_measure(patches, "pixels") > 150)
     shaped &= (overlaps.stability > 0.7) | (overlaps.views_seen == 0)
     sure = shaped & (free_share(patches) > 0.6)
-    for least in (0.3, 0.1):  # where depth has holes along its edges, few edges are known to be free
+    for min_free in (0.3, 0.1):  # where depth has holes along its edges, few edges are known to be free
         if np.count_nonzero(sure) < 10:
-            sure = shaped & (free_share(patches) > least)
+            sure = shaped & (free_share(patches) > min_free)
     if not sure.any():
         sure = small & (slender > 0.2)
     if not sure.any():
@@ -80,7 +80,7 @@ def measure_part_length(
         )
         sure &= (gather_measure(found, "thickness_m") < 0.1 * length_m) & (free_share(found) > 0.4)
         sure &= (width_px > 2 * radius_px) & (width_px < 5 * radius_px)
-        if np.count_nonzero(sure) >= LEAST_PARTS:
+        if np.count_nonzero(sure) >= MIN_PARTS:
             lengths.append(length_m[sure])
             areas.append(area_m2[sure])
     if not lengths:
