@@ -208,41 +208,62 @@ def map_leaf_points(
         weights: (lines, 2), right half and left half.
     """
 
+class SweepCostSettings:
+    """How a photograph is compared with others."""
+
+    window_px: int  # radius of the census window
+    tolerance_64ths: int  # of 16320: differences of brightness up to here are none
+    best_share: float  # of the other photographs at each pixel, so many with the lowest cost count
+
+    def __init__(self, *, window_px: int, tolerance_64ths: int, best_share: float) -> None: ...
+
 def sweep_cost(
     photo: NDArray[np.int16],
     others: list[NDArray[np.int16]],
+    *,
     homographies: NDArray[np.float64],
-    radius: int,
-    tolerance: int,
-    best_share: float,
+    settings: SweepCostSettings,
     threads: int,
 ) -> NDArray[np.uint8]:
     """Census cost (H, W, planes), at most 127, of a photograph's pixels on every plane.
 
     Args:
         photo: (H, W) brightness in [0, 16320].
-        others: brightness of the photographs that are warped onto it, of any size.
+        others: Brightness of the photographs that are warped onto it, of any size.
         homographies: (others, planes, 3, 3), their pixel indices from the photograph's.
-        radius: of the census window, in pixels.
-        tolerance: differences of brightness up to here are none.
-        best_share: of the other photographs at each pixel, so many with the lowest cost count.
+        settings: How it is compared.
+        threads: At most so many, 0 for one per core.
     """
 
+class SemiglobalSettings:
+    """What a change of plane between neighbours costs."""
+
+    small_step_cost: int  # of one plane
+    large_step_cost: int  # of more, where the photograph is even; below 8000
+    edge_64ths: float  # of 16320: difference of brightness that halves it
+
+    def __init__(self, *, small_step_cost: int, large_step_cost: int, edge_64ths: float) -> None: ...
+
+class PlanePicks:
+    """The plane of each pixel."""
+
+    @property
+    def plane(self) -> NDArray[np.float32]:
+        """(H, W), between planes."""
+    @property
+    def uniqueness(self) -> NDArray[np.float32]:
+        """(H, W) in [0, 1], how far it differs from others."""
+
 def pick_planes(
-    cost: NDArray[np.uint8],
-    photo: NDArray[np.int16],
-    small_step: int,
-    large_step: int,
-    edge: float,
-    threads: int,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Plane of each pixel (H, W) by semiglobal matching, between planes, and how far it stands out (H, W) in [0, 1].
+    cost: NDArray[np.uint8], photo: NDArray[np.int16], *, settings: SemiglobalSettings, threads: int
+) -> PlanePicks:
+    """The plane of each pixel by semiglobal matching.
 
     Args:
         cost: (H, W, planes), as sweep_cost gives it.
-        small_step: penalty for one plane between neighbours.
-        large_step: penalty for more, where the photograph is even; below 8000.
-        edge: difference of brightness that halves it.
+        photo: (H, W) brightness in [0, 16320].
+        settings: What steps cost.
+        threads: At most so many, 0 for one per core.
     """
 
 def fit_leaf_surfaces(
@@ -442,124 +463,219 @@ def unproject_places(
 ) -> NDArray[np.float64]:
     """Points (N, 3) of the world from places (N, 2) in pixels and depths (N,)."""
 
-def match_planes(
-    srgb: NDArray[np.uint8],
-    tint: NDArray[np.uint8],
-    mask: NDArray[np.uint8] | None,
-    pixel_from_ray: NDArray[np.float64],
-    grays: list[NDArray[np.uint8]],
-    tints: list[NDArray[np.uint8]],
-    segment_planes: NDArray[np.float32] | None,
-    proposals: NDArray[np.float32] | None,
-    opens: list[NDArray[np.uint8]],
-    depths: list[NDArray[np.float32]],
-    warps: NDArray[np.float64],
-    offsets: NDArray[np.int32],
-    start: NDArray[np.float32],
-    iterations: int,
-    best_sources: int,
-    nearest_inverse: float,
-    farthest_inverse: float,
-    color_scale: float,
-    distance_scale_px: float,
-    noise: float,
-    brightness_weight: float,
-    brightness_scale: float,
-    tint_weight: float,
-    tint_scale: float,
-    geometric_weight: float,
-    geometric_limit_px: float,
-    open_weight: float,
-    segment_weight: float,
-    segment_limit_px: float,
-    segment_texture: float,
-    step: float,
-    most_slant: float,
-    seed: int,
-    threads: int,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Planes (H, W, 3) of a photograph by PatchMatch stereo, and their cost (H, W).
+class PatchMatchSettings:
+    """How windows are compared, and how planes spread."""
 
-    A plane is the inverse depth at its pixel and the change of it to the next pixel right and down.
+    iterations: int  # each visits every pixel once
+    best_sources: int  # photographs with the lowest cost that count at each pixel
+    nearest_inverse: float  # largest inverse depth, in 1 / m
+    farthest_inverse: float  # smallest inverse depth, in 1 / m, above 0
+    color_scale: float  # of 765: sum of the differences of three channels that weighs 1 / e
+    distance_scale_px: float  # distance from the window's middle that weighs 1 / e
+    noise: float  # of 255: standard deviation of brightness below which a window has no texture
+    brightness_weight: float  # cost of mean brightness that differs by brightness_scale or more
+    brightness_scale: float  # of 255
+    tint_weight: float  # cost of tint that differs by tint_scale or more
+    tint_scale: float  # of 765
+    geometric_weight: float  # cost of a pixel of disagreement with a depth map
+    geometric_limit_px: float  # disagreement beyond it costs no more
+    open_weight: float  # cost of every photograph that sees nothing where the plane is
+    segment_weight: float  # cost of depth away from the plane of the pixel's segment, where the window has no texture
+    segment_limit_px: float  # by so much movement in the photograph that moves most, or more
+    segment_texture: float  # of 255: standard deviation of brightness that halves this cost
+    step: float  # first change of inverse depth, as a share of its range
+    max_slant: float  # tangent of the angle between line of sight and normal
+    seed: int  # of the random planes
+
+    def __init__(
+        self,
+        *,
+        iterations: int,
+        best_sources: int,
+        nearest_inverse: float,
+        farthest_inverse: float,
+        color_scale: float,
+        distance_scale_px: float,
+        noise: float,
+        brightness_weight: float,
+        brightness_scale: float,
+        tint_weight: float,
+        tint_scale: float,
+        geometric_weight: float,
+        geometric_limit_px: float,
+        open_weight: float,
+        segment_weight: float,
+        segment_limit_px: float,
+        segment_texture: float,
+        step: float,
+        max_slant: float,
+        seed: int,
+    ) -> None: ...
+
+class MatchReference:
+    """The photograph that gets planes."""
+
+    def __init__(
+        self,
+        *,
+        srgb: NDArray[np.uint8],
+        tint: NDArray[np.uint8],
+        pixel_from_ray: NDArray[np.float64],
+        mask: NDArray[np.uint8] | None = None,
+        segment_planes: NDArray[np.float32] | None = None,
+        proposals: NDArray[np.float32] | None = None,
+    ) -> None:
+        """Its arrays.
+
+        Args:
+            srgb: (H, W, 3).
+            tint: (H, W, 3), its colours without noise.
+            pixel_from_ray: (3, 3), of pixel indices.
+            mask: (H, W), 0 where no plane is wanted.
+            segment_planes: (H, W, 3), the plane of each pixel's segment, 0 for none.
+            proposals: (layers, H, W, 3), planes that other photographs suggest.
+        """
+
+class MatchSource:
+    """A photograph that it is matched with, of any size."""
+
+    def __init__(
+        self,
+        *,
+        gray: NDArray[np.uint8],
+        tint: NDArray[np.uint8],
+        warps: NDArray[np.float64],
+        open: NDArray[np.uint8] | None = None,
+        depth_m: NDArray[np.float32] | None = None,
+    ) -> None:
+        """Its arrays.
+
+        Args:
+            gray: (h, w), brightness.
+            tint: (h, w, 3), its colours without noise.
+            warps: (2, 3, 4), homography of the plane at infinity and epipole, to its pixel indices and back.
+            open: (h, w), 1 where it sees nothing at all.
+            depth_m: (h, w), 0 for none; of all sources or of none of them.
+        """
+
+class MatchedPlanes:
+    """The plane of each pixel: the inverse depth there, and the change of it to the next pixel right and down."""
+
+    @property
+    def planes(self) -> NDArray[np.float32]:
+        """(H, W, 3)."""
+    @property
+    def cost(self) -> NDArray[np.float32]:
+        """(H, W)."""
+
+def match_planes(
+    reference: MatchReference,
+    sources: list[MatchSource],
+    start: NDArray[np.float32],
+    *,
+    offsets: NDArray[np.int32],
+    settings: PatchMatchSettings,
+    threads: int,
+) -> MatchedPlanes:
+    """Planes of a photograph by PatchMatch stereo.
 
     Args:
-        srgb: (H, W, 3), the photograph.
-        tint: (H, W, 3), its colours without noise.
-        mask: (H, W), 0 where no plane is wanted.
-        pixel_from_ray: (3, 3), of pixel indices.
-        grays: brightness of 1 to 16 photographs that it is matched with, of any size.
-        tints: their colours without noise.
-        segment_planes: (H, W, 3), the plane of each pixel's segment, 0 for none.
-        proposals: (layers, H, W, 3), planes that other photographs suggest.
-        opens: where each photograph sees nothing at all, or no maps.
-        depths: their depth maps, 0 for none; or no maps at all.
-        warps: (photographs, 2, 3, 4), homography of the plane at infinity and epipole, to their pixel indices and back.
+        reference: The photograph.
+        sources: 1 to 16 that it is matched with.
+        start: (H, W, 3), planes to start with; those of inverse depth 0 start at random.
         offsets: (at most 64, 2), right and down, of the window's pixels.
-        start: planes to start with; those of inverse depth 0 start at random.
-        best_sources: photographs with the lowest cost that count at each pixel.
-        color_scale: sum of the differences of three channels that weighs 1 / e.
-        distance_scale_px: distance that weighs 1 / e.
-        noise: standard deviation of brightness that tells nothing.
-        brightness_weight: cost of mean brightness that differs by brightness_scale or more.
-        tint_weight: cost of tint that differs by tint_scale or more.
-        geometric_weight: cost of a pixel of disagreement with a depth map.
-        geometric_limit_px: disagreement beyond it costs no more.
-        segment_weight: cost of depth segment_limit_px of movement or more away from the segment's plane, where the
-            window has no texture; half of it where its brightness has a standard deviation of segment_texture.
-        step: first change of inverse depth, as a share of its range.
-        most_slant: tangent between line of sight and normal.
+        settings: How windows are compared.
+        threads: At most so many, 0 for one per core.
     """
 
+class AgreementSettings:
+    """When two depths agree."""
+
+    agree_px: float  # between a pixel and where it comes back to
+    agree_share: float  # between the two depths, of the depth
+
+    def __init__(self, *, agree_px: float, agree_share: float) -> None: ...
+
+class DepthSource:
+    """Another depth map, of any size."""
+
+    def __init__(
+        self, *, depth_m: NDArray[np.float32], warps: NDArray[np.float64], open: NDArray[np.uint8] | None = None
+    ) -> None:
+        """Its arrays: depth (h, w), 0 for none; warps and open as those of a MatchSource."""
+
+class AgreementCounts:
+    """Other depth maps, by what they show where a pixel's depth is."""
+
+    @property
+    def agreeing(self) -> NDArray[np.uint8]:
+        """(H, W), those whose depth agrees."""
+    @property
+    def through(self) -> NDArray[np.uint8]:
+        """(H, W), those that see something behind, or nothing."""
+
 def count_agreeing(
-    depth_m: NDArray[np.float32],
-    depths: list[NDArray[np.float32]],
-    opens: list[NDArray[np.uint8]],
-    warps: NDArray[np.float64],
-    most_px: float,
-    most_share: float,
-    threads: int,
-) -> NDArray[np.uint8]:
-    """(H, W, 2): other depth maps that agree with each pixel's depth, and those that see through it."""
+    depth_m: NDArray[np.float32], sources: list[DepthSource], *, settings: AgreementSettings, threads: int
+) -> AgreementCounts:
+    """Other depth maps that agree with each pixel's depth (H, W), and those that see through it."""
+
+class FringeSettings:
+    """When a pixel's colour is that of what lies behind."""
+
+    fringe_px: int  # radius of the square in which colours are compared
+    gap: float  # share of the depth by which other surfaces lie farther
+    fringe_contrast: float  # of 765: difference of the mean colours, below which they are no evidence
+    # share of the distance to the own surface's mean colour, within which a colour is the background's
+    fringe_nearer: float
+
+    def __init__(self, *, fringe_px: int, gap: float, fringe_contrast: float, fringe_nearer: float) -> None: ...
 
 def find_fringe(
-    depth_m: NDArray[np.float32],
-    srgb: NDArray[np.uint8],
-    radius_px: int,
-    gap: float,
-    least_contrast: float,
-    nearer: float,
-    threads: int,
+    depth_m: NDArray[np.float32], srgb: NDArray[np.uint8], *, settings: FringeSettings, threads: int
 ) -> NDArray[np.uint8]:
     """(H, W): 1 for pixels whose colour is that of what lies farther around them, or has no depth, else 0.
 
     Args:
         depth_m: (H, W), 0 where there is none.
         srgb: (H, W, 3).
-        radius_px: of the square in which colours are compared.
-        gap: share of the depth by which other surfaces lie farther.
-        least_contrast: of 765, between the mean colours, below which they tell nothing.
-        nearer: share of the distance to the own surface's mean colour, within which it is the background's.
+        settings: When it is.
+        threads: At most so many, 0 for one per core.
     """
 
+class PlaneSource:
+    """The planes of a photograph, of any size."""
+
+    def __init__(
+        self,
+        *,
+        planes: NDArray[np.float32],
+        cost: NDArray[np.float32],
+        warps: NDArray[np.float64],
+        pixel_from_ray: NDArray[np.float64],
+        turn: NDArray[np.float64],
+    ) -> None:
+        """Its arrays.
+
+        Args:
+            planes: (h, w, 3).
+            cost: (h, w).
+            warps: (2, 3, 4), to the other photograph's pixel indices and back.
+            pixel_from_ray: (3, 3), of its pixel indices.
+            turn: (3, 4), the other's camera axes from its own: rotation, and for planes n X = 1 the vector s with
+                n' = R n / (1 + (R n) · s).
+        """
+
 def show_planes(
-    planes: list[NDArray[np.float32]],
-    costs: list[NDArray[np.float32]],
-    warps: NDArray[np.float64],
-    pixel_from_ray: list[NDArray[np.float64]],
-    other_pixel_from_ray: NDArray[np.float64],
-    turns: list[NDArray[np.float64]],
-    width: int,
-    height: int,
-    most_cost: float,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    sources: list[PlaneSource], *, pixel_from_ray: NDArray[np.float64], width: int, height: int, max_cost: float
+) -> MatchedPlanes:
     """Planes (H, W, 3) of photographs as another one sees them, the best of those that meet; their cost (H, W).
 
     Args:
-        warps: (photographs, 2, 3, 4), to the other's pixel indices and back.
-        pixel_from_ray: (3, 3), of each photograph, then of the other one.
-        turns: (3, 4), the other's camera axes from each photograph's: rotation, and for planes n X = 1 the vector
-            s with n' = R n / (1 + (R n) · s).
-        most_cost: planes that cost more are not shown.
+        sources: The photographs.
+        pixel_from_ray: (3, 3), of the other one's pixel indices.
+        width: Of the other one, in pixels.
+        height: Of the other one, in pixels.
+        max_cost: Planes that cost more are left out.
     """
 
 def find_fork_crossings(

@@ -5,10 +5,11 @@ import pytest
 from usdfoliage import _native
 
 RADIUS, GAP, CONTRAST, NEARER = 3, 0.02, 24.0, 0.4
+SETTINGS = _native.FringeSettings(fringe_px=RADIUS, gap=GAP, fringe_contrast=CONTRAST, fringe_nearer=NEARER)
 
 
 def find(depth_m, srgb, threads=1):
-    return _native.find_fringe(depth_m, srgb, RADIUS, GAP, CONTRAST, NEARER, threads)
+    return _native.find_fringe(depth_m, srgb, settings=SETTINGS, threads=threads)
 
 
 def reference(depth_m, srgb):

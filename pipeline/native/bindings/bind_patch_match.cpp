@@ -11,6 +11,7 @@
 
 #include "bindings/arrays.h"
 #include "bindings/bindings.h"
+#include "bindings/structs.h"
 #include "mvs/depth_fringe.h"
 #include "mvs/patch_match.h"
 #include "mvs/view_agreement.h"
@@ -20,15 +21,67 @@ using namespace nb::literals;
 
 namespace {
 
-using Srgb = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
-using Gray = nb::ndarray<const std::uint8_t, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using Depth = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using Warps = nb::ndarray<const double, nb::shape<-1, 2, 3, 4>, nb::c_contig, nb::device::cpu>;
-using Planes = nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
-using Layers = nb::ndarray<const float, nb::shape<-1, -1, -1, 3>, nb::c_contig, nb::device::cpu>;
-using Turn = nb::ndarray<const double, nb::shape<3, 4>, nb::c_contig, nb::device::cpu>;
-using Offsets = nb::ndarray<const int, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
-using Matrix = nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::device::cpu>;
+template <typename T, typename Shape>
+using Array = nb::ndarray<const T, Shape, nb::c_contig, nb::device::cpu>;
+using Srgb = Array<std::uint8_t, nb::shape<-1, -1, 3>>;
+using Gray = Array<std::uint8_t, nb::shape<-1, -1>>;
+using Depth = Array<float, nb::shape<-1, -1>>;
+using Warps = Array<double, nb::shape<2, 3, 4>>;
+using Planes = Array<float, nb::shape<-1, -1, 3>>;
+using Layers = Array<float, nb::shape<-1, -1, -1, 3>>;
+using Turn = Array<double, nb::shape<3, 4>>;
+using Offsets = Array<int, nb::shape<-1, 2>>;
+using Matrix = Array<double, nb::shape<3, 3>>;
+using usdfoliage::AgreementSettings;
+using usdfoliage::FringeSettings;
+using usdfoliage::PatchMatchSettings;
+
+// The arrays of a photograph that gets planes.
+struct Reference {
+    Srgb srgb, tint;
+    Matrix pixel_from_ray;
+    std::optional<Gray> mask;
+    std::optional<Planes> segment_planes;
+    std::optional<Layers> proposals;
+};
+
+// The arrays of a photograph that it is matched with.
+struct Source {
+    Gray gray;
+    Srgb tint;
+    Warps warps;
+    std::optional<Gray> open;
+    std::optional<Depth> depth_m;
+};
+
+// The arrays of a photograph whose depth is compared with another one's.
+struct DepthSource {
+    Depth depth_m;
+    Warps warps;
+    std::optional<Gray> open;
+};
+
+// The arrays of a photograph whose planes are seen from another one.
+struct PlaneSource {
+    Planes planes;
+    Depth cost;
+    Warps warps;
+    Matrix pixel_from_ray;
+    Turn turn;
+};
+
+struct MatchedPlanes {
+    nb::object planes, cost;
+};
+
+struct AgreementCounts {
+    nb::object agreeing, through;
+};
+
+template <typename Array>
+auto* data_of(const std::optional<Array>& array) {
+    return array ? array->data() : nullptr;
+}
 
 // The last column of a warp is its epipole, the others its homography.
 void split_warp(const double* warp, double* homography, double* epipole) {
@@ -38,124 +91,161 @@ void split_warp(const double* warp, double* homography, double* epipole) {
     }
 }
 
-usdfoliage::MatchSource source_of(const double* warps) {
+usdfoliage::MatchSource source_of(const Warps& warps, std::size_t height, std::size_t width) {
     usdfoliage::MatchSource source{};
-    split_warp(warps, source.homography, source.epipole);
-    split_warp(warps + 12, source.back_homography, source.back_epipole);
+    split_warp(warps.data(), source.homography, source.epipole);
+    split_warp(warps.data() + 12, source.back_homography, source.back_epipole);
+    source.height = static_cast<int>(height);
+    source.width = static_cast<int>(width);
     return source;
 }
 
-nb::tuple match(const Srgb& srgb, const Srgb& tint, const std::optional<Gray>& mask, const Matrix& pixel_from_ray,
-                const std::vector<Gray>& grays, const std::vector<Srgb>& tints, const std::optional<Planes>& segment_planes,
-                const std::optional<Layers>& proposals, const std::vector<Gray>& opens, const std::vector<Depth>& depths,
-                const Warps& warps, const Offsets& offsets, const Planes& start, int iterations, int best_sources,
-                float nearest_inverse, float farthest_inverse, float color_scale, float distance_scale_px, float noise,
-                float brightness_weight, float brightness_scale, float tint_weight, float tint_scale, float geometric_weight,
-                float geometric_limit_px, float open_weight, float segment_weight, float segment_limit_px,
-                float segment_texture, float step,
-                float most_slant, std::uint64_t seed, int threads) {
-    usdfoliage::MatchReference reference{srgb.data(),
-                                         tint.data(),
-                                         mask ? mask->data() : nullptr,
-                                         segment_planes ? segment_planes->data() : nullptr,
-                                         proposals ? proposals->data() : nullptr,
-                                         proposals ? static_cast<int>(proposals->shape(0)) : 0,
-                                         static_cast<int>(srgb.shape(1)),
-                                         static_cast<int>(srgb.shape(0)),
+MatchedPlanes match(const Reference& from, const std::vector<Source>& given, const Planes& start, const Offsets& offsets,
+                    const PatchMatchSettings& settings, int threads) {
+    const std::size_t rows = from.srgb.shape(0), columns = from.srgb.shape(1);
+    usdfoliage::MatchReference reference{from.srgb.data(),
+                                         from.tint.data(),
+                                         data_of(from.mask),
+                                         data_of(from.segment_planes),
+                                         data_of(from.proposals),
+                                         from.proposals ? static_cast<int>(from.proposals->shape(0)) : 0,
+                                         static_cast<int>(columns),
+                                         static_cast<int>(rows),
                                          {}};
-    std::copy_n(pixel_from_ray.data(), 9, reference.pixel_from_ray);
+    std::copy_n(from.pixel_from_ray.data(), 9, reference.pixel_from_ray);
     std::vector<usdfoliage::MatchSource> sources;
-    for (std::size_t k = 0; k < grays.size(); ++k) {
-        usdfoliage::MatchSource source = source_of(warps.data() + 24 * k);
-        source.gray = grays[k].data();
-        source.tint = tints[k].data();
-        source.open = opens.empty() ? nullptr : opens[k].data();
-        source.depth_m = depths.empty() ? nullptr : depths[k].data();
-        source.height = static_cast<int>(grays[k].shape(0));
-        source.width = static_cast<int>(grays[k].shape(1));
+    for (const Source& each : given) {
+        usdfoliage::MatchSource source = source_of(each.warps, each.gray.shape(0), each.gray.shape(1));
+        source.gray = each.gray.data();
+        source.tint = each.tint.data();
+        source.open = data_of(each.open);
+        source.depth_m = data_of(each.depth_m);
         sources.push_back(source);
     }
     std::vector<float> planes(start.data(), start.data() + start.size());
-    std::vector<float> cost(srgb.shape(0) * srgb.shape(1));
+    std::vector<float> cost(rows * columns);
     {
         nb::gil_scoped_release unlocked;
-        usdfoliage::match_planes(reference, sources, offsets.data(), offsets.shape(0),
-                                 {iterations, best_sources, nearest_inverse, farthest_inverse, color_scale, distance_scale_px, noise,
-                                  brightness_weight, brightness_scale, tint_weight, tint_scale, geometric_weight,
-                                  geometric_limit_px, open_weight, segment_weight, segment_limit_px, segment_texture,
-                                  step, most_slant, seed,
-                                  threads},
-                                 planes.data(), cost.data());
+        usdfoliage::match_planes(reference, sources, offsets.data(), offsets.shape(0), settings, threads, planes.data(),
+                                 cost.data());
     }
-    return nb::make_tuple(to_numpy(std::move(planes), {srgb.shape(0), srgb.shape(1), 3}),
-                          to_numpy(std::move(cost), {srgb.shape(0), srgb.shape(1)}));
+    return {to_array(std::move(planes), {rows, columns, 3}), to_array(std::move(cost), {rows, columns})};
 }
 
-nb::ndarray<nb::numpy, std::uint8_t> agreeing(const Depth& depth_m, const std::vector<Depth>& depths, const std::vector<Gray>& opens,
-                                              const Warps& warps, float most_px, float most_share, int threads) {
+AgreementCounts agreeing(const Depth& depth_m, const std::vector<DepthSource>& given, const AgreementSettings& settings,
+                         int threads) {
     std::vector<usdfoliage::MatchSource> sources;
-    for (std::size_t k = 0; k < depths.size(); ++k) {
-        usdfoliage::MatchSource source = source_of(warps.data() + 24 * k);
-        source.depth_m = depths[k].data();
-        source.open = opens.empty() ? nullptr : opens[k].data();
-        source.height = static_cast<int>(depths[k].shape(0));
-        source.width = static_cast<int>(depths[k].shape(1));
+    for (const DepthSource& each : given) {
+        usdfoliage::MatchSource source = source_of(each.warps, each.depth_m.shape(0), each.depth_m.shape(1));
+        source.depth_m = each.depth_m.data();
+        source.open = data_of(each.open);
         sources.push_back(source);
     }
     std::vector<std::uint8_t> counts(2 * depth_m.size());
     {
         nb::gil_scoped_release unlocked;
         usdfoliage::count_agreeing(depth_m.data(), static_cast<int>(depth_m.shape(1)), static_cast<int>(depth_m.shape(0)), sources,
-                                   {most_px, most_share, threads}, counts.data());
+                                   settings, threads, counts.data());
     }
-    return to_numpy(std::move(counts), {depth_m.shape(0), depth_m.shape(1), 2});
+    const auto columns = to_columns(std::move(counts), {depth_m.shape(0), depth_m.shape(1)}, {{0, 1}, {1, 1}});
+    return {columns[0], columns[1]};
 }
 
-nb::tuple show(const std::vector<Planes>& planes, const std::vector<Depth>& costs, const Warps& warps,
-               const std::vector<Matrix>& pixel_from_ray, const Matrix& other_pixel_from_ray, const std::vector<Turn>& turns,
-               int width, int height, float most_cost) {
-    const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-    std::vector<float> seen(3 * pixels);
-    std::vector<float> seen_cost(pixels, most_cost);
+MatchedPlanes show(const std::vector<PlaneSource>& sources, const Matrix& pixel_from_ray, std::size_t width, std::size_t height,
+                   float max_cost) {
+    std::vector<float> seen(3 * width * height);
+    std::vector<float> seen_cost(width * height, max_cost);
     {
         nb::gil_scoped_release unlocked;
-        for (std::size_t k = 0; k < planes.size(); ++k) {
-            usdfoliage::MatchSource to = source_of(warps.data() + 24 * k);
-            to.width = width;
-            to.height = height;
-            usdfoliage::show_planes(planes[k].data(), costs[k].data(), static_cast<int>(planes[k].shape(1)),
-                                    static_cast<int>(planes[k].shape(0)), most_cost, to, pixel_from_ray[k].data(),
-                                    other_pixel_from_ray.data(), turns[k].data(), seen.data(), seen_cost.data());
+        for (const PlaneSource& each : sources) {
+            usdfoliage::show_planes(each.planes.data(), each.cost.data(), static_cast<int>(each.planes.shape(1)),
+                                    static_cast<int>(each.planes.shape(0)), max_cost, source_of(each.warps, height, width),
+                                    each.pixel_from_ray.data(), pixel_from_ray.data(), each.turn.data(), seen.data(),
+                                    seen_cost.data());
         }
     }
-    return nb::make_tuple(to_numpy(std::move(seen), {static_cast<std::size_t>(height), static_cast<std::size_t>(width), 3}),
-                          to_numpy(std::move(seen_cost), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)}));
+    return {to_array(std::move(seen), {height, width, 3}), to_array(std::move(seen_cost), {height, width})};
 }
 
-auto fringe(const Depth& depth_m, const Srgb& srgb, int radius_px, float gap, float least_contrast, float nearer, int threads) {
+auto fringe(const Depth& depth_m, const Srgb& srgb, const FringeSettings& settings, int threads) {
     std::vector<std::uint8_t> found(depth_m.size());
     {
         nb::gil_scoped_release unlocked;
         usdfoliage::find_fringe(depth_m.data(), srgb.data(), static_cast<int>(depth_m.shape(1)),
-                                static_cast<int>(depth_m.shape(0)), {radius_px, gap, least_contrast, nearer, threads},
-                                found.data());
+                                static_cast<int>(depth_m.shape(0)), settings, threads, found.data());
     }
     return to_numpy(std::move(found), {depth_m.shape(0), depth_m.shape(1)});
+}
+
+void bind_match_settings(nb::module_& m) {
+    using S = PatchMatchSettings;
+    bind_settings(
+        m, "PatchMatchSettings", "How windows are compared, and how planes spread.",
+        field("iterations", &S::iterations, "Each visits every pixel once."),
+        field("best_sources", &S::best_sources, "Photographs with the lowest cost that count at each pixel."),
+        field("nearest_inverse", &S::nearest_inverse, "Largest inverse depth, in 1 / m."),
+        field("farthest_inverse", &S::farthest_inverse, "Smallest inverse depth, in 1 / m, above 0."),
+        field("color_scale", &S::color_scale, "Of 765: sum of the differences of three channels that weighs 1 / e."),
+        field("distance_scale_px", &S::distance_scale_px, "Distance from the window's middle that weighs 1 / e."),
+        field("noise", &S::noise, "Of 255: standard deviation of brightness below which a window has no texture."),
+        field("brightness_weight", &S::brightness_weight, "Cost of mean brightness that differs by brightness_scale or more."),
+        field("brightness_scale", &S::brightness_scale, "Of 255."),
+        field("tint_weight", &S::tint_weight, "Cost of tint that differs by tint_scale or more."),
+        field("tint_scale", &S::tint_scale, "Of 765."),
+        field("geometric_weight", &S::geometric_weight, "Cost of a pixel of disagreement with a depth map."),
+        field("geometric_limit_px", &S::geometric_limit_px, "Disagreement beyond it costs no more."),
+        field("open_weight", &S::open_weight, "Cost of every photograph that sees nothing where the plane is."),
+        field("segment_weight", &S::segment_weight, "Cost of depth away from the plane of the pixel's segment."),
+        field("segment_limit_px", &S::segment_limit_px, "By so much movement in the photograph that moves most, or more."),
+        field("segment_texture", &S::segment_texture, "Of 255: standard deviation of brightness that halves this cost."),
+        field("step", &S::step, "First change of inverse depth, as a share of its range."),
+        field("max_slant", &S::max_slant, "Tangent of the angle between line of sight and normal."),
+        field("seed", &S::seed, "Of the random planes."));
+}
+
+void bind_inputs(nb::module_& m) {
+    nb::class_<Reference>(m, "MatchReference", "The photograph that gets planes.")
+        .def(nb::init<Srgb, Srgb, Matrix, std::optional<Gray>, std::optional<Planes>, std::optional<Layers>>(), nb::kw_only(),
+             "srgb"_a, "tint"_a, "pixel_from_ray"_a, "mask"_a.none() = nb::none(), "segment_planes"_a.none() = nb::none(),
+             "proposals"_a.none() = nb::none());
+    nb::class_<Source>(m, "MatchSource", "A photograph that it is matched with, of any size.")
+        .def(nb::init<Gray, Srgb, Warps, std::optional<Gray>, std::optional<Depth>>(), nb::kw_only(), "gray"_a, "tint"_a,
+             "warps"_a, "open"_a.none() = nb::none(), "depth_m"_a.none() = nb::none());
+    nb::class_<DepthSource>(m, "DepthSource", "Another depth map, of any size.")
+        .def(nb::init<Depth, Warps, std::optional<Gray>>(), nb::kw_only(), "depth_m"_a, "warps"_a,
+             "open"_a.none() = nb::none());
+    nb::class_<PlaneSource>(m, "PlaneSource", "The planes of a photograph, of any size.")
+        .def(nb::init<Planes, Depth, Warps, Matrix, Turn>(), nb::kw_only(), "planes"_a, "cost"_a, "warps"_a,
+             "pixel_from_ray"_a, "turn"_a);
 }
 
 }  // namespace
 
 void bind_patch_match(nb::module_& m) {
-    m.def("match_planes", &match, "srgb"_a, "tint"_a, "mask"_a.none(), "pixel_from_ray"_a, "grays"_a, "tints"_a,
-          "segment_planes"_a.none(), "proposals"_a.none(), "opens"_a, "depths"_a, "warps"_a, "offsets"_a, "start"_a, "iterations"_a, "best_sources"_a, "nearest_inverse"_a, "farthest_inverse"_a, "color_scale"_a,
-          "distance_scale_px"_a, "noise"_a, "brightness_weight"_a, "brightness_scale"_a, "tint_weight"_a,
-          "tint_scale"_a, "geometric_weight"_a, "geometric_limit_px"_a, "open_weight"_a, "segment_weight"_a,
-          "segment_limit_px"_a, "segment_texture"_a, "step"_a, "most_slant"_a, "seed"_a, "threads"_a,
-          "Planes (H, W, 3) of a photograph by PatchMatch stereo, and their cost (H, W).");
-    m.def("count_agreeing", &agreeing, "depth_m"_a, "depths"_a, "opens"_a, "warps"_a, "most_px"_a, "most_share"_a, "threads"_a,
-          "How many other depth maps agree with each pixel's depth, and how many see through it (H, W, 2).");
-    m.def("show_planes", &show, "planes"_a, "costs"_a, "warps"_a, "pixel_from_ray"_a, "other_pixel_from_ray"_a, "turns"_a,
-          "width"_a, "height"_a, "most_cost"_a, "Planes (H, W, 3) of photographs as another one sees them, and their cost (H, W).");
-    m.def("find_fringe", &fringe, "depth_m"_a, "srgb"_a, "radius_px"_a, "gap"_a, "least_contrast"_a, "nearer"_a, "threads"_a,
-          "Pixels (H, W) with the depth of what stands before them.");
+    bind_match_settings(m);
+    bind_inputs(m);
+    bind_settings(m, "AgreementSettings", "When two depths agree.",
+                  field("agree_px", &AgreementSettings::agree_px, "Between a pixel and where it comes back to."),
+                  field("agree_share", &AgreementSettings::agree_share, "Between the two depths, of the depth."));
+    bind_settings(
+        m, "FringeSettings", "When a pixel's colour is that of what lies behind.",
+        field("fringe_px", &FringeSettings::fringe_px, "Radius of the square in which colours are compared."),
+        field("gap", &FringeSettings::gap, "Share of the depth by which other surfaces lie farther."),
+        field("fringe_contrast", &FringeSettings::fringe_contrast, "Of 765: between mean colours that differ enough."),
+        field("fringe_nearer", &FringeSettings::fringe_nearer,
+              "Share of the distance to the own surface's mean colour, within which a colour is the background's."));
+    bind_result(m, "MatchedPlanes", "The plane of each pixel.",
+                field("planes", &MatchedPlanes::planes, "(H, W, 3): inverse depth, its change a pixel to the right and down."),
+                field("cost", &MatchedPlanes::cost, "(H, W)."));
+    bind_result(m, "AgreementCounts", "Other depth maps, by what they show where a pixel's depth is.",
+                field("agreeing", &AgreementCounts::agreeing, "(H, W), those whose depth agrees."),
+                field("through", &AgreementCounts::through, "(H, W), those that see something behind, or nothing."));
+    m.def("match_planes", &match, "reference"_a, "sources"_a, "start"_a, nb::kw_only(), "offsets"_a, "settings"_a, "threads"_a,
+          "Planes of a photograph by PatchMatch stereo, from those to start with (H, W, 3).");
+    m.def("count_agreeing", &agreeing, "depth_m"_a, "sources"_a, nb::kw_only(), "settings"_a, "threads"_a,
+          "How many other depth maps agree with each pixel's depth (H, W), and how many see through it.");
+    m.def("show_planes", &show, "sources"_a, nb::kw_only(), "pixel_from_ray"_a, "width"_a, "height"_a, "max_cost"_a,
+          "Planes of photographs as another one sees them, the best of those that meet.");
+    m.def("find_fringe", &fringe, "depth_m"_a, "srgb"_a, nb::kw_only(), "settings"_a, "threads"_a,
+          "(H, W): 1 for pixels with the depth of what is in front of them, else 0.");
 }

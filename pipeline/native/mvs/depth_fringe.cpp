@@ -24,18 +24,18 @@ struct Sum {
     float mean(int channel) const { return static_cast<float>(color[channel]) / static_cast<float>(count); }
 };
 
-bool is_fringe(const float* depth_m, const std::uint8_t* srgb, int width, int height, const FringeOptions& options, int column,
+bool is_fringe(const float* depth_m, const std::uint8_t* srgb, int width, int height, const FringeSettings& settings, int column,
                int row) {
     const std::size_t pixel = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column);
     const float own_m = depth_m[pixel];
     if (!(own_m > 0)) return false;
-    const float nearest_m = own_m * (1 - options.gap);
-    const float farthest_m = own_m * (1 + options.gap);
+    const float nearest_m = own_m * (1 - settings.gap);
+    const float farthest_m = own_m * (1 + settings.gap);
     Sum surface, behind;
-    const int left = std::max(0, column - options.radius_px);
-    const int right = std::min(width - 1, column + options.radius_px);
-    const int top = std::max(0, row - options.radius_px);
-    const int bottom = std::min(height - 1, row + options.radius_px);
+    const int left = std::max(0, column - settings.fringe_px);
+    const int right = std::min(width - 1, column + settings.fringe_px);
+    const int top = std::max(0, row - settings.fringe_px);
+    const int bottom = std::min(height - 1, row + settings.fringe_px);
     for (int y = top; y <= bottom; ++y) {
         const std::size_t line = static_cast<std::size_t>(y) * width;
         for (int x = left; x <= right; ++x) {
@@ -56,17 +56,17 @@ bool is_fringe(const float* depth_m, const std::uint8_t* srgb, int width, int he
         from_surface += std::abs(own - surface.mean(i));
         from_behind += std::abs(own - behind.mean(i));
     }
-    return contrast >= options.least_contrast && from_behind < options.nearer * from_surface;
+    return contrast >= settings.fringe_contrast && from_behind < settings.fringe_nearer * from_surface;
 }
 
 }  // namespace
 
-void find_fringe(const float* depth_m, const std::uint8_t* srgb, int width, int height, const FringeOptions& options,
+void find_fringe(const float* depth_m, const std::uint8_t* srgb, int width, int height, const FringeSettings& settings, int threads,
                  std::uint8_t* fringe) {
-    parallel_for(static_cast<std::size_t>(height), options.threads, [&](std::size_t row) {
+    parallel_for(static_cast<std::size_t>(height), threads, [&](std::size_t row) {
         for (int column = 0; column < width; ++column) {
             fringe[row * static_cast<std::size_t>(width) + static_cast<std::size_t>(column)] =
-                is_fringe(depth_m, srgb, width, height, options, column, static_cast<int>(row)) ? 1 : 0;
+                is_fringe(depth_m, srgb, width, height, settings, column, static_cast<int>(row)) ? 1 : 0;
         }
     });
 }

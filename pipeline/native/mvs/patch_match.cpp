@@ -78,7 +78,7 @@ struct Match {
     const std::vector<MatchSource>& sources;
     const std::vector<PackedPicture>& pictures;
     const WindowPattern& pattern;
-    const MatchOptions& options;
+    const PatchMatchSettings& settings;
     double focal[2];
     double center[2];
     Warps warps[kGroups];
@@ -94,7 +94,7 @@ struct Plane {
 // The slant stays below the limit and the depth in the range; inverse depth is linear over rays as well, with the
 // gradient (right fx, down fy) there, so that the tangent to the axis is gradient / (value on the axis).
 bool usable(const Match& match, const Plane& plane, int column, int row) {
-    if (!(plane.inverse >= match.options.farthest_inverse && plane.inverse <= match.options.nearest_inverse)) return false;
+    if (!(plane.inverse >= match.settings.farthest_inverse && plane.inverse <= match.settings.nearest_inverse)) return false;
     const float x = static_cast<float>((column - match.center[0]) / match.focal[0]);
     const float y = static_cast<float>((row - match.center[1]) / match.focal[1]);
     const float across = plane.right * static_cast<float>(match.focal[0]);
@@ -102,7 +102,7 @@ bool usable(const Match& match, const Plane& plane, int column, int row) {
     const float axis = plane.inverse - x * across - y * along;
     // The cosine between line of sight and normal is inverse / (|gradient, axis| |x, y, 1|).
     const float square = (across * across + along * along + axis * axis) * (x * x + y * y + 1);
-    const float limit = plane.inverse * plane.inverse * (1 + match.options.most_slant * match.options.most_slant);
+    const float limit = plane.inverse * plane.inverse * (1 + match.settings.max_slant * match.settings.max_slant);
     return square <= limit;
 }
 
@@ -142,7 +142,7 @@ Plane random_slant(const Match& match, float inverse, Random& random, int column
         right /= square;
         down /= square;
     }
-    const float slant = std::min(match.options.most_slant, 2.0f);
+    const float slant = std::min(match.settings.max_slant, 2.0f);
     right *= slant;
     down *= slant;
     // Two directions across the line of sight.
@@ -168,9 +168,9 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
     if (match.reference.segment_planes != nullptr) {
         const float segment = match.reference.segment_planes[3 * pixel];
         const float moved_px = std::abs(plane.inverse - segment) * match.pixels_an_inverse;
-        const float texture = match.options.segment_texture * match.options.segment_texture;
+        const float texture = match.settings.segment_texture * match.settings.segment_texture;
         const float plain = texture / (texture + window.variance);
-        if (segment > 0) apart_cost = plain * match.options.segment_weight * std::min(1.0f, moved_px / match.options.segment_limit_px);
+        if (segment > 0) apart_cost = plain * match.settings.segment_weight * std::min(1.0f, moved_px / match.settings.segment_limit_px);
     }
     bound -= apart_cost;
     const std::size_t count = match.sources.size();
@@ -196,7 +196,7 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
     }
     const std::uint8_t* own_tint = match.reference.tint + 3 * pixel;
     std::array<float, kMostSources> best;
-    const std::size_t wanted = std::min(count, static_cast<std::size_t>(match.options.best_sources));
+    const std::size_t wanted = std::min(count, static_cast<std::size_t>(match.settings.best_sources));
     const std::size_t enough = count - wanted;
     best.fill(2 * kWorstCost);
     int open = 0;
@@ -216,8 +216,8 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
             }
         }
         if (source.depth_m != nullptr && cost < kWorstCost && cost < best[wanted - 1]) {
-            cost += match.options.geometric_weight *
-                    disagreement_px(source, to.u[lane], to.v[lane], column, row, match.options.geometric_limit_px);
+            cost += match.settings.geometric_weight *
+                    disagreement_px(source, to.u[lane], to.v[lane], column, row, match.settings.geometric_limit_px);
         }
         for (std::size_t i = 0; i < wanted; ++i) {
             const float low = std::min(best[i], cost);
@@ -231,7 +231,7 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
     const std::size_t counted = std::clamp(seeing, std::min(wanted, kLeastSeeing), wanted);
     float sum = 0;
     for (std::size_t i = 0; i < counted; ++i) sum += best[i];
-    return sum / static_cast<float>(counted) + apart_cost + match.options.open_weight * static_cast<float>(open);
+    return sum / static_cast<float>(counted) + apart_cost + match.settings.open_weight * static_cast<float>(open);
 }
 
 inline bool same(const Match& match, const Plane& one, const Plane& other) {
@@ -265,11 +265,11 @@ void start_row(const Match& match, int row, float* planes, float* cost) {
         }
         Plane plane = load(planes, pixel);
         if (!usable(match, plane, column, row)) {
-            Random random(match.options.seed, pixel, 0);
-            const float range = match.options.nearest_inverse - match.options.farthest_inverse;
-            plane = random_slant(match, match.options.farthest_inverse + range * random.uniform(), random, column, row);
+            Random random(match.settings.seed, pixel, 0);
+            const float range = match.settings.nearest_inverse - match.settings.farthest_inverse;
+            plane = random_slant(match, match.settings.farthest_inverse + range * random.uniform(), random, column, row);
             if (!usable(match, plane, column, row)) {
-                plane = {match.options.farthest_inverse + range * random.uniform(), 0, 0};
+                plane = {match.settings.farthest_inverse + range * random.uniform(), 0, 0};
             }
             store(planes, pixel, plane);
         }
@@ -283,8 +283,8 @@ void start_row(const Match& match, int row, float* planes, float* cost) {
 USDFOLIAGE_VECTOR_CLONES
 void improve_row(const Match& match, int row, int half, int iteration, float* planes, float* cost) {
     const MatchReference& photo = match.reference;
-    const MatchOptions& options = match.options;
-    const float range = options.nearest_inverse - options.farthest_inverse;
+    const PatchMatchSettings& settings = match.settings;
+    const float range = settings.nearest_inverse - settings.farthest_inverse;
     const bool settled = match.sources.front().depth_m != nullptr;  // most planes are found: what is left is to be finer
     for (int column = (row + half) & 1; column < photo.width; column += 2) {
         const std::size_t pixel = static_cast<std::size_t>(row) * photo.width + column;
@@ -345,15 +345,15 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
         }
 
         // By chance: anywhere, and around the best with steps that shrink from one iteration to the next.
-        Random random(options.seed, pixel, iteration + 1);
-        const float step = options.step * range * std::pow(0.5f, static_cast<float>(iteration));
+        Random random(settings.seed, pixel, iteration + 1);
+        const float step = settings.step * range * std::pow(0.5f, static_cast<float>(iteration));
         const float tilt = 0.5f * std::pow(0.6f, static_cast<float>(iteration));
         for (int k = 0; k < 5; ++k) {
             if (settled && (k < 2 || k == 3)) continue;
             Plane plane = best;
             switch (k) {
                 case 0:
-                    plane = random_slant(match, options.farthest_inverse + range * random.uniform(), random, column, row);
+                    plane = random_slant(match, settings.farthest_inverse + range * random.uniform(), random, column, row);
                     break;
                 case 1: plane = random_slant(match, best.inverse, random, column, row); break;
                 case 2: plane.inverse += step * random.both_sides(); break;
@@ -372,13 +372,13 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
 }
 
 // How far the middle of the picture moves in the most moving photograph over the range of inverse depth.
-float movement_px(const MatchReference& reference, const std::vector<MatchSource>& sources, const MatchOptions& options) {
+float movement_px(const MatchReference& reference, const std::vector<MatchSource>& sources, const PatchMatchSettings& settings) {
     double most = 0;
     const double u = 0.5 * reference.width;
     const double v = 0.5 * reference.height;
     for (const MatchSource& source : sources) {
         double at[2][2];
-        const double inverse[2] = {options.nearest_inverse, options.farthest_inverse};
+        const double inverse[2] = {settings.nearest_inverse, settings.farthest_inverse};
         bool ahead = true;
         for (int k = 0; k < 2; ++k) {
             double seen[3];
@@ -398,15 +398,15 @@ float movement_px(const MatchReference& reference, const std::vector<MatchSource
 }  // namespace
 
 void match_planes(const MatchReference& reference, const std::vector<MatchSource>& sources, const int* offsets,
-                  std::size_t samples, const MatchOptions& options, float* planes, float* cost) {
+                  std::size_t samples, const PatchMatchSettings& settings, int threads, float* planes, float* cost) {
     assert(!sources.empty() && sources.size() <= kMostSources && samples >= 1 && samples <= kMostSamples);
     std::vector<PackedPicture> pictures;
     for (const MatchSource& source : sources) pictures.emplace_back(source.gray, source.width, source.height);
-    const WindowPattern pattern(offsets, samples, options);
+    const WindowPattern pattern(offsets, samples, settings);
     const double* k = reference.pixel_from_ray;
-    const float range = options.nearest_inverse - options.farthest_inverse;
-    Match match{reference, sources, pictures, pattern, options, {k[0], k[4]}, {k[2], k[5]}, {},
-                movement_px(reference, sources, options) / range};
+    const float range = settings.nearest_inverse - settings.farthest_inverse;
+    Match match{reference, sources, pictures, pattern, settings, {k[0], k[4]}, {k[2], k[5]}, {},
+                movement_px(reference, sources, settings) / range};
     for (std::size_t n = 0; n < kGroups * kLanes; ++n) {
         // Lanes without a photograph repeat the first one, and are not looked at.
         const MatchSource& source = sources[n < sources.size() ? n : 0];
@@ -416,10 +416,10 @@ void match_planes(const MatchReference& reference, const std::vector<MatchSource
     }
 
     const auto rows = static_cast<std::size_t>(reference.height);
-    parallel_for(rows, options.threads, [&](std::size_t row) { start_row(match, static_cast<int>(row), planes, cost); });
-    for (int iteration = 0; iteration < options.iterations; ++iteration) {
+    parallel_for(rows, threads, [&](std::size_t row) { start_row(match, static_cast<int>(row), planes, cost); });
+    for (int iteration = 0; iteration < settings.iterations; ++iteration) {
         for (int half = 0; half < 2; ++half) {
-            parallel_for(rows, options.threads,
+            parallel_for(rows, threads,
                          [&](std::size_t row) { improve_row(match, static_cast<int>(row), half, iteration, planes, cost); });
         }
     }

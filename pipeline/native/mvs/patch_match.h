@@ -31,14 +31,14 @@ struct MatchReference {
     double pixel_from_ray[9];  // 3 x 3, rows first, of pixel indices
 };
 
-struct MatchOptions {
+struct PatchMatchSettings {
     int iterations;            // each visits every pixel once
     int best_sources;          // photographs with the lowest cost that count at each pixel
     float nearest_inverse;     // largest inverse depth
     float farthest_inverse;    // smallest inverse depth, above 0
     float color_scale;         // sum of the differences of red, green and blue that weighs 1 / e in a window
     float distance_scale_px;   // distance that weighs 1 / e
-    float noise;               // standard deviation of brightness that tells nothing
+    float noise;               // of 255: standard deviation of brightness below which a window has no texture
     float brightness_weight;   // cost of mean brightness that differs by brightness_scale or more
     float brightness_scale;    // of 255
     float tint_weight;         // cost of tint that differs by tint_scale or more
@@ -50,9 +50,8 @@ struct MatchOptions {
     float segment_limit_px;    // by so much movement in the photograph that moves most, or more
     float segment_texture;     // standard deviation of brightness in a window that halves this cost
     float step;                // first perturbation, as a share of the range of inverse depth
-    float most_slant;          // tangent between the line of sight and the normal
-    std::uint64_t seed;
-    int threads;               // 0: one per core
+    float max_slant;          // tangent between the line of sight and the normal
+    std::uint64_t seed;        // of the random planes
 };
 
 // Improve the planes of a photograph.
@@ -63,9 +62,10 @@ struct MatchOptions {
 // checkerboard of Q. Xu and W. Tao, Multi-scale geometric consistency guided multi-view stereo, 2019.
 //
 // @param offsets  samples x 2, right and down, of the window's pixels.
+// @param threads  at most so many, 0: one per core.
 // @param planes   height x width x 3, inverse depth (0: start at random), its slope to the right and down, per pixel.
 // @param cost     height x width written; kWorstCost and more: no match.
 void match_planes(const MatchReference& reference, const std::vector<MatchSource>& sources, const int* offsets,
-                  std::size_t samples, const MatchOptions& options, float* planes, float* cost);
+                  std::size_t samples, const PatchMatchSettings& settings, int threads, float* planes, float* cost);
 
 }  // namespace usdfoliage

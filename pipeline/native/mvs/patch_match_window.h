@@ -48,13 +48,13 @@ private:
 
 // Which pixels a window has, and how they weigh.
 struct WindowPattern {
-    WindowPattern(const int* offsets, std::size_t samples, const MatchOptions& options)
+    WindowPattern(const int* offsets, std::size_t samples, const PatchMatchSettings& settings)
         : count(static_cast<int>((samples + kLanes - 1) / kLanes) * kLanes),
-          noise_square(options.noise * options.noise),
-          brightness_weight(options.brightness_weight),
-          brightness_rate(1 / options.brightness_scale),
-          tint_weight(options.tint_weight),
-          tint_rate(1 / options.tint_scale) {
+          noise_square(settings.noise * settings.noise),
+          brightness_weight(settings.brightness_weight),
+          brightness_rate(1 / settings.brightness_scale),
+          tint_weight(settings.tint_weight),
+          tint_rate(1 / settings.tint_scale) {
         for (int k = 0; k < count; ++k) {
             const bool used = k < static_cast<int>(samples);
             columns[k] = used ? offsets[2 * k] : 0;
@@ -62,10 +62,10 @@ struct WindowPattern {
             right[k] = static_cast<float>(columns[k]);
             down[k] = static_cast<float>(rows[k]);
             const float distance = std::sqrt(right[k] * right[k] + down[k] * down[k]);
-            nearness[k] = used ? std::exp(-distance / options.distance_scale_px) : 0;
+            nearness[k] = used ? std::exp(-distance / settings.distance_scale_px) : 0;
             reach_px = std::max(reach_px, std::max(std::abs(right[k]), std::abs(down[k])));
         }
-        for (int k = 0; k < kColorLevels; ++k) likeness[k] = std::exp(-static_cast<float>(k) / options.color_scale);
+        for (int k = 0; k < kColorLevels; ++k) likeness[k] = std::exp(-static_cast<float>(k) / settings.color_scale);
     }
 
     int count;  // a multiple of kLanes

@@ -100,13 +100,14 @@ USDFOLIAGE_WIDE void mean_of_lowest(std::vector<std::uint8_t>& costs, std::size_
 }  // namespace
 
 std::vector<std::uint8_t> sweep_cost(const Brightness& photo, const std::vector<Brightness>& others,
-                                     const double* homographies, std::size_t planes, const SweepCostOptions& options) {
-    assert(options.radius >= 1 && planes >= 1 && !others.empty());
+                                     const double* homographies, std::size_t planes, const SweepCostSettings& settings,
+                                     int threads) {
+    assert(settings.window_px >= 1 && planes >= 1 && !others.empty());
     const int width = photo.width;
     const int height = photo.height;
-    const int pad = options.radius;
+    const int pad = settings.window_px;
     const int padded = width + 2 * pad;
-    const auto tolerance = static_cast<std::int16_t>(options.tolerance);
+    const auto tolerance = static_cast<std::int16_t>(settings.tolerance_64ths);
 
     // The photograph with its border repeated, so that windows there need no care.
     std::vector<std::int16_t> own(static_cast<std::size_t>(height + 2 * pad) * padded);
@@ -124,11 +125,11 @@ std::vector<std::uint8_t> sweep_cost(const Brightness& photo, const std::vector<
     }
     const int scale = static_cast<int>(256.0 * kHighestCost / (2.0 * static_cast<double>(offsets.size())));
     const auto best = static_cast<std::size_t>(
-        std::clamp(std::lround(options.best_share * static_cast<double>(others.size())), 1L, static_cast<long>(others.size())));
+        std::clamp(std::lround(settings.best_share * static_cast<double>(others.size())), 1L, static_cast<long>(others.size())));
 
     std::vector<std::uint8_t> cost(static_cast<std::size_t>(height) * width * planes, kHighestCost);
     const std::size_t blocks = static_cast<std::size_t>((height + kBlockRows - 1) / kBlockRows);
-    parallel_for(blocks, options.threads, [&](std::size_t block) {
+    parallel_for(blocks, threads, [&](std::size_t block) {
         const int top = static_cast<int>(block) * kBlockRows;
         const int rows = std::min(kBlockRows, height - top);
         const std::size_t line = static_cast<std::size_t>(width);
@@ -194,7 +195,7 @@ namespace {
 
 // Add what one direction costs: along each line of pixels, the cheapest way to arrive on each plane.
 void add_direction(const std::uint8_t* cost, std::size_t planes, const Brightness& photo, int dy, int dx,
-                   const SemiglobalOptions& options, std::uint16_t* total) {
+                   const SemiglobalSettings& settings, int threads, std::uint16_t* total) {
     std::vector<std::pair<int, int>> starts;  // pixels whose predecessor is outside
     for (int row = 0; row < photo.height; ++row) {
         const bool whole_row = row - dy < 0 || row - dy >= photo.height;
@@ -202,9 +203,9 @@ void add_direction(const std::uint8_t* cost, std::size_t planes, const Brightnes
             if (whole_row || column - dx < 0 || column - dx >= photo.width) starts.emplace_back(row, column);
         }
     }
-    const auto small_step = static_cast<std::uint16_t>(options.small_step);
+    const auto small_step = static_cast<std::uint16_t>(settings.small_step_cost);
 
-    parallel_for(starts.size(), options.threads, [&](std::size_t start) {
+    parallel_for(starts.size(), threads, [&](std::size_t start) {
         // A border of high values on both ends spares the first and last plane a case of their own.
         constexpr std::uint16_t kHigh = 30000;
         std::vector<std::uint16_t> before(planes + 2, kHigh);
@@ -227,8 +228,8 @@ void add_direction(const std::uint8_t* cost, std::size_t planes, const Brightnes
                 }
             } else {
                 const double difference = std::abs(value - last_value);
-                const double large = options.large_step * options.edge / (options.edge + difference);
-                const auto jump = static_cast<std::uint16_t>(lowest + std::max(options.small_step + 1, static_cast<int>(large)));
+                const double large = settings.large_step_cost * settings.edge_64ths / (settings.edge_64ths + difference);
+                const auto jump = static_cast<std::uint16_t>(lowest + std::max(settings.small_step_cost + 1, static_cast<int>(large)));
                 const std::uint16_t* from = before.data();
                 std::uint16_t* to = now.data() + 1;
                 for (std::size_t d = 0; d < planes; ++d) {
@@ -252,17 +253,17 @@ void add_direction(const std::uint8_t* cost, std::size_t planes, const Brightnes
 }  // namespace
 
 PlanePicks pick_planes(const std::uint8_t* cost, std::size_t planes, const Brightness& photo,
-                       const SemiglobalOptions& options) {
-    assert(planes >= 1 && options.small_step < options.large_step && options.large_step < 8000);
+                       const SemiglobalSettings& settings, int threads) {
+    assert(planes >= 1 && settings.small_step_cost < settings.large_step_cost && settings.large_step_cost < 8000);
     const std::size_t pixels = static_cast<std::size_t>(photo.height) * photo.width;
     std::vector<std::uint16_t> total(pixels * planes, 0);
     constexpr int kDirections[8][2] = {{0, 1}, {0, -1}, {1, 0}, {-1, 0}, {1, 1}, {1, -1}, {-1, 1}, {-1, -1}};
     for (const auto& direction : kDirections) {
-        add_direction(cost, planes, photo, direction[0], direction[1], options, total.data());
+        add_direction(cost, planes, photo, direction[0], direction[1], settings, threads, total.data());
     }
 
     PlanePicks picks{std::vector<float>(pixels), std::vector<float>(pixels)};
-    parallel_for(static_cast<std::size_t>(photo.height), options.threads, [&](std::size_t row) {
+    parallel_for(static_cast<std::size_t>(photo.height), threads, [&](std::size_t row) {
         for (std::size_t pixel = row * photo.width; pixel < (row + 1) * photo.width; ++pixel) {
             const std::uint16_t* sum = total.data() + pixel * planes;
             const std::size_t best = static_cast<std::size_t>(std::min_element(sum, sum + planes) - sum);

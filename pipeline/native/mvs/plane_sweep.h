@@ -18,11 +18,10 @@ struct Brightness {
     int height;
 };
 
-struct SweepCostOptions {
-    int radius;          // of the census window, in pixels
-    int tolerance;       // differences of brightness up to here are none
-    double best_share;   // of the photographs, so many with the lowest cost count at each pixel; at least one
-    int threads;         // 0: one per core
+struct SweepCostSettings {
+    int window_px;        // radius of the census window
+    int tolerance_64ths;  // differences of brightness up to here are none; of 16320
+    double best_share;    // of the photographs, so many with the lowest cost count at each pixel; at least one
 };
 
 // Census cost of every pixel of a photograph on every plane.
@@ -35,13 +34,13 @@ struct SweepCostOptions {
 //                      those of this one.
 // @return              height x width x planes costs in [0, kHighestCost].
 std::vector<std::uint8_t> sweep_cost(const Brightness& photo, const std::vector<Brightness>& others,
-                                     const double* homographies, std::size_t planes, const SweepCostOptions& options);
+                                     const double* homographies, std::size_t planes, const SweepCostSettings& settings,
+                                     int threads);
 
-struct SemiglobalOptions {
-    int small_step;    // penalty for one plane between neighbours
-    int large_step;    // penalty for more, where the photograph is even
-    double edge;       // difference of brightness that halves the large penalty
-    int threads;       // 0: one per core
+struct SemiglobalSettings {
+    int small_step_cost;  // for one plane between neighbours
+    int large_step_cost;  // for more, where the photograph is even
+    double edge_64ths;    // difference of brightness that halves the large cost; of 16320
 };
 
 struct PlanePicks {
@@ -55,6 +54,6 @@ struct PlanePicks {
 //
 // @param cost  height x width x planes, as sweep_cost gives them.
 PlanePicks pick_planes(const std::uint8_t* cost, std::size_t planes, const Brightness& photo,
-                       const SemiglobalOptions& options);
+                       const SemiglobalSettings& settings, int threads);
 
 }  // namespace usdfoliage

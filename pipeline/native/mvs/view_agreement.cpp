@@ -7,8 +7,8 @@
 namespace usdfoliage {
 
 void count_agreeing(const float* depth_m, int width, int height, const std::vector<MatchSource>& sources,
-                    const AgreementOptions& options, std::uint8_t* counts) {
-    parallel_for(static_cast<std::size_t>(height), options.threads, [&](std::size_t line) {
+                    const AgreementSettings& settings, int threads, std::uint8_t* counts) {
+    parallel_for(static_cast<std::size_t>(height), threads, [&](std::size_t line) {
         const int row = static_cast<int>(line);
         for (int column = 0; column < width; ++column) {
             const std::size_t pixel = line * static_cast<std::size_t>(width) + column;
@@ -34,15 +34,15 @@ void count_agreeing(const float* depth_m, int width, int height, const std::vect
                 const double found_m = source.depth_m[at];
                 if (!(found_m > 0)) continue;
                 const double expected_m = seen[2] * depth_m[pixel];
-                if (found_m > expected_m * (1 + 2 * options.most_share)) ++to[1];
-                if (!(std::abs(found_m - expected_m) <= options.most_share * expected_m)) continue;
-                if (disagreement_px(source, u, v, column, row, 1e9f) <= options.most_px) ++to[0];
+                if (found_m > expected_m * (1 + 2 * settings.agree_share)) ++to[1];
+                if (!(std::abs(found_m - expected_m) <= settings.agree_share * expected_m)) continue;
+                if (disagreement_px(source, u, v, column, row, 1e9f) <= settings.agree_px) ++to[0];
             }
         }
     });
 }
 
-void show_planes(const float* planes, const float* cost, int width, int height, float most_cost, const MatchSource& to,
+void show_planes(const float* planes, const float* cost, int width, int height, float max_cost, const MatchSource& to,
                  const double* pixel_from_ray, const double* other_pixel_from_ray, const double* turn, float* seen,
                  float* seen_cost) {
     const double focal[2] = {pixel_from_ray[0], pixel_from_ray[4]};
@@ -53,7 +53,7 @@ void show_planes(const float* planes, const float* cost, int width, int height, 
         for (int column = 0; column < width; ++column) {
             const std::size_t pixel = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column);
             const float* plane = planes + 3 * pixel;
-            if (!(plane[0] > 0) || cost[pixel] > most_cost) continue;
+            if (!(plane[0] > 0) || cost[pixel] > max_cost) continue;
             const double* h = to.homography;
             double at[3];
             for (int i = 0; i < 3; ++i) at[i] = h[3 * i] * column + h[3 * i + 1] * row + h[3 * i + 2] + to.epipole[i] * plane[0];

@@ -187,13 +187,17 @@ def test_agreement_counts_views_that_lead_back():
     planes = [exact_planes(cam, SLANTED[0][0]) for cam in CAMERAS]
     depths = [each.depth_m for each in planes]
     depths[3] = depths[3] * 1.1
-    to = np.stack([warps(CAMERAS[0], cam) for cam in CAMERAS[1:]])
-    counts = _native.count_agreeing(depths[0], depths[1:], [], to, 1.0, 0.01, 0)
-    assert np.mean(counts[inside(16), 0] == 2) > 0.95
-    assert counts[..., 0].max() == 2
+    to = [warps(CAMERAS[0], cam) for cam in CAMERAS[1:]]
+    others = [_native.DepthSource(depth_m=each, warps=warp) for each, warp in zip(depths[1:], to, strict=True)]
+    settings = _native.AgreementSettings(agree_px=1.0, agree_share=0.01)
+    counts = _native.count_agreeing(depths[0], others, settings=settings, threads=0)
+    assert np.mean(counts.agreeing[inside(16)] == 2) > 0.95
+    assert counts.agreeing.max() == 2
     # The third puts its surface farther away: it sees through this one.
-    assert np.mean(counts[inside(16), 1] == 1) > 0.95
-    assert not _native.count_agreeing(np.zeros_like(depths[0]), depths[1:], [], to, 1.0, 0.01, 0).any()
+    assert np.mean(counts.through[inside(16)] == 1) > 0.95
+    none = _native.count_agreeing(np.zeros_like(depths[0]), others, settings=settings, threads=0)
+    assert not none.agreeing.any()
+    assert not none.through.any()
 
 
 def test_planes_of_another_view_are_the_same_planes():

@@ -263,6 +263,11 @@ def census_cost(photo, other, radius, tolerance):
     return (cost * int(256 * 127 / (2 * count)) + 128) // 256
 
 
+def sweep_cost(photo, others, homographies, radius, tolerance, best_share=1.0):
+    settings = _native.SweepCostSettings(window_px=radius, tolerance_64ths=tolerance, best_share=best_share)
+    return _native.sweep_cost(photo, others, homographies=homographies, settings=settings, threads=2)
+
+
 def aside(shift_px):
     return np.array([[1.0, 0, shift_px], [0, 1, 0], [0, 0, 1]])
 
@@ -271,7 +276,7 @@ def test_cost_is_the_census_of_each_plane():
     rng = np.random.default_rng(4)
     photo, other = (rng.integers(0, 16320, (30, 40)).astype(np.int16) for _ in range(2))
     shifts = np.stack([aside(shift) for shift in (0, 3)])
-    cost = _native.sweep_cost(photo, [other], shifts[None].copy(), 2, 3000, 1.0, 2)
+    cost = sweep_cost(photo, [other], shifts[None].copy(), 2, 3000)
     assert cost.shape == (30, 40, 2)
     # The last row and column of a photograph are not between pixels.
     np.testing.assert_array_equal(cost[2:-3, 2:-3, 0], census_cost(photo, other, 2, 3000)[:-1, :-1])
@@ -284,9 +289,9 @@ def test_cost_is_the_mean_of_the_best():
     rng = np.random.default_rng(5)
     photo, *others = (rng.integers(0, 16320, (20, 30)).astype(np.int16) for _ in range(4))
     stay = np.eye(3)[None, None]
-    each = np.stack([_native.sweep_cost(photo, [other], stay, 1, 0, 1.0, 1)[..., 0] for other in others], -1)
+    each = np.stack([sweep_cost(photo, [other], stay, 1, 0)[..., 0] for other in others], -1)
     best = np.sort(each.astype(int), axis=-1)[..., :2].sum(axis=-1)
-    together = _native.sweep_cost(photo, others, np.repeat(stay, 3, axis=0), 1, 0, 2 / 3, 1)[..., 0]
+    together = sweep_cost(photo, others, np.repeat(stay, 3, axis=0), 1, 0, 2 / 3)[..., 0]
     np.testing.assert_array_equal(together[:-1, :-1], ((2 * best + 2) // 4)[:-1, :-1])
 
 
@@ -294,8 +299,8 @@ def test_photographs_that_do_not_see_a_pixel_do_not_count():
     rng = np.random.default_rng(6)
     photo, other = (rng.integers(0, 16320, (20, 30)).astype(np.int16) for _ in range(2))
     stay, away = np.eye(3), aside(1000)
-    alone = _native.sweep_cost(photo, [other], stay[None, None], 1, 0, 1.0, 1)
-    both = _native.sweep_cost(photo, [other, other], np.stack([stay, away])[:, None].copy(), 1, 0, 1.0, 1)
+    alone = sweep_cost(photo, [other], stay[None, None], 1, 0)
+    both = sweep_cost(photo, [other, other], np.stack([stay, away])[:, None].copy(), 1, 0)
     np.testing.assert_array_equal(alone, both)
 
 
@@ -327,9 +332,10 @@ def test_planes_are_picked_by_the_equations():
     rng = np.random.default_rng(7)
     cost = rng.integers(0, 128, (9, 11, 6)).astype(np.uint8)
     photo = rng.integers(0, 16320, (9, 11)).astype(np.int16)
-    plane_found, uniqueness = _native.pick_planes(cost, photo, 10, 60, 1000.0, 2)
+    settings = _native.SemiglobalSettings(small_step_cost=10, large_step_cost=60, edge_64ths=1000.0)
+    picks = _native.pick_planes(cost, photo, settings=settings, threads=2)
     total = semiglobal_planes(cost, photo, 10, 60, 1000.0)
     best = total.argmin(axis=2)
-    assert np.abs(plane_found - best).max() <= 0.5
+    assert np.abs(picks.plane - best).max() <= 0.5
     others = np.where(np.abs(np.arange(6) - best[..., None]) > 2, total, 10**6).min(axis=2)
-    np.testing.assert_allclose(uniqueness, 1 - total.min(axis=2) / np.minimum(others, 65535), atol=1e-6)
+    np.testing.assert_allclose(picks.uniqueness, 1 - total.min(axis=2) / np.minimum(others, 65535), atol=1e-6)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from usdfoliage import _native
 from usdfoliage.capture.mvs.patch_match import MatchedPlanes, warps
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.native_settings import native_settings
 
 _CARRIED = 0.02  # confidence of pixels that keep their depth for their neighbours' sake alone
 _CUT_UNIT = 1000  # of costs, as whole numbers for the graph cut
@@ -91,19 +92,19 @@ def confirm_depth(
     """
     known = [planes for planes in source_planes if planes is not None]
     depth_m = np.where(matched.cost <= settings.max_cost, matched.depth_m, np.float32(0))
-    counts = np.zeros((*depth_m.shape, 2), np.uint8)
-    if known:
-        counts = _native.count_agreeing(
-            depth_m,
-            [planes.depth_m for planes in known],
-            list(source_opens),
-            np.stack([warps(matched.camera, planes.camera) for planes in known]),
-            settings.agree_px,
-            settings.agree_share,
-            threads,
+    sources = [
+        _native.DepthSource(
+            depth_m=planes.depth_m,
+            warps=warps(matched.camera, planes.camera),
+            open=source_opens[k] if source_opens else None,
         )
-    agreeing, through = counts[..., 0], counts[..., 1]
-    depth_m[through > settings.through * agreeing] = 0
+        for k, planes in enumerate(known)
+    ]
+    counts = _native.count_agreeing(
+        depth_m, sources, settings=native_settings(_native.AgreementSettings, settings), threads=threads
+    )
+    agreeing = counts.agreeing
+    depth_m[counts.through > settings.through * agreeing] = 0
     needed = min(settings.agreeing, len(known))
     fit = np.clip(1 - matched.cost / settings.max_cost, 0, 1)
     likelihood = fit * np.minimum(agreeing / (needed + 1), 1)
@@ -182,11 +183,8 @@ def drop_fringe(
         fringe = _native.find_fringe(
             depth_m,
             srgb,
-            settings.fringe_px,
-            2 * settings.agree_share,
-            settings.fringe_contrast,
-            settings.fringe_nearer,
-            threads,
+            settings=native_settings(_native.FringeSettings, settings, gap=2 * settings.agree_share),
+            threads=threads,
         )
         if not fringe.any():
             break

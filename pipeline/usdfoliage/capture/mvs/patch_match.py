@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from usdfoliage import _native
 from usdfoliage.capture.view import View
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.native_settings import native_settings
 
 MAX_SOURCES, _MOST_SAMPLES = 16, 64  # as native code takes them
 _MIN_SIDE_PX = 32  # of a coarse picture; below it there is nothing to match
@@ -154,44 +155,52 @@ def match_view(
         raise ValueError(f"{len(sources)} sources need as many planes, not {len(source_planes)}")
     own, *others = [Picture.of(view, max_side_px, level) for view in (reference, *sources)]
     size = own.gray.shape
-    first_step = settings.step if start is None else settings.step / 4
-    planes, cost = _native.match_planes(
-        own.srgb,
-        smooth_tint(own.srgb),
-        own.mask,
-        pixel_from_ray(own.camera),
-        [other.gray for other in others],
-        [smooth_tint(other.srgb) for other in others],
-        segment_planes,
-        None if source_planes is None else propose_planes(own.camera, source_planes),
-        open_maps(others, settings.open_margin_px),
-        [] if source_planes is None else _depths_of(source_planes, others),
-        np.stack([warps(own.camera, other.camera) for other in others]),
-        settings.window_offsets(),
+    matched = _native.match_planes(
+        _native.MatchReference(
+            srgb=own.srgb,
+            tint=smooth_tint(own.srgb),
+            pixel_from_ray=pixel_from_ray(own.camera),
+            mask=own.mask,
+            segment_planes=segment_planes,
+            proposals=None if source_planes is None else propose_planes(own.camera, source_planes),
+        ),
+        _match_sources(own, others, settings.open_margin_px, source_planes),
         np.zeros((*size, 3), np.float32) if start is None else enlarge_planes(start.planes, size),
-        iterations,
-        settings.best_sources,
-        1 / near_m,
-        1 / far_m,
-        settings.color_scale,
-        settings.distance_scale_px,
-        settings.noise,
-        settings.brightness_weight,
-        settings.brightness_scale,
-        settings.tint_weight,
-        settings.tint_scale,
-        settings.geometric_weight,
-        settings.geometric_limit_px,
-        settings.open_weight,
-        settings.segment_weight,
-        settings.segment_limit_px,
-        settings.segment_texture,
-        first_step,
-        float(np.tan(np.radians(settings.max_slant_deg))),
-        seed,
-        threads,
+        offsets=settings.window_offsets(),
+        settings=native_settings(
+            _native.PatchMatchSettings,
+            settings,
+            iterations=iterations,
+            nearest_inverse=1 / near_m,
+            farthest_inverse=1 / far_m,
+            step=settings.step if start is None else settings.step / 4,
+            max_slant=float(np.tan(np.radians(settings.max_slant_deg))),
+            seed=seed,
+        ),
+        threads=threads,
     )
-    return MatchedPlanes(camera=own.camera, planes=planes, cost=cost)
+    return MatchedPlanes(camera=own.camera, planes=matched.planes, cost=matched.cost)
+
+
+def _match_sources(
+    own: "Picture",
+    others: "Sequence[Picture]",
+    open_margin_px: int,
+    source_planes: Sequence[MatchedPlanes | None] | None,
+) -> list[_native.MatchSource]:
+    """The other pictures as the native function takes them, with their depth if they have planes so far."""
+    opens = open_maps(others, open_margin_px)
+    depths = [] if source_planes is None else _depths_of(source_planes, others)
+    return [
+        _native.MatchSource(
+            gray=other.gray,
+            tint=smooth_tint(other.srgb),
+            warps=warps(own.camera, other.camera),
+            open=opens[k] if opens else None,
+            depth_m=depths[k] if depths else None,
+        )
+        for k, other in enumerate(others)
+    ]
 
 
 def propose_planes(
@@ -206,18 +215,23 @@ def propose_planes(
     layers = []
     for chosen in (known[0::2], known[1::2]):
         if chosen:
-            seen, _ = _native.show_planes(
-                [planes.planes for planes in chosen],
-                [planes.cost for planes in chosen],
-                np.stack([warps(planes.camera, camera) for planes in chosen]),
-                [pixel_from_ray(planes.camera) for planes in chosen],
-                pixel_from_ray(camera),
-                [_turn(planes.camera, camera) for planes in chosen],
-                camera.width_px,
-                camera.height_px,
-                most_cost,
+            seen = _native.show_planes(
+                [
+                    _native.PlaneSource(
+                        planes=planes.planes,
+                        cost=planes.cost,
+                        warps=warps(planes.camera, camera),
+                        pixel_from_ray=pixel_from_ray(planes.camera),
+                        turn=_turn(planes.camera, camera),
+                    )
+                    for planes in chosen
+                ],
+                pixel_from_ray=pixel_from_ray(camera),
+                width=camera.width_px,
+                height=camera.height_px,
+                max_cost=most_cost,
             )
-            layers.append(seen)
+            layers.append(seen.planes)
     return np.stack(layers) if layers else None
 
 

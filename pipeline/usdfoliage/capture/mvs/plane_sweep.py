@@ -17,6 +17,7 @@ from usdfoliage.capture.mvs.consistency import ConsistencySettings, keep_consist
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.native_settings import native_settings
 
 logger = logging.getLogger(__name__)
 
@@ -171,26 +172,24 @@ def sweep_depth(
     cost = _native.sweep_cost(
         photo,
         [brightness for _, brightness in others],
-        homographies,
-        settings.window_px,
-        round(settings.tolerance * _BRIGHTNESS_SCALE),
-        settings.best_share,
-        settings.threads,
+        homographies=homographies,
+        settings=native_settings(
+            _native.SweepCostSettings, settings, tolerance_64ths=round(settings.tolerance * _BRIGHTNESS_SCALE)
+        ),
+        threads=settings.threads,
     )
-    plane, uniqueness = _native.pick_planes(
+    picks = _native.pick_planes(
         cost,
         photo,
-        settings.small_step_cost,
-        settings.large_step_cost,
-        settings.edge * _BRIGHTNESS_SCALE,
-        settings.threads,
+        settings=native_settings(_native.SemiglobalSettings, settings, edge_64ths=settings.edge * _BRIGHTNESS_SCALE),
+        threads=settings.threads,
     )
     step = (inverse[-1] - inverse[0]) / (planes - 1)
-    depth_m = 1 / (inverse[0] + plane.astype(np.float64) * step)
-    inner = (plane > 0.5) & (plane < planes - 1.5)  # on the ends the best plane may lie beyond
+    depth_m = 1 / (inverse[0] + picks.plane.astype(np.float64) * step)
+    inner = (picks.plane > 0.5) & (picks.plane < planes - 1.5)  # on the ends the best plane may lie beyond
     return SweptDepth(
         depth_m=np.where(inner, depth_m, 0).astype(np.float32),
-        confidence=uniqueness,
+        confidence=picks.uniqueness,
         camera=camera,
         step_m=np.asarray(depth_m**2 * step, np.float32),
     )

@@ -34,6 +34,7 @@ _CODE = (
     "capture/**/*.py",
     "jobs/capture/depth_tasks.py",
     "jobs/capture/maps.py",
+    "native_settings.py",
     "jobs/work/results.py",
 )
 
