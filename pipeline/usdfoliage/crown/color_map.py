@@ -22,8 +22,7 @@ from usdfoliage.crown.texture import TextureSettings, synthesize_texture
 from usdfoliage.crown.tone import ColorStatistics, ToneSettings, blend_tone, match_statistics
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.cubemap import FACES, share_borders
-
-Progress = Callable[[int, int], None]
+from usdfoliage.progress import PartCounter, Progress
 
 _FRONT, _TOP, _BOTTOM = FACES.index("+Z"), FACES.index("+Y"), FACES.index("-Y")
 # Each face's right border is the next one's left border; the front is second so that it can lie in the strip's middle.
@@ -101,7 +100,7 @@ def build_color_map(
 
     band = max(2, round(settings.band * size))
     strip_shape = (size + 2 * band, 4 * (size - 1) + band)
-    report = _SynthesisProgress(progress, strip_shape[0] * strip_shape[1] + 2 * size * size)
+    counter = PartCounter(progress, strip_shape[0] * strip_shape[1] + 2 * size * size)
 
     def synthesize(shape: tuple[int, int], net: Callable[[NDArray[Any]], NDArray[Any]]) -> NDArray[np.float32]:
         known, must, may = net(photo), net(kept), net(reached)
@@ -116,7 +115,7 @@ def build_color_map(
             known=known,
             known_mask=known_mask,
             settings=settings.texture,
-            progress=report.step(shape[0] * shape[1]),
+            progress=counter.next_piece(shape[0] * shape[1]),
         )
         return _lay_photo(image, known, must, may)
 
@@ -234,18 +233,3 @@ def _merge_cap(top: NDArray[np.float32], edge: NDArray[np.float32]) -> NDArray[n
 def _encode(linear: NDArray[np.floating], peak: float) -> NDArray[np.float32]:
     """sRGB-encoded values in [0, 1] of linear ones in [0, peak]."""
     return np.asarray(np.clip(encode_srgb(np.asarray(linear, np.float32) / np.float32(peak)), 0, 1), np.float32)
-
-
-class _SynthesisProgress:
-    """Adds the progress of several syntheses to one (done, total), counted in texels."""
-
-    def __init__(self, progress: Progress | None, total: int) -> None:
-        self.progress, self.total, self.before = progress, total, 0
-
-    def step(self, texels: int) -> Progress | None:
-        """Callback of the next synthesis, which makes so many texels."""
-        if self.progress is None:
-            return None
-        report, before = self.progress, self.before
-        self.before += texels
-        return lambda done, total: report(before + texels * done // max(total, 1), self.total)

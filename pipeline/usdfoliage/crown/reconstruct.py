@@ -15,7 +15,7 @@ from usdfoliage.crown.captured_measures import (
     measure_view,
     point_spacing,
 )
-from usdfoliage.crown.color_map import ColorMapSettings, Progress
+from usdfoliage.crown.color_map import ColorMapSettings
 from usdfoliage.crown.crown_points import CrownCenter, CrownPointSettings, choose_crown_points, find_crown_center
 from usdfoliage.crown.hull import HullSettings, fit_crown_hull
 from usdfoliage.crown.model import CrownModel
@@ -25,7 +25,7 @@ from usdfoliage.crown.texture import TextureSettings
 from usdfoliage.crown.views import CrownView, ReducedView, reduce_view
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.steps import StepProgress, follow_step
+from usdfoliage.progress import Progress, StepProgress, follow_step
 
 CAPTURED_STEPS = ("points", "photographs", "hull", "colours", "texture", "measures")
 CLOUD_STEPS = ("points", "hull", "colours", "measures")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, distance_transform_edt
 
-from usdfoliage.crown.color_map import ColorMapSettings, Progress, build_color_map
+from usdfoliage.crown.color_map import ColorMapSettings, build_color_map
 from usdfoliage.crown.projection import Exemplar, make_exemplar
 from usdfoliage.crown.silhouette_view import draw_silhouette, nearest_depth
 from usdfoliage.crown.tone import blur_colors, measure_color_statistics
@@ -23,6 +23,7 @@ from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import luminance
 from usdfoliage.geometry.cube_field import solve_dirichlet
 from usdfoliage.geometry.cubemap import face_directions, share_borders
+from usdfoliage.progress import Progress
 
 _BUFFER = 0.42  # pixels of the depth buffer in a radius, of a face's texels: none of the surface's points is missed
 _DENSE = 0.7  # share of a silhouette that is leaves, from which on gaps are left out of what is copied

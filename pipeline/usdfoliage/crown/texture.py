@@ -8,7 +8,6 @@ Source: the thesis on semi-procedural crowns, sections 4.5 and 4.5.1; V. Kwatra 
 S. Lefebvre and H. Hoppe, Parallel Controllable Texture Synthesis, 2005.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +16,7 @@ from scipy.ndimage import distance_transform_edt
 
 from usdfoliage import _native
 from usdfoliage.errors import FitError
+from usdfoliage.progress import Progress
 
 _WHITE = 1023  # the kernels' integer colours
 # Random places a pixel and pass: found ones break pieces up and score no better, so none.
@@ -81,7 +81,7 @@ def synthesize_texture(
     known: NDArray[np.float32] | None = None,
     known_mask: NDArray[np.bool_] | None = None,
     settings: TextureSettings = TextureSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> NDArray[np.float32]:
     """Make an image that looks like an exemplar and continues what is known of it.
 
@@ -129,7 +129,7 @@ def synthesize_sources(
     known: NDArray[np.float32] | None = None,
     known_mask: NDArray[np.bool_] | None = None,
     settings: TextureSettings = TextureSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> NDArray[np.int32]:
     """Row and column in the exemplar that each pixel of synthesize_texture copies, (H, W, 2).
 

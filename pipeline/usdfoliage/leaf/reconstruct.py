@@ -22,7 +22,7 @@ from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSetting
 from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing, nonzero
 from usdfoliage.leaf.segmentation.paper.segment import PaperSegmentationSettings, segment_paper
 from usdfoliage.leaf.shape.measures import leaf_width
-from usdfoliage.steps import StepProgress, follow_step
+from usdfoliage.progress import StepProgress, follow_step
 
 METHODS = ("dense", "paper")
 STEPS = ("segmentation", "fit", "direction", "colours", "texture")

@@ -1,7 +1,6 @@
 """From the cloud of a plant to the skeleton of its branches."""
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
@@ -23,6 +22,7 @@ from usdfoliage.branch.tracing.traced_axes import as_skeleton, trace_axes
 from usdfoliage.branch.tracing.wood import WoodSettings, choose_wood, shows_leaves, wood_odds
 from usdfoliage.branch.tracing.wood_colors import color_odds
 from usdfoliage.geometry.point_cells import cell_means, one_in_each_cell
+from usdfoliage.progress import StepProgress
 
 logger = logging.getLogger(__name__)
 
@@ -37,7 +37,6 @@ _FLARE = 0.7  # of its radius, that a stem may be thicker at its foot on one sid
 _FLARES = 4.0  # radii of it, up to which that fades
 _NEAR_BELIEVED = 3  # nodes from a believed circle, that are as thick as is thought
 
-Progress = Callable[[str, float], None]
 CloudLeaves = Literal["auto", "on", "off"]  # whether a cloud has leaves: told by it, yes, no
 
 
@@ -103,7 +102,7 @@ def reconstruct_branches(
     points_m: NDArray[np.float64],
     roots_m: NDArray[np.float64],
     settings: BranchSettings = BranchSettings(),
-    progress: Progress | None = None,
+    progress: StepProgress | None = None,
     colors: NDArray[np.number] | None = None,
 ) -> TracedBranches:
     """Trace the branches of a plant through its cloud, and measure them.
@@ -193,7 +192,7 @@ def _find_wood(
     spacing_m: float,
     settings: BranchSettings,
     colors: NDArray[np.number] | None,
-    report: Progress,
+    report: StepProgress,
 ) -> tuple[NDArray[np.intp], _Cut]:
     """(W,) points that are of wood, and their sections."""
     cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)

@@ -2,7 +2,6 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from usdfoliage.capture.folder.listing import named
 from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.toml import read_toml
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -66,7 +66,7 @@ class CloudInput:
 def read_cloud_input(
     path: Path,
     settings: CloudInputSettings = CloudInputSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> CloudInput:
     """Read the cloud in a file, or that of a capture folder.
 
@@ -243,7 +243,7 @@ def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
 
 
 def _read_points(
-    parts: CloudParts, max_points: int, sampled: SampledColors, progress: Callable[[int, int], None] | None
+    parts: CloudParts, max_points: int, sampled: SampledColors, progress: Progress | None
 ) -> tuple[ThinnedPoints, int, float, Counter[str]]:
     """The points that are left, how many there were, the highest colour, and what was left out; sampled gets some."""
     thinner = PointThinner(max_points)

@@ -3,7 +3,7 @@
 import logging
 import math
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -19,6 +19,7 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import hash_file
 from usdfoliage.files.threads import map_threaded, share_cores
 from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -83,7 +84,7 @@ def read_photo_set(
     images: Path,
     names: Sequence[str] | None = None,
     settings: PhotoSetSettings = PhotoSetSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> PhotoSet:
     """Look at every file of a folder; all photographs are read once, and none is kept.
 

@@ -2,7 +2,7 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -31,6 +31,7 @@ from usdfoliage.capture.lens import Lens, Undistortion, scale_lens, undistort
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -194,7 +195,7 @@ def read_capture(
     )
 
 
-def read_views(capture: Capture, progress: Callable[[int, int], None] | None = None) -> CaptureViews:
+def read_views(capture: Capture, progress: Progress | None = None) -> CaptureViews:
     """Read all views of a capture; those that cannot be read are left out and named.
 
     Raises:

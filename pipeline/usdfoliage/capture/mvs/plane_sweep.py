@@ -5,7 +5,7 @@ semiglobal matching; what the photographs of one another do not confirm is then 
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -18,6 +18,7 @@ from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.native_settings import native_settings
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -70,7 +71,7 @@ def sweep_depths(
     views: Sequence[View],
     points_m: NDArray[np.floating] | None = None,
     settings: PlaneSweepSettings = PlaneSweepSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[NDArray[np.float32]]:
     """Depth of every view, (H, W) in metres at its photograph's size, 0 where it is not known.
 

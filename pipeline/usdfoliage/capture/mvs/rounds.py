@@ -29,6 +29,7 @@ from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.threads import map_threaded, share_cores
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -265,7 +266,7 @@ def match_views(
     views: Sequence[View],
     plan: DepthPlan,
     settings: DenseDepthSettings = DenseDepthSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     *,
     threads: int = 0,
 ) -> list[MatchedPlanes | None]:
@@ -304,7 +305,7 @@ def estimate_depths(
     views: Sequence[View],
     points_m: NDArray[np.floating] | None = None,
     settings: DenseDepthSettings = DenseDepthSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     *,
     threads: int = 0,
 ) -> list[DepthEstimate | None]:

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any
 
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.npz import find_damage
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -36,7 +37,7 @@ def run_items(
     items: Sequence[Mapping[str, Any]],
     work: Path,
     processes: int,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     module: str = MODULE,
 ) -> tuple[ItemFailure, ...]:
     """Do the items of a job, each in one of so many child processes; an item whose "out" exists is done already.
@@ -100,7 +101,7 @@ def _follow(
     shares: int,
     done: int,
     total: int,
-    progress: Callable[[int, int], None] | None,
+    progress: Progress | None,
 ) -> list[ItemFailure]:
     """The failures, when every share has ended."""
     failures = []

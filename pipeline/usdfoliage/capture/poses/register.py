@@ -7,7 +7,7 @@ import importlib.metadata
 import json
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, projec
 from usdfoliage.capture.poses.result import Registered as Registered  # what callers get
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_text
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import Progress, StepProgress, progress_in_step
 
 logger = logging.getLogger(__name__)
 
@@ -111,19 +111,19 @@ def register_photos(
         raise CaptureError(f"{work} cannot be made: {error.strerror}; choose another folder") from error
     processes = settings.threads or os.cpu_count() or 1
 
-    features, failed = _find_features(photos, work, settings, processes, _told(progress, "features"))
+    features, failed = _find_features(photos, work, settings, processes, progress_in_step("features", progress))
     usable = [index for index in range(len(photos)) if index not in failed]
     cameras = _cameras(photos, features, usable, settings)
-    pairs = _choose_pairs(features, usable, work, settings, processes, _told(progress, "pairs"))
-    match_files = _match(features, cameras, usable, pairs, work, settings, processes, _told(progress, "matches"))
+    pairs = _choose_pairs(features, usable, work, settings, processes, progress_in_step("pairs", progress))
+    match_files = _match(
+        features, cameras, usable, pairs, work, settings, processes, progress_in_step("matches", progress)
+    )
     found = PairMatches.gather(len(photos), match_files)
-    model = _map(photo_set, features, cameras, usable, match_files, found, work, settings, _told(progress, "cameras"))
+    model = _map(
+        photo_set, features, cameras, usable, match_files, found, work, settings, progress_in_step("cameras", progress)
+    )
     _check_moved(photo_set, model)
     return _registered(photo_set, features, cameras, model, found, failed, settings)
-
-
-def _told(progress: StepProgress | None, step: str) -> Callable[[int, int], None]:
-    return lambda done, total: None if progress is None else progress(step, done / max(total, 1))
 
 
 def _named(*parts: Any) -> str:
@@ -137,7 +137,7 @@ def _find_features(
     work: Path,
     settings: RegistrationSettings,
     processes: int,
-    progress: Callable[[int, int], None],
+    progress: Progress | None,
 ) -> tuple[list[Path], dict[int, str]]:
     """The file of each photograph's features, and why some have none."""
     job = {
@@ -197,7 +197,7 @@ def _choose_pairs(
     work: Path,
     settings: RegistrationSettings,
     processes: int,
-    progress: Callable[[int, int], None],
+    progress: Progress | None,
 ) -> list[tuple[int, int]]:
     """Which photographs are compared in full, the smaller number first."""
     candidates = _candidates(features, usable, settings)
@@ -268,7 +268,7 @@ def _match(
     work: Path,
     settings: RegistrationSettings,
     processes: int,
-    progress: Callable[[int, int], None],
+    progress: Progress | None,
 ) -> list[Path]:
     """Files with the matches of each photograph with later ones."""
     job = {
@@ -300,7 +300,7 @@ def _map(
     found: PairMatches,
     work: Path,
     settings: RegistrationSettings,
-    progress: Callable[[int, int], None],
+    progress: Progress | None,
 ) -> dict[str, NDArray[Any]]:
     """The model of the worker; photographs are numbered as in usable there, and as in photo_set here."""
     overlapping = found.verified >= settings.least_matches

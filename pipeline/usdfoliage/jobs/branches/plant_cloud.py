@@ -22,7 +22,7 @@ from usdfoliage.capture.cloud_files.up_axis import axis_vector, find_cloud_up, t
 from usdfoliage.errors import FitError, FoliageError
 from usdfoliage.geometry.point_cells import cell_means, number_cells
 from usdfoliage.jobs.branches.warnings import doubt_height
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import StepProgress, progress_in_step
 
 MIN_POINTS = 50  # of a plant without its ground
 _CLOSEST = 0.3  # internodes: points closer together take time and show nothing more
@@ -130,7 +130,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     source = read_cloud_input(
         request.path,
         CloudInputSettings(metres_per_unit=None if request.unit is None else UNITS[request.unit]),
-        (lambda done, total: progress("read", done / max(total, 1))) if progress else None,
+        progress_in_step("read", progress),
     )
     notes = list(source.notes)
     if request.up is not None:

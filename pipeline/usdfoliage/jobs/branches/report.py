@@ -25,7 +25,7 @@ from usdfoliage.jobs.report.cloud_pictures import (
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import TURBO, VIRIDIS, color_values, write_picture
 from usdfoliage.jobs.report.table import ReportView, Row, list_seconds
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import StepProgress, progress_in_step
 
 logger = logging.getLogger(__name__)
 
@@ -154,7 +154,7 @@ def write_branches_report(
                 interface,
                 [PreviewView(output=folder / file, direction=direction) for _, direction, file in VIEWS],
                 _PREVIEW,
-                (lambda done, total: progress("preview", done / total)) if progress else None,
+                progress_in_step("preview", progress),
             )
             views = [ReportView(name=title, file=file) for title, _, file in VIEWS]
             for alike in report.variations:

@@ -47,7 +47,7 @@ from usdfoliage.jobs.branches.tracing import trace_cloud
 from usdfoliage.jobs.branches.warnings import doubt_surface
 from usdfoliage.jobs.edits.scatter import read_color
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.steps import StepProgress, follow_step
+from usdfoliage.progress import StepProgress, follow_step
 
 logger = logging.getLogger(__name__)
 

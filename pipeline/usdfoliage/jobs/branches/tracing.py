@@ -10,7 +10,7 @@ from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches
 from usdfoliage.errors import FitError
 from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.branches.warnings import FEW_ROUND, doubt_stems
-from usdfoliage.steps import StepProgress, follow_step
+from usdfoliage.progress import StepProgress, follow_step, progress_of_shares
 
 _COARSER = 3.0  # times the internode: a herb's leaves are larger for its height than a tree's, and so is their noise
 _LESS_WOOD = 0.7  # for that of a fine trace, wood of a coarse one that shows how much of the former was leaves
@@ -88,12 +88,12 @@ def _trace(
     own: dict[str, float] = {}
     with follow_step("read", own, None):
         plant = read_plant_cloud(cloud, progress)
-    with follow_step("branches", own, progress) as tell:
+    with follow_step("branches", own, progress) as report:
         traced = reconstruct_branches(
             plant.points_m,
             plant.roots_m,
             settings,
-            lambda name, share: tell(round(1000 * share), 1000),
+            progress_of_shares(report),
             plant.colors,
         )
     for step, took in own.items():

@@ -32,6 +32,7 @@ from usdfoliage.files.threads import MOST_AT_ONCE, map_ahead, map_threaded, shar
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture.settings import DenseChoice
 from usdfoliage.jobs.work.results import explain, forget, has_result, read_result, task_key, write_result
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +40,6 @@ PHOTOS, PLANES, DEPTH, COLMAP = "photos", "planes", "depth", "colmap"  # folders
 _ABOUT = ("size", "notes", "sharpness")  # what is kept of a photograph beside its pixels
 _MOST_IN_MEMORY = 12 + 2 * MOST_AT_ONCE  # photographs, and planes of as many
 
-Progress = Callable[[int, int], None]
 Arrays = dict[str, NDArray[np.generic]]
 Held = TypeVar("Held")
 

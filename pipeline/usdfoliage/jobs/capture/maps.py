@@ -1,7 +1,6 @@
 """Maps of a capture: depth, normals and confidence on the pixels of each photograph, as files that appear whole."""
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from usdfoliage.files.json import read_json
 from usdfoliage.files.threads import map_threaded, share_cores
 from usdfoliage.jobs.capture.depth_tasks import DepthTasks, in_world, picture_of, read_estimate
 from usdfoliage.jobs.work.results import forget, task_key, write_whole
+from usdfoliage.progress import Progress
 
 MAPS = "maps"  # in the work folder
 KINDS = ("depth", "normals", "confidence")  # folders in the capture
@@ -30,9 +30,7 @@ class ViewMaps:
     footprint_m: float  # median size of a pixel on what it sees; NaN without depth
 
 
-def write_maps(
-    tasks: DepthTasks, *, threads: int = 0, progress: Callable[[int, int], None] | None = None
-) -> list[ViewMaps]:
+def write_maps(tasks: DepthTasks, *, threads: int = 0, progress: Progress | None = None) -> list[ViewMaps]:
     """Write the maps of every view that has sources into the work folder, unless they are there.
 
     Raises:

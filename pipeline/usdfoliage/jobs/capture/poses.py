@@ -20,7 +20,7 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, GivenPhotographs, Record
 from usdfoliage.jobs.capture.settings import CaptureRunSettings, PosesChoice
 from usdfoliage.jobs.work.results import WORK
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import StepProgress, progress_in_step
 
 logger = logging.getLogger(__name__)
 
@@ -118,9 +118,7 @@ def estimate_poses(
         every = read_photo_set(images, names, photo_settings)
         listed = [photo.name for photo in every.photos]
         names = [listed[place] for place in parse_views(views, listed)]
-    photo_set = read_photo_set(
-        images, names, photo_settings, lambda done, total: progress("photographs", done / total) if progress else None
-    )
+    photo_set = read_photo_set(images, names, photo_settings, progress_in_step("photographs", progress))
     how: RegistrationSettings = replace(settings.registration, threads=threads)
     try:
         registered = register_photos(photo_set, folder / WORK / REGISTRATION, how, progress)

@@ -65,7 +65,7 @@ from usdfoliage.jobs.capture.settings import CaptureRunSettings, read_capture_ru
 from usdfoliage.jobs.report.table import choose_shown
 from usdfoliage.jobs.work.results import forget, lock_work
 from usdfoliage.jobs.work.settings_file import list_settings
-from usdfoliage.steps import StepProgress, follow_step
+from usdfoliage.progress import StepProgress, follow_step
 
 logger = logging.getLogger(__name__)
 

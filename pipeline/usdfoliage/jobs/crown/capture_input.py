@@ -16,7 +16,7 @@ from usdfoliage.crown.views import CrownPicture, CrownView
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.pictures import shrink_to
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import StepProgress
 
 _SKY_PX = 700  # longer side of the picture that sky is looked for in
 

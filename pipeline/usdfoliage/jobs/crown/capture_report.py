@@ -18,7 +18,7 @@ from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, rende
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import shrink_to, shrunk_size, write_picture
 from usdfoliage.jobs.report.table import ReportView, Row
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import StepProgress, progress_in_step
 
 logger = logging.getLogger(__name__)
 
@@ -96,7 +96,7 @@ def draw_captured_crown(
             interface,
             [*sides, *drawn],
             PreviewSettings(width_px=640, height_px=640),
-            (lambda done, total: progress("preview", done / total)) if progress else None,
+            progress_in_step("preview", progress),
         )
     except PreviewError as error:
         logger.warning("no pictures: %s", error)

@@ -17,7 +17,7 @@ from usdfoliage.crown.surface import SurfaceSettings, inflate_silhouette
 from usdfoliage.crown.texture import TextureSettings
 from usdfoliage.crown.tone import measure_color_statistics
 from usdfoliage.geometry.cubemap import FACES, face_directions, sample_cubemap, share_borders
-from usdfoliage.steps import StepProgress, follow_step
+from usdfoliage.progress import StepProgress, follow_step
 
 STEPS = ("silhouette", "base surface", "radius", "photograph", "texture", "relief", "composition")
 

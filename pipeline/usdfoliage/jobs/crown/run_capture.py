@@ -34,7 +34,7 @@ from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_
 from usdfoliage.jobs.crown.capture_report import captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import StepProgress
 
 logger = logging.getLogger(__name__)
 

@@ -25,7 +25,7 @@ from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, w
 from usdfoliage.jobs.crown.tangent import read_tangent
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
 from usdfoliage.jobs.report.table import ReportView, Row
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import StepProgress, progress_in_step
 
 logger = logging.getLogger(__name__)
 
@@ -231,7 +231,7 @@ def _draw(interface: Path, folder: Path, progress: StepProgress | None) -> tuple
             interface,
             views,
             PreviewSettings(width_px=720, height_px=720),
-            (lambda done, total: progress("preview", done / total)) if progress else None,
+            progress_in_step("preview", progress),
         )
     except PreviewError as error:
         logger.warning("no pictures: %s", error)

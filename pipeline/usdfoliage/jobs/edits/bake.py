@@ -1,7 +1,7 @@
 """From an asset with edits to one whose leaves are as the edits make them."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,7 @@ from usdfoliage.jobs.edits.edit import changed_edits, show_value
 from usdfoliage.jobs.edits.settings import check_memory, read_representations, read_settings
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
+from usdfoliage.progress import StepProgress
 
 _STIFF = (
     "the leaves no longer follow branches that grow or sway, since they stand elsewhere or are divided otherwise; "
@@ -47,8 +48,6 @@ _STIFF = (
 )
 
 _BARED = "what stands out of the crown, the trunk below it above all, is now shown with it; the asset had it in no lod"
-
-StepProgress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)

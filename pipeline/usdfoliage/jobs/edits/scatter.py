@@ -1,7 +1,7 @@
 """From a number of leaves to an asset of a random spray."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,14 +24,13 @@ from usdfoliage.jobs.edits.settings import (
 )
 from usdfoliage.leaf.shape.spray import SpraySettings, scatter_spray
 from usdfoliage.leaf.shape.variation import VariationSettings, vary_colors
+from usdfoliage.progress import StepProgress
 
 MOST_LEAVES = 10_000_000
 MOST_LEAVES_OF_ALL = 2000  # up to here every representation is written unless others are asked for
 MOST_PATCHES = 100_000  # one prim a leaf: beyond it no application opens the representation nurbs
 LENGTHS_M = (1e-6, 1e3)
 MOST_VARIATION = 10.0  # there leaves are a dozen times as wide as others
-
-StepProgress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 import argparse
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -38,7 +38,7 @@ from usdfoliage.leaf.reconstruct import STEPS, Reconstruction, reconstruct_leave
 from usdfoliage.leaf.segmentation.model import Step
 from usdfoliage.leaf.shape.bounds import leaf_bounds_m
 from usdfoliage.leaf.shape.jitter import NO_JITTER, spread_phases
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import Progress, StepProgress, progress_in_step
 
 logger = logging.getLogger(__name__)
 
@@ -219,7 +219,7 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
     if request.depth == SWEEP:
         capture = _without_depth(capture)
     has_maps = any(view.depth is not None for view in capture.views)
-    read = _read_what_can_be(capture, request, _within("capture", progress))
+    read = _read_what_can_be(capture, request, progress_in_step("capture", progress))
     views, notes = list(read.views), [*capture.notes, *read.notes]
     warnings = list(check_depth_scale(views, capture.points_m, capture.settings.metres_per_unit))  # among the notes
     if request.depth != SWEEP and has_maps and not any(view.has_depth for view in views):
@@ -234,7 +234,7 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
                 "give depth maps, or more photographs"
             )
         try:
-            depths = sweep_depths(views, capture.points_m, request.settings.sweep, _within("sweep", progress))
+            depths = sweep_depths(views, capture.points_m, request.settings.sweep, progress_in_step("sweep", progress))
         except CaptureError as error:
             raise CaptureError(
                 f"depth cannot be computed from the photographs: {error}; put depth maps into "
@@ -248,9 +248,7 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
     return LeavesInput(capture=capture, views=views, numbers=numbers, notes=tuple(notes), warnings=tuple(warnings))
 
 
-def _read_what_can_be(
-    capture: Capture, request: LeavesRequest, progress: Callable[[int, int], None] | None
-) -> CaptureViews:
+def _read_what_can_be(capture: Capture, request: LeavesRequest, progress: Progress | None) -> CaptureViews:
     """The views; without depth where all of its maps are damaged and none was asked for by its folder."""
     try:
         return read_views(capture, progress)
@@ -363,7 +361,7 @@ def draw_previews(
     cameras = [shrink_camera(given.views[number].camera, PREVIEW_PX, asset_from_world) for number in shown]
     files = [f"view_{given.numbers[number]:03}_storm.png" for number in shown]
     views = [PreviewView(output=folder / file, pinhole=camera) for file, camera in zip(files, cameras, strict=True)]
-    render_views(interface, views, PreviewSettings(samples=1), _within("preview", progress))
+    render_views(interface, views, PreviewSettings(samples=1), progress_in_step("preview", progress))
     return dict(zip(shown, files, strict=True))
 
 
@@ -387,8 +385,3 @@ def describe_settings(request: LeavesRequest) -> dict[str, str]:
 def _three(color: NDArray[np.floating]) -> tuple[float, float, float]:
     red, green, blue = map(float, color)
     return red, green, blue
-
-
-def _within(step: str, progress: StepProgress | None) -> Callable[[int, int], None] | None:
-    """Progress of a part, told as that of a step."""
-    return None if progress is None else lambda done, total: progress(step, done / max(total, 1))

@@ -10,7 +10,7 @@ from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.store import ResultFile, Store
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import Progress, StepProgress, progress_in_step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +52,11 @@ class StageCall:
     @property
     def store(self) -> Store:
         return self.request.store
+
+    @property
+    def report_parts(self) -> Progress | None:
+        """What to call with the parts of the task that are done; None where nobody listens."""
+        return progress_in_step(self.task.name, self.progress)
 
     def result_of(self, name: str) -> Path:
         """The folder of another task's result."""

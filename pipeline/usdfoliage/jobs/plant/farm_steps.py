@@ -17,7 +17,7 @@ from usdfoliage.jobs.plant.run import plan_plant
 from usdfoliage.jobs.plant.store import find_finished, lock_task, read_stamp, remove_leftovers, stamp_mark
 from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan
 from usdfoliage.jobs.plant.worker import run_named_task
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import StepProgress
 
 logger = logging.getLogger(__name__)
 

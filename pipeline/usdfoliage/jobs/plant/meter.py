@@ -1,18 +1,13 @@
 """How far a build is."""
 
-from collections.abc import Callable
-
 from usdfoliage.jobs.plant.executors import Done, Wanted
-from usdfoliage.steps import StepProgress
-
-# Told of the plant, of what runs, and of the share of the whole work that is done.
-BuildProgress = Callable[[str, str, float], None]
+from usdfoliage.progress import PlantProgress, StepProgress
 
 
 class Meter:
     """How much of all the work is done: every plant counts alike, its tasks by what they were thought to take."""
 
-    def __init__(self, plants: int, progress: BuildProgress | None) -> None:
+    def __init__(self, plants: int, progress: PlantProgress | None) -> None:
         self._progress = progress
         self._plants = plants
         self._wanted: list[Wanted] = []
@@ -32,15 +27,15 @@ class Meter:
         self._ended += 1
 
     def step(self, place: int, name: str) -> StepProgress | None:
-        """What is told of the steps within a task, where it runs in this process."""
+        """What to call with the steps within a task, where it runs in this process."""
         if self._progress is None:
             return None
-        tell, plant = self._progress, self._wanted[place].request.name
+        report, plant = self._progress, self._wanted[place].request.name
 
         def show(step: str, share: float) -> None:
             what = name if step == name else f"{name}: {step}"
             # Steps follow each other within a task, and each counts from 0: the task as a whole is half done.
-            tell(plant, what, self._share(place, name, share if step == name else 0.5))
+            report(plant, what, self._share(place, name, share if step == name else 0.5))
 
         return show
 

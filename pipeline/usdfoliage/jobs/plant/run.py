@@ -13,13 +13,14 @@ from usdfoliage.jobs.plant.dask_workers import connect_dask
 from usdfoliage.jobs.plant.executors import Done, NextPlant, TaskOrder, Wanted, Workers, run_here, run_on
 from usdfoliage.jobs.plant.finish import BuiltPlant, finish_plant
 from usdfoliage.jobs.plant.inputs import BuildInputs, Look, find_inputs
-from usdfoliage.jobs.plant.meter import BuildProgress, Meter
+from usdfoliage.jobs.plant.meter import Meter
 from usdfoliage.jobs.plant.processes import open_processes, threads_each
 from usdfoliage.jobs.plant.record import note_build
 from usdfoliage.jobs.plant.store import remove_leftovers, stamp_mark
 from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan, find_wanted, plan_build
 from usdfoliage.jobs.plant.times import expect_times
 from usdfoliage.jobs.plant.worker import run_named_task
+from usdfoliage.progress import PlantProgress
 
 logger = logging.getLogger(__name__)
 
@@ -60,7 +61,7 @@ def plan_plant(request: BuildRequest, look: Look = "bytes") -> tuple[BuildInputs
 
 
 def build_plants(
-    requests: Sequence[BuildRequest], where: ExecutorChoice, progress: BuildProgress | None = None
+    requests: Sequence[BuildRequest], where: ExecutorChoice, progress: PlantProgress | None = None
 ) -> Iterator[tuple[int, BuiltPlant]]:
     """Build plants; one that fails does not stop the others.
 

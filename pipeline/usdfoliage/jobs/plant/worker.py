@@ -53,7 +53,7 @@ from usdfoliage.jobs.plant.tasks import (
     Task,
     plan_build,
 )
-from usdfoliage.steps import StepProgress
+from usdfoliage.progress import StepProgress
 
 logger = logging.getLogger(__name__)
 

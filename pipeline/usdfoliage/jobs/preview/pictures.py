@@ -6,7 +6,7 @@ The request and the result are JSON files, pictures come back as linear EXR; hyd
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.preview.recorder import run_recorder
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -132,7 +133,7 @@ def render_views(
     usd_file: Path,
     views: Sequence[PreviewView],
     settings: PreviewSettings = PreviewSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Path]:
     """Draw views of a USD file, all by one start of the preview interpreter.
 
@@ -159,7 +160,7 @@ def render_turntable(
     output: Path,
     frames: int,
     settings: PreviewSettings = PreviewSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Path]:
     """Draw the asset from all around: frames NAME_000.png … beside output NAME.png, which is the contact sheet.
 
@@ -194,7 +195,7 @@ def draw_views(
     usd_file: Path,
     views: Sequence[PreviewView],
     settings: PreviewSettings,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[NDArray[np.float32]]:
     """What Storm draws: for each view (height, width, 4) float32, linear Rec.709, premultiplied by alpha, row 0 on top.
 

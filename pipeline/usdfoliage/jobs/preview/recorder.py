@@ -11,13 +11,14 @@ import selectors
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.errors import PreviewError
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -64,7 +65,7 @@ def find_interpreter() -> Path:
 
 
 def run_recorder(
-    request: dict[str, Any], work: Path, stall_timeout_s: float, progress: Callable[[int, int], None] | None
+    request: dict[str, Any], work: Path, stall_timeout_s: float, progress: Progress | None
 ) -> dict[str, Any]:
     """Start the preview interpreter on a request; returns its result, with its complaints logged.
 
@@ -133,9 +134,7 @@ def recorder_environment(work: Path) -> dict[str, str]:
     return environment
 
 
-def _follow_progress(
-    process: subprocess.Popen[bytes], stall_timeout_s: float, progress: Callable[[int, int], None] | None
-) -> None:
+def _follow_progress(process: subprocess.Popen[bytes], stall_timeout_s: float, progress: Progress | None) -> None:
     """Read stdout to its end, reporting each frame; raises PreviewError after too long a silence."""
     assert process.stdout is not None
     pending = b""

@@ -7,7 +7,6 @@ that is about as wide as long is tried along its width too: its halves and its s
 its extents do not. Our own idea.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -31,6 +30,7 @@ from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_area_elements, grid_places
+from usdfoliage.progress import Progress
 
 CELLS_U, CELLS_V = 6, 8  # of a leaf's surface, to tell how much of it has points
 EDGE_CELLS = 12  # of either silhouette
@@ -40,7 +40,6 @@ STEPS_BACK = 4  # towards the mean leaf, where that did not help
 
 BLADE = 4.0  # widths, as a size; leaves are shorter
 
-Progress = Callable[[int, int], None]
 Lengths = TypeVar("Lengths", float, NDArray[np.float64])
 
 

@@ -2,7 +2,6 @@
 
 import logging
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -31,13 +30,12 @@ from usdfoliage.jobs.preview.pictures import (
 )
 from usdfoliage.jobs.report.pictures import shrink_camera, shrink_to, write_picture
 from usdfoliage.jobs.report.table import choose_shown
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
 MOST_FRAMES = 3600  # of a turntable, a tenth of a degree apart
 SHAPES = (0.8, 1.6)  # width by height that pictures of narrow and of wide plants have at most
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)

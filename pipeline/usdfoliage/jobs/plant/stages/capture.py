@@ -124,11 +124,7 @@ def finish_photographs(call: StageCall) -> tuple[ResultFile, ...]:
 
 
 def _run(call: StageCall, tasks: DepthTasks, missing: MissingTasks) -> None:
-    def tell(done: int, total: int) -> None:
-        if call.progress is not None:
-            call.progress(call.task.name, done / max(total, 1))
-
-    run_tasks(tasks, missing, threads=call.threads, keep=True, progress=tell)
+    run_tasks(tasks, missing, threads=call.threads, keep=True, progress=call.report_parts)
     write_summary(call.out, StageSummary())
 
 

@@ -237,8 +237,8 @@ def _draw_masks(
             assert good  # a picture of bytes always can be
             write_whole(target / MASKS / f"{capture.views[index].name}.png", encoded.tobytes())
         masks.append(_DrawnMask(index=index, share=float(mask.mean()), picture=picture))
-        if call.progress is not None:
-            call.progress(call.task.name, (index + 1) / count)
+        if call.report_parts is not None:
+            call.report_parts(index + 1, count)
     return masks
 
 

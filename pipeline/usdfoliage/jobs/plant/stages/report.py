@@ -69,7 +69,7 @@ TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each
 def turn_plant(call: StageCall) -> tuple[ResultFile, ...]:
     """Pictures from all around."""
     return _draw(
-        call, lambda: draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call))
+        call, lambda: draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts)
     )
 
 
@@ -79,7 +79,9 @@ def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
     def draw() -> None:
         capture = read_capture(plant_capture(call))
         masks = "drawn" if has_drawn_masks(call) else "given"
-        compared = draw_comparisons(_asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, _tell(call))
+        compared = draw_comparisons(
+            _asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, call.report_parts
+        )
         held = [
             {
                 "name": each.name,
@@ -99,7 +101,7 @@ def show_variants(call: StageCall) -> tuple[ResultFile, ...]:
     """A picture of every variant."""
 
     def draw() -> None:
-        drawn = draw_variants(_asset_of(call), call.out / _PICTURES, call.settings.pictures, _tell(call))
+        drawn = draw_variants(_asset_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts)
         held = [
             {"set": each.set, "name": each.name, "picture": each.picture.name, "default": each.is_default}
             for each in drawn
@@ -282,11 +284,3 @@ def _draw(call: StageCall, draw: Callable[[], object]) -> tuple[ResultFile, ...]
         warnings.append(f"there are no pictures of the asset: {str(error).replace(str(call.store.folder), '…')}")
     write_summary(call.out, StageSummary(warnings=warnings, poor=bool(warnings)))
     return ()
-
-
-def _tell(call: StageCall) -> Callable[[int, int], None]:
-    def tell(done: int, total: int) -> None:
-        if call.progress is not None:
-            call.progress(call.task.name, done / max(total, 1))
-
-    return tell

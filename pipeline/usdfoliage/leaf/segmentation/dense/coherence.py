@@ -5,7 +5,7 @@ on the order of the views.
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -16,6 +16,7 @@ from usdfoliage import _native
 from usdfoliage.capture.view import View
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.leaf.segmentation.dense.depth_view import DepthView, depth_view
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -63,7 +64,7 @@ class CoherentDepth:
 def make_depth_coherent(
     views: Sequence[View],
     settings: CoherenceSettings = CoherenceSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     *,
     threads: int = 0,
 ) -> CoherentDepth:

@@ -8,7 +8,7 @@ leaves have is learned from the surest ones of the scene. Our own idea; where it
 the most visible leaves come first and help to find the others.
 """
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import cv2
@@ -53,8 +53,8 @@ from usdfoliage.leaf.segmentation.dense.scene import (
 from usdfoliage.leaf.segmentation.dense.selection import drop_twins, select_leaves
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings, PassSettings
 from usdfoliage.leaf.segmentation.model import Candidates, Segmentation, Step, find_nothing, nonzero
+from usdfoliage.progress import PartCounter, Progress
 
-Progress = Callable[[int, int], None]
 PatchKey = tuple[int, int, int]  # view; how many pixels, and the sum of their indices
 
 ASSUMED_WIDTH = 0.5  # in lengths, before any leaf was seen
@@ -92,11 +92,11 @@ def segment_dense(
     used = [index for index, view in enumerate(views) if view.has_depth]
     if not used:
         return find_nothing(views)
-    steps = _StepCounter(progress, 2 * len(used) + 7)
-    scene = measure_scene(views, used, settings, steps.step, threads)
+    counter = PartCounter(progress, 2 * len(used) + 7)
+    scene = measure_scene(views, used, settings, counter.add, threads)
 
     overlaps = overlap_patches(scene, settings, threads)
-    steps.step()
+    counter.add()
     median_m = measure_length(scene, overlaps, settings, threads)
     large = median_m >= settings.large_px * scene.footprint_m > 0
     if large:
@@ -119,11 +119,11 @@ def segment_dense(
     points = points_of_patches(scene, patches, group_of, len(groups), threads)
     points = append_points(points, points_of_parts(scene, median_m, settings, threads))
     proposals = propose_leaves(points, median_m, ASSUMED_WIDTH, scene.tolerance_m, threads=threads)
-    steps.step()
+    counter.add()
 
     state = _settle(scene, proposals, None, None, settings.first, settings, threads=threads)
     passes.append(_describe(state, "first"))
-    steps.step()
+    counter.add()
     named = {"second": settings.second, "third": settings.third, "last": settings.last}
     hopeless: set[PatchKey] = set()
     for name, passing in named.items():
@@ -139,22 +139,10 @@ def segment_dense(
         unlike = state.quality[found : found + len(keys)] < settings.hopeless * passing.min_quality
         hopeless |= {key for key, failed in zip(keys, unlike, strict=True) if failed}
         passes.append(_describe(state, name))
-        steps.step()
+        counter.add()
     leaves, dropped = _finish(scene, state, settings, threads)
-    steps.step()
+    counter.add()
     return Segmentation(candidates=candidates, leaves=leaves, dropped=dropped, passes=passes)
-
-
-class _StepCounter:
-    """Counts steps for a progress report."""
-
-    def __init__(self, progress: Progress | None, total: int) -> None:
-        self._progress, self._total, self._done = progress, total, 0
-
-    def step(self) -> None:
-        self._done = min(self._done + 1, self._total)
-        if self._progress:
-            self._progress(self._done, self._total)
 
 
 def _choose_groups(

@@ -8,7 +8,7 @@ started at either end or side as well as in the middle, and stays where it cover
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -23,6 +23,7 @@ from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.leaf.points import FREE_EDGE, HIDDEN_EDGE, INTERIOR, LeafPoints, no_points
 from usdfoliage.leaf.segmentation.paper.candidates import ViewCandidates, plane_frames
 from usdfoliage.leaf.segmentation.paper.icp import Alignment, IcpSettings, register_points
+from usdfoliage.progress import Progress
 
 _EXCESS = 1.25  # a candidate longer or wider than the template by this factor may be more leaves than one
 _CLOUD = 300  # points of a candidate that ICP sees
@@ -65,7 +66,7 @@ def refine_leaves(
     plane_threshold_m: float,
     settings: RefinementSettings = RefinementSettings(),
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> RefinedLeaves:
     """Lay the template on the candidates of all views, the surest first, and let each claim the points near it.
 

@@ -6,7 +6,7 @@ Source: G. Chaurasia, P. Beardsley, Editable Parametric Dense Foliage from 3D Ca
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +21,7 @@ from usdfoliage.leaf.segmentation.paper.planes import PlaneSettings
 from usdfoliage.leaf.segmentation.paper.refinement import RefinementSettings, refine_leaves
 from usdfoliage.leaf.segmentation.paper.superpixels import SuperpixelSettings
 from usdfoliage.leaf.segmentation.paper.template import TemplateSettings, draw_template, measure_ratio
+from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -48,7 +49,7 @@ class PaperSegmentationSettings:
 def segment_paper(
     views: Sequence[View],
     settings: PaperSegmentationSettings = PaperSegmentationSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Segmentation:
     """Find single leaves as the paper does.
 
