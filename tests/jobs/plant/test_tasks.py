@@ -1,6 +1,5 @@
 """The plan of a build: which tasks there are, and which settings and files touch which."""
 
-import ast
 import os
 import sys
 from collections.abc import Iterator
@@ -10,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import usdfoliage
 from usdfoliage.asset.resources import plugin_path_folders
 from usdfoliage.jobs.plant import outside_tools
 from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.settings import BuildSettings, TaskSettings, with_seed
 from usdfoliage.jobs.plant.store import Stamp, Store, fill_result, list_files, write_stamp
-from usdfoliage.jobs.plant.tasks import CODE_OF_DEPTH, STAGES, BuildPlan, find_wanted, plan_build
+from usdfoliage.jobs.plant.tasks import STAGES, BuildPlan, find_wanted, plan_build
 
 PHOTOGRAPHS = 9
 
@@ -292,51 +290,3 @@ def test_a_build_can_stop_at_a_stage(tmp_path: Path) -> None:
     wanted, _ = find_wanted(plan, Store(folder=tmp_path), thorough=True)
     expected = {"poses", "matching", "depth", "cloud", "isolation", "branches"}
     assert {task.stage for task in wanted.values()} == expected
-
-
-def test_the_code_that_finds_depth_is_in_its_version() -> None:
-    """Else a result of other code would be taken for one of this."""
-    package = Path(usdfoliage.__file__).parent
-    counted = {path for pattern in CODE_OF_DEPTH for path in package.glob(pattern)}
-    # What plans and keeps tasks makes nothing of them; what capture_stages asks of these is in its own text.
-    planning = {package / "jobs" / "plant" / f"{name}.py" for name in ("call", "store", "summary", "tasks")}
-    planning.add(package / "jobs" / "crown" / "photograph_report.py")  # rows of tables
-    seen: set[Path] = set()
-    ahead = [package / "jobs" / "plant" / "stages" / "capture.py"]
-    while ahead:
-        path = ahead.pop()
-        if path in seen or path in planning:
-            continue
-        seen.add(path)
-        ahead.extend(_imports(package, path))
-    assert len(seen) > 30
-    uncounted = {str(path.relative_to(package)) for path in seen - counted}
-    assert uncounted <= {"jobs/leaves/settings.py"} | {name for name in uncounted if name.startswith("leaf/")}
-
-
-def _imports(package: Path, path: Path) -> list[Path]:
-    found = []
-    for node in ast.walk(ast.parse(path.read_text())):
-        names = []
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        for name in names:
-            if name.startswith("usdfoliage."):
-                file = package.joinpath(*name.split(".")[1:]).with_suffix(".py")
-                if file.is_file():
-                    found.append(file)
-    return found
-
-
-def test_a_run_that_stops_at_doubtful_poses_takes_none_of_a_run_that_used_them() -> None:
-    estimated = replace(make_inputs(), has_cameras=False)
-    stop, use = (plan_build(estimated, changed(capture={"doubtful_poses": said}), "fern") for said in ("stop", "use"))
-    assert stop.tasks["poses"].key != use.tasks["poses"].key
-
-
-def test_nobody_doubts_poses_that_are_given() -> None:
-    use = plan_build(make_inputs(), changed(capture={"doubtful_poses": "use"}), "fern")
-    assert stages_that_change(PLAN, use) == AFTER_PARTS
-    both = [{"poses": "estimate", "doubtful_poses": said} for said in ("stop", "use")]
-    again = [plan_build(make_inputs(), changed(capture=said), "fern").tasks["poses"].key for said in both]
-    assert again[0] != again[1]

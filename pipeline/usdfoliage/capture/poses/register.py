@@ -24,12 +24,14 @@ from usdfoliage.capture.poses.pairs import all_pairs, neighbours_in_order, retri
 from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, project_with
 from usdfoliage.capture.poses.result import Registered as Registered  # what callers get
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.code import digest_code
 from usdfoliage.files.hashing import digest_text
 from usdfoliage.progress import Progress, StepProgress, progress_in_step
 
 logger = logging.getLogger(__name__)
 
-_VERSION = 1  # of what the files in the work folder mean
+# What features, matches and poses are made by: a test follows the imports.
+CODE_OF_POSES = ("[!_]*.py", "files/**/*", "geometry/**/*", "capture/**/*")
 _EXHAUSTIVE_UP_TO = 60  # photographs
 _MIN_MODEL = 2  # photographs
 _LEAST_PARALLAX_DEG = 2.5  # median over points; COLMAP drops points below 1.5
@@ -128,7 +130,7 @@ def register_photos(
 
 def _named(*parts: Any) -> str:
     """A file's name for what it is made from."""
-    made_by = [_VERSION, importlib.metadata.version("pycolmap")]
+    made_by = [digest_code(CODE_OF_POSES), importlib.metadata.version("pycolmap")]
     return digest_text(json.dumps([*made_by, *parts], sort_keys=True))[:24]
 
 

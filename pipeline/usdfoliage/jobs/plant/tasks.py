@@ -8,12 +8,11 @@ import functools
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from usdfoliage import _native
 from usdfoliage.asset.provenance import PACKAGES, package_versions
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.capture.mvs.agreement import AgreementSettings
+from usdfoliage.files.code import digest_code, is_code
 from usdfoliage.files.hashing import digest_values, hash_files
 from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.outside_tools import describe_interpreter, describe_validators
@@ -42,7 +41,6 @@ STAGES = (
     VARIANTS,
     REPORT,
 )
-_CODE = (".py", ".html", ".css", ".js", ".toml", ".glslfx", ".usda")
 _RESOURCES = ("schemas", "usd_plugins", "hydra_preview")
 # What poses and depth are made by: a test follows the imports.
 _NOT_OF_DEPTH = ("laspy", "lazrs", "jinja2")  # packages that read clouds and write pages
@@ -54,7 +52,11 @@ CODE_OF_DEPTH = (
     "jobs/capture/**/*",
     "jobs/work/**/*",
     "jobs/plant/stages/capture.py",
+    "jobs/plant/plan_words.py",
+    "jobs/plant/summary.py",
+    "jobs/report/table.py",
 )
+_EVERYTHING = ("**/*",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,23 +84,23 @@ class BuildPlan:
         return (task for task in self.tasks.values() if name in task.needs)
 
 
-@functools.cache
-def build_code_version(stage: str) -> str:
-    """A hash of everything that decides what a stage makes: the package, its extension, schemas, shaders, libraries.
+def code_of(stage: str) -> tuple[str, ...]:
+    """Patterns of the code that decides what a stage makes.
 
     Of matching, which takes longest, only what it can reach: another report is no reason to match again.
     """
-    of_depth = stage in (POSES, MATCHING, DEPTH)
+    return CODE_OF_DEPTH if stage in (POSES, MATCHING, DEPTH) else _EVERYTHING
+
+
+@functools.cache
+def build_code_version(stage: str) -> str:
+    """A hash of everything that decides what a stage makes: the package, its extension, schemas, shaders, libraries."""
+    of_depth = code_of(stage) == CODE_OF_DEPTH
     packages = [name for name in PACKAGES if not (of_depth and name in _NOT_OF_DEPTH)]
+    folders = [] if of_depth else [resource_folder(name) for name in _RESOURCES]
+    resources = [(path.name, path) for folder in folders for path in sorted(folder.rglob("*")) if is_code(path)]
     versions = repr(sorted(package_versions(packages).items()))
-    package = Path(__file__).parents[2]
-    patterns = CODE_OF_DEPTH if of_depth else ("**/*",)
-    files = {path for pattern in patterns for path in package.glob(pattern) if path.suffix in _CODE}
-    folders = [] if patterns == CODE_OF_DEPTH else [resource_folder(name) for name in _RESOURCES]
-    others = [path for folder in folders for path in sorted(folder.rglob("*")) if path.suffix in _CODE]
-    named = [(path.relative_to(package).as_posix(), path) for path in sorted(files)]
-    named += [(path.name, path) for path in (*others, Path(_native.__file__))]
-    return digest_values(versions, hash_files(named).hex())
+    return digest_values(versions, digest_code(code_of(stage)), hash_files(resources).hex())
 
 
 def plan_build(

@@ -16,10 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage import __version__, _native
+from usdfoliage import __version__
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import replace_file
-from usdfoliage.files.hashing import digest_values, hash_files
+from usdfoliage.files.code import digest_code
+from usdfoliage.files.hashing import digest_values
 from usdfoliage.files.locks import lacks_locks, open_lock, try_lock
 from usdfoliage.files.npz import DAMAGED, find_damage, read_arrays, write_arrays
 
@@ -27,15 +28,16 @@ logger = logging.getLogger(__name__)
 
 WORK = ".usdfoliage/capture"
 _LOCK = "lock"
-# Of the package, what decides results.
-_CODE = (
-    "files/**/*.py",
-    "geometry/**/*.py",
-    "capture/**/*.py",
+# What depth and maps of a capture are made by: a test follows the imports.
+CODE_OF_RESULTS = (
+    "[!_]*.py",
+    "files/**/*",
+    "geometry/**/*",
+    "capture/**/*",
     "jobs/capture/depth_tasks.py",
     "jobs/capture/maps.py",
-    "native_settings.py",
-    "jobs/work/results.py",
+    "jobs/capture/settings.py",
+    "jobs/work/**/*",
 )
 
 
@@ -54,10 +56,7 @@ def task_key(*parts: object) -> str:
 @functools.cache
 def code_version() -> str:
     """The version, and a hash of the code that measures: a build between two versions is another one."""
-    package = Path(__file__).parents[2]
-    files = [path for pattern in _CODE for path in sorted(package.glob(pattern))]
-    named = ((path.name, path) for path in (*files, Path(_native.__file__)))
-    return f"{__version__} {hash_files(named).hex()}"
+    return f"{__version__} {digest_code(CODE_OF_RESULTS)}"
 
 
 @contextmanager
