@@ -2,18 +2,20 @@
 
 usage: .venv/bin/python tools/settings_reference.py [-o FILE]
 
-What a setting means is the comment beside its field in the code, as `usdfoliage build --print-plan` prints it too. Edit
-it there.
+What a setting means, its unit and its range are the comment beside its field in the code, as `usdfoliage build
+--print-plan` prints it too. Edit it there.
 """
 
 import argparse
 import dataclasses
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.work.field_comments import field_comments
+from usdfoliage.jobs.work.renamed_settings import RENAMED_SETTINGS
 from usdfoliage.jobs.work.settings_file import format_value
 
 SETTINGS_PAGE = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
@@ -37,6 +39,10 @@ Few are worth changing for one plant: `plant.species`, `branches.roots`, `branch
 
 """
 
+OLD_NAMES = """\
+These names of an earlier version are still read, with a warning that gives the new name. The next version does not read
+them."""
+
 
 def settings_page() -> str:
     """The whole page."""
@@ -49,7 +55,15 @@ def settings_page() -> str:
             blocks.append(f"### {place}")
         blocks.append((type(settings).__doc__ or "").splitlines()[0])
         if rows:
-            blocks.append("\n".join(["| setting | default | what it is |", "| --- | --- | --- |", *rows]))
+            blocks.append(
+                "\n".join(
+                    ["| setting | default | unit | range | what it is |", "| --- | --- | --- | --- | --- |", *rows]
+                )
+            )
+    blocks.append("## Old names")
+    blocks.append(OLD_NAMES)
+    renamed = [f"| `{old}` | `{new}` |" for old, new in RENAMED_SETTINGS.items()]
+    blocks.append("\n".join(["| old name | name |", "| --- | --- |", *renamed]))
     return "\n\n".join(blocks) + "\n"
 
 
@@ -68,8 +82,16 @@ def _rows(settings: Any, *, at_top: bool) -> Iterator[str]:
         value = getattr(settings, field.name)
         if dataclasses.is_dataclass(value) or (field.name in ONCE and not at_top):
             continue
-        cells = (f"`{field.name}`", f"`{format_value(value)}`", comments.get(field.name, ""))
+        meaning, unit, allowed = split_comment(comments.get(field.name, ""))
+        cells = (f"`{field.name}`", f"`{format_value(value)}`", unit, allowed, meaning)
         yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def split_comment(comment: str) -> tuple[str, str, str]:
+    """Meaning, unit and range of a comment such as "Patches have this size. Unit: pixels. Range: 1 or more."."""
+    parts = re.split(r" (?=Unit: |Range: )", comment)
+    found = {part.partition(": ")[0]: part.partition(": ")[2].rstrip(".") for part in parts[1:]}
+    return parts[0], found.get("Unit", ""), found.get("Range", "")
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from usdfoliage.jobs.work.field_comments import field_comments
 from usdfoliage.jobs.work.settings_file import format_settings
 
 from tools.schema_reference import SCHEMA_PAGE, schema_page, split_doc
-from tools.settings_reference import ONCE, SETTINGS_PAGE, settings_page, walk_settings
+from tools.settings_reference import ONCE, SETTINGS_PAGE, settings_page, split_comment, walk_settings
 
 ROOT = Path(__file__).parents[2]
 
@@ -25,6 +25,22 @@ def test_every_setting_of_a_build_says_what_it_is():
         if not field_comments(type(settings)).get(field.name)
     ]
     assert not bare, f"say what it is in a comment beside the field: {', '.join(bare)}"
+
+
+def test_the_meaning_of_every_setting_is_a_sentence_with_unit_and_range():
+    wrong = []
+    for place, settings in walk_settings(BuildSettings()):
+        comments = field_comments(type(settings))
+        for field in dataclasses.fields(settings):
+            value = getattr(settings, field.name)
+            if dataclasses.is_dataclass(value) or (place and field.name in ONCE):
+                continue
+            meaning, unit, allowed = split_comment(comments[field.name])
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            has_unit = bool(unit) or not field.name.endswith(("_px", "_m", "_deg"))
+            if not meaning.endswith(".") or len(meaning.split()) < 4 or not has_unit or (is_number and not allowed):
+                wrong.append(f"{place}.{field.name}: {comments[field.name]}")
+    assert not wrong
 
 
 def test_every_table_of_settings_says_what_it_is():

@@ -23,9 +23,13 @@ def elevations_deg(camera: Pinhole, up: NDArray[np.floating]) -> NDArray[np.floa
 class ClearSkySettings:
     """When smooth regions that reach the top of a photograph are sky."""
 
-    max_texture: float = 1.5  # of 100: median standard deviation of lightness; a wall has more, and can be matched
-    below_horizon_deg: float = 10.0  # that sky may be seen, since up is not known exactly
-    seed: int = 0  # of every random choice
+    # A smooth region is sky up to this median standard deviation of lightness. Walls have more, and can be matched; 0
+    # finds no sky. Unit: of 100. Range: 0 or more.
+    max_texture: float = 1.5
+    # Sky may be seen this far below the horizon, because the up direction is not known exactly. Unit: degrees. Range:
+    # 0 to 90.
+    below_horizon_deg: float = 10.0
+    seed: int = 0  # Every random choice starts from this number. Range: 0 or more.
 
     def __post_init__(self) -> None:
         if not 0 <= self.below_horizon_deg <= 90:

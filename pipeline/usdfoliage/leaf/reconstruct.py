@@ -39,9 +39,10 @@ SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one sil
 class ReconstructionSettings:
     """Everything that decides which leaves are found and what they become."""
 
-    method: Literal["dense", "paper"] = "dense"  # dense: ours; paper: as published, to compare
-    min_confidence: float = 0.0  # leaves below it are dropped
-    threads: int = 0  # 0: one per core; the result is the same
+    # dense finds leaves with the project's method; paper runs the published one for comparison.
+    method: Literal["dense", "paper"] = "dense"
+    min_confidence: float = 0.0  # Leaves of lower confidence are dropped. Range: 0 to 1.
+    threads: int = 0  # At most this many threads work; 0 is one per core. The result is the same. Range: 0 or more.
     dense: DenseSegmentationSettings = field(default_factory=DenseSegmentationSettings)
     dense_fit: SurfaceFitSettings = field(default_factory=SurfaceFitSettings)
     paper: PaperSegmentationSettings = field(default_factory=PaperSegmentationSettings)

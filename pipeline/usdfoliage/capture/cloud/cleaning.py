@@ -23,11 +23,18 @@ _BESIDE = [step for step in product((-1, 0, 1), repeat=3) if step > (0, 0, 0)]  
 class CleaningSettings:
     """Which points are strays, and how far apart the others may be."""
 
-    neighbors: int = 6  # that a point must have within reach; 0 keeps strays
-    reach: float = 4.0  # of the median distance between neighbouring points
-    isolation: float = 3.0  # gap around a piece, of its size, from which on it is dropped; 0 keeps them
-    spacing_m: float = 0.0  # least distance between points that are left, as Poisson disks; 0 leaves them all
-    seed: int = 0  # of every random choice
+    # A point with fewer neighbours within reach is an outlier and dropped; 0 keeps outliers. Range: 0 or more.
+    neighbors: int = 6
+    # Neighbours are searched within this many median distances between points. Unit: median distances. Range: above
+    # 0.
+    reach: float = 4.0
+    # A floating piece is dropped where the gap around it is at least this many times its size; 0 keeps floating
+    # pieces. Unit: sizes. Range: 0 or more.
+    isolation: float = 3.0
+    # Points are thinned so that they lie at least this far apart (Poisson disks); 0 keeps all. Unit: metres. Range: 0
+    # or more.
+    spacing_m: float = 0.0
+    seed: int = 0  # Every random choice starts from this number. Range: 0 or more.
 
     def __post_init__(self) -> None:
         if self.neighbors < 0 or not self.reach > 0 or not (np.isfinite(self.spacing_m) and self.spacing_m >= 0):

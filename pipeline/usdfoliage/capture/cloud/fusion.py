@@ -36,9 +36,13 @@ class SeenSurface:
 class CloudSettings:
     """How points of many views become one."""
 
-    cell_m: float | None = None  # side of the cells, metres; auto: cell_footprints of a pixel of the median view
-    cell_footprints: float = 1.0  # side of the cells, in what a pixel covers on the plant, where cell_m is not said
-    min_views: int = 1  # that a point must be seen by
+    # Points are merged in cells with this side; auto is cell_footprints of a pixel of the median photograph. Unit:
+    # metres. Range: above 0.
+    cell_m: float | None = None
+    # Cells have this side, in footprints of a pixel on the plant, where cell_m is auto. Unit: footprints. Range:
+    # above 0.
+    cell_footprints: float = 1.0
+    min_views: int = 1  # A point is kept where at least this many photographs see it. Range: 1 or more.
 
     def __post_init__(self) -> None:
         if self.cell_m is not None and not (np.isfinite(self.cell_m) and self.cell_m > 0):

@@ -21,8 +21,11 @@ _CHUNK = 200_000  # points that a thread looks at at once
 class VisibilitySettings:
     """Which points the views see through too often."""
 
-    through: float = 2.0  # views that see something behind a point for each that has it; with more it is dropped
-    agree_share: float = 0.01  # of the depth, by which a view's own may differ from a point that it has
+    # A point is dropped where more photographs see through it than this many for each that has it; inf keeps all.
+    # Range: 0 or more.
+    through: float = 2.0
+    # A photograph has a point where its depth differs from the point's by up to this share. Range: above 0.
+    agree_share: float = 0.01
 
     def __post_init__(self) -> None:
         if not self.through >= 0 or not (np.isfinite(self.agree_share) and self.agree_share > 0):

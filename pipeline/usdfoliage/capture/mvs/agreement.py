@@ -26,24 +26,36 @@ _CUT_UNIT = 1000  # of costs, as whole numbers for the graph cut
 class AgreementSettings:
     """Which depth is believed."""
 
-    max_cost: float = 1.3  # of a plane: above it nothing fits
-    agreeing: int = 2  # other views whose depth must agree
-    through: float = 1.0  # views that see something behind, or nothing, for each that agrees; with more it is dropped
-    agree_px: float = 1.5  # between a pixel and where it comes back to from the other view
-    agree_share: float = 0.01  # between two depths that agree
-    min_likelihood: float = 0.05  # below it a pixel had better have no depth, as far as its neighbours let it
-    # of the graph cut: cost of an edge of what is kept where the photograph has none; 0: no cut
+    max_cost: float = 1.3  # A pixel whose plane costs more has no depth, because nothing fits. Range: above 0, below 3.
+    agreeing: int = 2  # The depths of this many other photographs must agree with a pixel's. Range: 0 or more.
+    # A pixel is dropped where more photographs see through it than this many for each that agrees. Range: 0 or more.
+    through: float = 1.0
+    # Two depths agree where a pixel comes back from the other photograph within this distance. Unit: pixels. Range:
+    # above 0.
+    agree_px: float = 1.5
+    agree_share: float = 0.01  # Two depths agree where they differ by up to this share. Range: above 0.
+    # A pixel of lower likelihood gets no depth, as far as its neighbours allow. Range: 0 to below 1.
+    min_likelihood: float = 0.05
+    # The graph cut charges this for an edge of the kept depth where the photograph has no edge; 0 makes no cut.
+    # Range: 0 to below 100.
     smoothness: float = 0.4
-    edge: float = 30.0  # of 765: a difference of colour that divides that cost by e
-    fringe_px: int = 8  # radius in which a pixel's colour is compared with what lies behind; 0: it is not
-    fringe_contrast: float = 24.0  # of 765: difference of colour to what lies behind, below which nothing is told
-    # share of the distance to the own surface's colour: a pixel nearer to the background's has no depth
+    # A colour difference of this size divides the cost smoothness by e. Unit: of 765. Range: above 0.
+    edge: float = 30.0
+    # A pixel's colour is compared with the background within this radius; 0 compares nothing. Unit: pixels. Range: 0
+    # to 64.
+    fringe_px: int = 8
+    # Where surface and background differ in colour by less, fringes are not searched. Unit: of 765. Range: 0 or more.
+    fringe_contrast: float = 24.0
+    # A fringe pixel loses its depth where its colour is nearer to the background's, by this share of the distance to
+    # its own surface's. Range: 0 to below 1.
     fringe_nearer: float = 0.4
-    fringe_passes: int = 6  # each takes what is outermost
-    filter_px: int = 1  # radius of the guided filter; 0: no filter
-    filter_color: float = 8.0  # of 255: differences of colour that it takes for an edge
-    filter_share: float = 0.001  # of the depth, by which the filter moves a pixel at most
-    min_region_px: int = 6  # smaller connected pieces of depth are dropped
+    fringe_passes: int = 6  # Fringes are removed in this many passes, the outermost pixels first. Range: 0 or more.
+    # The guided filter that smooths depth has this radius; 0 does not filter. Unit: pixels. Range: 0 or more.
+    filter_px: int = 1
+    # The guided filter takes a colour difference of this size for an edge. Unit: of 255. Range: above 0.
+    filter_color: float = 8.0
+    filter_share: float = 0.001  # The guided filter moves a pixel's depth by this share of it at most. Range: above 0.
+    min_region_px: int = 6  # Smaller connected regions of depth are dropped. Unit: pixels. Range: 0 or more.
 
     def __post_init__(self) -> None:
         if not 0 < self.max_cost < 3 or self.agreeing < 0 or min(self.min_region_px, self.filter_px) < 0:

@@ -16,10 +16,11 @@ _ONE_SURFACE_STEPS = 4  # pixels beside each other whose depths differ by more b
 class ConsistencySettings:
     """When depth is confirmed."""
 
-    max_steps: float = 1.5  # two depths agree up to so many of their own steps
-    min_confirmed: int = 1  # views that must agree
-    max_views: int = 6  # nearest views that are asked
-    min_region_px: int = 30  # smaller connected pieces of depth are dropped
+    # Two depths agree where they differ by up to this many of their own steps. Unit: steps. Range: above 0.
+    max_steps: float = 1.5
+    min_confirmed: int = 1  # At least this many other photographs must agree. Range: 0 or more.
+    max_views: int = 6  # The depth of this many nearest photographs is compared. Range: 1 or more.
+    min_region_px: int = 30  # Smaller connected regions of depth are dropped. Unit: pixels. Range: 0 or more.
 
     def __post_init__(self) -> None:
         if not self.max_steps > 0 or self.min_confirmed < 0 or self.max_views < 1 or self.min_region_px < 0:

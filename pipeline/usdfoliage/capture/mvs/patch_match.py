@@ -27,25 +27,51 @@ _MIN_SIDE_PX = 32  # of a coarse picture; below it there is nothing to match
 class PatchMatchSettings:
     """How windows are compared, and how planes spread."""
 
-    window_px: int = 3  # from the matching window's middle to its sides
-    window_step_px: int = 2  # between its pixels
-    color_scale: float = 80.0  # of 765: sum of the differences of three channels that weighs 1 / e
-    distance_scale_px: float = 4.0  # distance from the window's middle that weighs 1 / e
-    noise: float = 2.0  # of 255: standard deviation of brightness that tells nothing
-    brightness_weight: float = 0.5  # cost of mean brightness that differs by brightness_scale or more
-    brightness_scale: float = 40.0  # of 255
-    tint_weight: float = 0.25  # cost of colour in the window's middle that differs by tint_scale or more
-    tint_scale: float = 60.0  # of 765
-    best_sources: int = 3  # those that fit best count at each pixel: the others may be hidden from it
-    geometric_weight: float = 0.15  # cost of a pixel of disagreement with another view's depth
-    geometric_limit_px: float = 3.0  # disagreement beyond it costs no more: that view may see something else
-    open_weight: float = 0.4  # cost of every source that sees nothing, such as the sky, where the plane is
-    open_margin_px: int = 1  # masks may be wrong by so much
-    segment_weight: float = 0.2  # cost of depth away from the plane of the pixel's segment, equation 2, where
-    segment_texture: float = 5.0  # of 255: the window has no texture; at this standard deviation it is half
-    segment_limit_px: float = 2.0  # by so much movement in the source that moves most, or more
-    step: float = 0.03  # of the range of inverse depth: the first small changes of depth
-    max_slant_deg: float = 80.0  # between the line of sight and the normal
+    # A matching window reaches this far from its middle to its sides. Unit: pixels. Range: 1 or more.
+    window_px: int = 3
+    # The pixels of a window that are compared are this far apart. Unit: pixels. Range: a divisor of 2 window_px; at
+    # most 64 pixels a window.
+    window_step_px: int = 2
+    # A window's pixel weighs 1/e where the differences of its three channels to the middle sum up to this. Unit: of
+    # 765. Range: above 0.
+    color_scale: float = 80.0
+    # A window's pixel weighs 1/e at this distance from the middle. Unit: pixels. Range: above 0.
+    distance_scale_px: float = 4.0
+    # A window whose brightness has this standard deviation is taken for noise. Unit: of 255. Range: above 0.
+    noise: float = 2.0
+    # A difference in mean brightness of brightness_scale or more costs this. Range: 0 or more.
+    brightness_weight: float = 0.5
+    # A difference in mean brightness of this size has the full cost brightness_weight. Unit: of 255. Range: above 0.
+    brightness_scale: float = 40.0
+    # A difference in the colour of the window's middle of tint_scale or more costs this. Range: 0 or more.
+    tint_weight: float = 0.25
+    # A difference in colour of this size has the full cost tint_weight. Unit: of 765. Range: above 0.
+    tint_scale: float = 60.0
+    # The cost of a pixel is that of this many sources that match best, because the others may not see it. Range: 1 to
+    # 16.
+    best_sources: int = 3
+    # One pixel of disagreement with the depth of another photograph costs this. Range: 0 or more.
+    geometric_weight: float = 0.15
+    # Disagreement beyond this costs no more, because that photograph may see something else. Unit: pixels. Range:
+    # above 0.
+    geometric_limit_px: float = 3.0
+    # Each source that sees nothing, such as sky, where the plane is costs this. Range: 0 or more.
+    open_weight: float = 0.4
+    open_margin_px: int = 1  # Masks may be wrong by this distance. Unit: pixels. Range: 0 or more.
+    # Depth away from the plane of the pixel's segment costs up to this (equation 2), where the window has no texture.
+    # Range: 0 or more.
+    segment_weight: float = 0.2
+    # At this standard deviation of brightness a window counts as half textured, and segment_weight as half. Unit: of
+    # 255. Range: above 0.
+    segment_texture: float = 5.0
+    # Depth away from the segment's plane has its full cost where it moves the pixel by this much in the source that
+    # moves most. Unit: pixels. Range: above 0.
+    segment_limit_px: float = 2.0
+    # The first random changes of depth are this share of the range of inverse depth. Range: above 0.
+    step: float = 0.03
+    # A plane's normal is turned away from the line of sight by this angle at most. Unit: degrees. Range: above 0,
+    # below 90.
+    max_slant_deg: float = 80.0
 
     def __post_init__(self) -> None:
         if self.window_px < 1 or self.window_step_px < 1 or not 1 <= self.best_sources <= MAX_SOURCES:

@@ -30,21 +30,34 @@ _ONE_SURFACE_STEPS = 8  # a pixel and those around it, whose depths differ by mo
 class PlaneSweepSettings:
     """How finely to sweep, and against which photographs."""
 
-    max_side_px: int = 1200  # photographs are matched at this size at most
-    neighbors: int = 4  # photographs matched with each one
-    min_angle_deg: float = 2.0  # between the two lines of sight; below it depth is hardly determined
-    max_angle_deg: float = 30.0  # above it leaves look too different
-    best_share: float = 0.5  # of the neighbours at each place: the others may be hidden from it
-    step_px: float = 1.5  # between planes, in the neighbour that moves most
-    max_planes: int = 400  # of a photograph; steps become longer where step_px needs more
-    window_px: int = 2  # radius of the matching window
-    tolerance: float = 2.0  # of 255: differences of brightness up to here are noise
-    small_step_cost: int = 20  # of 127: smoothness, for one plane between pixels
-    large_step_cost: int = 200  # and for more
-    edge: float = 16.0  # of 255: a difference of brightness that halves the large cost
-    min_uniqueness: float = 0.02  # in [0, 1]: below it another plane fits as well
+    max_side_px: int = 1200  # Photographs are matched at this longer side at most. Unit: pixels. Range: 16 or more.
+    neighbors: int = 4  # Each photograph is matched with this many others. Range: 1 or more.
+    # Photographs that see a place under a smaller angle are not matched, because depth is hardly determined. Unit:
+    # degrees. Range: 0 to below max_angle_deg.
+    min_angle_deg: float = 2.0
+    # Photographs that see a place under a larger angle are not matched, because leaves look too different. Unit:
+    # degrees. Range: above min_angle_deg, below 90.
+    max_angle_deg: float = 30.0
+    # The cost of a place is that of this share of the neighbours, those that match best; the others may not see it.
+    # Range: above 0, up to 1.
+    best_share: float = 0.5
+    # Neighbouring planes move a pixel by this much in the neighbour that moves most. Unit: pixels. Range: above 0.
+    step_px: float = 1.5
+    # A photograph is swept with this many planes at most; the steps become longer where step_px needs more. Range: 3
+    # or more.
+    max_planes: int = 400
+    window_px: int = 2  # The matching window has this radius. Unit: pixels. Range: 1 or more.
+    tolerance: float = 2.0  # Differences of brightness up to this count as noise. Unit: of 255. Range: 0 or more.
+    # A step of one plane between neighbouring pixels costs this. Unit: of 127. Range: 0 to below large_step_cost.
+    small_step_cost: int = 20
+    # A larger step between neighbouring pixels costs this. Unit: of 127. Range: above small_step_cost, below 1000.
+    large_step_cost: int = 200
+    # A difference of brightness of this size halves the cost of a larger step. Unit: of 255. Range: above 0.
+    edge: float = 16.0
+    # A pixel of lower uniqueness has no depth, because another plane fits as well. Range: 0 to 1.
+    min_uniqueness: float = 0.02
     consistency: ConsistencySettings = field(default_factory=ConsistencySettings)
-    threads: int = 0  # 0: one per core
+    threads: int = 0  # At most this many threads work; 0 is one per core. Range: 0 or more.
 
     def __post_init__(self) -> None:
         if self.max_side_px < 16 or self.neighbors < 1 or self.max_planes < 3 or self.window_px < 1:

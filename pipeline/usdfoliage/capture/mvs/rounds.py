@@ -69,17 +69,23 @@ ROUNDS = (
 class DenseDepthSettings:
     """How thoroughly photographs are matched, and which depth is believed."""
 
-    max_side_px: int = 1200  # photographs are matched at this size at most
-    sources: int = 6  # photographs matched with each one
-    # one after the other over all photographs; level: how often they are halved; iterations: of spreading planes;
-    # coherent: the other photographs' depth counts; segments: planes of segments count where there is no texture
+    max_side_px: int = 1200  # Photographs are matched at this longer side at most. Unit: pixels. Range: 32 or more.
+    sources: int = 6  # Each photograph is matched with this many others. Range: matching.best_sources to 16.
+    # These rounds of matching run one after the other over all photographs. level: how often photographs are halved.
+    # iterations: how often planes spread. coherent: whether the depth of other photographs counts. segments: whether
+    # planes of segments count where there is no texture. Range: at least one round.
     rounds: tuple[Round, ...] = ROUNDS
-    nearer: float = 0.3  # than the nearest point known: features are on the ground rather than on the trees above it
-    farther: float = 25.0  # times the farthest depth believed, that is searched: what lies behind is known by it
-    seed: int = 0  # of every random choice
+    # Depth is searched nearer than the nearest known point by this share of it, because features lie on the ground
+    # rather than on the trees above it. Range: 0 or more.
+    nearer: float = 0.3
+    # Depth is searched up to this many times the farthest known point, so that the background is matched as such.
+    # Range: 1 or more.
+    farther: float = 25.0
+    seed: int = 0  # Every random choice starts from this number. Range: 0 to 2^63 - 1.
     selection: ViewSelectionSettings = field(default_factory=ViewSelectionSettings)
     segments: SegmentSettings = field(default_factory=SegmentSettings)
-    segment_tolerance: float = 0.004  # of the range of inverse depth, that pixels of one plane may differ by
+    # Pixels of one plane of a segment differ by up to this share of the range of inverse depth. Range: above 0.
+    segment_tolerance: float = 0.004
     matching: PatchMatchSettings = field(default_factory=PatchMatchSettings)
     agreement: AgreementSettings = field(default_factory=AgreementSettings)
 

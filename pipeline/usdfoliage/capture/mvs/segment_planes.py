@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 class SegmentSettings:
     """How photographs are segmented, and which planes are believed."""
 
-    spatial_px: int = 4  # radius of mean shift
-    color: float = 15.0  # of 255: its radius in colour
-    size_px: int = 14  # side of a segment, about
-    compactness: float = 12.0  # of segments: against colour, which they follow else
-    min_px: int = 20  # pixels with depth, below which a segment has no plane
-    refits: int = 4  # of a plane, with what does not belong to it weighing less and less
-    min_share: float = 0.4  # of a segment's pixels, that a plane must hold
+    spatial_px: int = 4  # Mean shift has this radius in the picture. Unit: pixels. Range: 1 or more.
+    color: float = 15.0  # Mean shift has this radius in colour. Unit: of 255. Range: above 0.
+    size_px: int = 14  # Segments are about this wide and high. Unit: pixels. Range: 4 or more.
+    compactness: float = 12.0  # Segments follow colour less and are rounder where this is larger. Range: above 0.
+    min_px: int = 20  # A segment with depth at fewer pixels gets no plane. Unit: pixels. Range: 3 or more.
+    refits: int = 4  # A plane is fitted again this often, and outliers weigh less each time. Range: 1 or more.
+    # A plane is believed where it fits at least this share of its segment's pixels. Range: 0 to 1.
+    min_share: float = 0.4
 
     def __post_init__(self) -> None:
         if self.spatial_px < 1 or self.size_px < 4 or self.min_px < 3 or self.refits < 1:

@@ -16,10 +16,16 @@ _DEPTHS = np.linspace(0.1, 0.9, 4)  # of the range, in inverse depth
 class ViewSelectionSettings:
     """Which angles between two lines of sight are worth matching."""
 
-    min_angle_deg: float = 1.0  # below it depth is hardly determined
-    good_angle_deg: tuple[float, float] = (6.0, 20.0)  # between these an angle counts in full
-    max_angle_deg: float = 50.0  # above it leaves look too different
-    min_overlap: float = 0.1  # of the places in a view's range, that another one must see
+    # Photographs that see a place under a smaller angle are not matched, because depth is hardly determined. Unit:
+    # degrees. Range: 0 to below good_angle_deg.
+    min_angle_deg: float = 1.0
+    # Angles between these two count in full. Unit: degrees. Range: above min_angle_deg, below max_angle_deg.
+    good_angle_deg: tuple[float, float] = (6.0, 20.0)
+    # Photographs that see a place under a larger angle are not matched, because leaves look too different. Unit:
+    # degrees. Range: above good_angle_deg, below 180.
+    max_angle_deg: float = 50.0
+    # Another photograph must see at least this share of the places in a photograph's range. Range: 0 to 1.
+    min_overlap: float = 0.1
 
     def __post_init__(self) -> None:
         low, high = self.good_angle_deg

@@ -41,23 +41,43 @@ _LEAST_PARALLAX_DEG = 2.5  # median over points; COLMAP drops points below 1.5
 class RegistrationSettings:
     """How the cameras of photographs are found."""
 
-    mapper: str = "auto"  # incremental, global; auto: incremental, and global where it places too few
-    matching: str = "auto"  # exhaustive, sequential, retrieval; auto: by the number of photographs
-    max_side_px: int = 1600  # features are looked for at this size
-    features: int = 4000  # of each photograph, the coarsest first
-    least_features: int = 1000  # with fewer, finer ones are looked for, at four times the cost
-    peak_threshold: float = 0.002  # contrast of a feature; leaves before a dark wall have little
-    one_camera: str = "auto"  # yes, no; auto: photographs of the same size, make, model and focal length share one
-    lens_model: str = "SIMPLE_RADIAL"  # COLMAP's, from SIMPLE_PINHOLE to FULL_OPENCV
-    focal_px: float | None = None  # of all photographs, at full size; auto: by EXIF, or unknown
-    max_ratio: float = 0.8  # of the distances to the nearest and the second nearest descriptor
-    coarse_features: int = 800  # compared first, to tell which photographs are looked at further
-    coarse_matches: int = 16  # of them, with which a pair is looked at in any case
-    least_matches: int = 15  # of a pair that one motion explains
-    sequence_overlap: int = 8  # photographs before and after each one that it is compared with, where they are in order
-    neighbours: int = 12  # of each photograph that are looked at in any case, those with most in common
-    seed: int = 0  # of every random choice
-    threads: int = 0  # 0: one per core
+    # incremental and global are COLMAP's two mappers; auto runs the incremental one, and the global one where that
+    # places too few photographs.
+    mapper: str = "auto"
+    # exhaustive compares all pairs of photographs, sequential those that follow each other, retrieval those that look
+    # alike; auto chooses by the number of photographs.
+    matching: str = "auto"
+    # Features are searched in photographs reduced to this longer side. Unit: pixels. Range: 64 or more.
+    max_side_px: int = 1600
+    features: int = 4000  # At most this many features of a photograph are used, the coarsest first. Range: 100 or more.
+    # Where a photograph has fewer features, finer ones are searched at four times the cost. Range: 0 or more.
+    least_features: int = 1000
+    # A feature has at least this contrast. Leaves before a dark wall have little. Unit: of 1. Range: above 0, below
+    # 1.
+    peak_threshold: float = 0.002
+    # yes gives all photographs one camera, no gives each its own; auto shares one among photographs of the same size,
+    # make, model and focal length.
+    one_camera: str = "auto"
+    lens_model: str = "SIMPLE_RADIAL"  # This camera model of COLMAP is estimated, from SIMPLE_PINHOLE to FULL_OPENCV.
+    # This is the focal length of all photographs at full size; auto takes it from EXIF, or estimates it. Unit:
+    # pixels. Range: above 0.
+    focal_px: float | None = None
+    # A match is kept up to this ratio of the distances to the nearest and the second nearest descriptor. Range: above
+    # 0, up to 1.
+    max_ratio: float = 0.8
+    # This many coarse features of each photograph are compared first, to choose the pairs that are compared in full.
+    # Range: 100 or more.
+    coarse_features: int = 800
+    coarse_matches: int = 16  # A pair with this many coarse matches is compared in full in any case. Range: 0 or more.
+    least_matches: int = 15  # A pair counts when one motion explains at least this many matches. Range: 8 or more.
+    # Each photograph is compared with this many before and after it, where the photographs are in order. Range: 1 or
+    # more.
+    sequence_overlap: int = 8
+    # This many neighbours of each photograph, those with the most coarse matches, are compared in full in any case.
+    # Range: 1 or more.
+    neighbours: int = 12
+    seed: int = 0  # Every random choice starts from this number. Range: 0 or more.
+    threads: int = 0  # At most this many threads work; 0 is one per core. Range: 0 or more.
 
     def __post_init__(self) -> None:
         for name, allowed in (

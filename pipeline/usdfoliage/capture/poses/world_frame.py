@@ -59,13 +59,24 @@ class ScaleBar:
 class WorldSettings:
     """What the user says of the world, and what is believed without."""
 
-    times: float = 1.0  # as large as the world is without it
-    known_distance: KnownDistance | None = None  # between two cameras, metres; as in capture.toml, which is better
-    scale_bar: ScaleBar | None = None  # two marks that photographs show, metres apart; likewise
-    up: str = "auto"  # by gps, elevation, level, ground, ring, trunk or photographs; auto: the surest that tells it
-    up_vector: tuple[float, float, float] | None = None  # in the world as it is without it; goes before up
-    least_gps: int = 4  # photographs that must know their position
-    gps_spread: float = 5.0  # how far they must lie apart, in times what they contradict each other by
+    times: float = 1.0  # The world is made larger by this factor than it is without it. Range: 1e-9 to 1e9.
+    # Two cameras stand this distance apart. The file capture.toml is the better place for it. Unit: metres. Range:
+    # above 0.
+    known_distance: KnownDistance | None = None
+    # Two marks that photographs show lie this distance apart. The file capture.toml is the better place for it. Unit:
+    # metres. Range: above 0.
+    scale_bar: ScaleBar | None = None
+    # The up direction comes from this evidence: gps, elevation, level, ground, ring, trunk or photographs; auto takes
+    # the surest that is there.
+    up: str = "auto"
+    # This is the up direction in the world as it is without this setting; it takes precedence over up. Unit: world
+    # axes. Range: not zero.
+    up_vector: tuple[float, float, float] | None = None
+    # The up direction and the scale come from GPS only where at least this many photographs have a position. Range: 3
+    # or more.
+    least_gps: int = 4
+    # GPS positions are used where they spread over at least this many times their own disagreement. Range: above 0.
+    gps_spread: float = 5.0
 
     def __post_init__(self) -> None:
         if not 1e-9 <= self.times <= 1e9:

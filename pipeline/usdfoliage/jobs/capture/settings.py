@@ -26,10 +26,16 @@ MaskChoice = Literal["auto", "given", "none"]
 class CaptureRunSettings:
     """Everything that decides the cloud of a capture."""
 
-    poses: PosesChoice = "auto"  # known where there are cameras/, else estimated
-    doubtful_poses: DoubtfulPoses = "stop"  # use: estimated poses that are probably wrong are used all the same
-    dense: DenseChoice = "own"  # colmap: by COLMAP's PatchMatch, which needs CUDA
-    mask: MaskChoice = "auto"  # given masks, and without one the sky is left out; given: only those; none: nothing is
+    # known takes the cameras of the folder cameras/; estimated finds them from the photographs; auto takes known ones
+    # where the folder is there.
+    poses: PosesChoice = "auto"
+    # stop ends the run where estimated poses are probably wrong; use goes on with them.
+    doubtful_poses: DoubtfulPoses = "stop"
+    # own matches photographs with the project's PatchMatch; colmap runs that of COLMAP, which needs CUDA.
+    dense: DenseChoice = "own"
+    # given uses the masks of the folder masks/ alone; auto also leaves out the sky where a photograph has no mask;
+    # none uses no mask.
+    mask: MaskChoice = "auto"
     sky: ClearSkySettings = field(default_factory=ClearSkySettings)
     registration: RegistrationSettings = field(default_factory=RegistrationSettings)  # of poses that are estimated
     world: WorldSettings = field(default_factory=WorldSettings)  # likewise

@@ -36,9 +36,12 @@ STAGE_SETTINGS = (
 class PlantSettings:
     """The plant, and how its asset is written."""
 
-    species: str = ""  # written into the asset; of a known one, as maple, also allometry, twigs and leaves
-    representations: tuple[str, ...] | None = None  # of leaves: bezier, nurbs, subdiv, mesh; auto: by their number
-    version: str = "1"  # of the asset, in its assetInfo
+    # The species is written into the asset. A known one, such as maple, also sets allometry, twigs and leaves.
+    species: str = ""
+    # The asset has its leaves in these forms: a list of bezier, nurbs, subdiv and mesh. auto chooses by the number of
+    # leaves.
+    representations: tuple[str, ...] | None = None
+    version: str = "1"  # The version of the asset is written into its assetInfo.
 
     def __post_init__(self) -> None:
         if self.representations is not None:
@@ -49,12 +52,17 @@ class PlantSettings:
 class IsolationStageSettings:
     """How the plant is told from what is around it; what is left out is in no mask, and in no cloud."""
 
-    make: MakeIsolation = "auto"  # off: everything in the photographs is taken for the plant
-    floor: bool = True  # what the plant stands on is left out, if it is nearly level and stands out
-    container: bool = True  # its pot is left out, if the plant is green and the pot is not
-    strays: bool = True  # what is not linked with the plant is left out, if the photographs are aimed at one
-    floor_layer: float = 0.012  # half the thickness of a floor, in distances from the camera to the plant
-    link_gap: float = 0.1  # without points, that bridges parts of the plant, 0.03 to 1 of the same distances
+    # auto separates the plant from its surroundings; off takes everything in the photographs for the plant.
+    make: MakeIsolation = "auto"
+    floor: bool = True  # true leaves out the floor under the plant, where it is nearly level and clearly seen.
+    container: bool = True  # true leaves out the pot, where the plant is green and the pot is not.
+    # true leaves out everything that is not linked with the plant, where the photographs are aimed at one place.
+    strays: bool = True
+    # Half the thickness of a floor is this share of the distance from the cameras to the plant. Range: 0.001 to 0.1.
+    floor_layer: float = 0.012
+    # Parts of the plant are linked across gaps of up to this share of the distance from the cameras to the plant.
+    # Range: 0.03 to 1.
+    link_gap: float = 0.1
 
     def __post_init__(self) -> None:
         if self.make not in get_args(MakeIsolation):
@@ -71,11 +79,15 @@ class IsolationStageSettings:
 class BranchStageSettings:
     """How branches are traced through the cloud."""
 
-    make: MakeBranches = "auto"  # auto: where the cloud shows stems or branches; on: whatever it shows; off: none
-    roots: str = "auto"  # where stems come out of the ground: auto, a number, or x,y,z in the capture's coordinates
-    internode_m: float | None = None  # length of an internode; auto: 0.005 of the plant's height
-    cloud_leaves: CloudLeaves = "auto"  # whether the cloud has leaves, which are then left out
-    max_points: int = PlantCloudRequest.max_points  # that branches are traced through
+    # auto traces branches where the cloud shows stems or branches; on traces them in any case; off traces none.
+    make: MakeBranches = "auto"
+    roots: str = "auto"  # Stems leave the ground here: auto, a number of stems, or x,y,z in the capture's coordinates.
+    # An internode has this length; auto is 0.005 of the plant's height. Unit: metres. Range: above 0.
+    internode_m: float | None = None
+    # on: the cloud has leaves, which tracing leaves out; off: it has none; auto decides by the cloud.
+    cloud_leaves: CloudLeaves = "auto"
+    # Branches are traced through this many points of the cloud at most. Range: 50 or more.
+    max_points: int = PlantCloudRequest.max_points
 
     def __post_init__(self) -> None:
         if self.internode_m is not None and not self.internode_m > 0:
@@ -96,22 +108,29 @@ class BranchStageSettings:
 class LeafStageSettings(LeavesSettings):
     """How single leaves are found in the photographs."""
 
-    make: bool = True  # false: no leaf is looked for
-    depth: LeafDepth = "auto"  # given: the capture's own depth/; estimated: by the stage capture; auto: given if there
+    make: bool = True  # true searches single leaves in the photographs.
+    # given uses the maps of the capture's folder depth/; estimated uses those of the stage capture; auto uses given
+    # maps where there are any.
+    depth: LeafDepth = "auto"
 
 
 @dataclass(frozen=True, kw_only=True)
 class FoliageSettings:
     """Which leaves the plant has."""
 
-    # captured: those that were found, where they were found; filled: these, and others like them wherever the cloud has
-    # leaves besides; drawn: on the twigs, drawn from those that were found; species: on the twigs, of the species;
-    # auto: captured if they cover the plant, else filled if the cloud tells leaves, else drawn or species
+    # captured keeps the leaves that were found; filled adds others like them wherever the cloud has more leaves;
+    # drawn puts leaves drawn from the found ones on the twigs; species puts leaves of the species on the twigs. auto
+    # takes captured where they cover the plant, else filled where leaves are recognised in the cloud, else drawn or
+    # species.
     kind: FoliageKind = "auto"
-    least_cover: float = 0.85  # share of the cloud's leaves that captured leaves must cover, for auto to add no others
-    least_drawn: int = 20  # captured leaves to draw from, for auto
-    leaf_length_m: float | None = None  # of a leaf on a twig; auto: the species', or the captured leaves'
-    max_leaves: int = FoliageRequest().settings.max_leaves  # on twigs
+    # auto adds no leaves where the captured ones cover at least this share of the cloud's leaves. Range: 0 to 1.
+    least_cover: float = 0.85
+    least_drawn: int = 20  # auto draws from the captured leaves where there are at least this many. Range: 1 or more.
+    # A leaf on a twig has this length; auto takes that of the species, or of the captured leaves. Unit: metres.
+    # Range: 1e-06 to 1000.
+    leaf_length_m: float | None = None
+    # The twigs get at most this many leaves. Range: 1 to 10000000.
+    max_leaves: int = FoliageRequest().settings.max_leaves
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(FoliageKind):
@@ -131,9 +150,9 @@ class FoliageSettings:
 class CrownStageSettings:
     """How the crown is made of the cloud and of photographs, if any."""
 
-    make: bool = True  # false: the plant has no crown
-    size: int = 256  # texels a side of a cubemap face
-    mesh_size: int = 65  # vertices along an edge of the crown's mesh
+    make: bool = True  # true gives the plant a crown.
+    size: int = 256  # A face of the crown's cubemaps has this many texels a side. Unit: texels. Range: 32 to 4096.
+    mesh_size: int = 65  # The crown's mesh has this many vertices along an edge of the cube. Range: 2 to 4097.
 
     def __post_init__(self) -> None:
         if not 32 <= self.size <= 4096:
@@ -146,14 +165,15 @@ class CrownStageSettings:
 class PictureStageSettings(PictureSettings):
     """What is drawn of the finished asset; without the preview interpreter nothing is."""
 
-    make: bool = True  # false: no pictures, no turntable, no thumbnail
+    # true draws pictures, a turntable and a thumbnail. Without the preview interpreter none are drawn.
+    make: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
 class TaskSettings:
     """How the work is cut; it changes no result."""
 
-    photographs_a_task: int = 4  # whose depth is found by one task
+    photographs_a_task: int = 4  # One task finds the depth of this many photographs. Range: 1 or more.
 
     def __post_init__(self) -> None:
         if self.photographs_a_task < 1:
@@ -164,7 +184,7 @@ class TaskSettings:
 class BuildSettings:
     """Everything that decides a plant's asset."""
 
-    seed: int = 0  # of every random choice, in every stage
+    seed: int = 0  # Every random choice of every stage starts from this number. Range: 0 to 2147483647.
     plant: PlantSettings = field(default_factory=PlantSettings)
     capture: CaptureRunSettings = field(default_factory=CaptureRunSettings)
     isolation: IsolationStageSettings = field(default_factory=IsolationStageSettings)

@@ -32,14 +32,26 @@ DENSE = grid_places(np.linspace(-1, 1, 65), np.linspace(0, 1, 65))  # a leaf as 
 class AlternatingFitSettings:
     """How leaves are fitted, and which are not."""
 
-    min_points: int = 20  # a leaf has 21 parameters, and three numbers a point
-    scanlines: int = 32  # at most; a leaf of few points has fewer, so that each line meets some
-    max_iterations: int = 15  # of the two steps in turn: where points lie on the surface, and the surface through them
-    tolerance: float = 1e-3  # leaf lengths; iterations end when the surface moves by no more, root mean square
-    robustness: Robustness = "tukey"  # what points off the surface count; "none" is the paper's
-    isolation: float = 4.0  # points whose neighbours are this many times farther than usual are left out, unless "none"
-    prior: float = 1e-4  # pull of the enclosing ellipse where nothing is seen, as a share of what the points pull
-    half_believed_residual: float = 0.05  # leaf lengths; a surface that far from its points has half the confidence
+    # A leaf with fewer points is not fitted. A leaf has 21 parameters, and a point three numbers. Range: 3 or more.
+    min_points: int = 20
+    # A leaf is divided into this many scanlines at most; a leaf of few points has fewer, so that each line meets
+    # some. Range: 4 or more.
+    scanlines: int = 32
+    # The two steps alternate at most this often: where points lie on the surface, and the surface through them.
+    # Range: 1 or more.
+    max_iterations: int = 15
+    # Iterations end where the surface moves by no more than this, root mean square. Unit: leaf lengths. Range: above
+    # 0.
+    tolerance: float = 1e-3
+    # Points off the surface are weighted by this function: none is the paper's; huber and tukey reduce their weight.
+    robustness: Robustness = "tukey"
+    # Points are left out where their neighbours are this many times the typical distance away, unless robustness is
+    # none. Unit: typical distances. Range: above 0.
+    isolation: float = 4.0
+    # The enclosing ellipse pulls unseen parts with this share of the pull of the points. Range: above 0.
+    prior: float = 1e-4
+    # A surface this far from its points has half the confidence. Unit: leaf lengths. Range: above 0.
+    half_believed_residual: float = 0.05
 
     def __post_init__(self) -> None:
         if self.min_points < 3:

@@ -47,22 +47,34 @@ Lengths = TypeVar("Lengths", float, NDArray[np.float64])
 class SurfaceFitSettings:
     """How leaves are fitted, and which fits are given up."""
 
-    interior_points: int = 200  # of a leaf, at most
-    edge_points: int = 100  # likewise
-    min_points: int = 20  # a leaf with fewer is not fitted
-    evidence: float = 300.0  # independent points that all points of a leaf are worth at most, against the prior
-    misfit: float = 0.015  # sizes by which the model may miss a natural leaf; noise below it does not count
-    edge_noise: float = 1.0  # noise of points of the edge, in that of the interior
-    cutoff: float = 2.5  # noises beyond which points count less
-    fold_weight: float = 2000.0  # of leaves that fold over themselves
-    start_iterations: int = 12  # with a third of the points
-    choice_iterations: int = 4  # for each version of the prior, with a quarter of the points
-    iterations: int = 8  # for the version that was chosen
-    rounds: int = 1  # of learning the prior
-    max_residual: float = 0.08  # leaf lengths; a leaf whose points are farther from it on average is given up
-    broad: float = 0.5  # width in leaf lengths from which the longest extent of the points may be a leaf's width
-    lobed: tuple[float, float] = (0.5, 0.85)  # share of the edge on the silhouette, between which confidence rises
-    narrow: float = 0.1  # width in leaf lengths below which confidence fades: blades are not told from parts of blades
+    interior_points: int = 200  # At most this many points of a leaf's interior are fitted. Range: 1 or more.
+    edge_points: int = 100  # At most this many points of a leaf's edge are fitted. Range: 1 or more.
+    min_points: int = 20  # A leaf with fewer points is not fitted. Range: 4 or more.
+    # All points of a leaf weigh, against the prior, as much as this many independent points at most. Range: above 0.
+    evidence: float = 300.0
+    # A real leaf lies off the model by this much; smaller noise does not count. Unit: leaf sizes, the root of length
+    # by width. Range: above 0.
+    misfit: float = 0.015
+    # The noise of points of the edge is this multiple of the noise of the interior. Range: above 0.
+    edge_noise: float = 1.0
+    # Points farther off the surface than this count less. Unit: standard deviations of the noise. Range: above 0.
+    cutoff: float = 2.5
+    fold_weight: float = 2000.0  # The penalty on leaves that fold over themselves has this weight. Range: 0 or more.
+    start_iterations: int = 12  # The first fit runs this many iterations with a third of the points. Range: 1 or more.
+    # The fit of each version of the prior runs this many iterations with a quarter of the points. Range: 1 or more.
+    choice_iterations: int = 4
+    iterations: int = 8  # The fit of the chosen version runs this many iterations. Range: 1 or more.
+    rounds: int = 1  # The prior is learned this many times. Range: 1 or more.
+    # A leaf is dropped where its points lie farther off the surface on average. Unit: leaf lengths. Range: above 0.
+    max_residual: float = 0.08
+    # From this width on, the longest extent of the points may be a leaf's width. Unit: leaf lengths. Range: above 0.
+    broad: float = 0.5
+    # Confidence rises from the first to the second of these shares of the edge that lie on the silhouette. Range: 0
+    # to 1, rising.
+    lobed: tuple[float, float] = (0.5, 0.85)
+    # Confidence falls below this width, because blades of grass look like parts of blades. Unit: leaf lengths. Range:
+    # above 0.
+    narrow: float = 0.1
 
     def __post_init__(self) -> None:
         for name in ("interior_points", "edge_points", "start_iterations", "choice_iterations", "iterations", "rounds"):

@@ -59,11 +59,13 @@ OCTAVES_TO_BYTES = 100.0  # of the pictures that optical flow compares
 class AverageTextureSettings:
     """Size of the picture, and what goes into it."""
 
-    width_px: int = 128  # of the picture, from silhouette to silhouette
-    height_px: int = 256  # from base to apex
-    max_pictures: int = 64  # unwrapped leaves, those seen largest first
-    vein_pictures: int = 3  # of them, those that veins come from; 0 for none
-    edge: tuple[float, float] = (0.25, 0.75)  # shares of leaves that reach a place, from opacity 0 to opacity 1
+    width_px: int = 128  # The texture is this wide, from silhouette to silhouette. Unit: pixels. Range: 16 or more.
+    height_px: int = 256  # The texture is this high, from base to apex. Unit: pixels. Range: 16 or more.
+    # The texture is made of at most this many unwrapped leaves, those seen largest first. Range: 1 or more.
+    max_pictures: int = 64
+    vein_pictures: int = 3  # Veins come from this many of them; 0 draws no veins. Range: 0 or more.
+    # Opacity rises from 0 to 1 between these two shares of the leaves that reach a place. Range: 0 to 1, rising.
+    edge: tuple[float, float] = (0.25, 0.75)
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 
     def __post_init__(self) -> None:

@@ -26,10 +26,11 @@ GAIN_TURNS = 8
 class PhotoColorSettings:
     """Where colours are read."""
 
-    across: int = 7  # places from silhouette to silhouette
-    along: int = 13  # places from base to apex
-    border: float = 0.15  # of the half width, and of the length at base and apex: what is left out
-    equalize_exposure: bool = True  # photographs that show the same leaves lighter or darker are matched
+    across: int = 7  # Colours are read at this many places from silhouette to silhouette. Range: 1 or more.
+    along: int = 13  # Colours are read at this many places from base to apex. Range: 1 or more.
+    # This share of the half width, and of the length at base and apex, is left out. Range: 0 to below 0.5.
+    border: float = 0.15
+    equalize_exposure: bool = True  # true matches the brightness of photographs where they show the same leaves.
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 
     def __post_init__(self) -> None:

@@ -33,11 +33,14 @@ CLEAREST = 0.95  # of the variance: that much at most may direction explain
 class DirectionSettings:
     """How evidence is weighed."""
 
-    # how far stalks are expected towards bases, of the root mean square, before leaves are looked at
+    # Before leaves are examined, stalks are expected at bases by this much. Unit: root mean squares. Range: 0 or
+    # more.
     stalk: float = 0.6
-    inwards: float = 0.2  # likewise, that bases lie further inside the plant and nearer to each other than apices
-    prior_leaves: float = 10.0  # how many leaves that expectation is worth
-    turns: int = 20  # of expectation maximisation
+    # Before leaves are examined, bases are expected to lie further inside the plant, and nearer to each other than
+    # apices, by this much. Unit: root mean squares. Range: 0 or more.
+    inwards: float = 0.2
+    prior_leaves: float = 10.0  # That expectation weighs as much as this many leaves. Unit: leaves. Range: above 0.
+    turns: int = 20  # Expectation maximisation runs this many turns. Range: 0 or more.
     stalks: StalkSettings = field(default_factory=StalkSettings)
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 

@@ -18,8 +18,12 @@ NO_LEAF = -1
 class DrawSettings:
     """How finely leaves are divided into cells to be drawn."""
 
-    across: int = 8  # cells from silhouette to silhouette, even, so that the axis is an edge
-    along: int = 24  # from base to apex: of a leaf 300 pixels long, chords cut a quarter of a pixel at most
+    # A leaf is drawn with this many cells from silhouette to silhouette. An even number makes the axis an edge.
+    # Range: even, 2 or more.
+    across: int = 8
+    # A leaf is drawn with this many cells from base to apex. At 24, chords of a leaf of 300 pixels are off by a
+    # quarter of a pixel at most. Range: 2 or more.
+    along: int = 24
 
     def __post_init__(self) -> None:
         if self.across < 2 or self.across % 2:

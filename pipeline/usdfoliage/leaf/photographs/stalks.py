@@ -34,11 +34,14 @@ FINE_PX = 3  # median filter against single wrong pixels; stalks narrower than 2
 class StalkSettings:
     """What counts as thin, in lengths of the median leaf."""
 
-    width: float = 0.15  # of the widest stalk
-    jump: float = 0.15  # what is seen beside a stalk lies behind it by this, or by more
-    reach: float = 0.5  # from base or apex
-    cell: float = 0.04  # points in one cell count as one
-    widths: float = 4.0  # standard deviations from a leaf, up to which depth is that leaf's
+    width: float = 0.15  # A stalk is at most this wide. Unit: median leaf lengths. Range: above 0.
+    # The surface beside a stalk lies behind it by at least this much. Unit: median leaf lengths. Range: above 0.
+    jump: float = 0.15
+    # Stalks are searched up to this distance from base or apex. Unit: median leaf lengths. Range: above 0.
+    reach: float = 0.5
+    cell: float = 0.04  # Points in one cell of this side count as one. Unit: median leaf lengths. Range: above 0.
+    # Depth belongs to a leaf up to this many standard deviations from it. Unit: standard deviations. Range: above 0.
+    widths: float = 4.0
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:

@@ -39,8 +39,11 @@ SAMPLES = grid_places(np.linspace(-0.8, 0.8, 5), np.linspace(0.1, 0.9, 9))  # wh
 class VisibilitySettings:
     """When depth counts as that of a leaf."""
 
-    widths: float = 3.0  # standard deviations
-    min_spread: float = 0.005  # standard deviation assumed at least, leaf lengths; the one without depth too
+    # Depth belongs to a leaf up to this many standard deviations from it. Unit: standard deviations. Range: above 0.
+    widths: float = 3.0
+    # The standard deviation of depth about leaves is at least this much; without depth it is this much. Unit: leaf
+    # lengths. Range: above 0.
+    min_spread: float = 0.005
     draw: DrawSettings = field(default_factory=DrawSettings)
 
     def __post_init__(self) -> None:

@@ -42,14 +42,14 @@ SHAPES = (0.8, 1.6)  # width by height that pictures of narrow and of wide plant
 class PictureSettings:
     """How large and how many the pictures of a plant are."""
 
-    turntable_frames: int = 24  # pictures of a full turn
-    turntable_px: int = 640  # width and height of each
-    thumbnail_px: int = 512  # width and height
-    comparisons: int = 6  # photographs, at most
-    comparison_px: int = 1100  # longer side
-    variant_px: int = 420  # width and height of the picture of each variant
-    samples: int = 2  # of a pixel
-    complexity: str = "medium"  # how finely Storm divides curved surfaces: low, medium, high, veryhigh
+    turntable_frames: int = 24  # The turntable has this many pictures of a full turn. Range: 2 to 3600.
+    turntable_px: int = 640  # A picture of the turntable is this wide and high. Unit: pixels. Range: 16 to 8192.
+    thumbnail_px: int = 512  # The thumbnail is this wide and high. Unit: pixels. Range: 16 to 8192.
+    comparisons: int = 6  # The asset is compared with at most this many photographs. Range: 0 or more.
+    comparison_px: int = 1100  # The longer side of a comparison has this size. Unit: pixels. Range: 16 to 8192.
+    variant_px: int = 420  # The picture of each variant is this wide and high. Unit: pixels. Range: 16 to 8192.
+    samples: int = 2  # Each pixel is drawn with this many samples. Range: 1 or more.
+    complexity: str = "medium"  # Storm divides curved surfaces this finely: low, medium, high or veryhigh.
 
     def __post_init__(self) -> None:
         if not 2 <= self.turntable_frames <= MOST_FRAMES:

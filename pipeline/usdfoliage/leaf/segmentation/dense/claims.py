@@ -28,14 +28,24 @@ MIN_CLAIMED = 0.5  # share of a patch that leaves claim, where they may claim mo
 class ClaimSettings:
     """When a pixel shows a leaf."""
 
-    footprints: float = 1.5  # of a pixel, between the leaf and what is seen
-    noises: float = 3.0  # standard deviations of the depth, besides
-    beyond_side: float = 0.12  # how far the leaf's surface is followed beyond its silhouette, in u
-    beyond_end: float = 0.05  # and beyond base and apex, in v
-    penalty: float = 0.6  # tolerances by which a place beyond counts as farther
-    columns: int = 11  # of the grid that stands for a leaf, without what lies beyond
-    rows: int = 13  # of the grid, from base to apex
-    least_cosine: float = 0.15  # at which a leaf is taken to be seen, for its distance along the ray
+    # A pixel shows a leaf up to this distance between the leaf and the pixel's depth. Unit: footprints. Range: 0 or
+    # more.
+    footprints: float = 1.5
+    # That distance is larger by this many standard deviations of the depth. Unit: standard deviations. Range: 0 or
+    # more.
+    noises: float = 3.0
+    # A leaf's surface is followed beyond its silhouette by this much. Unit: units of u. Range: above 0.
+    beyond_side: float = 0.12
+    # A leaf's surface is followed beyond base and apex by this much. Unit: units of v. Range: above 0.
+    beyond_end: float = 0.05
+    # A place beyond the leaf counts as farther by this many tolerances. Unit: tolerances. Range: 0 or more.
+    penalty: float = 0.6
+    # The grid that stands for a leaf has this many columns, without those beyond it. Range: 3 or more.
+    columns: int = 11
+    rows: int = 13  # The grid that stands for a leaf has this many rows from base to apex. Range: 3 or more.
+    # Distances along the ray are computed with at least this cosine between a leaf's normal and the ray. Range: above
+    # 0, up to 1.
+    least_cosine: float = 0.15
 
     def __post_init__(self) -> None:
         if self.footprints < 0 or self.noises < 0 or self.penalty < 0:
@@ -50,10 +60,16 @@ class ClaimSettings:
 class PointSettings:
     """Which points are kept of claimed pixels."""
 
-    max_per_leaf: int = 4000  # points; of more an even choice is kept
-    edge: float = 3.0  # footprints that what is seen beside an edge lies farther or nearer
-    edge_noises: float = 0.0  # standard deviations of the depth, besides
-    beside_px: int = 4  # within which what is behind an edge shows where the leaf ends, half way
+    max_per_leaf: int = 4000  # At most this many points of a leaf are kept, chosen evenly. Range: 1 or more.
+    # An edge is free, or hidden, where the surface beside it lies this much farther or nearer. Unit: footprints.
+    # Range: 0 or more.
+    edge: float = 3.0
+    # That difference is larger by this many standard deviations of the depth. Unit: standard deviations. Range: 0 or
+    # more.
+    edge_noises: float = 0.0
+    # A free edge is placed half way to the nearest background pixel within this distance. Unit: pixels. Range: 1 or
+    # more.
+    beside_px: int = 4
 
     def __post_init__(self) -> None:
         if self.max_per_leaf < 1 or self.edge < 0 or self.edge_noises < 0:

@@ -33,12 +33,19 @@ _FRONT_SHARE = 0.02  # of the pixels, that must be of such surfaces
 class CoherenceSettings:
     """When depths of several views are of one surface."""
 
-    neighbors: int = 10  # nearest views that are asked
-    footprints: float = 2.5  # of a pixel, that depths may differ by
-    noises: float = 4.0  # standard deviations of the noise, that they may differ by besides
-    least_own: int = 2  # depths, its own with them, that confirm a pixel's own
-    least_others: int = 3  # depths of other views that stand in for one that is not confirmed, or for none
-    noise_samples: int = 10_000  # pixels of a view that its noise is measured at
+    neighbors: int = 10  # The depth of this many nearest photographs is compared. Range: 0 or more.
+    # Depths of one surface differ by up to this many footprints of a pixel. Unit: footprints. Range: 0 or more.
+    footprints: float = 2.5
+    # Depths of one surface differ, in addition, by up to this many standard deviations of the noise. Unit: standard
+    # deviations. Range: 0 or more.
+    noises: float = 4.0
+    # A pixel's depth is kept where at least this many depths agree, its own included. Range: 2 or more.
+    least_own: int = 2
+    # At least this many agreeing depths of other photographs replace a depth that is not confirmed, or fill a hole.
+    # Range: 2 or more.
+    least_others: int = 3
+    # The noise of a photograph's depth is measured at this many pixels. Unit: pixels. Range: 1 or more.
+    noise_samples: int = 10_000
 
     def __post_init__(self) -> None:
         if self.neighbors < 0 or self.footprints < 0 or self.noises < 0:

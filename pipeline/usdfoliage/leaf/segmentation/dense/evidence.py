@@ -19,15 +19,25 @@ _ON, _THROUGH = 1, 2  # of _native.classify_points
 class EvidenceSettings:
     """Where leaves are probed, and when a probe lies on what is seen."""
 
-    columns: int = 8  # probes across a leaf
-    rows: int = 14  # probes along it
-    ring: int = 16  # places along either half of the silhouette
-    footprints: float = 2.5  # of a pixel, between a probe and what is seen
-    ring_footprints: float = 3.0  # the same for the places around the silhouette
-    noises: float = 3.0  # standard deviations of the depth, besides
-    offset: float = 0.03  # leaf lengths that places lie inside and outside of the silhouette, at least
-    offset_footprints: float = 2.5  # or so many footprints
-    offset_noises: float = 2.0  # and standard deviations of the depth
+    columns: int = 8  # A leaf is probed at this many places across. Range: 1 or more.
+    rows: int = 14  # A leaf is probed at this many places along. Range: 1 or more.
+    ring: int = 16  # Either half of the silhouette is probed at this many places. Range: 1 or more.
+    # A probe lies on the visible surface up to this distance. Unit: footprints. Range: 0 or more.
+    footprints: float = 2.5
+    # A probe around the silhouette lies on the visible surface up to this distance. Unit: footprints. Range: 0 or
+    # more.
+    ring_footprints: float = 3.0
+    # These distances are larger by this many standard deviations of the depth. Unit: standard deviations. Range: 0 or
+    # more.
+    noises: float = 3.0
+    # Probes around the silhouette lie inside and outside of it by at least this distance. Unit: leaf lengths. Range:
+    # above 0.
+    offset: float = 0.03
+    # That distance has at least this many footprints. Unit: footprints. Range: 0 or more.
+    offset_footprints: float = 2.5
+    # That distance has, in addition, this many standard deviations of the depth. Unit: standard deviations. Range: 0
+    # or more.
+    offset_noises: float = 2.0
 
     def __post_init__(self) -> None:
         if min(self.columns, self.rows, self.ring) < 1:

@@ -20,8 +20,11 @@ REACH = 2.5  # radii from a wide place to what is around it
 class PartSettings:
     """Where patches are parted at narrow places."""
 
-    gap: float = 1.0  # footprints between the planes of neighbours, which is a step
-    wide: tuple[float, ...] = (0.1, 0.15)  # usual leaf lengths: radii of discs that fit into parts
+    # A step lies where the planes of neighbouring pixels are farther apart than this. Unit: footprints. Range: above
+    # 0.
+    gap: float = 1.0
+    # Patches are parted where discs of these radii do not pass. Unit: median leaf lengths. Range: above 0.
+    wide: tuple[float, ...] = (0.1, 0.15)
 
     def __post_init__(self) -> None:
         if not all(value > 0 for value in (self.gap, *self.wide)):

@@ -22,14 +22,24 @@ UNKNOWN_EDGE = 3  # kind of a pixel beside one without depth, besides those of s
 class PatchSettings:
     """What belongs to one patch."""
 
-    radius_px: int = 3  # of the windows planes are fitted in
-    steepest: float = 4.0  # footprints of depth a pixel, of surfaces that are followed
-    gap: float = 1.5  # footprints between the planes of neighbours, beyond which a surface ends
-    gap_noises: float = 0.0  # standard deviations of the depth that the gap may be wider
-    edge: float = 3.0  # footprints that what is seen beside an edge lies farther or nearer
-    edge_noises: float = 0.0  # standard deviations of the depth, besides
-    min_px: int = 60  # smaller patches are dropped
-    least_cosine: float = 0.1  # at which a surface is taken to be seen, for its area
+    radius_px: int = 3  # Planes are fitted in windows of this radius. Unit: pixels. Range: 1 or more.
+    # A surface is followed up to this change of depth from pixel to pixel. Unit: footprints. Range: above 0.
+    steepest: float = 4.0
+    # A surface ends where the planes of neighbouring pixels lie farther apart than this. Unit: footprints. Range:
+    # above 0.
+    gap: float = 1.5
+    # The gap may be wider by this many standard deviations of the depth. Unit: standard deviations. Range: 0 or more.
+    gap_noises: float = 0.0
+    # An edge is free, or hidden, where the surface beside it lies this much farther or nearer. Unit: footprints.
+    # Range: 0 or more.
+    edge: float = 3.0
+    # That difference is larger by this many standard deviations of the depth. Unit: standard deviations. Range: 0 or
+    # more.
+    edge_noises: float = 0.0
+    min_px: int = 60  # Smaller patches are dropped. Unit: pixels. Range: 1 or more.
+    # The area of a patch is computed with at least this cosine between normal and line of sight. Range: above 0, up
+    # to 1.
+    least_cosine: float = 0.1
 
     def __post_init__(self) -> None:
         if self.radius_px < 1 or self.min_px < 1:

@@ -17,10 +17,17 @@ from usdfoliage.leaf.segmentation.dense.patches import LocalPlanes, Patches
 class RimSettings:
     """Which holes are filled."""
 
-    reach: float = 0.008  # of the longer side: from a surface to the farthest pixel that gets its depth
-    contrast: float = 0.1  # of white, between what is on either side of a hole, below which colours tell nothing
-    apart: float = 0.1  # of the depth, between the surfaces on either side: leaves close together are of one colour
-    max_change: float = 0.02  # of the depth, by which a surface may go on nearer or farther over its rim
+    # A hole is filled up to this distance from a surface, as a share of the photograph's longer side. Range: 0 to
+    # below 1.
+    reach: float = 0.008
+    # Where the two sides of a hole differ by less than this share of white, colour does not decide which one it
+    # belongs to. Range: 0 or more.
+    contrast: float = 0.1
+    # The surfaces on the two sides of a hole must differ in depth by this share, because leaves close together have
+    # one colour. Range: 0 or more.
+    apart: float = 0.1
+    # A surface continues over its rim nearer or farther by up to this share of its depth. Range: 0 to below 1.
+    max_change: float = 0.02
 
     def __post_init__(self) -> None:
         if not (0 <= self.reach < 1 and 0 <= self.max_change < 1 and min(self.contrast, self.apart) >= 0):

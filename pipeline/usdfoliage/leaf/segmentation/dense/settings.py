@@ -19,9 +19,11 @@ from usdfoliage.leaf.segmentation.dense.rims import RimSettings
 class PassSettings:
     """When a pass keeps a leaf."""
 
-    min_quality: float  # 0 to 1
-    violation_weight: float  # of the share of a leaf that views look through
-    max_overlap: float  # share of a leaf that better ones may cover
+    min_quality: float  # A leaf of lower quality is dropped in this pass. Range: 0 to 1.
+    # The quality of a leaf falls with the share of it that photographs see through, times this weight. Range: 0 or
+    # more.
+    violation_weight: float
+    max_overlap: float  # Better leaves cover at most this share of a leaf. Range: above 0, up to 1.
 
     def __post_init__(self) -> None:
         if not (0 <= self.min_quality <= 1 and self.violation_weight >= 0 and 0 < self.max_overlap <= 1):
@@ -32,7 +34,9 @@ class PassSettings:
 class DenseSegmentationSettings:
     """How leaves are found. Distances are in pixel footprints, noises of the depth and usual leaf lengths."""
 
-    plane_threshold_m: float | None = None  # between a leaf and its points; auto: from noise and footprints
+    # A point lies on a leaf up to this distance; auto derives it from noise and footprints. Unit: metres. Range:
+    # above 0.
+    plane_threshold_m: float | None = None
     coherence: CoherenceSettings = field(default_factory=CoherenceSettings)
     rims: RimSettings = field(default_factory=RimSettings)
     patches: PatchSettings = field(default_factory=PatchSettings)
@@ -53,23 +57,42 @@ class DenseSegmentationSettings:
     last: PassSettings = field(
         default_factory=lambda: PassSettings(min_quality=0.12, violation_weight=0.7, max_overlap=0.35)
     )
-    piece_length: float = 0.3  # least length of a patch that may be a leaf, in usual lengths
-    piece_area: float = 0.04  # and its least area, in squares of it
-    whole: float = 2.5  # most of both
-    crease_deg: float = 20.0  # turn of the surface at which a patch may be two leaves
-    part: float = 0.8  # most of a patch that a part of it is
-    hopeless: float = 0.5  # of the quality that a pass asks for, below which a patch is not tried again
-    joined_quality: float = 0.5  # of the worse of two pieces, that both as one leaf need
-    reach: float = 0.15  # usual lengths that a leaf claims of the surface beyond its model
-    min_confidence: float = 0.12  # of a leaf that is given to the fit
-    shared: float = 0.2  # share of a leaf that better ones may cover in the end
-    twins: float = 0.1  # leaf lengths between leaves that are the same
-    large_px: float = 100.0  # of the usual leaf's length, from which rims are filled and patches parted at necks
-    misfit: float = 0.06  # usual lengths that the surface of a leaf may be off its model
-    tolerance: float = 0.65  # of the misfit, within which a point lies on a leaf
-    longer: float = 1.33  # factor by which the usual leaf may turn out longer than the pass before had it
-    shorter: float = 1.1  # and shorter: pieces pass for leaves more often than two leaves for one
-    slender: float = 0.3  # least width of the usual leaf, in its lengths: what is narrower is a stem, or grass
+    # A patch that may be a leaf is at least this long. Unit: median leaf lengths. Range: above 0.
+    piece_length: float = 0.3
+    # A patch that may be a leaf has at least this area. Unit: squared median leaf lengths. Range: above 0.
+    piece_area: float = 0.04
+    # A patch that may be a leaf has at most this length and this area. Unit: median leaf lengths, and squares of
+    # them. Range: above 0.
+    whole: float = 2.5
+    # A patch may be two leaves where its surface turns by this angle. Unit: degrees. Range: above 0.
+    crease_deg: float = 20.0
+    part: float = 0.8  # A part of a patch is tried as a leaf of its own up to this share of the patch. Range: above 0.
+    # A patch whose leaf reaches less than this share of the quality that a pass requires is not tried again. Range: 0
+    # or more.
+    hopeless: float = 0.5
+    # Two pieces count as one leaf where the joined leaf reaches this share of the quality of the worse piece. Range:
+    # 0 or more.
+    joined_quality: float = 0.5
+    # A leaf claims the surface beyond its model up to this distance. Unit: median leaf lengths. Range: 0 or more.
+    reach: float = 0.15
+    min_confidence: float = 0.12  # Leaves of lower confidence are not fitted. Range: 0 or more.
+    shared: float = 0.2  # Better leaves cover at most this share of a leaf in the end. Range: above 0.
+    # Leaves that are nearer to each other than this are the same leaf. Unit: leaf lengths. Range: above 0.
+    twins: float = 0.1
+    # Rims are filled, and patches parted at necks, where the median leaf is at least this long in the photographs.
+    # Unit: pixels. Range: above 0.
+    large_px: float = 100.0
+    # The surface of a real leaf lies off its model by up to this much. Unit: median leaf lengths. Range: 0 or more.
+    misfit: float = 0.06
+    tolerance: float = 0.65  # A point lies on a leaf within this share of the misfit. Range: above 0.
+    # The median leaf becomes longer from one pass to the next by this factor at most. Range: 1 or more.
+    longer: float = 1.33
+    # The median leaf becomes shorter by this factor at most. Pieces pass for leaves more often than two leaves for
+    # one. Range: 1 or more.
+    shorter: float = 1.1
+    # The median leaf is at least this wide. What is narrower is a stem or grass. Unit: median leaf lengths. Range: 0
+    # or more.
+    slender: float = 0.3
 
     def __post_init__(self) -> None:
         if self.plane_threshold_m is not None and not self.plane_threshold_m > 0:

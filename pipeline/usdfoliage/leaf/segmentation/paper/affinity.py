@@ -17,8 +17,8 @@ from usdfoliage.leaf.segmentation.paper.planes import SuperpixelPlanes
 class AffinitySettings:
     """When two neighbours are joined."""
 
-    sigma: float = 0.2  # of eq. 8
-    threshold: float = 0.85  # affinity below which they are not
+    sigma: float = 0.2  # This is the parameter σ of equation 8. Range: above 0.
+    threshold: float = 0.85  # Neighbours are joined at this affinity and above. Range: above 0, below 1.
 
     def __post_init__(self) -> None:
         if self.sigma <= 0 or not 0 < self.threshold < 1:

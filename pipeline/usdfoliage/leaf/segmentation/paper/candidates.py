@@ -25,8 +25,10 @@ _GRAZING = 0.1  # cosine below which a surface is seen too flat for its area to 
 class CandidateSettings:
     """Which components are candidates."""
 
-    min_superpixels: int = 2  # of a component; one of fewer is no candidate
-    max_share: float = 0.25  # of the picture; larger ones are walls and ground
+    min_superpixels: int = 2  # A component with fewer superpixels is no candidate. Range: 1 or more.
+    # A component larger than this share of the picture is a wall or the ground, and no candidate. Range: above 0, up
+    # to 1.
+    max_share: float = 0.25
 
     def __post_init__(self) -> None:
         if self.min_superpixels < 1 or not 0 < self.max_share <= 1:

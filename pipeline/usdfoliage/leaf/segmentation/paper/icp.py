@@ -14,8 +14,10 @@ from scipy.spatial import KDTree
 class IcpSettings:
     """When the iteration ends."""
 
-    iterations: int = 300  # at most
-    still: float = 5e-3  # of the correspondence distance: less motion than this ends it
+    iterations: int = 300  # The iteration ends after this many steps. Range: 1 or more.
+    # The iteration ends where the template moves by less than this share of the correspondence distance. Range: above
+    # 0.
+    still: float = 5e-3
 
     def __post_init__(self) -> None:
         if self.iterations < 1 or self.still <= 0:

@@ -19,14 +19,21 @@ _BATCH = 1024  # superpixels scored at a time; bounds memory
 class PlaneSettings:
     """When a superpixel has a plane."""
 
-    hypotheses: int = 24  # planes through three points that are tried
-    scored_points: int = 48  # of a superpixel, to score a hypothesis
-    min_points: int = 12  # with depth, of a superpixel; one with fewer has no plane
-    min_inliers: float = 0.5  # share of a superpixel's points that must lie near its plane
-    max_spread: float = 3.0  # distance from the mean, in medians of it, beyond which a point is dropped
-    trim_sigmas: float = 3.0  # of the points' own scatter, beyond which a point is no inlier
-    trim_floor: float = 0.25  # share of the threshold within which it always is: leaves bend, depth is rounded
-    refinements: int = 3  # of a plane, by least squares through its inliers
+    hypotheses: int = 24  # This many planes through three points are tried for a superpixel. Range: 1 or more.
+    scored_points: int = 48  # A trial plane is scored by this many points of the superpixel. Range: 3 or more.
+    min_points: int = 12  # A superpixel with fewer points of known depth has no plane. Range: 3 or more.
+    # At least this share of a superpixel's points must lie near its plane. Range: above 0, up to 1.
+    min_inliers: float = 0.5
+    # A point is dropped where its distance from the mean is more than this many times the median distance. Range:
+    # above 1.
+    max_spread: float = 3.0
+    # A point is no inlier where it lies off the plane by more than this many standard deviations. Unit: standard
+    # deviations. Range: above 0.
+    trim_sigmas: float = 3.0
+    # A point within this share of the threshold is always an inlier, because leaves bend and depth is rounded. Range:
+    # above 0, up to 1.
+    trim_floor: float = 0.25
+    refinements: int = 3  # A plane is fitted this often through its inliers, by least squares. Range: 1 or more.
 
     def __post_init__(self) -> None:
         if min(self.hypotheses, self.refinements) < 1 or min(self.scored_points, self.min_points) < 3:

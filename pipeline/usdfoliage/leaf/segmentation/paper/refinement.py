@@ -33,12 +33,15 @@ _CLOUD = 300  # points of a candidate that ICP sees
 class RefinementSettings:
     """Which candidates become leaves."""
 
-    bins: int = 25  # of confidence; within one, large candidates come first
-    min_confidence: float = 0.0  # of a candidate
-    min_unclaimed: float = 0.5  # share of a candidate that no earlier leaf has; below it, it is a duplicate
-    min_points: int = 30  # of a leaf
-    min_matched: float = 0.5  # share of the template that lies on the candidate
-    claim_distance: float = 1.0  # in δ_plane, from the template
+    # Candidates are sorted into this many bins of confidence; within a bin, large ones come first. Range: 1 or more.
+    bins: int = 25
+    min_confidence: float = 0.0  # Candidates of lower confidence are dropped. Range: 0 to 1.
+    # A candidate of which less than this share is free of earlier leaves is a duplicate. Range: 0 to 1.
+    min_unclaimed: float = 0.5
+    min_points: int = 30  # A leaf with fewer points is dropped. Range: 3 or more.
+    min_matched: float = 0.5  # At least this share of the template must lie on the candidate. Range: 0 to 1.
+    # A leaf claims points up to this distance from the template. Unit: δ_plane. Range: above 0.
+    claim_distance: float = 1.0
     icp: IcpSettings = field(default_factory=IcpSettings)
 
     def __post_init__(self) -> None:

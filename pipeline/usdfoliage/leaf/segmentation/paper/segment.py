@@ -30,8 +30,9 @@ logger = logging.getLogger(__name__)
 class PaperSegmentationSettings:
     """Settings of every step of section 4."""
 
-    plane_threshold_m: float | None = None  # δ_plane; auto: from the data
-    seed: int = 0  # of RANSAC
+    # This is the distance δ_plane of the paper; auto derives it from the data. Unit: metres. Range: above 0.
+    plane_threshold_m: float | None = None
+    seed: int = 0  # Every random choice of RANSAC starts from this number. Range: 0 or more.
     superpixels: SuperpixelSettings = field(default_factory=SuperpixelSettings)
     planes: PlaneSettings = field(default_factory=PlaneSettings)
     affinity: AffinitySettings = field(default_factory=AffinitySettings)

@@ -15,11 +15,16 @@ from numpy.typing import NDArray
 class SuperpixelSettings:
     """How fine a picture is divided."""
 
-    size_px: int | None = None  # side of a superpixel; auto: from the picture
-    finest: int = 120  # superpixels along the picture's longer side where size_px is auto
-    ruler: float = 12.0  # Lab units worth one superpixel's side: more gives rounder ones, less follows colours
-    iterations: int = 8  # of the clustering of pixels
-    smallest: float = 0.15  # share of size_px² below which one is merged with its neighbour
+    # A superpixel is this wide and high; auto derives it from the size of the picture. Unit: pixels. Range: 3 or
+    # more.
+    size_px: int | None = None
+    # Where size_px is auto, the picture's longer side has this many superpixels at most. Range: 2 or more.
+    finest: int = 120
+    # A colour difference of this size weighs as much as one side of a superpixel. Larger values give rounder
+    # superpixels. Unit: Lab units. Range: above 0.
+    ruler: float = 12.0
+    iterations: int = 8  # Pixels are clustered in this many iterations. Range: 1 or more.
+    smallest: float = 0.15  # A superpixel below this share of size_px² is merged with a neighbour. Range: 0 to below 1.
 
     def __post_init__(self) -> None:
         if self.size_px is not None and self.size_px < 3:

@@ -15,8 +15,8 @@ from usdfoliage.errors import FitError
 class TemplateSettings:
     """Which candidates teach the template, and how finely it is drawn."""
 
-    surest: int = 50  # candidates
-    rings: int = 6  # of points, from the middle to the rim
+    surest: int = 50  # The template is learned from this many candidates of the highest confidence. Range: 1 or more.
+    rings: int = 6  # The template has this many rings of points from the middle to the rim. Range: 2 or more.
 
     def __post_init__(self) -> None:
         if self.surest < 1 or self.rings < 2:
