@@ -15,13 +15,9 @@ ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs" / "glossary.md"
 GENERATED = ("settings.md", "schema_reference.md")  # from the code, whose texts are counted below
 NOT_YET = (  # pages of before that are still to be read
-    "README.md",
     "commands.md",
     "input_guide.md",
-    "limits.md",
-    "methods.md",
     "pipeline_integration.md",
-    "quick_start.md",
 )
 PAGES = (
     *sorted(ROOT.glob("*.md")),
