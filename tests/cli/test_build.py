@@ -13,7 +13,7 @@ from usdfoliage.__main__ import main
 from usdfoliage.cli import build
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.plant import tasks
-from usdfoliage.jobs.plant.stages import assemble as asset_stage
+from usdfoliage.jobs.plant.stages import assemble
 from usdfoliage.jobs.plant.stages import report as report_stage
 
 from tests.support.leaves.captures import known_foliage
@@ -313,14 +313,14 @@ def test_pictures_that_storm_did_not_draw_are_tried_again(
     with monkeypatch.context() as patch:
         for name in ("draw_turntable", "draw_variants", "draw_comparisons"):
             patch.setattr(report_stage, name, fail)
-        patch.setattr(asset_stage, "draw_thumbnail", fail)
+        patch.setattr(assemble, "draw_thumbnail", fail)
         code, out, err = run(*command)
     assert code == 0, err
     assert "warning: there are no pictures of the asset: Storm drew nothing" in out
     assert "preview: " not in out
     for name in ("draw_turntable", "draw_variants", "draw_comparisons"):
         monkeypatch.setattr(report_stage, name, lambda *_, **__: [])
-    monkeypatch.setattr(asset_stage, "draw_thumbnail", lambda *_, **__: None)
+    monkeypatch.setattr(assemble, "draw_thumbnail", lambda *_, **__: None)
     code, out, _ = run(*command)
     assert code == 0
     assert "5 done now" in out  # the asset, three kinds of pictures, the report

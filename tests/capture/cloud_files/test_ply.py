@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from usdfoliage.capture.cloud.model import Cloud
-from usdfoliage.capture.cloud_files import ply as cloud_file
+from usdfoliage.capture.cloud_files import ply as ply_files
 from usdfoliage.capture.cloud_files.ply import fits_single, read_cloud, read_cloud_file, write_cloud
 from usdfoliage.errors import CaptureError
 
@@ -75,7 +75,7 @@ def test_the_bytes_are_those_of_the_format(tmp_path):
 def test_the_same_cloud_gives_the_same_bytes_in_parts_of_any_size(tmp_path, monkeypatch):
     cloud = some_cloud(50)
     write_cloud(tmp_path / "whole.ply", cloud)
-    monkeypatch.setattr(cloud_file, "_CHUNK", 7)
+    monkeypatch.setattr(ply_files, "_CHUNK", 7)
     write_cloud(tmp_path / "parts.ply", cloud)
     assert (tmp_path / "whole.ply").read_bytes() == (tmp_path / "parts.ply").read_bytes()
 

@@ -8,7 +8,7 @@ import laspy
 import numpy as np
 import pytest
 from hypothesis import given
-from usdfoliage.capture.cloud_files import ply as cloud_file
+from usdfoliage.capture.cloud_files import ply as ply_files
 from usdfoliage.capture.cloud_files.read import CloudInputSettings, read_cloud_input
 from usdfoliage.errors import CaptureError
 
@@ -173,7 +173,7 @@ def test_truncated_files_are_refused(tmp_path, suffix, share):
 
 
 def test_ascii_ply_that_ends_early_tells_how_many_rows_there_are(tmp_path, monkeypatch):
-    monkeypatch.setattr(cloud_file, "PART_POINTS", 64)
+    monkeypatch.setattr(ply_files, "PART_POINTS", 64)
     path = write_ply(tmp_path / "a.ply", some_points(), order="")
     np.testing.assert_allclose(len(read_cloud_input(path, METRES).points_m), 200)
     path.write_text("\n".join(path.read_text().split("\n")[:-60]) + "\n")

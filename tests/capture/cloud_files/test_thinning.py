@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from usdfoliage.capture.cloud_files import ply as cloud_file
+from usdfoliage.capture.cloud_files import ply
 from usdfoliage.capture.cloud_files.read import CloudInputSettings, read_cloud_input
 from usdfoliage.capture.cloud_files.thinning import PointThinner
 
@@ -65,7 +65,7 @@ def test_strays_and_one_place_do_no_harm():
 
 
 def test_a_thinned_file_is_noted(tmp_path, monkeypatch):
-    monkeypatch.setattr(cloud_file, "PART_POINTS", 1 << 12)
+    monkeypatch.setattr(ply, "PART_POINTS", 1 << 12)
     path = write_ply(tmp_path / "a.ply", sheet(20_000), np.full((20_000, 3), 77))
     cloud = read_cloud_input(path, CloudInputSettings(metres_per_unit=1.0, max_points=2000))
     assert cloud.notes[0].startswith(f"20,000 points thinned to {len(cloud.points_m):,}, one a ")

@@ -9,7 +9,7 @@ from usdfoliage.__main__ import main
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.branches import warnings as branch_doubts
+from usdfoliage.jobs.branches import warnings
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset
 
@@ -220,7 +220,7 @@ def test_growth_that_comes_to_few_points_is_a_warning(tmp_path, rng, caplog):
 
 
 def test_branches_that_are_not_joined_are_a_warning(tmp_path, rng, caplog, monkeypatch):
-    monkeypatch.setattr(branch_doubts, "_UNJOINED", 0.01)  # a lump of points without stems has a few
+    monkeypatch.setattr(warnings, "_UNJOINED", 0.01)  # a lump of points without stems has a few
     cloud = write_xyz(tmp_path / "lump.xyz", rng.uniform(-0.5, 0.5, (1500, 3)))
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--up", "Z"]) == 0
     assert "of the branches are not joined to the surface" in caplog.text

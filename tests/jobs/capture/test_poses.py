@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from usdfoliage.errors import CaptureError
-from usdfoliage.jobs.capture import poses as capture_poses
+from usdfoliage.jobs.capture import poses
 from usdfoliage.jobs.capture.poses import estimate_poses
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
 
@@ -53,4 +53,4 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, *, scale_known: bool = True, doubt
         ("read_capture", None),
         ("_without_depth", None),
     ):
-        monkeypatch.setattr(capture_poses, name, lambda *_, made=made, **__: made)
+        monkeypatch.setattr(poses, name, lambda *_, made=made, **__: made)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.errors import CaptureError
-from usdfoliage.jobs.capture import overlap as capture_overlap
+from usdfoliage.jobs.capture import overlap
 from usdfoliage.jobs.capture import report as capture_report
 from usdfoliage.jobs.capture.map_pictures import (
     NOTHING,
@@ -41,7 +41,7 @@ VOID = {"meta", "img", "br", "input", "link", "hr"}
 @pytest.fixture(autouse=True)
 def _small_pictures(monkeypatch):
     monkeypatch.setattr(capture_report, "CLOUD_PX", 150)
-    monkeypatch.setattr(capture_overlap, "PLAN_PX", 150)
+    monkeypatch.setattr(overlap, "PLAN_PX", 150)
 
 
 class Page(HTMLParser):

@@ -154,12 +154,12 @@ def test_masks_that_the_user_gave_hold_as_well(result: Path, tmp_path: Path) -> 
 def test_masks_of_large_photographs_are_drawn_smaller_and_look_the_same(
     result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from usdfoliage.jobs.plant.stages import isolate as isolation_stage
+    from usdfoliage.jobs.plant.stages import isolate
 
     whole = read_views(read_capture(run(result, tmp_path / "whole") / "capture" / "fern")).views
     drawn: list[tuple[int, ...]] = []
     at_once: list[int] = []
-    true_draw, true_map = isolation_stage.draw_plant_mask, isolation_stage.map_ahead
+    true_draw, true_map = isolate.draw_plant_mask, isolate.map_ahead
 
     def draw(srgb: np.ndarray, points_m: np.ndarray, *given: Any) -> np.ndarray:
         drawn.append(srgb.shape)
@@ -170,10 +170,10 @@ def test_masks_of_large_photographs_are_drawn_smaller_and_look_the_same(
         at_once.append(threads)
         return true_map(function, items, threads)
 
-    monkeypatch.setattr(isolation_stage, "draw_plant_mask", draw)
-    monkeypatch.setattr(isolation_stage, "map_ahead", map_here)
-    monkeypatch.setattr(isolation_stage, "_LONGEST_PX", SIZE[0] // 2)
-    monkeypatch.setattr(isolation_stage, "_PIXELS_AT_ONCE", SIZE[0] * SIZE[1])
+    monkeypatch.setattr(isolate, "draw_plant_mask", draw)
+    monkeypatch.setattr(isolate, "map_ahead", map_here)
+    monkeypatch.setattr(isolate, "_LONGEST_PX", SIZE[0] // 2)
+    monkeypatch.setattr(isolate, "_PIXELS_AT_ONCE", SIZE[0] * SIZE[1])
     small = read_views(read_capture(run(result, tmp_path / "small") / "capture" / "fern")).views
     assert set(drawn) == {(SIZE[1] // 2, SIZE[0] // 2, 3)}
     assert at_once == [1]
@@ -203,15 +203,15 @@ def test_where_nothing_is_left_out_everything_stays_as_it_was(result: Path, tmp_
 def test_where_hardly_anything_is_left_everything_is_taken_and_that_is_a_warning(
     result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from usdfoliage.jobs.plant.stages import isolate as isolation_stage
+    from usdfoliage.jobs.plant.stages import isolate
 
-    true = isolation_stage.isolate_plant
+    true = isolate.isolate_plant
 
     def nothing(*given: Any) -> Any:
         found = true(*given)
         return replace(found, kind=np.full_like(found.kind, PointKind.FLOOR))
 
-    monkeypatch.setattr(isolation_stage, "isolate_plant", nothing)
+    monkeypatch.setattr(isolate, "isolate_plant", nothing)
     out = run(result, tmp_path / "out")
     assert any("everything" in warning for warning in read_summary(out).warnings)
     assert len(read_cloud(out / "capture" / "fern" / "cloud.ply")) == len(potted_plant().points_m)
