@@ -15,9 +15,7 @@ ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs" / "glossary.md"
 GENERATED = ("settings.md", "schema_reference.md")  # from the code, whose texts are counted below
 NOT_YET = (  # pages of before that are still to be read
-    "commands.md",
     "input_guide.md",
-    "pipeline_integration.md",
 )
 PAGES = (
     *sorted(ROOT.glob("*.md")),
