@@ -6,6 +6,10 @@ from pathlib import Path
 
 import pytest
 import usdfoliage
+from usdfoliage.capture.folder.settings import CaptureSettings
+from usdfoliage.cli.remarks import COMMANDS
+from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.work.settings_file import list_settings, read_settings_file
 from usdfoliage.remark_codes import REMARK_KINDS, SECTIONS, SEVERITIES
 from usdfoliage.remarks import (
     Setting,
@@ -69,6 +73,32 @@ def codes_in_use() -> set[str]:
                 assert isinstance(code, ast.Constant), f"{path}:{node.lineno}: a code is a text, not computed"
                 codes.add(code.value)
     return codes
+
+
+def settings_in_use() -> list[tuple[str, str]]:
+    """Names and constant values, empty for others, of all calls of Setting() in the package."""
+    settings = []
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Setting":
+                held = {each.arg: each.value for each in node.keywords}
+                name, value = held.get("name"), held.get("value")
+                if isinstance(name, ast.Constant):
+                    settings.append((str(name.value), str(value.value) if isinstance(value, ast.Constant) else ""))
+    assert settings
+    return sorted(set(settings))
+
+
+@pytest.mark.parametrize(("name", "value"), settings_in_use())
+def test_every_setting_of_a_remedy_can_be_set(name: str, value: str, tmp_path: Path) -> None:
+    of_commands = {key for command in COMMANDS.values() for key in command.options}
+    of_file = {f"capture.toml:{field}" for field in CaptureSettings.__annotations__}
+    of_plan = list_settings(BuildSettings())
+    assert name in {*of_plan, *of_commands, *of_file}
+    if value and name in of_plan:
+        table, _, key = name.partition(".")
+        (tmp_path / "plan.toml").write_text(f"[{table}]\n{key} = {value}\n")
+        read_settings_file(tmp_path / "plan.toml", BuildSettings())
 
 
 @pytest.mark.xfail(reason="stages are changed over to remarks one by one", strict=False)

@@ -10,7 +10,9 @@ import sys
 from collections.abc import Sequence
 
 from usdfoliage import __version__
+from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
+from usdfoliage.remarks import explain_error
 
 COMMANDS = (
     "build",
@@ -77,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except FoliageError as error:
         if options.debug:
             raise
-        print(f"error: {_one_line(str(error))}", file=sys.stderr)
+        print(f"error: {_one_line(explain_error(error, render_for(options.command)))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("error: interrupted; nothing was written", file=sys.stderr)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from usdfoliage.errors import FoliageError
 from usdfoliage.remark_codes import REMARK_KINDS
 
 
@@ -95,6 +96,26 @@ def rename_in(held: Remark, rename: Callable[[str], str]) -> Remark:
     """The same remark with files named otherwise, in its subject, text and remedy."""
     remedy = tuple(rename(part) if isinstance(part, str) else part for part in held.remedy)
     return replace(held, subject=rename(held.subject), text=rename(held.text), remedy=remedy)
+
+
+def list_sentences(remarks: Iterable[Remark], render: RenderSetting) -> list[str]:
+    """Each as a sentence, the warnings first."""
+    held = tuple(remarks)
+    return [each.sentence(render) for each in (*warnings_of(held), *infos_of(held))]
+
+
+def label_remarks(remarks: Iterable[Remark], render: RenderSetting) -> list[str]:
+    """Lines of a terminal, the warnings first: warning: …, and note: … for what is less than that."""
+    held = tuple(remarks)
+    return [
+        *(f"warning: {each.sentence(render)}" for each in warnings_of(held)),
+        *(f"note: {each.sentence(render)}" for each in infos_of(held)),
+    ]
+
+
+def explain_error(error: FoliageError, render: RenderSetting) -> str:
+    """What is wrong, and what to do about it."""
+    return f"{error}; {write_remedy(error.remedy, render)}" if error.remedy else str(error)
 
 
 def write_remedy(remedy: Remedy, render: RenderSetting) -> str:

@@ -5,7 +5,7 @@ import argparse
 import pytest
 from usdfoliage.__main__ import build_parser
 from usdfoliage.capture.folder.settings import CaptureSettings
-from usdfoliage.cli.remarks import COMMANDS, render_for, write_remark
+from usdfoliage.cli.remarks import COMMANDS, print_remarks, render_for
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.remarks import Remark, Setting
@@ -23,7 +23,8 @@ def test_every_option_is_one_of_the_command_and_every_setting_one_of_a_build(com
     options = options_of(command)
     settings = {*list_settings(BuildSettings()), *(f"capture.toml:{name}" for name in CaptureSettings.__annotations__)}
     assert set(own.options.values()) <= set(options)
-    assert set(own.options) <= settings
+    of_command = {f"{command}.{action.dest}" for action in options.values()}
+    assert set(own.options) <= settings | of_command
     assert set(own.values) <= set(own.options)
     assert not own.table or "--settings" in options
     for name, words in own.values.items():
@@ -62,7 +63,7 @@ def test_a_setting_is_written_as_it_is_set(command: str, setting: Setting, text:
     assert render_for(command)(setting) == text
 
 
-def test_a_remark_is_a_line_that_begins_with_its_severity() -> None:
+def test_a_remark_is_a_line_that_begins_with_its_severity(capsys: pytest.CaptureFixture[str]) -> None:
     held = Remark(code="x", severity="warning", subject="", text="it is high", remedy=("give ", Setting(name="seed")))
-    assert write_remark(held, render_for("capture")) == "warning: it is high: give --seed"
-    assert write_remark(Remark(code="x", severity="info", subject="", text="it is low"), str) == "note: it is low"
+    print_remarks([Remark(code="x", severity="info", subject="", text="it is low"), held], "capture")
+    assert capsys.readouterr().out == "warning: it is high: give --seed\nnote: it is low\n"

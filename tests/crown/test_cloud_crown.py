@@ -6,6 +6,7 @@ from usdfoliage.crown.captured_measures import point_spacing
 from usdfoliage.crown.crown_points import CrownPointSettings
 from usdfoliage.crown.reconstruct import CapturedCrownSettings, reconstruct_cloud_crown
 from usdfoliage.errors import FitError
+from usdfoliage.remarks import warnings_of
 
 from tests.support.captured_crowns import CENTER_M, lumpy, sphere, surface_points, true_radius
 
@@ -37,7 +38,7 @@ def test_sparse_crowns_are_measured_by_their_own_spacing(count, scale):
     assert np.abs(model.radius_m / scale - true_radius(lumpy, CENTER_M, 32)).mean() < 0.1
     assert min(view.cloud_iou for view in measures.views) > 0.75
     assert measures.known > 0.8
-    assert measures.warnings == ()
+    assert warnings_of(measures.remarks) == ()
 
 
 @pytest.mark.parametrize("count", [1000, 20_000])
@@ -70,21 +71,21 @@ def test_a_plane_is_no_crown(count, thick_m, tilt):
 def test_a_flat_crown_is_one():
     model, measures = crown_of(CENTER_M + np.array([1.0, 0.15, 1.0]) * (filled(20_000) - CENTER_M))
 
-    assert measures.warnings == ()
+    assert warnings_of(measures.remarks) == ()
     assert np.median([view.cloud_iou for view in measures.views]) > 0.5
     assert np.ptp(model.radius_m) > 0.6
 
 
-def test_few_directions_are_refused_or_doubted():
+def test_few_directions_are_refused_or_a_warning():
     ball = 0.4 * (filled(6000) - CENTER_M)
     with pytest.raises(FitError, match=r"points in \d% of the directions, 10% needed; give a cloud from all sides"):
         crown_of(np.concatenate([ball, ball + np.array([3.0, 0, 0])]))
     _, thin = crown_of(wall(20_000, 0.1))
-    assert "its surface is a guess" in thin.warnings[0]
+    assert "its surface is a guess" in warnings_of(thin.remarks)[0].text
     shell = surface_points(sphere, 20_000)
     _, half = crown_of(shell[shell[:, 2] > CENTER_M[2]])
     assert 0.5 < half.known < 0.9
-    assert half.warnings == ()
+    assert warnings_of(half.remarks) == ()
 
 
 def test_how_flat_is_a_setting():

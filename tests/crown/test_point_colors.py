@@ -101,7 +101,7 @@ def test_points_without_colour_leave_the_shape_and_take_what_is_around():
 
     np.testing.assert_array_equal(model.radius_m, whole.radius_m)
     assert np.abs(model.color - whole.color).mean() < 0.01
-    assert "of 50% of its points" in measures.notes[0] or "of 49% of its points" in measures.notes[0]
+    assert "of 50% of its points" in measures.remarks[0].text or "of 49% of its points" in measures.remarks[0].text
     bare, measures = reconstruct_cloud_crown(points, SETTINGS, plain=PLAIN, colors=np.full_like(colors, np.nan))
-    assert "no colours that show leaves" in measures.notes[0]
+    assert "no colours that show leaves" in measures.remarks[0].text
     np.testing.assert_allclose(np.ptp(bare.color / np.array(PLAIN), axis=-1), 0, atol=1e-4)

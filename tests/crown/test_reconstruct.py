@@ -60,7 +60,7 @@ def test_every_photograph_is_read_once_and_one_that_sees_no_crown_is_told(views)
     )
 
     assert sorted(reads) == [view.name for view in views]
-    assert "1 of 9 photographs do not show the crown" in measures.notes[0]
+    assert "1 of 9 photographs do not show the crown" in measures.remarks[0].text
 
 
 def test_no_photograph_at_all_is_refused():

@@ -1,11 +1,8 @@
-"""What the pages name is there: options, settings, exit codes, and the warnings that the guide explains."""
+"""What the pages name is there: options and settings."""
 
 import argparse
-import ast
 import dataclasses
-import functools
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,7 +15,6 @@ PACKAGE = ROOT / "pipeline" / "usdfoliage"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 OF_OTHERS = {"--install", "--leaves", "--views", "--size", "--framed", "--up", "--scales", "--scaling"}  # rez, tools/
 TABLES = tuple(field.name for field in dataclasses.fields(BuildSettings))
-LETTERS = r"(?<![\w.])[NMKXYAB](?![\w.])"  # what stands for a number or a name in a warning
 
 
 def text_of(page: Path) -> str:
@@ -49,32 +45,3 @@ def test_settings_exist(page: Path) -> None:
         for part in name.split("."):
             assert hasattr(held, part), f"there is no setting {name}"
             held = getattr(held, part)
-
-
-@functools.cache
-def said() -> str:
-    """Every text in the package's code, one a line; NUL where a value stands."""
-    texts = []
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.JoinedStr):
-                parts = (each.value if isinstance(each, ast.Constant) else "\0" for each in node.values)
-                texts.append("".join(map(str, parts)))
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                texts.append(node.value)
-    return "\n".join(texts)
-
-
-def warnings_of_the_guide() -> Iterator[str]:
-    text = text_of(ROOT / "docs" / "input_guide.md")
-    for line in text[text.index("## What the warnings mean") :].splitlines():
-        if line.startswith("| ") and not line.startswith(("| it says", "| ---")):
-            yield line.split("|")[1].strip()
-
-
-@pytest.mark.parametrize("warning", list(warnings_of_the_guide()))
-def test_the_warnings_that_are_explained_are_those_of_the_code(warning: str) -> None:
-    for way in re.split(r" / |; ", re.sub(r" \([^)]*\)", "", warning)):
-        pieces = [piece.strip(" .,:…") for piece in re.split(rf"{LETTERS}|…|%|°", way)]
-        for piece in pieces:
-            assert len(piece) < 4 or piece in said(), f"{piece!r} is said nowhere in the code any more"

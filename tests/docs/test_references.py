@@ -8,7 +8,9 @@ import pytest
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.work.field_comments import field_comments
 from usdfoliage.jobs.work.settings_file import format_settings
+from usdfoliage.remark_codes import REMARK_KINDS
 
+from tools.remark_reference import GUIDE, with_tables
 from tools.schema_reference import SCHEMA_PAGE, schema_page, split_doc
 from tools.settings_reference import ONCE, SETTINGS_PAGE, settings_page, split_comment, walk_settings
 
@@ -65,6 +67,16 @@ def test_the_page_of_settings_is_what_the_code_says():
 
 def test_the_page_of_schemas_is_what_their_source_says():
     assert SCHEMA_PAGE.read_text(encoding="utf-8") == schema_page(), "run tools/schema_reference.py"
+
+
+def test_the_guide_lists_every_code_of_a_remark():
+    page = GUIDE.read_text(encoding="utf-8")
+    assert page == with_tables(page), "run tools/remark_reference.py"
+
+
+def test_meaning_and_action_of_every_code_are_sentences():
+    texts = [text for kind in REMARK_KINDS.values() for text in (kind.meaning, kind.action)]
+    assert not [text for text in texts if not text.endswith(".") or not text[0].isupper() or "|" in text]
 
 
 @pytest.mark.parametrize(

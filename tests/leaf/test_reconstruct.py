@@ -64,7 +64,7 @@ def test_leaves_are_found_fitted_and_coloured(segment, bed, method):
     assert ((leaves.color > 0) & (leaves.color < 1)).all()
     assert np.median(leaves.color[:, 1] - leaves.color[:, [0, 2]].max(axis=1)) > 0  # green
     assert found.texture is not None
-    assert found.notes == []
+    assert found.remarks == []
     assert tuple(found.seconds) == STEPS
     assert [step for step, share in told if share == 0.0] == list(STEPS)
     assert {step for step, share in told if share == 1.0} == set(STEPS)
@@ -148,13 +148,13 @@ def test_a_leaf_keeps_its_number(segment, bed):
 def test_one_view_says_what_it_cannot_do(segment, bed):
     found = reconstruct_leaves(bed.views[:1], FAST)
     assert len(found.leaves) > 0
-    assert any(note.startswith("there is one view only") for note in found.notes)
+    assert any(each.text.startswith("there is one view only") for each in found.remarks)
 
 
 def test_views_without_depth_are_counted(segment, bed):
     blind = replace(bed.views[0], depth_m=np.zeros_like(bed.views[0].depth_m))
     found = reconstruct_leaves([blind, *bed.views[1:]], FAST)
-    assert any(note.startswith("1 of 4 views have no depth") for note in found.notes)
+    assert any(each.text.startswith("1 of 4 views have no depth") for each in found.remarks)
     assert len(found.leaves) > 0
 
 
@@ -164,8 +164,9 @@ def test_no_depth_at_all_is_no_leaf(bed):
     assert len(found.leaves) == 0
     assert found.texture is None
     assert [step.count for step in found.steps] == [0, 0, 0, 0]
-    assert found.notes[0] == "no view has depth, and leaves are found in depth"
-    assert found.notes[1].startswith("no leaf was found, not even a candidate")
+    assert found.remarks[0].text == "no view has depth, and leaves are found in depth"
+    assert found.remarks[1].text.startswith("no leaf was found, not even a candidate")
+    assert all(each.severity == "warning" for each in found.remarks)
 
 
 def test_no_leaf_among_candidates_is_said(segment, bed):
@@ -173,7 +174,7 @@ def test_no_leaf_among_candidates_is_said(segment, bed):
     segment(change=lambda found: replace(found, leaves=nothing, dropped={"no plane": 7}))
     found = reconstruct_leaves(bed.views)
     assert len(found.leaves) == 0
-    assert any("no leaf was found, of" in note for note in found.notes)
+    assert any("no leaf was found, of" in each.text for each in found.remarks)
     assert found.steps[-3].dropped == {"no plane": 7}
 
 
@@ -197,9 +198,9 @@ def test_leaves_that_are_doubtful_are_said(bed, changes, said):
     confidence = np.full(len(parameters), changes.get("confidence", 0.8))
     leaves = replace(bed.leaves, parameters=parameters, confidence=confidence)
     outlined = np.full(len(leaves), changes["outlined"]) if "outlined" in changes else None
-    notes = describe_leaves(leaves, bed.views, reconstruct.find_nothing(bed.views), outlined=outlined)
-    assert len(notes) == len(said)
-    assert all(words in note for words, note in zip(said, notes, strict=True))
+    remarks = describe_leaves(leaves, bed.views, reconstruct.find_nothing(bed.views), outlined=outlined)
+    assert len(remarks) == len(said)
+    assert all(words in each.text for words, each in zip(said, remarks, strict=True))
 
 
 @pytest.mark.parametrize("wrong", [{"method": "magic"}, {"min_confidence": 1.5}, {"min_confidence": float("nan")}])

@@ -30,17 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
+    from usdfoliage.cli.remarks import print_remarks, render_for
     from usdfoliage.jobs.edits.bake import BakeRequest, bake_asset, plan_bake
 
     handle_interrupts()
     request = BakeRequest.from_options(options)
     if options.dry_run:
-        print(plan_bake(request))
+        print(plan_bake(request, render_for("bake")))
         return 0
     with StepBar() as bar:
         made = bake_asset(request, bar.show)
-    for note in made.notes:
-        print(f"note: {note}")
+    print_remarks(made.remarks, "bake")
     for line in made.lines:
         print(line)
     print(f"asset: {made.asset}")

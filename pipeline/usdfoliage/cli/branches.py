@@ -6,12 +6,10 @@ leaves on its twigs too, to be edited as those of any asset of leaves.
 """
 
 import argparse
-import logging
+from dataclasses import replace
 from pathlib import Path
 
 from usdfoliage.cli.leaf_options import add_representation, add_resolution
-
-logger = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,19 +128,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
+    from usdfoliage.cli.remarks import print_remarks, render_for
     from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset, plan_branches_asset
 
     handle_interrupts()
-    request = BranchesRequest.from_options(options)
+    request = replace(BranchesRequest.from_options(options), render_setting=render_for("branches"))
     if options.dry_run:
         print(plan_branches_asset(request))
         return 0
     with StepBar() as bar:
         made = make_branches_asset(request, bar.show)
-    for doubt in made.warnings:
-        logger.warning("%s", doubt)
-    for note in made.notes:
-        print(f"note: {note}")
+    print_remarks(made.remarks, "branches")
     for row in made.measures:
         print(f"{row.name}: {row.value}")
     print("seconds: " + ", ".join(f"{name} {value:.1f}" for name, value in made.seconds.items()))

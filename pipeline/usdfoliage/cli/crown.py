@@ -9,6 +9,7 @@ pictures.
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -82,6 +83,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.capture.cloud_files.read import looks_like_cloud
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
+    from usdfoliage.cli.remarks import print_remarks, render_for
 
     made: MadeCrown | MadeCapturedCrown
     if options.photo.is_dir() or looks_like_cloud(options.photo):
@@ -92,14 +94,12 @@ def run(options: argparse.Namespace) -> int:
         )
 
         handle_interrupts()
-        captured = CapturedCrownRequest.from_options(options)
+        captured = replace(CapturedCrownRequest.from_options(options), render_setting=render_for("crown"))
         if options.dry_run:
             print(plan_captured_crown_asset(captured))
             return 0
         with StepBar() as bar:
             made = make_captured_crown_asset(captured, bar.show)
-        for warning in made.warnings:
-            print(f"warning: {warning}")
     else:
         from usdfoliage.jobs.crown.run_capture import CAPTURE_OPTIONS, refuse_options
         from usdfoliage.jobs.crown.run_photograph import CrownRequest, make_crown_asset, plan_crown_asset
@@ -108,14 +108,13 @@ def run(options: argparse.Namespace) -> int:
         refuse_options(
             options, CAPTURE_OPTIONS, f"{options.photo} is no folder and no cloud, and taken for a photograph"
         )
-        request = CrownRequest.from_options(options)
+        request = replace(CrownRequest.from_options(options), render_setting=render_for("crown"))
         if options.dry_run:
             print(plan_crown_asset(request))
             return 0
         with StepBar() as bar:
             made = make_crown_asset(request, bar.show)
-    for note in made.notes:
-        print(f"note: {note}")
+    print_remarks(made.remarks, "crown")
     for row in made.measures:
         print(f"{row.name}: {row.value}")
     print(f"asset: {made.asset}")

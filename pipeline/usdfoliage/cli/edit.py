@@ -66,13 +66,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.remarks import print_remarks
     from usdfoliage.jobs.edits.edit import EditRequest, plan_look, write_look
 
     handle_interrupts()
     request = EditRequest.from_options(options)
     planned = plan_look(request) if options.dry_run else write_look(request)
-    for note in planned.notes:
-        print(f"note: {note}")
+    print_remarks(planned.remarks, "edit")
     for change in planned.changes:
         print(change)
     if request.jitter_map:

@@ -6,12 +6,10 @@ colours, an average leaf texture, and a report that shows every step over the ph
 """
 
 import argparse
-import logging
+from dataclasses import replace
 from pathlib import Path
 
 from usdfoliage.cli.leaf_options import add_representation, add_writing
-
-logger = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
+    from usdfoliage.cli.remarks import print_remarks, render_for
     from usdfoliage.jobs.leaves.run import LeavesRequest, make_leaves_asset, plan_leaves_asset
     from usdfoliage.jobs.leaves.settings import read_leaves_settings
     from usdfoliage.jobs.work.settings_file import format_settings
@@ -74,17 +73,13 @@ def run(options: argparse.Namespace) -> int:
     if options.print_settings:
         print(format_settings(read_leaves_settings(options)), end="")
         return 0
-    request = LeavesRequest.from_options(options)
+    request = replace(LeavesRequest.from_options(options), render_setting=render_for("leaves"))
     if options.dry_run:
         print(plan_leaves_asset(request))
         return 0
     with StepBar() as bar:
         made = make_leaves_asset(request, bar.show)
-    for note in made.notes:
-        if note in made.warnings:
-            logger.warning("%s", note)
-        else:
-            print(f"note: {note}")
+    print_remarks(made.remarks, "leaves")
     for step in made.steps:
         print(f"{step.name}: {step.count:,}")
     for row in made.measures:

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, warnings_of
+from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks
 
 
 @dataclass(frozen=True, kw_only=True)
 class CommandOptions:
-    """What a command calls settings of a build."""
+    """What a command calls settings of a build, and settings that it alone has: those have its name before theirs."""
 
     options: Mapping[str, str]  # by the name of the setting
     values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # of settings whose option has other words
@@ -44,6 +44,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "foliage.leaf_length_m": "--leaf-length",
             "foliage.max_leaves": "--most-leaves",
             "plant.species": "--species",
+            "plant.representations": "--representation",
             "seed": "--seed",
         },
         values={"capture.toml:metres_per_unit": _UNITS},
@@ -51,6 +52,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
     "crown": CommandOptions(
         options={
             **_OF_A_CLOUD,
+            "crown.mask": "--mask",
             "crown.size": "--size",
             "crown.mesh_size": "--mesh-size",
             "plant.species": "--species",
@@ -63,10 +65,15 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "leaves.depth": "--depth",
             "leaves.method": "--method",
             "plant.species": "--species",
+            "plant.representations": "--representation",
             "seed": "--seed",
         },
+        values={"leaves.depth": {"estimated": "sweep"}},
         table="leaves",
     ),
+    "bake": CommandOptions(options={"bake.source": "--from"}),
+    "edit": CommandOptions(options={"edit.jitter": "--jitter"}),
+    "scatter": CommandOptions(options={"plant.representations": "--representation"}),
 }
 
 
@@ -92,13 +99,7 @@ def render_for(command: str) -> RenderSetting:
     return render
 
 
-def write_remark(remark: Remark, render: RenderSetting) -> str:
-    """The line of a remark on the terminal."""
-    return f"{'warning' if warnings_of([remark]) else 'note'}: {remark.sentence(render)}"
-
-
 def print_remarks(remarks: Iterable[Remark], command: str, show: Callable[[str], None] = print) -> None:
-    """Show remarks on the terminal, a line each, as a command writes its settings."""
-    render = render_for(command)
-    for remark in remarks:
-        show(write_remark(remark, render))
+    """Show remarks on the terminal, a line each, the warnings first, as a command writes its settings."""
+    for line in label_remarks(remarks, render_for(command)):
+        show(line)

@@ -36,17 +36,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
+    from usdfoliage.cli.remarks import print_remarks, render_for
     from usdfoliage.jobs.edits.scatter import ScatterRequest, plan_spray, scatter_asset
 
     handle_interrupts()
     request = ScatterRequest.from_options(options)
     if options.dry_run:
-        print(plan_spray(request))
+        print(plan_spray(request, render_for("scatter")))
         return 0
     with StepBar() as bar:
         made = scatter_asset(request, bar.show)
-    for note in made.notes:
-        print(f"note: {note}")
+    print_remarks(made.remarks, "scatter")
     print(f"leaves: {made.count:,}")
     print(f"representations: {', '.join(made.representations) or 'none'}")
     print(f"asset: {made.asset}")

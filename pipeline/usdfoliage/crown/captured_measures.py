@@ -13,6 +13,7 @@ from usdfoliage.crown.silhouette_view import draw_silhouette
 from usdfoliage.crown.views import ReducedView
 from usdfoliage.geometry.cubemap import face_coordinates, face_directions, sample_cubemap
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.remarks import Remark
 
 # Gaps between points that a silhouette of them does not show: of the median radius, as between leaves, and distances to
 # the sixth neighbour, as between the points of a sparse cloud.
@@ -44,8 +45,7 @@ class CapturedCrownMeasures:
     volume_m3: float
     distance_m: float  # median, of the outermost points from the surface along their direction
     views: tuple[ViewMeasure, ...]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...] = ()  # what puts the crown in doubt
+    remarks: tuple[Remark, ...]
     seconds: dict[str, float] = field(default_factory=dict)  # by step
 
 

@@ -26,6 +26,7 @@ from usdfoliage.crown.views import CrownView, ReducedView, reduce_view
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.progress import Progress, StepProgress, follow_step
+from usdfoliage.remarks import Remark, remark
 
 CAPTURED_STEPS = ("points", "photographs", "hull", "colours", "texture", "measures")
 CLOUD_STEPS = ("points", "hull", "colours", "measures")
@@ -122,7 +123,10 @@ def reconstruct_captured_crown(
             measure_view(model, view, crown_m, below_m, int(texels), spacing_m)
             for view, texels in zip(reduced, colors.texels, strict=True)
         )
-    notes = [text] if len(reduced) == len(views) else [_describe_left_out(len(views), len(reduced)), text]
+    remarks = [remark("crown-colors", text)]
+    if len(reduced) < len(views):
+        unused = f"{len(views) - len(reduced)} of {len(views)} photographs do not show the crown from outside"
+        remarks.insert(0, remark("photographs-without-crown", f"{unused} and are not used"))
     measures = CapturedCrownMeasures(
         center=center,
         base_m=chosen.base_m,
@@ -134,7 +138,7 @@ def reconstruct_captured_crown(
         volume_m3=crown_volume(radius_m),
         distance_m=distance_from_points(model, crown_m),
         views=measured,
-        notes=tuple(notes),
+        remarks=tuple(remarks),
         seconds=seconds,
     )
     return model, measures
@@ -180,7 +184,7 @@ def reconstruct_cloud_crown(
         center = find_crown_center(crown_m, settings.points)
     with step("hull"):
         hull = fit_crown_hull(crown_m, center.center_m, chosen.base_m, (), settings.size, settings.hull)
-        warnings = _check_directions(hull.known)
+        remarks = _check_directions(hull.known)
     with step("colours"):
         radius_m = hull.radius_m.astype(np.float32)
         own, text = _own_colors(None if colors is None else np.asarray(colors, np.float64)[chosen.chosen])
@@ -210,14 +214,13 @@ def reconstruct_cloud_crown(
         volume_m3=crown_volume(radius_m),
         distance_m=distance_from_points(model, crown_m),
         views=measured,
-        notes=(text,),
-        warnings=warnings,
+        remarks=(*remarks, remark("crown-colors", text)),
         seconds=seconds,
     )
 
 
-def _check_directions(known: float) -> tuple[str, ...]:
-    """What to say of a share of directions in which a cloud has points.
+def _check_directions(known: float) -> tuple[Remark, ...]:
+    """A warning where a cloud has points in a small share of the directions.
 
     Raises:
         FitError: They are too few.
@@ -226,14 +229,17 @@ def _check_directions(known: float) -> tuple[str, ...]:
     advice = "give a cloud from all sides, of one plant"
     if known < _MIN_KNOWN:
         raise FitError(f"{text}, {_MIN_KNOWN:.0%} needed; {advice}")
-    return (f"{text}; elsewhere its surface is a guess between them: {advice}",) if known < _FEW_KNOWN else ()
+    if known >= _FEW_KNOWN:
+        return ()
+    text = f"{text}; elsewhere its surface is a guess between them"
+    return (remark("crown-directions-few", text, remedy=advice),)
 
 
 def _own_colors(colors: NDArray[np.float64] | None) -> tuple[NDArray[np.float64] | None, str]:
     """The colours of a crown's points (N, 3), None where they have none, and what the user should know of them."""
     colored = 0.0 if colors is None else float(np.isfinite(colors).all(axis=1).mean())
     if colors is None or colored == 0:
-        return None, "the points have no colours that show leaves: the crown has one, darker where they lie deeper"
+        return None, "the points have no colours that show leaves; the crown has one, darker where they lie deeper"
     if colored == 1:
         return colors, "the crown has the colours of its points"
     return colors, (
@@ -294,7 +300,3 @@ def _cover(view: ReducedView, crown_m: NDArray[np.float64], spacing_m: float) ->
     depth_m = float(np.median(view.camera.project(crown_m[:: max(1, len(crown_m) // 5000)])[1]))
     gap_px = _COVERED * spacing_m * view.camera.focal_px[0] / max(depth_m, 1e-9)
     return replace(view, covered=draw_points(crown_m, view.camera, gap_px))
-
-
-def _describe_left_out(total: int, used: int) -> str:
-    return f"{total - used} of {total} photographs do not show the crown from outside and are not used"

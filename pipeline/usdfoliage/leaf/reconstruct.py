@@ -23,6 +23,7 @@ from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing,
 from usdfoliage.leaf.segmentation.paper.segment import PaperSegmentationSettings, segment_paper
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.progress import StepProgress, follow_step
+from usdfoliage.remarks import Remark, remark
 
 METHODS = ("dense", "paper")
 STEPS = ("segmentation", "fit", "direction", "colours", "texture")
@@ -70,7 +71,7 @@ class Reconstruction:
     segmentation: Segmentation
     texture: AverageTexture | None  # None without leaves
     steps: Sequence[Step]
-    notes: Sequence[str]  # what whoever uses the leaves should know
+    remarks: Sequence[Remark]  # what whoever uses the leaves should know
     seconds: Mapping[str, float]  # by step
 
 
@@ -132,7 +133,7 @@ def reconstruct_leaves(
         segmentation=segmentation,
         texture=texture,
         steps=_count_steps(segmentation, fitted, leaves, dropped),
-        notes=describe_leaves(
+        remarks=describe_leaves(
             leaves, views, segmentation, outlined=None if fitted.outlined is None else fitted.outlined[sound]
         ),
         seconds=seconds,
@@ -194,15 +195,15 @@ def _count_steps(
     ]
 
 
-def check_confidence(leaves: Leaves) -> list[str]:
-    """A sentence where most leaves are guessed."""
-    sure = 1.0 if leaves.confidence is None or not len(leaves) else float(np.median(leaves.confidence))
-    if sure >= LOW_CONFIDENCE:
-        return []
-    return [
-        f"the median confidence is {sure:.2f}: most leaves are guessed; they may be lobed, grass-like, or too small in "
-        "the photographs for this depth"
-    ]
+def describe_low_confidence(leaves: Leaves) -> str:
+    """A sentence where most leaves are guessed; else empty."""
+    median = 1.0 if leaves.confidence is None or not len(leaves) else float(np.median(leaves.confidence))
+    if median >= LOW_CONFIDENCE:
+        return ""
+    return (
+        f"the median confidence is {median:.2f}, so that most leaves are guessed; they may be lobed, grass-like, or "
+        "too small in the photographs for this depth"
+    )
 
 
 def describe_leaves(
@@ -211,49 +212,52 @@ def describe_leaves(
     segmentation: Segmentation,
     *,
     outlined: NDArray[np.float64] | None = None,
-) -> list[str]:
-    """What whoever uses the leaves should know, in sentences.
+) -> list[Remark]:
+    """What whoever uses the leaves should know.
 
     Args:
         outlined: (N,), the share of each leaf's edge that lies on its silhouette, if that was measured.
     """
-    notes = []
+    remarks = []
     without = sum(not view.has_depth for view in views)
     if without == len(views):
-        notes.append("no view has depth, and leaves are found in depth")
+        remarks.append(remark("no-view-with-depth", "no view has depth, and leaves are found in depth"))
     elif without:
-        notes.append(f"{without} of {len(views)} views have no depth: no leaf was looked for in them")
+        text = f"{without} of {len(views)} views have no depth; no leaf was looked for in them"
+        remarks.append(remark("views-without-depth", text))
     if len(views) == 1:
-        notes.append(
-            "there is one view only: what it does not show is unknown, leaves that are hidden in part come out shorter "
+        text = (
+            "there is one view only; what it does not show is unknown, leaves that are hidden in part come out shorter "
             "or guessed, and no other view confirms a leaf"
         )
+        remarks.append(remark("one-view", text))
     if not len(leaves):
         found = sum(len(view.confidence) for view in segmentation.candidates)
-        notes.append(
-            f"no leaf was found, of {found:,} candidates; the table below tells where they went"
-            if found
-            else "no leaf was found, not even a candidate; see which part of the photographs has depth"
-        )
-        return notes
-    notes.extend(check_confidence(leaves))
+        text = f"no leaf was found, of {found:,} candidates" if found else "no leaf was found, not even a candidate"
+        remedy = "the table of the report shows where they were lost" if found else "see where photographs have depth"
+        remarks.append(remark("no-leaf-found", text, remedy=remedy))
+        return remarks
+    low = describe_low_confidence(leaves)
+    if low:
+        remarks.append(remark("leaves-guessed", low))
     lobed = outlined is not None and float(np.median(outlined)) < LOBED
     if lobed:
-        notes.append(
-            "the edges of most leaves lie off every single silhouette: leaves seem to be lobed, toothed or of several "
-            "leaflets, of which this model gives the outer shape; their confidence is low"
+        text = (
+            "the edges of most leaves lie off every single silhouette; leaves seem to be lobed, toothed or of several "
+            "leaflets, of which this model gives the outer shape, and their confidence is low"
         )
+        remarks.append(remark("leaves-lobed", text))
     shape = float(np.median(leaf_width(leaves.parameters)))
-    low, high = SINGLE_LOBED
-    if not low <= shape <= high:
-        kind = "grass-like" if shape < low else "lobed, or of several leaflets"
-        notes.append(
+    narrow, wide = SINGLE_LOBED
+    if not narrow <= shape <= wide:
+        kind = "grass-like" if shape < narrow else "lobed, or of several leaflets"
+        text = (
             f"leaves are {shape:.2f} times as wide as long, which is not what leaves of one lobe are "
-            f"({low:g} to {high:g}): they may be {kind}, and one axis and one silhouette do not describe them well"
+            f"({narrow:g} to {wide:g}); they may be {kind}, and one axis and one silhouette do not describe them well"
         )
+        remarks.append(remark("leaf-shape-improbable", text))
     elif not lobed and np.mean(leaf_width(leaves.parameters) > ROUND) > 0.5:
-        notes.append(
-            "most leaves are about as wide as long: their axes are told from the fit alone; look at the fitted leaves "
-            "over the photographs"
-        )
-    return notes
+        text = "most leaves are about as wide as long; their axes follow from the fit alone"
+        remedy = "look at the fitted leaves over the photographs"
+        remarks.append(remark("leaf-axes-uncertain", text, remedy=remedy))
+    return remarks

@@ -125,13 +125,13 @@ def test_baking_an_older_asset_puts_its_crown_on_the_trunk(older, tmp_path):
     show(stage, "crown")
     bound, _ = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/ash/geo/proxy/Branches")).ComputeBoundMaterial()
     assert bound.GetPath() == Sdf.Path("/ash/mtl/Bark")
-    assert [any("stands out of the crown" in note for note in each.notes) for each in made] == [True, False]
+    assert [any(held.code == "trunk-shown-with-crown" for held in each.remarks) for each in made] == [True, False]
 
 
 def test_a_crown_to_the_ground_and_one_without_branches_are_baked_without_a_note(tmp_path):
     for name, branches in (("whole", True), ("leafy", False)):
         made = bake(write_whole_plant(tmp_path / name, branches=branches), tmp_path / f"{name}_baked")
-        assert made.notes == ()
+        assert made.remarks == ()
         assert not (made.asset.parent / "payload" / "branches_bare.usdc").exists()
 
 

@@ -11,6 +11,7 @@ from usdfoliage.asset.packages.leaf_package import LeafLook
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.branch.foliage.species import load_species
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
+from usdfoliage.cli.remarks import render_for
 from usdfoliage.jobs.branches.foliage import FoliageRequest, grow_leaves, read_fitted_leaves
 from usdfoliage.jobs.branches.run import BranchesRequest
 from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits
@@ -131,7 +132,10 @@ def test_fitted_leaves_of_another_size_are_spoken_of(tmp_path):
     request = FoliageRequest(kind="fitted", source=source.parent, species=STOUT)
     grown = grow_leaves(small_tree(), request, read_fitted_leaves(request, tmp_path / "out"), seed=1)
     assert grown is not None
-    assert any("75 cm long, those of maple 9 cm; say --leaf-length" in note for note in grown.notes)
+    assert any(
+        "75 cm long, those of maple 9 cm: give --leaf-length" in each.sentence(render_for("branches"))
+        for each in grown.remarks
+    )
 
 
 def test_a_plant_too_thick_for_leaves_says_so():
@@ -141,7 +145,7 @@ def test_a_plant_too_thick_for_leaves_says_so():
     )
     grown = grow_leaves(thick, FoliageRequest(kind="template", species=MAPLE), None, seed=0)
     assert grown is not None
-    assert "no twig is thin enough to carry leaves" in grown.notes
+    assert "no twig is thin enough to carry leaves" in [each.text for each in grown.remarks]
     assert len(grown.foliage.leaves) == 0
 
 

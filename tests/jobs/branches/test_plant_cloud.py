@@ -28,7 +28,7 @@ def read(path, points, colors=None, **asked) -> PlantCloud:
 def test_points_far_closer_than_twigs_need_become_fewer_and_keep_their_colours(tmp_path):
     plant = read(tmp_path / "pole.ply", *pole(80_000))
     assert len(plant.points_m) < 40_000
-    assert any("branches are traced through" in note for note in plant.notes)
+    assert any("branches are traced through" in each.text for each in plant.remarks)
     middle = np.abs(plant.points_m[:, 1] - 1) < 2 * CLOSEST_M
     assert (np.abs(plant.colors[~middle & (plant.points_m[:, 1] < 1)] - BROWN) < 1e-6).all()
     assert (np.abs(plant.colors[~middle & (plant.points_m[:, 1] > 1)] - GREEN) < 1e-6).all()
@@ -37,7 +37,7 @@ def test_points_far_closer_than_twigs_need_become_fewer_and_keep_their_colours(t
 def test_of_a_cloud_that_is_no_closer_than_that_every_point_stays(tmp_path):
     plant = read(tmp_path / "pole.ply", *pole(5000))
     assert len(plant.points_m) == 5000
-    assert not any("traced through" in note for note in plant.notes)
+    assert not any(each.code == "cloud-thinned" for each in plant.remarks)
 
 
 def test_a_shorter_internode_asks_for_more_points(tmp_path):
@@ -59,7 +59,7 @@ def test_strays_are_left_out_and_said(tmp_path):
     stray = np.array([[3.0, 0, 0.4]]) + np.random.default_rng(1).normal(0, 0.02, (60, 3))
     plant = read(tmp_path / "pole.ply", np.concatenate([points, stray]), np.concatenate([colors, colors[:60]]))
     assert len(plant.points_m) == len(plant.colors) == 5000
-    assert "60 points are far beside the plant and left out" in plant.notes
+    assert "60 points are far beside the plant and left out" in [each.text for each in plant.remarks]
 
 
 def test_a_cloud_without_colours_has_none(tmp_path):

@@ -44,7 +44,7 @@ def test_stems_of_a_herb_are_told_from_its_blurred_leaves(tmp_path):
     points_m = np.concatenate([*stems, *noisy_leaves(rng, 30, [0, 0.36, 0], [0.08, 0.02, 0.08], noise_m)])
     found = trace(tmp_path / "herb.ply", points_m, needs_stems=True)
     skeleton = found.traced.skeleton
-    assert any("as coarsely" in note for note in found.notes)
+    assert any(each.code == "traced-coarsely" for each in found.remarks)
     assert len(skeleton) < 100  # traced finely there are 2,058
     stems = np.flatnonzero((skeleton.order == 0) & (skeleton.lengths_m > 0.15))
     assert len(stems) == len(FEET_M)

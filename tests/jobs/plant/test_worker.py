@@ -25,6 +25,7 @@ from usdfoliage.jobs.plant.stages.assemble import assemble_asset, provenance_of
 from usdfoliage.jobs.plant.store import ResultFile, Store
 from usdfoliage.jobs.plant.summary import StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BuildPlan
+from usdfoliage.remarks import remark
 
 Stage = Callable[[StageCall], None]
 
@@ -227,7 +228,9 @@ def test_a_report_that_vanishes_before_it_is_published_is_told(request_of_two, s
 
 def test_where_nothing_could_be_made_the_error_says_why_each_time(request_of_two, set_stages):
     said = {
-        "branches": StageSummary(notes=["the plant has no branches: the cloud shows no stem at a root"]),
+        "branches": StageSummary(
+            remarks=[remark("branches-left-out", "the plant has no branches: the cloud shows no stem at a root")]
+        ),
         "leaves": StageSummary(failure="12 leaves are in the pictures, 20 needed; take closer photographs"),
         "crown": StageSummary(failure="the cloud has 3 points, 100 needed"),
     }

@@ -20,7 +20,7 @@ from usdfoliage.branch.foliage.species import GENERIC, Species, describe_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
-from usdfoliage.jobs.edits.scatter import LENGTHS_M, MOST_LEAVES, MOST_LEAVES_OF_ALL
+from usdfoliage.jobs.edits.scatter import LENGTHS_M, MOST_LEAVES, MOST_LEAVES_OF_ALL, note_bezier_alone
 from usdfoliage.jobs.edits.settings import check_memory, read_representations, read_settings
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.leaf.model import Leaves
@@ -29,6 +29,7 @@ from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.measures import leaf_area, leaf_width
 from usdfoliage.leaf.shape.variation import VariationSettings, leaf_of_width, vary_colors, vary_leaves
+from usdfoliage.remarks import Remark, Setting, remark
 
 NONE, TEMPLATE, FITTED = KINDS = ("none", "template", "fitted")
 FAR = 3.0  # times as long or as short as those of the species, from which on fitted leaves are spoken of
@@ -92,7 +93,7 @@ class GrownLeaves:
 
     foliage: BranchLeaves
     places: LeafPlaces  # of the same leaves
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     rows: tuple[Row, ...]
 
 
@@ -120,27 +121,28 @@ def grow_leaves(
     rng = np.random.default_rng(seed)
     settings = request.settings if fitted is None else replace(request.settings, length=0.0)  # they differ themselves
     places = place_leaves(skeleton, request.species, rng, settings, bare)
-    notes = []
+    remarks: list[Remark] = []
     if fitted is None:
         foliage = _of_species(places, request, rng)
     else:
         foliage = _of_fitted(places, fitted, request, rng)
-        notes += _length_notes(fitted.leaves, request)
+        remarks += _check_length(fitted.leaves, request)
     count = len(places)
     if count < places.grown:
-        notes.append(f"{count:,} of {places.grown:,} leaves were kept, evenly over the plant; --most-leaves keeps more")
+        text = f"{count:,} of {places.grown:,} leaves were kept, evenly over the plant"
+        remedy = ("a higher ", Setting(name="foliage.max_leaves"), " keeps more")
+        remarks.append(remark("leaves-left-out", text, remedy=remedy))
     if not count:
-        notes.append("no twig is thin enough to carry leaves")
+        remarks.append(remark("no-twig-for-leaves", "no twig is thin enough to carry leaves"))
     usual = tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)
     if request.representations is None and count > MOST_LEAVES_OF_ALL:
-        notes.append(
-            f"beyond {MOST_LEAVES_OF_ALL:,} leaves only bezier is written; others with --representation "
-            "(nurbs has one prim a leaf)"
-        )
+        remarks.append(note_bezier_alone())
     written = read_settings(request.representations or usual, request.resolution)
     check_memory(count, written)
     foliage = replace(foliage, settings=written)
-    return GrownLeaves(foliage=foliage, places=places, notes=tuple(notes), rows=tuple(_rows(foliage.leaves, places)))
+    return GrownLeaves(
+        foliage=foliage, places=places, remarks=tuple(remarks), rows=tuple(_rows(foliage.leaves, places))
+    )
 
 
 def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | None:
@@ -239,15 +241,17 @@ def _leaves_at(
     )
 
 
-def _length_notes(leaves: Leaves, request: FoliageRequest) -> list[str]:
+def _check_length(leaves: Leaves, request: FoliageRequest) -> list[Remark]:
     """A capture whose scale is not known has leaves of any length."""
     usual_m, expected_m = float(np.median(leaves.length_m)), request.species.leaf_length_m
     if request.length_m is not None or expected_m / FAR <= usual_m <= expected_m * FAR:
         return []
-    return [
+    text = (
         f"the leaves of {request.source} are {100 * usual_m:.3g} cm long, those of {request.species.name} "
-        f"{100 * expected_m:.3g} cm; say --leaf-length if their capture had no scale"
-    ]
+        f"{100 * expected_m:.3g} cm"
+    )
+    remedy = ("give ", Setting(name="foliage.leaf_length_m"), " if their capture had no scale")
+    return [remark("leaf-length-improbable", text, remedy=remedy)]
 
 
 def _rows(leaves: Leaves, places: LeafPlaces) -> Sequence[Row]:

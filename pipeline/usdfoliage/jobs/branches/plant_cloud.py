@@ -21,8 +21,9 @@ from usdfoliage.capture.cloud_files.units import UNITS
 from usdfoliage.capture.cloud_files.up_axis import axis_vector, find_cloud_up, turn_to_y_up
 from usdfoliage.errors import FitError, FoliageError
 from usdfoliage.geometry.point_cells import cell_means, number_cells
-from usdfoliage.jobs.branches.warnings import doubt_height
+from usdfoliage.jobs.branches.warnings import check_height
 from usdfoliage.progress import StepProgress, progress_in_step
+from usdfoliage.remarks import Remark, Remedy, Setting, remark
 
 MIN_POINTS = 50  # of a plant without its ground
 _CLOSEST = 0.3  # internodes: points closer together take time and show nothing more
@@ -116,8 +117,7 @@ class PlantCloud:
     asset_from_cloud: NDArray[np.float64]  # (4, 4), from the file's coordinates
     source: CloudInput
     ground: int  # points that were left out as ground
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...] = ()  # what puts the whole cloud in doubt
+    remarks: tuple[Remark, ...]
 
 
 def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None = None) -> PlantCloud:
@@ -132,52 +132,57 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         CloudInputSettings(metres_per_unit=None if request.unit is None else UNITS[request.unit]),
         progress_in_step("read", progress),
     )
-    notes = list(source.notes)
+    remarks = read_remarks(source)
     if request.up is not None:
         axis = axis_vector(request.up)
     else:
         up = find_cloud_up(source.points_m, source.stated_up, source.format_up)
         axis = up.axis
         is_told = up.sure and source.stated_up is not None  # what is found is wrong for some plants, however clear
-        notes.append(up.how if is_told else f"{up.how}; say it with --up if that is wrong")
+        remedy: Remedy = () if is_told else ("give ", Setting(name="capture.toml:up_axis"), " if that is wrong")
+        remarks.append(remark("cloud-up", up.how, remedy=remedy))
     turn = turn_to_y_up(axis)
     points_m = source.points_m @ turn.T
     ground = find_ground(points_m) if request.has_ground else no_ground(points_m)
     if ground.points.any():
-        notes.append(f"{int(ground.points.sum()):,} points are ground and left out")
+        remarks.append(remark("ground-left-out", f"{int(ground.points.sum()):,} points are ground and left out"))
     points_m = points_m[~ground.points]
     colors = None if source.colors is None else source.colors[~ground.points].astype(np.float64)
     if ground.plane is not None:
         remains = find_ground_remains(points_m, ground.plane)
         if remains.any():
-            notes.append(f"{int(remains.sum()):,} points low and far beside the plant are ground too and left out")
+            text = f"{int(remains.sum()):,} points low and far beside the plant are ground too and left out"
+            remarks.append(remark("ground-left-out", text))
             points_m = points_m[~remains]
             colors = None if colors is None else colors[~remains]
     strays = find_outliers(points_m)
     if strays.any():
-        notes.append(f"{int(strays.sum()):,} points are far beside the plant and left out")
+        text = f"{int(strays.sum()):,} points are far beside the plant and left out"
+        remarks.append(remark("outliers-left-out", text))
         points_m = points_m[~strays]
         colors = None if colors is None else colors[~strays]
     _check_internode(points_m, request)
     close = len(points_m)
     points_m, colors, cell_m = _thin_plant(points_m, colors, request)
     if cell_m > 0:
-        notes.append(f"branches are traced through {len(points_m):,} points, one in {1000 * cell_m:.1f} mm")
+        text = f"branches are traced through {len(points_m):,} points, one in {1000 * cell_m:.1f} mm"
+        remarks.append(remark("cloud-thinned", text))
     if len(points_m) < MIN_POINTS:
-        raise FitError(_explain_few(len(points_m), close, source, axis, request))
+        raise _explain_few(len(points_m), close, source, axis, request)
     if request.given_roots:
         given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
         roots_m = given @ turn.T
         _check_roots(roots_m, points_m, request)
         other = find_other_trees(points_m, roots_m, find_roots(points_m, ground=ground.plane), point_spacing(points_m))
         if other.any():
-            notes.append(f"{int(other.sum()):,} points are of other trees than that at the given root and left out")
+            text = f"{int(other.sum()):,} points are of other trees than that at the given root and left out"
+            remarks.append(remark("other-trees-left-out", text))
             points_m = points_m[~other]
             colors = None if colors is None else colors[~other]
     else:
         roots_m = find_roots(points_m, request.roots, ground.plane)
         if request.roots.count is not None and len(roots_m) < request.roots.count:
-            notes.append(f"{len(roots_m)} of {request.roots.count} roots were found")
+            remarks.append(remark("roots-missing", f"{len(roots_m)} of {request.roots.count} roots were found"))
     asset_from_cloud = np.eye(4)
     asset_from_cloud[:3, :3] = turn * source.metres_per_unit
     asset_from_cloud[:3, 3] = -turn @ source.origin_m - roots_m[0]
@@ -188,23 +193,30 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         asset_from_cloud=asset_from_cloud,
         source=source,
         ground=int(ground.points.sum()),
-        notes=tuple(notes),
-        warnings=(*source.warnings, *doubt_height(float(np.ptp(points_m[:, 1])), source.metres_per_unit)),
+        remarks=(*remarks, *check_height(float(np.ptp(points_m[:, 1])), source.metres_per_unit)),
     )
+
+
+def read_remarks(source: CloudInput) -> list[Remark]:
+    """What reading the file has to remark."""
+    notes = [remark("cloud-file-note", text) for text in source.notes]
+    return [*notes, *(remark("cloud-file-warning", text) for text in source.warnings)]
 
 
 def _explain_few(
     left: int, close: int, source: CloudInput, axis: NDArray[np.float64], request: PlantCloudRequest
-) -> str:
+) -> FitError:
     """Why fewer points of a plant are left than can be traced, and what to do; close were left before thinning."""
     if close >= MIN_POINTS and request.internode_m is not None:
-        told = f"--internode {request.internode_m:g} leaves {left} points of the plant, {MIN_POINTS} needed"
-        return f"{told}; give a shorter one"
+        told = f"an internode of {request.internode_m:g} m leaves {left} points of the plant, {MIN_POINTS} needed"
+        return FitError(told, ("give a shorter ", Setting(name="branches.internode_m")))
     told = f"{left} points are left without the ground, {MIN_POINTS} needed ({source.path})"
-    if doubt_height(float(np.ptp(source.points_m, axis=0).max()), source.metres_per_unit):
-        doubts = doubt_height(float(np.ptp(source.points_m @ axis)), source.metres_per_unit)
-        return "; ".join([told, *doubts])
-    return f"{told}; give a cloud of a plant, and say --up if another of its axes is up"
+    if check_height(float(np.ptp(source.points_m, axis=0).max()), source.metres_per_unit):
+        for warning in check_height(float(np.ptp(source.points_m @ axis)), source.metres_per_unit):
+            return FitError(f"{told}; {warning.text}", warning.remedy)
+        return FitError(told)
+    remedy = ("give a cloud of a plant, and ", Setting(name="capture.toml:up_axis"), " if another of its axes is up")
+    return FitError(told, remedy)
 
 
 def _check_internode(points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
@@ -212,7 +224,8 @@ def _check_internode(points_m: NDArray[np.float64], request: PlantCloudRequest) 
     height_m = float(np.ptp(points_m[:, 1])) if len(points_m) else 0.0
     if request.internode_m is not None and len(points_m) >= MIN_POINTS and request.internode_m > height_m:
         raise FitError(
-            f"--internode {request.internode_m:g} is longer than the plant, {height_m:.2f} m high; it is in metres"
+            f"an internode of {request.internode_m:g} m is longer than the plant, which is {height_m:.2f} m high",
+            ("give ", Setting(name="branches.internode_m"), " in metres"),
         )
 
 
@@ -251,6 +264,6 @@ def _check_roots(roots_m: NDArray[np.float64], points_m: NDArray[np.float64], re
         if own_m > np.ptp(points_m[:, 1]):
             told = ",".join(f"{c:.12g}" for c in place)
             raise FitError(
-                f"--roots {told} is {own_m:.1f} m from the nearest point of {request.path}; "
-                "roots are in the cloud's own coordinates"
+                f"the root {told} is {own_m:.1f} m from the nearest point of {request.path}",
+                ("give ", Setting(name="branches.roots"), " in the cloud's own coordinates"),
             )

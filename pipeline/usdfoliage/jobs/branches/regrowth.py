@@ -13,7 +13,8 @@ from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.plant_cloud import PlantCloud
-from usdfoliage.jobs.branches.warnings import doubt_growth
+from usdfoliage.jobs.branches.warnings import check_growth
+from usdfoliage.remarks import Remark, remark
 
 TRACE, GROW = METHODS = ("trace", "grow")
 MOST_VARIATIONS = 99
@@ -63,8 +64,8 @@ def regrow_branches(
     species: Species,
     seed: int,
     progress: Callable[[float], None] | None = None,
-) -> tuple[TracedBranches, list[str], list[str]]:
-    """The branches with what is asked for grown, notes of it, and doubts in it; as they were traced where nothing is.
+) -> tuple[TracedBranches, list[Remark]]:
+    """The branches with what is asked for grown, and remarks on it; as they were traced where nothing is.
 
     Args:
         traced: As the cloud shows them.
@@ -74,23 +75,24 @@ def regrow_branches(
         seed: Of growth.
         progress: Told how far it is, 0 to 1.
     """
-    notes, doubts = [], []
+    remarks: list[Remark] = []
     growth = growth_settings(traced, species)
     if request.method == GROW:
         grown = _regrow(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=grown.skeleton)
-        notes.append(_tell(grown, f"branches are grown from the roots through the cloud in {grown.cycles} cycles"))
-        doubts.extend(doubt_growth(float(grown.reached.mean()), growth.internode_m))
+        text = f"branches are grown from the roots through the cloud in {grown.cycles} cycles"
+        remarks.append(remark("branches-grown", _with_shares(grown, text)))
+        remarks.extend(check_growth(float(grown.reached.mean()), growth.internode_m))
     if request.hidden:
         filled = _fill(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=filled.skeleton)
         if filled.grown:
-            notes.append(
-                _tell(filled, f"{filled.grown:,} branches are grown inside the crown, where the cloud shows none")
-            )
+            text = f"{filled.grown:,} branches are grown inside the crown, where the cloud shows none"
+            remarks.append(remark("hidden-branches-grown", _with_shares(filled, text)))
         else:
-            notes.append("the cloud hides nothing of the crown: no branches are grown inside it")
-    return traced, notes, doubts
+            text = "the cloud hides nothing of the crown: no branches are grown inside it"
+            remarks.append(remark("nothing-hidden", text))
+    return traced, remarks
 
 
 def vary_branches(
@@ -134,5 +136,5 @@ def _fill(
     return fill_hidden(skeleton, plant.points_m, traced.spacing_m, growth, request.settings, seed, progress)
 
 
-def _tell(grown: GrownBranches, what: str) -> str:
-    return f"{what}; growth came to {100 * grown.reached.mean():.0f} % of the points, {grown.shed:,} branches were shed"
+def _with_shares(grown: GrownBranches, text: str) -> str:
+    return f"{text}; growth came to {100 * grown.reached.mean():.0f} % of the points, {grown.shed:,} branches were shed"

@@ -26,6 +26,7 @@ from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import TURBO, VIRIDIS, color_values, write_picture
 from usdfoliage.jobs.report.table import ReportView, Row, list_seconds
 from usdfoliage.progress import StepProgress, progress_in_step
+from usdfoliage.remarks import Remark, RenderSetting, list_sentences, remark
 
 logger = logging.getLogger(__name__)
 
@@ -45,7 +46,8 @@ class BranchesReport:
     name: str
     capture: str
     generator: str
-    notes: Sequence[str]  # what the reader should know first
+    remarks: Sequence[Remark]  # what the reader should know first
+    render_setting: RenderSetting
     settings: Mapping[str, str]
     preview: bool
     variations: Sequence[Path] = ()  # interfaces of plants alike
@@ -146,7 +148,7 @@ def write_branches_report(
     ):
         for direction, file in _draw_cloud(folder, what, drawn_m, colors, traced.spacing_m):
             pictures.append(ReportView(name=f"{caption}, from the {direction}", file=file))
-    notes = list(report.notes)
+    remarks = list(report.remarks)
     views = []
     if report.preview:
         try:
@@ -163,13 +165,13 @@ def write_branches_report(
                 views.append(ReportView(name=alike.stem, file=file))
         except PreviewError as error:
             logger.warning("no pictures: %s", error)
-            notes.append(f"no pictures of the asset: {error}")
+            remarks.append(remark("report-without-pictures", f"no pictures of the asset: {error}"))
     page = render_template(
         "branches_report.html",
         name=report.name,
         capture=report.capture,
         generator=report.generator,
-        notes=notes,
+        notes=list_sentences(remarks, report.render_setting),
         views=views,
         pictures=pictures,
         measures=rows,

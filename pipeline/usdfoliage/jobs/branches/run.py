@@ -44,10 +44,11 @@ from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, 
 from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.tracing import trace_cloud
-from usdfoliage.jobs.branches.warnings import doubt_surface
+from usdfoliage.jobs.branches.warnings import check_surface
 from usdfoliage.jobs.edits.scatter import read_color
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.progress import StepProgress, follow_step
+from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, merge_remarks, remark
 
 logger = logging.getLogger(__name__)
 
@@ -76,6 +77,7 @@ class BranchesRequest:
     needs_stems: bool = False  # as trace_cloud takes it
     color_of_cloud: bool = False  # branches have the colour of the cloud's wood, where it has colours
     force: bool = False
+    render_setting: RenderSetting = as_plan_setting  # how the report writes settings
 
     @classmethod
     def from_options(cls, options: argparse.Namespace) -> "BranchesRequest":
@@ -120,8 +122,7 @@ class MadeBranches:
     asset: Path
     report: Path
     variations: tuple[Path, ...]  # assets of plants alike
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]  # what puts the asset in doubt
+    remarks: tuple[Remark, ...]
     measures: tuple[Row, ...]
     seconds: dict[str, float]
     plant: PlantCloud  # as it was traced
@@ -147,15 +148,18 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             request = replace(request, asset=replace(request.asset, color=color))
         species = request.foliage.species
         with follow_step("growth", seconds, progress) as tell:
-            shown, told, doubts = regrow_branches(
+            shown, of_growth = regrow_branches(
                 traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
             )
-        warnings = [*found.warnings, *doubts]
-        notes = [*found.notes, *describe_leaves(traced, request.settings), *told]
         made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
-        notes.extend(made.notes)
         surface = made.surfaces.whole
-        warnings.extend(doubt_surface(len(shown.skeleton), len(surface.dropped), len(surface.loose)))
+        remarks = merge_remarks(
+            found.remarks,
+            describe_leaves(traced, request.settings),
+            of_growth,
+            made.remarks,
+            check_surface(len(shown.skeleton), len(surface.dropped), len(surface.loose)),
+        )
         with follow_step("asset", seconds, progress):
             provenance = Provenance(
                 species=request.species,
@@ -179,7 +183,8 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             name=request.name,
             capture=plant.source.path.name,
             generator=provenance.generator,
-            notes=[*warnings, *notes],
+            remarks=remarks,
+            render_setting=request.render_setting,
             settings=provenance.settings,
             preview=request.preview,
             variations=variations,
@@ -194,8 +199,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         variations=tuple(request.output / made.relative_to(folder) for made in variations),
-        notes=tuple(notes),
-        warnings=tuple(warnings),
+        remarks=remarks,
         measures=tuple(rows),
         seconds=seconds,
         plant=plant,
@@ -214,7 +218,7 @@ class _MadePlant:
     rig: BranchRig | None
     growth: BranchGrowth | None
     rigged_leaves: RiggedLeaves | None
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     rows: tuple[Row, ...]
 
 
@@ -228,16 +232,17 @@ def _make_plant(
 ) -> _MadePlant:
     """The surface of branches, their leaves, and what moves."""
     with follow_step("surface", seconds, progress):
-        surfaces, notes = build_surfaces(traced.skeleton)
+        surfaces, remarks = build_surfaces(traced.skeleton)
     with follow_step("leaves", seconds, progress):
         lost = [branch.curve for branch in surfaces.whole.dropped]
         grown = grow_leaves(traced.skeleton, request.foliage, fitted, seed, lost)
-        notes.extend(grown.notes if grown else ())
+        remarks.extend(grown.remarks if grown else ())
     with follow_step("motion", seconds, progress):
         rig = rig_branches(traced.skeleton, surfaces, request.motion, seed)
         growth = grow_branches(traced, surfaces, request.motion, grown)
     if rig is not None:
-        notes.append(f"the rig has {len(rig.rig)} joints; select rig=skel to move it")
+        text = f"the rig has {len(rig.rig)} joints"
+        remarks.append(remark("rig-joints", text, remedy="select rig=skel to move it"))
     return _MadePlant(
         skeleton=SkeletonPrim(skeleton=traced.skeleton, growth=growth_of(traced)),
         surfaces=surfaces,
@@ -245,7 +250,7 @@ def _make_plant(
         rig=rig,
         growth=growth,
         rigged_leaves=rig_leaves(rig, grown),
-        notes=tuple(notes),
+        remarks=tuple(remarks),
         rows=grown.rows if grown else (),
     )
 
@@ -279,41 +284,44 @@ def wood_color(colors: NDArray[np.float64]) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[str]]:
+def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[Remark]]:
     """The surface of all branches and those of the lower orders, and what is not in it."""
     whole = build_branch_cage(skeleton, CAGE)
     highest = int(skeleton.order.max())
     coarser: list[tuple[int, BranchCage]] = [
         (order, build_branch_cage(skeleton.up_to_order(order), CAGE)) for order in _COARSER_ORDERS if order < highest
     ]
-    notes = []
+    remarks = []
     reasons: dict[str, int] = {}
     for lost in whole.dropped:
         reasons[lost.why] = reasons.get(lost.why, 0) + 1
     if reasons:
         told = ", ".join(f"{count} {reason}" for reason, count in sorted(reasons.items(), key=lambda each: -each[1]))
-        notes.append(f"{sum(reasons.values())} of {len(skeleton)} branches are in the skeleton alone: {told}")
+        text = f"{sum(reasons.values())} of {len(skeleton)} branches are in the skeleton alone: {told}"
+        remarks.append(remark("branches-in-skeleton-alone", text))
     if whole.loose:
-        notes.append(
+        text = (
             f"{len(whole.loose)} branches would cross their parent where they join it: "
             "each begins a closed piece of its own beside it"
         )
-    return BranchSurfaces(whole=whole, by_order=tuple(coarser)), notes
+        remarks.append(remark("branches-beside-parent", text))
+    return BranchSurfaces(whole=whole, by_order=tuple(coarser)), remarks
 
 
-def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[str]:
+def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[Remark]:
     """What the user should know of the cloud's leaves."""
     share = float(1 - traced.wood.mean())
     if share > 0:
-        return [
-            f"the cloud has leaves: {100 * share:.0f} % of its points are leaves and left out; "
-            "say --cloud-leaves off if that is wrong"
-        ]
+        text = f"{100 * share:.0f} % of the cloud's points are leaves and left out"
+        remedy = ("give ", Setting(name="branches.cloud_leaves", value='"off"'), " if that is wrong")
+        return [remark("cloud-leaves-left-out", text, remedy=remedy)]
     if settings.leaves == "auto" and not traced.knows_leaves:
-        return [
+        text = (
             f"points are {1000 * traced.spacing_m:.0f} mm from their sixth neighbour, too far to tell leaves from "
-            "wood: all are taken for wood; say --cloud-leaves on if the plant has leaves"
-        ]
+            "wood; all are taken for wood"
+        )
+        remedy = ("give ", Setting(name="branches.cloud_leaves", value='"on"'), " if the plant has leaves")
+        return [remark("cloud-leaves-unknown", text, remedy=remedy)]
     return []
 
 
@@ -348,8 +356,7 @@ def plan_branches_asset(request: BranchesRequest) -> str:
         f"{height_m:.2f} m high",
         f"roots: {len(plant.roots_m)}",
         *([f"leaves: drawn from the {len(fitted.leaves):,} of {request.foliage.source}"] if fitted else []),
-        *(f"warning: {doubt}" for doubt in plant.warnings),
-        *(f"note: {note}" for note in plant.notes),
+        *label_remarks(plant.remarks, request.render_setting),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         would,
     ]

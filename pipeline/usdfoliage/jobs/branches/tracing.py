@@ -9,8 +9,9 @@ from usdfoliage.branch.tracing.higher_feet import stands_on_stem
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.errors import FitError
 from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
-from usdfoliage.jobs.branches.warnings import FEW_ROUND, doubt_stems
+from usdfoliage.jobs.branches.warnings import FEW_ROUND, check_stems
 from usdfoliage.progress import StepProgress, follow_step, progress_of_shares
+from usdfoliage.remarks import Remark, remark
 
 _COARSER = 3.0  # times the internode: a herb's leaves are larger for its height than a tree's, and so is their noise
 _LESS_WOOD = 0.7  # for that of a fine trace, wood of a coarse one that shows how much of the former was leaves
@@ -27,8 +28,7 @@ class TracedCloud:
 
     plant: PlantCloud
     traced: TracedBranches
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 def trace_cloud(
@@ -57,29 +57,30 @@ def trace_cloud(
     """
     found = _trace(cloud, settings, seconds, progress)
     believed, stems = _roundness(found)
-    doubts = doubt_stems(believed, stems, found.traced.internode_m)
+    warnings = check_stems(believed, stems, found.traced.internode_m)
     if not needs_stems:
-        return replace(found, warnings=(*found.warnings, *doubts))
-    if settings.internode_m is None and (doubts or (believed < FEW_ROUND and not found.traced.wood.all())):
+        return replace(found, remarks=(*found.remarks, *warnings))
+    if settings.internode_m is None and (warnings or (believed < FEW_ROUND and not found.traced.wood.all())):
         coarse_m = _COARSER * found.traced.internode_m
         coarse_cloud = replace(cloud, internode_m=coarse_m)
         coarse = _trace(coarse_cloud, replace(settings, internode_m=coarse_m), seconds, progress)
         believed, _ = _roundness(coarse)
         fewer = coarse.traced.wood.mean() < _LESS_WOOD * found.traced.wood.mean()
-        if believed >= _SURELY_ROUND and (doubts or fewer):
-            told = f"traced finely hardly a branch is round; traced {_COARSER:g} times as coarsely, {believed:.0%} are"
-            return replace(coarse, notes=(*coarse.notes, told))
-    if not doubts:
+        if believed >= _SURELY_ROUND and (warnings or fewer):
+            text = f"traced finely hardly a branch is round; traced {_COARSER:g} times as coarsely, {believed:.0%} are"
+            return replace(coarse, remarks=(*coarse.remarks, remark("traced-coarsely", text)))
+    if not warnings:
         return found
     free = keep_free_branches(found.plant.points_m, found.traced.skeleton)
     if free is None:
-        raise NoStemsError(doubts[0])
+        raise NoStemsError(warnings[0].text)
     wood = points_of_branches(found.plant.points_m, free, found.traced.spacing_m)
-    told = (
+    text = (
         f"hardly a branch is round: of {len(found.traced.skeleton):,} that were traced {len(free)}, which stand free, "
-        "are kept; how thick they are is a guess"
+        "are kept; how thick they are is estimated"
     )
-    return replace(found, traced=replace(found.traced, skeleton=free, wood=wood), notes=(*found.notes, told))
+    kept = remark("free-branches-kept", text)
+    return replace(found, traced=replace(found.traced, skeleton=free, wood=wood), remarks=(*found.remarks, kept))
 
 
 def _trace(
@@ -100,7 +101,7 @@ def _trace(
         seconds[step] = seconds.get(step, 0.0) + took
     if not len(traced.skeleton):
         raise FitError(f"no branch was found in {len(plant.points_m):,} points ({plant.source.path})")
-    return TracedCloud(plant=plant, traced=traced, notes=plant.notes, warnings=plant.warnings)
+    return TracedCloud(plant=plant, traced=traced, remarks=plant.remarks)
 
 
 def _roundness(found: TracedCloud) -> tuple[float, float]:

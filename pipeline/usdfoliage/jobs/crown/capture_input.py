@@ -17,6 +17,7 @@ from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.pictures import shrink_to
 from usdfoliage.progress import StepProgress
+from usdfoliage.remarks import Remark, remark
 
 _SKY_PX = 700  # longer side of the picture that sky is looked for in
 
@@ -39,8 +40,7 @@ class CrownCapture:
     capture: Capture | None  # None of a cloud alone
     plant: PlantPoints
     views: tuple[CrownView, ...]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...] = ()  # what puts the cloud in doubt
+    remarks: tuple[Remark, ...]
 
 
 def read_crown_capture(
@@ -62,38 +62,36 @@ def read_crown_capture(
         FitError: The cloud shows no plant.
     """
     capture = None if looks_like_cloud(request.path) else read_capture(request.path)
-    notes = [] if capture is None else list(capture.notes)
-    warnings: tuple[str, ...] = ()
+    remarks = [] if capture is None else [remark("capture-note", text) for text in capture.notes]
     if plant is None:
-        plant, told, warnings = _read_points(request, asset_from_capture, progress)
-        notes.extend(told)
+        plant, of_points = _read_points(request, asset_from_capture, progress)
+        remarks.extend(of_points)
     if capture is None:
-        return CrownCapture(
-            name=request.path.stem, capture=None, plant=plant, views=(), notes=tuple(notes), warnings=warnings
-        )
+        return CrownCapture(name=request.path.stem, capture=None, plant=plant, views=(), remarks=tuple(remarks))
     views = tuple(_make_view(capture, number, plant.asset_from_capture) for number in range(len(capture.views)))
-    return CrownCapture(
-        name=capture.name, capture=capture, plant=plant, views=views, notes=tuple(notes), warnings=warnings
-    )
+    return CrownCapture(name=capture.name, capture=capture, plant=plant, views=views, remarks=tuple(remarks))
 
 
 def _read_points(
     request: PlantCloudRequest, frame: NDArray[np.float64] | None, progress: StepProgress | None
-) -> tuple[PlantPoints, list[str], tuple[str, ...]]:
-    """The points, notes, and warnings."""
+) -> tuple[PlantPoints, list[Remark]]:
+    """The points, and remarks on them."""
     cloud = read_plant_cloud(request, progress)
-    notes = list(cloud.notes)
+    remarks = list(cloud.remarks)
     foliage = None if cloud.colors is None else find_green_points(cloud.points_m, cloud.colors)
     if foliage is None:
-        notes.append("leaves are not told by their colour: what of the cloud is wide is taken for the crown")
+        text = "leaves are not told by their colour; what of the cloud is wide is taken for the crown"
+        remarks.append(remark("crown-by-width", text))
     else:
-        notes.append(f"the crown is made of the {100 * foliage.mean():.0f} % of the plant's points that are green")
+        text = f"the crown is made of the {100 * foliage.mean():.0f} % of the plant's points that are green"
+        remarks.append(remark("crown-by-color", text))
         black = 0.0 if cloud.colors is None else 1 - float(have_color(cloud.colors).mean())
         if black > 0:
-            notes.append(
-                f"{black:.1%} of the plant's points are black, which is taken for no colour: they are leaves where "
+            text = (
+                f"{black:.1%} of the plant's points are black, which is taken for no colour; they are leaves where "
                 "most of the coloured points nearest to them are"
             )
+            remarks.append(remark("points-without-color", text))
     points_m = cloud.points_m
     if frame is not None:
         moved = frame @ np.linalg.inv(cloud.asset_from_cloud)
@@ -105,8 +103,7 @@ def _read_points(
             colors=cloud.colors,
             asset_from_capture=cloud.asset_from_cloud if frame is None else np.asarray(frame, np.float64),
         ),
-        notes,
-        cloud.warnings,
+        remarks,
     )
 
 

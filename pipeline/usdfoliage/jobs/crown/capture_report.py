@@ -19,6 +19,7 @@ from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import shrink_to, shrunk_size, write_picture
 from usdfoliage.jobs.report.table import ReportView, Row
 from usdfoliage.progress import StepProgress, progress_in_step
+from usdfoliage.remarks import list_sentences
 
 logger = logging.getLogger(__name__)
 
@@ -115,7 +116,7 @@ def write_captured_report(
         name=report.name,
         capture=report.capture,
         generator=report.generator,
-        notes=report.notes,
+        notes=list_sentences(report.remarks, report.render_setting),
         views=report.views,
         pairs=drawn.pairs,
         measures=captured_rows(model, measures),

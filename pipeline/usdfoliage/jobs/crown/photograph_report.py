@@ -15,6 +15,7 @@ from usdfoliage.jobs.crown.photograph import CrownMeasures
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import write_picture
 from usdfoliage.jobs.report.table import ReportView, Row, list_seconds
+from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
 PICTURE_PX = 900  # longer side of the photograph in the report
 JPEG_QUALITY = 95
@@ -37,7 +38,8 @@ class CrownReport:
     name: str
     capture: str
     generator: str
-    notes: Sequence[str]  # what the reader should know first
+    remarks: Sequence[Remark]  # what the reader should know first
+    render_setting: RenderSetting
     settings: Mapping[str, str]
     views: Sequence[ReportView]
     seconds: Mapping[str, float]
@@ -69,7 +71,7 @@ def write_crown_report(
         name=report.name,
         capture=report.capture,
         generator=report.generator,
-        notes=report.notes,
+        notes=list_sentences(report.remarks, report.render_setting),
         views=report.views,
         measures=measure_rows(model, measures),
         radius_low=f"{low:.2f}",

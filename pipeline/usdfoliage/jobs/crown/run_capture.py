@@ -35,6 +35,7 @@ from usdfoliage.jobs.crown.capture_report import captured_rows, draw_captured_cr
 from usdfoliage.jobs.crown.photograph_report import CrownReport
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.progress import StepProgress
+from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
 logger = logging.getLogger(__name__)
 
@@ -65,6 +66,7 @@ class CapturedCrownRequest:
     preview: bool = True
     times: bool = True  # whether the report says how long each step took
     report_views: int = 6  # photographs that the report shows
+    render_setting: RenderSetting = as_plan_setting  # how the report writes settings
 
     @classmethod
     def from_options(cls, options: argparse.Namespace) -> "CapturedCrownRequest":
@@ -116,8 +118,7 @@ class MadeCapturedCrown:
     asset: Path
     report: Path
     preview: Path | None
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]  # what puts the crown in doubt
+    remarks: tuple[Remark, ...]
     measures: tuple[Row, ...]
     model: CrownModel
     overlap: float  # of its silhouettes with those of the points, median IoU
@@ -155,19 +156,20 @@ def make_captured_crown_asset(
             input_sha256=_fingerprint(read),
         )
         interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings)
-        notes, warnings = [*read.notes, *measures.notes], (*read.warnings, *measures.warnings)
+        remarks = [*read.remarks, *measures.remarks]
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
         drawn = draw_captured_crown(
             interface, report_folder, model, read.views, request.report_views, request.preview, progress
         )
         if drawn.complaint:
-            notes.append(f"no pictures of the asset: {drawn.complaint}")
+            remarks.append(remark("report-without-pictures", f"no pictures of the asset: {drawn.complaint}"))
         report = CrownReport(
             name=request.name,
             capture=read.name,
             generator=provenance.generator,
-            notes=[*warnings, *notes],
+            remarks=remarks,
+            render_setting=request.render_setting,
             settings=provenance.settings,
             views=drawn.views,
             seconds={"cloud": read_s, **measures.seconds} if request.times else {},
@@ -177,8 +179,7 @@ def make_captured_crown_asset(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         preview=request.output / "report" / drawn.views[0].file if drawn.views else None,
-        notes=tuple(notes),
-        warnings=warnings,
+        remarks=tuple(remarks),
         measures=tuple(captured_rows(model, measures)),
         model=model,
         overlap=float(np.median([view.cloud_iou for view in measures.views])),
@@ -236,8 +237,7 @@ def plan_captured_crown_asset(request: CapturedCrownRequest) -> str:
     lines = [
         f"capture: {request.cloud.path}{told if read.capture is not None else ', a cloud alone'}",
         f"cloud: {len(read.plant.points_m):,} points of the plant, {np.ptp(read.plant.points_m[:, 1]):.2f} m high",
-        *(f"warning: {warning}" for warning in read.warnings),
-        *(f"note: {note}" for note in read.notes),
+        *label_remarks(read.remarks, request.render_setting),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         f"steps: {', '.join(steps)}{', preview' if request.preview else ''}",
         would,

@@ -26,6 +26,7 @@ from usdfoliage.jobs.crown.tangent import read_tangent
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
 from usdfoliage.jobs.report.table import ReportView, Row
 from usdfoliage.progress import StepProgress, progress_in_step
+from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
 
 logger = logging.getLogger(__name__)
 
@@ -55,6 +56,7 @@ class CrownRequest:
     species: str = ""
     force: bool = False
     preview: bool = True
+    render_setting: RenderSetting = as_plan_setting  # how the report writes settings
 
     @classmethod
     def from_options(cls, options: argparse.Namespace) -> "CrownRequest":
@@ -97,7 +99,7 @@ class MadeCrown:
     asset: Path
     report: Path
     preview: Path | None
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     measures: tuple[Row, ...]
 
 
@@ -109,7 +111,7 @@ class CrownInput:
     mask: NDArray[np.bool_]
     foliage: NDArray[np.bool_]
     proposed: bool
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 def read_crown_input(request: CrownRequest) -> CrownInput:
@@ -119,22 +121,24 @@ def read_crown_input(request: CrownRequest) -> CrownInput:
         CaptureError, FitError: see read_photo, read_mask, clean_mask and propose_mask.
     """
     photo = read_photo(request.photo, request.color_space)
-    notes: tuple[str, ...] = ()
+    remarks: list[Remark] = []
     if request.mask is not None:
         given = read_mask(request.mask, photo.linear.shape, photo.orientation)
     elif photo.alpha is not None:
         given = photo.alpha >= 0.5
-        notes = ("the mask is the photograph's alpha channel",)
+        remarks.append(remark("mask-of-alpha", "the mask is the photograph's alpha channel"))
     else:
         proposal = propose_mask(photo.linear, seed=request.settings.seed)
         given = proposal.mask
-        notes = (f"the mask is a proposal (confidence {proposal.confidence:.2f}); {proposal.remark}",)
+        text = f"the mask is a proposal (confidence {proposal.confidence:.2f}); {proposal.remark}"
+        remarks.append(remark("mask-proposed", text))
     try:
         crown: CleanMask = clean_mask(given)
     except FoliageError as error:
         raise type(error)(f"{error} ({request.mask or request.photo})") from error
     proposed = request.mask is None and photo.alpha is None
-    return CrownInput(photo=photo, mask=crown.mask, foliage=crown.foliage, proposed=proposed, notes=notes + crown.notes)
+    remarks += [remark("capture-note", text) for text in crown.notes]
+    return CrownInput(photo=photo, mask=crown.mask, foliage=crown.foliage, proposed=proposed, remarks=tuple(remarks))
 
 
 def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None) -> MadeCrown:
@@ -157,23 +161,25 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
             input_sha256=_fingerprint(request),
         )
         interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings)
-        notes = list(given.notes)
+        remarks = list(given.remarks)
         if given.proposed:
             proposal = request.output / f"{request.name}_mask_proposal.png"
             _write_mask(folder / proposal.name, given.mask)
             _check_not_edited(proposal, folder / proposal.name, request.force)
-            notes.append(f"the proposed mask is {proposal}; correct it and give it with --mask")
+            remedy = ("correct it and give it with ", Setting(name="crown.mask"))
+            remarks.append(remark("mask-proposal-kept", f"the proposed mask is {proposal}", remedy=remedy))
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
         seconds = dict(measures.seconds)
         views, complaint = _draw(interface, report_folder, progress) if request.preview else ([], "")
         if complaint:
-            notes.append(f"no pictures of the asset: {complaint}")
+            remarks.append(remark("report-without-pictures", f"no pictures of the asset: {complaint}"))
         report = CrownReport(
             name=request.name,
             capture=request.photo.name,
             generator=provenance.generator,
-            notes=notes,
+            remarks=remarks,
+            render_setting=request.render_setting,
             settings=provenance.settings,
             views=views,
             seconds=seconds,
@@ -184,7 +190,7 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         preview=request.output / "report" / views[0].file if views else None,
-        notes=tuple(notes),
+        remarks=tuple(remarks),
         measures=tuple(measure_rows(model, measures)),
     )
 
@@ -198,7 +204,7 @@ def plan_crown_asset(request: CrownRequest) -> str:
     lines = [
         f"photo: {request.photo}, {photo.width_px} x {photo.height_px} px, read as {photo.color_space}",
         f"mask: {request.mask or 'proposed'}, crown {np.ptp(columns) + 1} x {np.ptp(rows) + 1} px",
-        *(f"note: {note}" for note in given.notes),
+        *label_remarks(given.remarks, request.render_setting),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         f"steps: {', '.join(STEPS)}{', preview' if request.preview else ''}",
         would,

@@ -1,7 +1,7 @@
 """From an asset with edits to one whose leaves are as the edits make them."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -36,18 +36,23 @@ from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folde
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.jobs.edits.change import bake_leaves, join_leaves, move_leaves, remaining_edits
-from usdfoliage.jobs.edits.edit import changed_edits, show_value
+from usdfoliage.jobs.edits.edit import Value, changed_edits, show_value
 from usdfoliage.jobs.edits.settings import check_memory, read_representations, read_settings
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 from usdfoliage.progress import StepProgress
+from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
 
-_STIFF = (
-    "the leaves no longer follow branches that grow or sway, since they stand elsewhere or are divided otherwise; "
-    "`usdfoliage branches` makes leaves that do"
+_JITTER = ("jitter_amplitude", "jitter_frequency")  # edits that stay
+_STIFF = remark(
+    "leaf-motion-lost",
+    "the leaves no longer follow branches that grow or sway, since they stand elsewhere or are divided otherwise",
+    remedy="`usdfoliage branches` makes leaves that do",
 )
-
-_BARED = "what stands out of the crown, the trunk below it above all, is now shown with it; the asset had it in no lod"
+_BARED = remark(
+    "trunk-shown-with-crown",
+    "what stands out of the crown, the trunk below it above all, is now shown with it; the asset had it in no lod",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +96,7 @@ class BakeInput:
     others: OtherParts | None  # what the plant has besides
     settings: LeafAssetSettings
     name: str
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +105,7 @@ class BakedAsset:
 
     asset: Path
     lines: tuple[str, ...]
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> BakedAsset:
@@ -139,16 +144,16 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
             interface = write_leaves_beside(folder, given.name, leaves, given.others, provenance, *rest)
         stiff = given.others is not None and lost_leaf_motion(given.others, folder)
         bared = given.others is not None and given.others.bare_m is None and (folder / "payload" / BARE_LAYER).exists()
-    notes = (*given.notes, *([_STIFF] if stiff else []), *([_BARED] if bared else []))
-    return BakedAsset(asset=request.output / interface.name, lines=tuple(_lines(request, given)), notes=notes)
+    remarks = (*given.remarks, *([_STIFF] if stiff else []), *([_BARED] if bared else []))
+    return BakedAsset(asset=request.output / interface.name, lines=tuple(_lines(request, given)), remarks=remarks)
 
 
-def plan_bake(request: BakeRequest) -> str:
-    """What bake_asset would do, in lines, after reading the asset; writes nothing."""
+def plan_bake(request: BakeRequest, render: RenderSetting = as_plan_setting) -> str:
+    """What bake_asset would do, in lines, after reading the asset; writes nothing. render: of settings in remarks."""
     given = read_bake_input(request)
     lines = [
         *_lines(request, given),
-        *(f"note: {note}" for note in given.notes),
+        *label_remarks(given.remarks, render),
         plan_folder(request.output, f"{given.name}.usda", request.force),
     ]
     return "\n".join(lines)
@@ -172,7 +177,7 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
             f"{request.asset} has a crown besides its leaves, which bake would lose; bake the leaves' asset"
         )
     held = representations(plant)
-    notes = _patch_notes(plant, request.source)
+    remarks = _check_patches(plant, request.source)
     select_leafy_lod(stage)
     if held:
         select_representation(stage, "bezier")
@@ -181,28 +186,33 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
     leaf_look = read_leaf_look(prim, read.jitter_map)
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:
-        notes.append(f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out")
+        text = f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out"
+        remarks.append(remark("hidden-leaves-left-out", text))
     animated = animated_edits(prim)
     if animated:
-        notes.append(f"animated: {', '.join(animated)}; baked as at the earliest time")
+        text = f"animated: {', '.join(animated)}; baked as at the earliest time"
+        remarks.append(remark("animated-edits", text))
     leaves, edits = move_leaves(read.leaves, matrix_in_plant(prim, plant)), read.edits
     if request.source == "nurbs":
         select_representation(stage, "nurbs")
         patches = read_patches(find_leaves(stage), plant, progress)
         leaves, edits = patches.leaves, patches.edits
-        notes += patches.notes
+        remarks += patches.remarks
         if look is not None:
-            notes.append(f"the edits of {look.path} act on bezier alone and were left out")
+            text = f"the edits of {look.path} act on bezier alone and were left out"
+            remarks.append(remark("look-left-out", text))
     known = read_representations([name for name in held if name in REPRESENTATIONS])
     lost = [name for name in held if name not in known]
     if lost:
-        notes.append(f"representation {', '.join(lost)} is not ours and was left out")
+        text = f"representation {', '.join(lost)} is not ours and was left out"
+        remarks.append(remark("representation-left-out", text))
     settings = read_settings(request.representations or known, request.resolution)
     check_memory(len(leaves), settings)
     in_place = request.output.resolve() == interface.resolve().parent
     if in_place and look is not None and request.source == "bezier":
-        notes.append(f"{look.path} still holds these edits: take it out of your scenes, or they act twice")
-    notes += _jitter_notes(edits, settings.representations)
+        text = f"{look.path} still holds these edits"
+        remarks.append(remark("look-acts-twice", text, remedy="take it out of your scenes, or they act twice"))
+    remarks += _remark_jitter(edits, settings.representations)
     usual = interface.stem if in_place else request.output.resolve().name
     return BakeInput(
         plant=facts,
@@ -213,17 +223,18 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         others=others,
         settings=replace(settings, version=facts.version or settings.version),
         name=asset_name(request.name or usual),
-        notes=tuple(notes),
+        remarks=tuple(remarks),
     )
 
 
-def _patch_notes(plant: Any, source: str) -> list[str]:
-    """A note where patches that somebody changed are shown but not read."""
+def _check_patches(plant: Any, source: str) -> list[Remark]:
+    """A remark where patches that somebody changed are shown but not read."""
     changed = count_changed_patches(plant) if source != "nurbs" else 0
     if not changed:
         return []
     what = "patch of the representation nurbs has" if changed == 1 else "patches of the representation nurbs have"
-    return [f"{changed:,} {what} changes that were not read; --from nurbs reads them"]
+    remedy = (Setting(name="bake.source", value='"nurbs"'), " reads them")
+    return [remark("changed-patches-not-read", f"{changed:,} {what} changes that were not read", remedy=remedy)]
 
 
 def _check_place(output: Path, interface: Path) -> None:
@@ -243,7 +254,7 @@ def describe_settings(request: BakeRequest, given: BakeInput) -> dict[str, str]:
     """Every setting that decides the result, by the name of its option."""
     return {
         "bake-from": request.source,
-        "bake-edits": "; ".join(_shown(given.edits)) or "none",
+        "bake-edits": "; ".join(_shown(changed_edits(given.edits))) or "none",
         "representation": " ".join(given.settings.representations),
         "resolution": f"{given.settings.mesh.across} {given.settings.mesh.along}",
     }
@@ -255,7 +266,7 @@ class PatchLeaves:
 
     leaves: Leaves
     edits: LeafEdits
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 def read_patches(prims: Sequence[Any], plant: Any, progress: StepProgress | None = None) -> PatchLeaves:
@@ -287,21 +298,21 @@ def read_patches(prims: Sequence[Any], plant: Any, progress: StepProgress | None
         if failed:
             raise AssetError(f"none of {len(failed)} patches is near to a leaf, the first is {failed[0]}")
         raise AssetError(f"<{plant.GetPath()}> has no patches in its representation nurbs; bake from bezier")
-    notes = [f"{len(residuals_m):,} of {len(prims):,} patches were changed and fitted"]
+    text = f"{len(residuals_m):,} of {len(prims):,} patches were changed and fitted"
     if residuals_m:
-        notes[0] += (
+        text += (
             f", root mean square distance {1000 * float(np.median(residuals_m)):.3g} mm (median), "
             f"{1000 * max(residuals_m):.3g} mm (largest)"
         )
+    remarks = [remark("patches-fitted", text)]
     if failed:
-        notes.append(
-            f"{len(failed):,} of {len(prims):,} patches are no leaves and were left out, the first is {failed[0]}"
-        )
-    return PatchLeaves(leaves=join_leaves(read), edits=edits, notes=tuple(notes))
+        text = f"{len(failed):,} of {len(prims):,} patches are no leaves and were left out, the first is {failed[0]}"
+        remarks.append(remark("patches-left-out", text))
+    return PatchLeaves(leaves=join_leaves(read), edits=edits, remarks=tuple(remarks))
 
 
 def _lines(request: BakeRequest, given: BakeInput) -> list[str]:
-    baked = [words for words in _shown(given.edits) if not words.startswith("jitter")]
+    baked = _shown({name: value for name, value in changed_edits(given.edits).items() if name not in _JITTER})
     return [
         f"leaves: {len(given.leaves):,}, from {request.source}",
         f"baked edits: {'; '.join(baked) or 'none'}",
@@ -309,13 +320,13 @@ def _lines(request: BakeRequest, given: BakeInput) -> list[str]:
     ]
 
 
-def _shown(edits: LeafEdits) -> list[str]:
-    return [f"{name} {show_value(value)}" for name, value in changed_edits(edits).items()]
+def _shown(edits: Mapping[str, Value]) -> list[str]:
+    return [f"{name} {show_value(value)}" for name, value in edits.items()]
 
 
-def _jitter_notes(edits: LeafEdits, chosen: Sequence[str]) -> list[str]:
+def _remark_jitter(edits: LeafEdits, chosen: Sequence[str]) -> list[Remark]:
     if not edits.jitter_amplitude:
         return []
     carried = {"nurbs": "the slow part of it", "subdiv": "it approximately", "mesh": "it exactly"}
     said = [f"{name} has {how}" for name, how in carried.items() if name in chosen]
-    return [f"the jitter stays an edit{': ' if said else ''}{', '.join(said)}"]
+    return [remark("jitter-stays-edit", f"the jitter stays an edit{': ' if said else ''}{', '.join(said)}")]

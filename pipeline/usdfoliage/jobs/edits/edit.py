@@ -16,6 +16,7 @@ from usdfoliage.asset.parts.leaf_primvars import read_edits
 from usdfoliage.errors import FoliageError
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, Vector, compose_edits, jitter_silhouette
 from usdfoliage.leaf.shape.mesh import MAX_SEGMENTS
+from usdfoliage.remarks import Remark, Setting, remark
 
 Value = float | Vector
 
@@ -73,7 +74,7 @@ class PlannedLook:
     edits: LeafEdits  # in the end
     prim: str | None
     changes: tuple[Change, ...]  # against what ASSET shows
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 def plan_look(request: EditRequest) -> PlannedLook:
@@ -109,14 +110,17 @@ def plan_look(request: EditRequest) -> PlannedLook:
         Change(name=name, before=getattr(before, name), after=value)
         for name, value in changed_edits(after, before).items()
     )
-    notes = []
+    remarks = []
     if request.jitter_map is not None and not after.jitter_amplitude:
-        notes.append("the jitter map shows nothing while the amplitude is 0; give --jitter A F too")
+        text = "the jitter map shows nothing while the amplitude is 0"
+        remedy = ("give ", Setting(name="edit.jitter", value="A F"), " too")
+        remarks.append(remark("jitter-map-without-jitter", text, remedy=remedy))
     if not changes and request.jitter_map is None:
-        notes.append("these edits change nothing: the asset has them already, or they are neutral")
-    notes += _coarse_jitter(after, prototype_segments(leaves[0]))
+        text = "these edits change nothing: the asset has them already, or they are neutral"
+        remarks.append(remark("edits-change-nothing", text))
+    remarks += _check_jitter(after, prototype_segments(leaves[0]))
     prim = request.prim if request.prim is not None or look is None else look.prim_path or None
-    return PlannedLook(edits=after, prim=prim, changes=changes, notes=tuple(notes))
+    return PlannedLook(edits=after, prim=prim, changes=changes, remarks=tuple(remarks))
 
 
 def write_look(request: EditRequest) -> PlannedLook:
@@ -132,13 +136,14 @@ def write_look(request: EditRequest) -> PlannedLook:
     return planned
 
 
-def _coarse_jitter(edits: LeafEdits, segments: int | None) -> list[str]:
-    """A note where bezier's prototype is too coarse for the jitter, which a look cannot change."""
+def _check_jitter(edits: LeafEdits, segments: int | None) -> list[Remark]:
+    """A remark where bezier's prototype is too coarse for the jitter, which a look cannot change."""
     if segments is None or not edits.jitter_amplitude or edits.jitter_frequency * LEAST_SEGMENTS_A_CYCLE <= segments:
         return []
     shown = f"bezier shows a coarser wave than {edits.jitter_frequency:g} cycles"
     room = f"each silhouette of its prototype has {segments} segments, enough for {segments // LEAST_SEGMENTS_A_CYCLE}"
-    return [f"{shown}{' until baked' if segments < MAX_SEGMENTS else ''}: {room}"]
+    text = f"{shown}{' until baked' if segments < MAX_SEGMENTS else ''}: {room}"
+    return [remark("jitter-finer-than-mesh", text)]
 
 
 def _check_range(edits: LeafEdits) -> None:

@@ -25,6 +25,7 @@ from usdfoliage.jobs.edits.settings import (
 from usdfoliage.leaf.shape.spray import SpraySettings, scatter_spray
 from usdfoliage.leaf.shape.variation import VariationSettings, vary_colors
 from usdfoliage.progress import StepProgress
+from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
 
 MOST_LEAVES = 10_000_000
 MOST_LEAVES_OF_ALL = 2000  # up to here every representation is written unless others are asked for
@@ -83,7 +84,7 @@ class MadeSpray:
     asset: Path
     count: int
     representations: Sequence[str]
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 def scatter_asset(request: ScatterRequest, progress: StepProgress | None = None) -> MadeSpray:
@@ -114,16 +115,16 @@ def scatter_asset(request: ScatterRequest, progress: StepProgress | None = None)
         asset=request.output / interface.name,
         count=request.count,
         representations=request.settings.representations,
-        notes=tuple(_notes(request)),
+        remarks=tuple(_remarks(request)),
     )
 
 
-def plan_spray(request: ScatterRequest) -> str:
-    """What scatter_asset would do, in lines; writes nothing."""
+def plan_spray(request: ScatterRequest, render: RenderSetting = as_plan_setting) -> str:
+    """What scatter_asset would do, in lines; writes nothing. render writes the settings of remarks."""
     lines = [
         f"leaves: {request.count:,}",
         f"representations: {', '.join(request.settings.representations)}",
-        *(f"note: {note}" for note in _notes(request)),
+        *label_remarks(_remarks(request), render),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         plan_folder(request.output, f"{request.name}.usda", request.force),
     ]
@@ -180,13 +181,18 @@ def read_spray(length_m: float, variation: float) -> SpraySettings:
     )
 
 
-def _notes(request: ScatterRequest) -> list[str]:
-    notes = []
+def note_bezier_alone() -> Remark:
+    """So many leaves are written in one representation unless others are asked for."""
+    text = f"beyond {MOST_LEAVES_OF_ALL:,} leaves only bezier is written"
+    remedy = ("name others with ", Setting(name="plant.representations"), " (nurbs has one prim a leaf)")
+    return remark("bezier-alone", text, remedy=remedy)
+
+
+def _remarks(request: ScatterRequest) -> list[Remark]:
+    remarks = []
     if not request.chosen and request.count > MOST_LEAVES_OF_ALL:
-        notes.append(
-            f"beyond {MOST_LEAVES_OF_ALL:,} leaves only bezier is written; others with --representation "
-            "(nurbs has one prim a leaf)"
-        )
+        remarks.append(note_bezier_alone())
     if "nurbs" in request.settings.representations and request.count > MOST_PATCHES:
-        notes.append(f"nurbs has one prim a leaf: few applications open {request.count:,} of them")
-    return notes
+        text = f"nurbs has one prim a leaf: few applications open {request.count:,} of them"
+        remarks.append(remark("many-patches", text))
+    return remarks

@@ -28,6 +28,7 @@ from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.reconstruct import Reconstruction
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
 PICTURE_PX = 900  # longer side of a picture
 BINS = 30
@@ -41,7 +42,8 @@ class LeavesReport:
     name: str
     capture: str
     generator: str
-    notes: Sequence[str]  # what the reader should know first
+    remarks: Sequence[Remark]  # what the reader should know first
+    render_setting: RenderSetting
     settings: Mapping[str, str]
     seconds: Mapping[str, float]
     shown: Sequence[int]  # which views are drawn
@@ -88,9 +90,7 @@ def write_leaves_report(
     leaves = reconstruction.leaves
     left_out = ""
     if len(report.shown) < len(views):
-        left_out = (
-            f"{len(report.shown)} of {len(views)} photographs are shown, evenly chosen; --report-views N for more."
-        )
+        left_out = f"{len(report.shown)} of {len(views)} photographs are shown, evenly chosen."
     texture = None
     if report.texture:
         caption = (
@@ -112,7 +112,7 @@ def write_leaves_report(
         name=report.name,
         capture=report.capture,
         generator=report.generator,
-        notes=report.notes,
+        notes=list_sentences(report.remarks, report.render_setting),
         count=f"{len(leaves):,}",
         steps=reconstruction.steps,
         measures=[*measure_rows(leaves), *certainty_rows(reconstruction.certainty)],

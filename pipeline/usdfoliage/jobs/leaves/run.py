@@ -39,6 +39,7 @@ from usdfoliage.leaf.segmentation.model import Step
 from usdfoliage.leaf.shape.bounds import leaf_bounds_m
 from usdfoliage.leaf.shape.jitter import NO_JITTER, spread_phases
 from usdfoliage.progress import Progress, StepProgress, progress_in_step
+from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
 
 logger = logging.getLogger(__name__)
 
@@ -64,6 +65,7 @@ class LeavesRequest:
     preview: bool = True
     times: bool = True  # whether the report says how long each step took
     force: bool = False
+    render_setting: RenderSetting = as_plan_setting  # how the report writes settings
 
     @classmethod
     def from_options(cls, options: argparse.Namespace) -> "LeavesRequest":
@@ -97,10 +99,9 @@ class MadeLeaves:
     asset: Path
     report: Path
     representations: Sequence[str]
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     steps: Sequence[Step]
     measures: Sequence[Row]
-    warnings: tuple[str, ...] = ()  # those of the notes that put the whole asset in doubt
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,8 +111,7 @@ class LeavesInput:
     capture: Capture
     views: Sequence[View]
     numbers: NDArray[np.int32]  # of each view among all posed photographs of the capture
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...] = ()  # those of the notes that put all depth in doubt
+    remarks: tuple[Remark, ...]
 
 
 def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = None) -> MadeLeaves:
@@ -144,13 +144,13 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
         report_folder.mkdir(exist_ok=True)
         shown = choose_shown(len(given.views), request.report_views)
         previews: dict[int, str] = {}
-        notes = [*found.notes, *given.notes]
+        remarks = [*found.remarks, *given.remarks]
         if request.preview and len(leaves) and shown:
             try:
                 previews = draw_previews(interface, report_folder, given, shown, asset_from_world, progress)
             except PreviewError as error:
                 logger.warning("no pictures: %s", error)
-                notes.append(f"no pictures of the asset: {error}")
+                remarks.append(remark("report-without-pictures", f"no pictures of the asset: {error}"))
             seconds["preview"] = time.perf_counter() - start
         if progress:
             progress("report", 0.0)
@@ -159,7 +159,8 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
             name=request.name,
             capture=given.capture.name,
             generator=f"usdfoliage {__version__}",
-            notes=notes,
+            remarks=remarks,
+            render_setting=request.render_setting,
             settings=describe_settings(request),
             seconds=seconds if request.times else {},
             shown=shown,
@@ -172,11 +173,9 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         representations=settings.representations,
-        notes=tuple(notes),
+        remarks=tuple(remarks),
         steps=found.steps,
         measures=measure_rows(leaves),
-        # Without a leaf, whatever is said of the leaves is why.
-        warnings=(*given.warnings, *(() if len(leaves) else found.notes)),
     )
 
 
@@ -193,7 +192,7 @@ def plan_leaves_asset(request: LeavesRequest) -> str:
         f"capture: {request.capture}, {len(capture.views)} photographs, the first {first.width_px} x "
         f"{first.height_px} px",
         f"depth: {'from the photographs' if swept else f'of {depths} of them'}; masks: of {masks}",
-        *(f"note: {note}" for note in capture.notes),
+        *label_remarks(read_remarks(capture.notes), request.render_setting),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         f"steps: {', '.join(steps)}",
         would,
@@ -220,13 +219,13 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
         capture = _without_depth(capture)
     has_maps = any(view.depth is not None for view in capture.views)
     read = _read_what_can_be(capture, request, progress_in_step("capture", progress))
-    views, notes = list(read.views), [*capture.notes, *read.notes]
-    warnings = list(check_depth_scale(views, capture.points_m, capture.settings.metres_per_unit))  # among the notes
+    views = list(read.views)
+    of_scale = check_depth_scale(views, capture.points_m, capture.settings.metres_per_unit)  # among the notes
+    remarks = read_remarks([note for note in (*capture.notes, *read.notes) if note not in of_scale])
+    remarks += [remark("capture-warning", text) for text in of_scale]
     if request.depth != SWEEP and has_maps and not any(view.has_depth for view in views):
-        warnings.append(
-            "the depth maps hold no depth that can be used; --depth sweep would compute it from the photographs"
-        )
-        notes.append(warnings[-1])
+        remedy = (Setting(name="leaves.depth", value='"estimated"'), " computes it from the photographs")
+        remarks.append(remark("depth-maps-empty", "the depth maps hold no depth that can be used", remedy=remedy))
     if request.depth == SWEEP or (request.depth == AUTO and not has_maps):
         if len(views) < 2:
             raise CaptureError(
@@ -241,11 +240,17 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
                 f"{request.capture / USUAL_DEPTH}, or give photographs that overlap"
             ) from error
         views = [replace(view, depth_m=depth_m) for view, depth_m in zip(views, depths, strict=True)]
-        notes.append("depth was computed from the photographs: it is coarse, and so are the leaves")
+        text = "depth was computed from the photographs; it is coarse, and so are the leaves"
+        remarks.append(remark("depth-swept", text))
     everything = capture if request.views is None else find_capture(replace(request, views=None))
     places = {view.name: number for number, view in enumerate(everything.views)}
     numbers = np.array([places[view.name] for view in views], np.int32)
-    return LeavesInput(capture=capture, views=views, numbers=numbers, notes=tuple(notes), warnings=tuple(warnings))
+    return LeavesInput(capture=capture, views=views, numbers=numbers, remarks=tuple(remarks))
+
+
+def read_remarks(notes: Sequence[str]) -> list[Remark]:
+    """What reading the capture has to remark."""
+    return [remark("capture-note", text) for text in notes]
 
 
 def _read_what_can_be(capture: Capture, request: LeavesRequest, progress: Progress | None) -> CaptureViews:

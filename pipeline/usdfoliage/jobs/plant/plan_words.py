@@ -4,13 +4,8 @@ import re
 
 # What a remark says, and what a build says instead; in this order.
 _WORDS: tuple[tuple[str, str], ...] = (
-    (r", or try --method grow with --internode [\d.e-]+ or so", ""),
-    (r", or try --method grow", ""),
-    (r"--cloud-leaves (on|off)", r'branches.cloud_leaves = "\1"'),
-    (r"--internode ([\d.e-]+)", r"branches.internode_m = \1"),
-    (r"--internode", "branches.internode_m"),
     (r"--roots", "branches.roots"),
-    (r"--leaf-length", "foliage.leaf_length_m"),
+    (r"--cloud-leaves (on|off)", r'branches.cloud_leaves = "\1"'),
     (r"--scale, its true length over that one", "its true length over that one as capture.world.times"),
     (r"--up (gps|elevation|level|ground|ring|trunk|photographs)", r'capture.world.up = "\1"'),
     (r"--poses estimate\b", 'capture.poses = "estimate"'),

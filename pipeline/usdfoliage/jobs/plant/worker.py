@@ -54,6 +54,7 @@ from usdfoliage.jobs.plant.tasks import (
     plan_build,
 )
 from usdfoliage.progress import StepProgress
+from usdfoliage.remarks import as_plan_setting, explain_error
 
 logger = logging.getLogger(__name__)
 
@@ -96,12 +97,8 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
         with use_plant(order.request):
             return _run(order, inputs, plan, task, progress)
     except FoliageError as error:
-        return Done(
-            name=order.name,
-            seconds=0.0,
-            was_run=True,
-            error=in_words_of_the_plan(_as_given(str(error), order.request, str(order.request.capture))),
-        )
+        text = _as_given(explain_error(error, as_plan_setting), order.request, str(order.request.capture))
+        return Done(name=order.name, seconds=0.0, was_run=True, error=in_words_of_the_plan(text))
     except Exception:  # noqa: BLE001 (a farm must hear of any)
         return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
 

@@ -112,7 +112,7 @@ def test_else_the_cloud_or_the_twigs_carry_them(count: int, confidence: float, a
     chosen = choose_foliage(captured(leaves), traced(points_on(leaves) + away_m), BuildSettings(), FRAME)
     assert chosen.kind == kind
     assert chosen.leaves is not None
-    assert chosen.notes
+    assert chosen.remarks
 
 
 def test_guessed_leaves_are_no_model_for_more() -> None:

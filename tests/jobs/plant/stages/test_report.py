@@ -46,6 +46,6 @@ def test_the_plant_is_compared_by_the_masks_that_it_is_made_by(
     )
     assert report_stage.compare_plant(call) == ()
     assert [capture.folder for capture in seen] == [results[stage] / "capture" / "fern"]
-    assert not read_summary(results["comparisons"]).warnings
+    assert not read_summary(results["comparisons"]).warning_texts()
     assert [each["masks"] for each in json.loads((results["comparisons"] / "compared.json").read_text())] == [masks, ""]
     assert [(each.iou, each.masks) for each in report_stage._read_comparisons(call)] == [(0.75, masks), (None, "")]

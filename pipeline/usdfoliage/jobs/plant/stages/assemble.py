@@ -31,7 +31,8 @@ from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.reconstruct import check_confidence
+from usdfoliage.leaf.reconstruct import describe_low_confidence
+from usdfoliage.remarks import remark
 
 _FEW = 0.2  # share of the cloud that is near leaves, below which they do not stand for the plant
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
@@ -39,6 +40,7 @@ _NEAR, _REACHED = 0.1, 0.5  # of the plant's height, and share of the cloud that
 _BETWEEN = (0.2, 0.4, 0.6, 0.8)  # places on a branch between two of its points
 _MOST_POINTS = 50_000  # that this is told by
 _MOST_TOLD = 400  # characters of why a part could not be made
+_LEFT_OUT = ("branches-left-out", "crown-of-no-leaves")  # codes of what says why a plant has no such part
 
 logger = logging.getLogger(__name__)
 
@@ -67,13 +69,14 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             f"neither branches nor leaves nor a crown could be made of {call.request.capture}. {_why_none(call)}"
         )
 
-    warnings = []
+    remarks = list(chosen.remarks)
     if made is not None and made.overlap < _UNLIKE and (branches is not None or chosen.leaves is not None):
         crown = None
-        warnings.append(
+        text = (
             f"the crown is left out: its silhouettes and the plant's have {made.overlap:.0%} in common; the plant is "
             "too slender or too sparse for one, or more than one"
         )
+        remarks.append(remark("crown-left-out", text))
 
     def write(folder: Path, thumbnail: Path | None) -> Path:
         folder.mkdir()
@@ -95,18 +98,22 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
 
     if few:
         instead = ", so that the lod crown is shown" if crown is not None else ""
-        warnings.append(
+        text = (
             f"the leaves that were found cover {cover:.0%} of the cloud, without branches for others{instead}; leaves "
             "are too small in the photographs, or these show something else"
         )
+        remarks.append(remark("leaves-cover-little", text))
     if reached < _REACHED:
         instead = "; the lod crown is shown" if crown is not None else ""
-        warnings.append(
+        text = (
             f"branches and leaves reach {reached:.0%} of the cloud{instead}; its points are too far apart for "
             "branches, or it shows more than one plant"
         )
+        remarks.append(remark("plant-reaches-little", text))
     if captured is not None and chosen.kind in ("captured", "filled"):
-        warnings.extend(check_confidence(captured.fitted.leaves))
+        low = describe_low_confidence(captured.fitted.leaves)
+        if low:
+            remarks.append(remark("plant-leaves-guessed", low))
     poor = False
     if call.settings.pictures.make:
         with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
@@ -114,7 +121,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             try:
                 thumbnail = draw_thumbnail(bare, Path(work), call.settings.pictures)
             except PreviewError as error:
-                warnings.append(f"the asset has no thumbnail: {error}")
+                remarks.append(remark("thumbnail-missing", f"the asset has no thumbnail: {error}"))
                 poor = True
                 thumbnail = None
             write(call.out / ASSET_FOLDER, thumbnail)
@@ -126,7 +133,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         *([Row(name="cover", value=f"{cover:.0%}", remark="of the cloud is near leaves")] if cover is not None else []),
         *[row for row in chosen.rows if row.name != "leaves"],
     ]
-    write_summary(call.out, StageSummary(rows=rows, notes=chosen.notes, warnings=warnings, poor=poor))
+    write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=poor))
     return ()
 
 
@@ -138,7 +145,7 @@ def _why_none(call: StageCall) -> str:
             told.append(f"{stage.capitalize()}: not asked for")
             continue
         summary = read_summary(call.result_of(stage))
-        why = summary.failure or next((note for note in summary.notes if note.startswith("the plant has no")), "")
+        why = summary.failure or next((each.text for each in summary.remarks if each.code in _LEFT_OUT), "")
         # What follows a semicolon is advice on that one stage; the library's page shows the last one by itself.
         what, _, advice = shorten(why or "none found", _MOST_TOLD, placeholder=" …").partition("; ")
         told.append(f"{stage.capitalize()}: {what}" + (f" ({advice.replace('; ', ', ')})" if advice else ""))

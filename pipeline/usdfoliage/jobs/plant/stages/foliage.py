@@ -33,6 +33,7 @@ from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 from usdfoliage.leaf.shape.variation import vary_colors
+from usdfoliage.remarks import Remark, remark
 
 _ACROSS, _ALONG = 5, 9  # points of a leaf that its cover is told by
 _NARROWEST = 0.1  # of a leaf's width: as slim as the points of a pod or a needle tell
@@ -45,7 +46,7 @@ class ChosenFoliage:
 
     leaves: BranchLeaves | None
     kind: str
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     rows: tuple[Row, ...]
 
 
@@ -61,7 +62,7 @@ def choose_foliage(
         FoliageError: Leaves are wanted that there are none of.
     """
     wanted = settings.foliage
-    notes: list[str] = []
+    remarks: list[Remark] = []
     placed = None
     if captured is not None:
         moved = plant_from_capture @ np.linalg.inv(captured.own_from_capture)
@@ -69,9 +70,9 @@ def choose_foliage(
     kind: str = wanted.kind
     if kind == "auto":
         kind, why = _choose(placed, traced, settings)
-        notes.append(why)
+        remarks.append(remark("foliage-chosen", why))
     if kind == "none":
-        return ChosenFoliage(leaves=None, kind=kind, notes=tuple(notes), rows=())
+        return ChosenFoliage(leaves=None, kind=kind, remarks=tuple(remarks), rows=())
     if kind == "captured":
         if placed is None or captured is None:
             raise FoliageError("no leaf was found in the photographs; set foliage.kind to species, or auto")
@@ -82,9 +83,9 @@ def choose_foliage(
             edits=captured.fitted.edits,
             look=captured.fitted.look,
         )
-        return ChosenFoliage(leaves=leaves, kind=kind, notes=tuple(notes), rows=())
+        return ChosenFoliage(leaves=leaves, kind=kind, remarks=tuple(remarks), rows=())
     if kind == "filled":
-        return _fill(captured, placed, traced, settings, notes)
+        return _fill(captured, placed, traced, settings, remarks)
     if traced is None:
         raise FoliageError(f"foliage.kind is {kind}, and there are no twigs for leaves; set it to captured or auto")
     if kind == "drawn" and captured is None:
@@ -102,9 +103,9 @@ def choose_foliage(
     if grown is None:
         raise FoliageError("no leaves were grown")
     if not len(grown.foliage.leaves):
-        notes.append("no leaf is on the few twigs that there are: the plant has none")
-        return ChosenFoliage(leaves=None, kind="none", notes=tuple(notes), rows=())
-    return ChosenFoliage(leaves=grown.foliage, kind=kind, notes=(*notes, *grown.notes), rows=grown.rows)
+        remarks.append(remark("no-leaf-on-twigs", "no leaf is on the few twigs that there are: the plant has none"))
+        return ChosenFoliage(leaves=None, kind="none", remarks=tuple(remarks), rows=())
+    return ChosenFoliage(leaves=grown.foliage, kind=kind, remarks=(*remarks, *grown.remarks), rows=grown.rows)
 
 
 def _fill(
@@ -112,7 +113,7 @@ def _fill(
     placed: Leaves | None,
     traced: TracedPlant | None,
     settings: BuildSettings,
-    notes: list[str],
+    remarks: list[Remark],
 ) -> ChosenFoliage:
     """The leaves that were found, and wherever the cloud has leaves besides, others like the surest of them."""
     if captured is None or placed is None or traced is None or not (~traced.wood).any():
@@ -136,7 +137,7 @@ def _fill(
         color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_ALIKE),
     )
     leaves = join_leaves([placed, others])
-    notes.append(f"{len(others):,} leaves were put beside {len(placed):,} that were found")
+    text = f"{len(others):,} leaves were put beside {len(placed):,} that were found"
     chosen = _representations(settings, len(leaves))
     foliage = BranchLeaves(
         leaves=leaves,
@@ -145,7 +146,7 @@ def _fill(
         look=captured.fitted.look,
     )
     rows = (Row(name="found", value=f"{len(placed):,}"), Row(name="filled in", value=f"{len(others):,}"))
-    return ChosenFoliage(leaves=foliage, kind="filled", notes=tuple(notes), rows=rows)
+    return ChosenFoliage(leaves=foliage, kind="filled", remarks=(*remarks, remark("leaves-filled-in", text)), rows=rows)
 
 
 def _narrow(parameters: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:

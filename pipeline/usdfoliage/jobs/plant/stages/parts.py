@@ -33,6 +33,7 @@ from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
 from usdfoliage.jobs.work.settings_file import set_everywhere
+from usdfoliage.remarks import Setting, as_plan_setting, explain_error, remark
 
 logger = logging.getLogger(__name__)
 
@@ -73,11 +74,17 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     try:
         made = make_branches_asset(request, call.progress)
     except NoStemsError:
-        note = (
+        left_out = remark(
+            "branches-left-out",
             "the plant has no branches: the cloud shows no stem at a root and hardly a round branch, as of a hedge or "
-            'a wall of leaves; branches.make = "on" traces them nevertheless, best with branches.roots'
+            "a wall of leaves",
+            remedy=(
+                Setting(name="branches.make", value='"on"'),
+                " traces them nevertheless, best with ",
+                Setting(name="branches.roots"),
+            ),
         )
-        write_summary(call.out, StageSummary(notes=[note]))
+        write_summary(call.out, StageSummary(remarks=[left_out]))
         return ()
     except FoliageError as error:
         return _go_without(call, "branches", error)
@@ -98,13 +105,13 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         for kind, caption in (("weights", "Importance of the points"), ("distance", "Distance from cloud to surface"))
         for path in sorted(report.glob(f"*{kind}*.png"))
     ]
-    notes = list(made.notes)
+    remarks = list(made.remarks)
     if species and known is None:
-        notes.append(f"nothing is known of the species {species}: its twigs are those of any tree")
+        text = f"nothing is known of the species {species}; its twigs are those of any tree"
+        remarks.append(remark("species-unknown", text))
     summary = StageSummary(
         rows=made.measures,
-        notes=notes,
-        warnings=made.warnings,
+        remarks=remarks,
         pictures=pictures,
         detail=f"{ASSET_FOLDER}/report/index.html",
     )
@@ -160,8 +167,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
     ]
     summary = StageSummary(
         rows=made.measures,
-        notes=[note for note in made.notes if note not in made.warnings],
-        warnings=made.warnings,
+        remarks=made.remarks,
         pictures=pictures,
         detail=f"{ASSET_FOLDER}/report/index.html",
     )
@@ -175,7 +181,8 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
     plant = None
     if traced is not None and traced.is_leafless:
-        write_summary(call.out, StageSummary(notes=["the plant has no crown: it has no leaves"]))
+        bare = remark("crown-of-no-leaves", "the plant has no crown: it has no leaves")
+        write_summary(call.out, StageSummary(remarks=[bare]))
         return ()
     if traced is not None:
         plant = PlantPoints(
@@ -213,8 +220,7 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     ]
     summary = StageSummary(
         rows=made.measures,
-        notes=list(made.notes),
-        warnings=list(made.warnings),
+        remarks=made.remarks,
         pictures=pictures,
         detail=f"{ASSET_FOLDER}/report/index.html",
     )
@@ -300,6 +306,7 @@ def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[Result
     if isinstance(error, AssetError) or isinstance(error.__cause__, OSError):
         raise error
     logger.warning("no %s: %s", what, error)
-    text = str(error).replace(str(call.store.folder), "…")
-    write_summary(call.out, StageSummary(failure=text, warnings=[f"the plant has no {what}: {text}"]))
+    text = explain_error(error, as_plan_setting).replace(str(call.store.folder), "…")
+    failed = remark("part-failed", f"the plant has no {what}: {text}", subject=what)
+    write_summary(call.out, StageSummary(failure=text, remarks=[failed]))
     return ()

@@ -48,6 +48,7 @@ from usdfoliage.jobs.plant.tasks import (
 )
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import format_settings
+from usdfoliage.remarks import remark
 
 logger = logging.getLogger(__name__)
 
@@ -276,11 +277,12 @@ def _asset_of(call: StageCall) -> Path:
 def _draw(call: StageCall, draw: Callable[[], object]) -> tuple[ResultFile, ...]:
     """Without Storm there are no pictures, and the report says so."""
     (call.out / _PICTURES).mkdir()
-    warnings = []
+    remarks = []
     try:
         draw()
     except PreviewError as error:
         logger.warning("no pictures: %s", error)
-        warnings.append(f"there are no pictures of the asset: {str(error).replace(str(call.store.folder), '…')}")
-    write_summary(call.out, StageSummary(warnings=warnings, poor=bool(warnings)))
+        text = f"there are no pictures of the asset: {str(error).replace(str(call.store.folder), '…')}"
+        remarks.append(remark("pictures-missing", text))
+    write_summary(call.out, StageSummary(remarks=remarks, poor=bool(remarks)))
     return ()
