@@ -1,5 +1,7 @@
 """Native kernels of usdfoliage; arrays in, arrays out, the interpreter lock released. Arguments are trusted."""
 
+import enum
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,61 +36,121 @@ def cut_grid(down: NDArray[np.int32], right: NDArray[np.int32], terminal: NDArra
         terminal: (H, W) capacity to the first end where positive, to the second end where negative.
     """
 
-def place_patches(
-    exemplar: NDArray[np.int16],
-    valid: NDArray[np.uint8],
-    source: NDArray[np.int32],
-    color: NDArray[np.int16],
-    known: NDArray[np.uint8],
-    patch: int,
-    overlap: int,
-    usage_weight: float,
-    near_weight: float,
-    candidate_share: float,
-    cuts: int,
-    seed: int,
-    threads: int,
-) -> int:
-    """Fill source (H, W, 2) and color (H, W, 4) in place with patches of the exemplar (h, w, 4); their number."""
+class Exemplar:
+    """What may be copied."""
 
-def refine_sources(
-    exemplar: NDArray[np.int16],
-    exemplar_guide: NDArray[np.int16],
-    valid: NDArray[np.uint8],
-    source: NDArray[np.int32],
-    color: NDArray[np.int16],
-    guide: NDArray[np.int16],
-    known: NDArray[np.uint8],
-    radius: int,
-    guide_weight: int,
-    random_tries: int,
-    seed: int,
-    threads: int,
-) -> None:
-    """One pass over source (H, W, 2) and color (H, W, 4), in place, towards neighbourhoods of the exemplar."""
+    def __init__(
+        self, *, color: NDArray[np.int16], valid: NDArray[np.uint8], guide: NDArray[np.int16] | None = None
+    ) -> None:
+        """Its arrays.
 
-def leaf_nets(leaves: NDArray[np.float64], nets: NDArray[np.float64], threads: int) -> None:
+        Args:
+            color: (h, w, 4), integers 0 to 1023, the last channel 0.
+            valid: (h, w), 1 where a pixel may be copied.
+            guide: (h, w, 4), the same colours as the next coarser level has them; refine_sources needs it.
+        """
+
+class Synthesis:
+    """What is made of it, changed in place."""
+
+    def __init__(
+        self,
+        *,
+        source: NDArray[np.int32],
+        color: NDArray[np.int16],
+        known: NDArray[np.uint8],
+        guide: NDArray[np.int16] | None = None,
+    ) -> None:
+        """Its arrays.
+
+        Args:
+            source: (H, W, 2), row and column in the exemplar, -1 where there is none yet; filled in place.
+            color: (H, W, 4), as that of the exemplar; filled in place.
+            known: (H, W), 0 free, 1 colour given and source to be found, 2 both given.
+            guide: (H, W, 4), the coarser level's result; refine_sources needs it.
+        """
+
+class PlaceSettings:
+    """Which patches are laid."""
+
+    patch_px: int  # side of a patch
+    overlap_px: int  # with its neighbours
+    usage_weight: float  # how much dearer a place gets by every use
+    near_weight: float  # and by every use within two patches
+    candidate_share: float  # of all places, how many are tried for a patch, in [0, 1]
+    cuts: int  # of the places that match best, how many are compared by their seam
+    seed: int  # of the choice, 32 bits
+
+    def __init__(
+        self,
+        *,
+        patch_px: int,
+        overlap_px: int,
+        usage_weight: float,
+        near_weight: float,
+        candidate_share: float,
+        cuts: int,
+        seed: int,
+    ) -> None: ...
+
+def place_patches(exemplar: Exemplar, synthesis: Synthesis, *, settings: PlaceSettings, threads: int) -> int:
+    """Fill what is free, in place, with patches of the exemplar; their number, 0 where none fits into it."""
+
+class RefineSettings:
+    """How neighbourhoods are compared."""
+
+    radius: int  # of the neighbourhoods, in pixels
+    guide_weight: int  # of the guide's colour, in pixels
+    random_tries: int  # random places a pixel
+    seed: int  # of the random places, 32 bits
+
+    def __init__(self, *, radius: int, guide_weight: int, random_tries: int, seed: int) -> None: ...
+
+def refine_sources(exemplar: Exemplar, synthesis: Synthesis, *, settings: RefineSettings, threads: int) -> None:
+    """One pass over a synthesis, in place, towards neighbourhoods of the exemplar; both have a guide."""
+
+def leaf_nets(leaves: NDArray[np.float64], *, nets: NDArray[np.float64], threads: int) -> None:
     """Fill control nets (N, 5, 7, 3) of leaves (N, 7, 3)."""
 
 def leaf_axes(
     leaves: NDArray[np.float64],
     v: NDArray[np.float64],
-    alike: bool,
-    points: NDArray[np.float64] | None,
-    normals: NDArray[np.float64] | None,
+    *,
+    shared: bool,
+    points: NDArray[np.float64] | None = None,
+    normals: NDArray[np.float64] | None = None,
     threads: int,
 ) -> None:
-    """Fill points and normals (N, P, 3) of the axes at v (N, P), or (1, P) for all alike."""
+    """Fill points and normals (N, P, 3) of the axes at v (N, P), or (1, P) shared by all."""
+
+class LeafJitter:
+    """A wave along the silhouettes, the same for all leaves but for the phase."""
+
+    def __init__(
+        self,
+        *,
+        amplitude: float,
+        frequency: float,
+        waves: NDArray[np.float64],
+        map: NDArray[np.float64] | None = None,
+        phases: NDArray[np.float64] | None = None,
+    ) -> None:
+        """The wave.
+
+        Args:
+            amplitude: In leaf lengths.
+            frequency: Cycles from base to apex.
+            waves: (K, 2), cycles a unit and weight of the procedural jitter, used without a map.
+            map: (M,), numbers from -1 to 1, one cycle.
+            phases: (N,), in cycles; 0 without.
+        """
 
 def leaf_samples(
     leaves: NDArray[np.float64],
     uv: NDArray[np.float64],
-    alike: bool,
-    amplitude: float,
-    frequency: float,
-    waves: NDArray[np.float64],
-    map: NDArray[np.float64] | None,
-    phases: NDArray[np.float64] | None,
+    *,
+    shared: bool,
+    jitter: LeafJitter,
     placements: NDArray[np.float64] | None,
     points: NDArray[np.float32] | NDArray[np.float64] | None,
     tangents_u: NDArray[np.float32] | NDArray[np.float64] | None,
@@ -97,10 +159,10 @@ def leaf_samples(
     areas: NDArray[np.float32] | NDArray[np.float64] | None,
     threads: int,
 ) -> None:
-    """Fill the outputs that are given, all of one type: leaves (N, 7, 3) at uv (N, P, 2), or (1, P, 2) for all alike.
+    """Fill the outputs that are not None, of one type: leaves (N, 7, 3) at uv (N, P, 2) or (1, P, 2), shared by all.
 
     Args:
-        waves: (K, 2) cycles a unit and weight of the procedural jitter, used without a map.
+        jitter: Of the silhouettes.
         placements: (N, 3, 4); leaf space without.
         points: (N, P, 3), as tangents and normals.
         areas: (N, P) lengths of the cross product of the tangents.
@@ -109,7 +171,8 @@ def leaf_samples(
 def leaf_jacobians(
     leaves: NDArray[np.float64],
     uv: NDArray[np.float64],
-    alike: bool,
+    *,
+    shared: bool,
     points: NDArray[np.float64],
     jacobians: NDArray[np.float64],
     threads: int,
@@ -118,6 +181,7 @@ def leaf_jacobians(
 
 def leaf_bounds(
     leaves: NDArray[np.float64],
+    *,
     placements: NDArray[np.float64] | None,
     reach: float,
     group: int,
@@ -127,18 +191,28 @@ def leaf_bounds(
     """Fill boxes (ceil(N / group), 2, 3), least and greatest, around leaves (N, 7, 3).
 
     Args:
-        reach: how far jitter may move a silhouette, in leaf lengths.
-        group: leaves that follow each other and share a box.
+        placements: (N, 3, 4); leaf space without.
+        reach: How far jitter may move a silhouette, in leaf lengths.
+        group: Leaves that follow each other and share a box.
     """
 
-def draw_leaf_grids(
-    places: NDArray[np.float64], height: int, width: int, threads: int
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Draw grids (N, V, U, 3), x, y and depth, with a z-buffer: ids (H, W), -1 for none, and depth (H, W), 0."""
+class DrawnLeaves:
+    """A picture of leaves."""
+
+    @property
+    def ids(self) -> NDArray[np.int32]:
+        """(H, W), -1 for none."""
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        """(H, W), 0 for none."""
+
+def draw_leaf_grids(places: NDArray[np.float64], *, height: int, width: int, threads: int) -> DrawnLeaves:
+    """Draw grids (N, V, U, 3), x, y and depth, with a z-buffer."""
 
 def enclosing_ellipses(
     points: NDArray[np.float64],
     offsets: NDArray[np.int64],
+    *,
     tolerance: float,
     centers: NDArray[np.float64],
     half_axes: NDArray[np.float64],
@@ -153,48 +227,82 @@ def enclosing_ellipses(
         angles: (M,), of the longer one from +x, in radians.
     """
 
+class Robustness(enum.Enum):
+    """What points off the surface count."""
+
+    NONE = 0  # as much as all others; none is left out
+    HUBER = 1
+    TUKEY = 2
+
+class LeafFitSettings:
+    """How leaves are fitted, and which are not."""
+
+    min_points: int  # leaves of fewer are not fitted
+    isolation: float  # points whose neighbours are this many times farther than the median are left out, but for NONE
+    scanlines: int  # at most; a leaf of few points has fewer
+    max_iterations: int  # of mapping and fitting in turns
+    tolerance: float  # root mean square change, in leaf lengths, that ends the iterations
+    robustness: Robustness
+    prior: float  # pull towards the enclosing ellipse, a share of what all points pull
+
+    def __init__(
+        self,
+        *,
+        min_points: int,
+        isolation: float,
+        scanlines: int,
+        max_iterations: int,
+        tolerance: float,
+        robustness: Robustness,
+        prior: float,
+    ) -> None: ...
+
+class LeafFits:
+    """What is fitted to M leaves; zeros where the outcome is not 0."""
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """(M, 7, 3)."""
+    @property
+    def ellipses(self) -> NDArray[np.float64]:
+        """(M, 7, 3), the leaves that the fits began with."""
+    @property
+    def base_m(self) -> NDArray[np.float64]:
+        """(M, 3)."""
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """(M, 3, 3), rows x, y and z of leaf space."""
+    @property
+    def length_m(self) -> NDArray[np.float64]:
+        """(M,)."""
+    @property
+    def residual_m(self) -> NDArray[np.float64]:
+        """(M,), root mean square distance of all points from the surface."""
+    @property
+    def coverages(self) -> NDArray[np.float64]:
+        """(M,), share of the leaf's width that points reach."""
+    @property
+    def iterations(self) -> NDArray[np.int32]:
+        """(M,)."""
+    @property
+    def outcomes(self) -> NDArray[np.int32]:
+        """(M,), 0 fitted, 1 too few points, 2 not finite, 3 on a line."""
+
 def fit_leaves(
-    points: NDArray[np.float64],
+    points_m: NDArray[np.float64],
     normals: NDArray[np.float64],
     offsets: NDArray[np.int64],
-    min_points: int,
-    trim: bool,
-    isolation: float,
-    scanlines: int,
-    max_iterations: int,
-    tolerance: float,
-    robustness: int,
-    prior: float,
-    parameters: NDArray[np.float64],
-    ellipses: NDArray[np.float64],
-    bases: NDArray[np.float64],
-    axes: NDArray[np.float64],
-    lengths: NDArray[np.float64],
-    residuals: NDArray[np.float64],
-    coverages: NDArray[np.float64],
-    iterations: NDArray[np.int32],
-    outcomes: NDArray[np.int32],
+    *,
+    settings: LeafFitSettings,
     threads: int,
-) -> None:
-    """Fit a leaf to each set of points (P, 3) that begins at offsets (M + 1,).
-
-    Args:
-        trim: whether points off the surface and isolated ones are left out.
-        robustness: 0 least squares, 1 Huber's, 2 Tukey's weights.
-        parameters: (M, 7, 3), filled as all that follows, but where the outcome is not 0.
-        ellipses: (M, 7, 3), the leaves that the fits began with.
-        bases: (M, 3).
-        axes: (M, 3, 3), rows x, y and z of leaf space.
-        lengths: (M,), as residuals and coverages.
-        iterations: (M,).
-        outcomes: (M,), 0 fitted, 1 too few points, 2 not finite, 3 on a line; always filled.
-    """
+) -> LeafFits:
+    """Fit a leaf to each set of points (P, 3) that begins at offsets (M + 1,); normals (P, 3) towards the cameras."""
 
 def map_leaf_points(
     leaf: NDArray[np.float64],
-    half_width: float,
     points: NDArray[np.float64],
-    lines: int,
+    *,
+    half_width: float,
     uv: NDArray[np.float64],
     line: NDArray[np.int32],
     weights: NDArray[np.float64],
@@ -202,10 +310,10 @@ def map_leaf_points(
     """Fill the (u, v) of points (P, 3) in the space of one leaf (7, 3), and eq. 10's weights of its scanlines.
 
     Args:
-        half_width: of the enclosing ellipse.
+        half_width: Of the enclosing ellipse, in leaf lengths.
         uv: (P, 2).
         line: (P,), number of the scanline of each point, -1 for none.
-        weights: (lines, 2), right half and left half.
+        weights: (scanlines, 2), right half and left half.
     """
 
 class SweepCostSettings:
@@ -266,56 +374,119 @@ def pick_planes(
         threads: At most so many, 0 for one per core.
     """
 
+class SurfacePoints:
+    """Points of N leaves, leaf after leaf."""
+
+    def __init__(
+        self,
+        *,
+        points_m: NDArray[np.float64],
+        edge: NDArray[np.uint8],
+        weights: NDArray[np.float64],
+        offsets: NDArray[np.int64],
+        noise_m: NDArray[np.float64],
+    ) -> None:
+        """Their arrays.
+
+        Args:
+            points_m: (P, 3).
+            edge: (P,), 1 where the leaf ends.
+            weights: (P,).
+            offsets: (N + 1,), where the points of each leaf begin.
+            noise_m: (N,), standard deviation of the points.
+        """
+
+class SurfacePriors:
+    """Normal distributions of what a leaf looks like: parameters and the logarithm of the length."""
+
+    def __init__(self, *, means: NDArray[np.float64], precisions: NDArray[np.float64]) -> None:
+        """K of them: means (K, 22), precisions (K, 22, 22)."""
+
+class SurfaceFits:
+    """Where S fits begin, and what they become: written in place, but for leaf and version."""
+
+    def __init__(
+        self,
+        *,
+        leaf: NDArray[np.int64],
+        version: NDArray[np.int64],
+        parameters: NDArray[np.float64],
+        axes: NDArray[np.float64],
+        base_m: NDArray[np.float64],
+        length_m: NDArray[np.float64],
+        costs: NDArray[np.float64],
+    ) -> None:
+        """Their arrays.
+
+        Args:
+            leaf: (S,), whose points.
+            version: (S,), which of the priors.
+            parameters: (S, 7, 3).
+            axes: (S, 3, 3) with the leaf's x, y and z in the columns.
+            base_m: (S, 3).
+            length_m: (S,).
+            costs: (S, 3), only written: of the points, of the prior, of folds.
+        """
+
+class SurfaceFitSettings:
+    """How fits go on."""
+
+    iterations: int  # of each fit
+    first_cutoff: float  # noises beyond which points count less, at first
+    cutoff: float  # the same in the last third of the iterations
+    edge_noise: float  # noise of points of the edge, in that of the interior
+    fold_weight: float  # of leaves that fold over themselves
+
+    def __init__(
+        self, *, iterations: int, first_cutoff: float, cutoff: float, edge_noise: float, fold_weight: float
+    ) -> None: ...
+
 def fit_leaf_surfaces(
-    points: NDArray[np.float64],
-    edge: NDArray[np.uint8],
-    weights: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    noise: NDArray[np.float64],
-    means: NDArray[np.float64],
-    precisions: NDArray[np.float64],
-    leaf: NDArray[np.int64],
-    prior: NDArray[np.int64],
-    parameters: NDArray[np.float64],
-    axes: NDArray[np.float64],
-    bases: NDArray[np.float64],
-    lengths: NDArray[np.float64],
-    costs: NDArray[np.float64],
-    iterations: int,
-    first_cutoff: float,
-    last_cutoff: float,
-    edge_noise: float,
-    fold_weight: float,
+    points: SurfacePoints,
+    priors: SurfacePriors,
+    fits: SurfaceFits,
+    *,
+    settings: SurfaceFitSettings,
     threads: int,
 ) -> None:
-    """Improve S fits in place, each of a leaf's points under one of the priors.
+    """Improve S fits in place, each of a leaf's points under one of the priors."""
 
-    Args:
-        points: (P, 3), leaf after leaf, as offsets (N + 1,) tell.
-        edge: (P,), 1 where the leaf ends.
-        weights: (P,)
-        noise: (N,), standard deviation of the points.
-        means: (K, 22), precisions (K, 22, 22): parameters and the logarithm of the length.
-        leaf: (S,), whose points; prior (S,), which prior.
-        parameters: (S, 7, 3), axes (S, 3, 3) with the leaf's x, y and z in the columns, bases (S, 3), lengths (S,).
-        costs: (S, 3), written: of the points, of the prior, of folds.
-        first_cutoff: noises beyond which points count less, at first; last_cutoff in the last third.
-        edge_noise: noise of points of the edge in that of the others.
-    """
+class PosedLeaves:
+    """N leaves and their places."""
+
+    def __init__(
+        self,
+        *,
+        parameters: NDArray[np.float64],
+        axes: NDArray[np.float64],
+        base_m: NDArray[np.float64],
+        length_m: NDArray[np.float64],
+    ) -> None:
+        """Their arrays: (N, 7, 3); (N, 3, 3) with the leaf's x, y and z in the columns; (N, 3); (N,)."""
+
+class ClosestPlaces:
+    """The places of leaves that are closest to P points."""
+
+    @property
+    def uv(self) -> NDArray[np.float64]:
+        """(P, 2)."""
+    @property
+    def distance_m(self) -> NDArray[np.float64]:
+        """(P,)."""
 
 def project_to_leaves(
-    points: NDArray[np.float64],
+    points_m: NDArray[np.float64],
+    leaves: PosedLeaves,
+    *,
     edge: NDArray[np.uint8],
     offsets: NDArray[np.int64],
-    parameters: NDArray[np.float64],
-    axes: NDArray[np.float64],
-    bases: NDArray[np.float64],
-    lengths: NDArray[np.float64],
-    uv: NDArray[np.float64],
-    distances: NDArray[np.float64],
     threads: int,
-) -> None:
-    """Fill uv (P, 2) and distances (P,) of the closest places to points; on the silhouette for those of the edge."""
+) -> ClosestPlaces:
+    """The places of leaves that are closest to their points (P, 3), leaf after leaf as offsets (N + 1,) name them.
+
+    Args:
+        edge: (P,), 1 for points whose places are on the silhouette.
+    """
 
 # What the functions below take for a camera: its depth (H, W), 0 where there is none; focal lengths and centre, x and y
 # each; cam_from_world (3, 4).
@@ -437,17 +608,38 @@ def pick_pixels(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pixels with depth that are kept[k] of total[k] of a leaf over all views, and their places; seen (N,) goes on."""
 
+class SampleSettings:
+    """How many points of a leaf are taken."""
+
+    interior: int  # points of the interior, at most
+    edge: int  # points of the edge, at most
+    before_spread: int  # times as many are looked at as are wanted
+    apart: float  # median distances to the fourth neighbour, beyond which a point lies apart
+
+    def __init__(self, *, interior: int, edge: int, before_spread: int, apart: float) -> None: ...
+
+class SampledPoints:
+    """Points spread evenly over their leaves."""
+
+    @property
+    def index(self) -> NDArray[np.int64]:
+        """(S,), among all points."""
+    @property
+    def apart(self) -> NDArray[np.uint8]:
+        """(S,), 1 for those that lie apart."""
+    @property
+    def offsets(self) -> NDArray[np.int64]:
+        """(N + 1,)."""
+
 def sample_leaf_points(
-    points: NDArray[np.float64],
+    points_m: NDArray[np.float64],
     edge: NDArray[np.uint8],
     offsets: NDArray[np.int64],
-    interior: int,
-    most_edge: int,
-    before: int,
-    apart: float,
+    *,
+    settings: SampleSettings,
     threads: int,
-) -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.int64]]:
-    """Indices (S,) of points (P, 3) even over their leaves, 1 for those that lie apart (S,), offsets (N + 1,)."""
+) -> SampledPoints:
+    """Some of the points (P, 3) of leaves that begin at offsets (N + 1,); edge (P,) is 1 where a leaf ends."""
 
 def project_points(
     points: NDArray[np.float64], intrinsics: NDArray[np.float64], cam_from_world: NDArray[np.float64], threads: int

@@ -24,7 +24,7 @@ void ellipses(const Array<const double, nb::shape<-1, 2>>& points, const Array<c
 
 // Outputs are written in place: a converted copy of one would be lost.
 void bind_enclosing_ellipse(nb::module_& m) {
-    m.def("enclosing_ellipses", &ellipses, "points"_a, "offsets"_a, "tolerance"_a, "centers"_a.noconvert(),
+    m.def("enclosing_ellipses", &ellipses, "points"_a, "offsets"_a, nb::kw_only(), "tolerance"_a, "centers"_a.noconvert(),
           "half_axes"_a.noconvert(), "angles"_a.noconvert(), "threads"_a,
           "Fill the smallest ellipses around the sets that begin at offsets (M + 1,). Arguments are trusted.");
 }

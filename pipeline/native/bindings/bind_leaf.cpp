@@ -20,6 +20,15 @@ using Input = nb::ndarray<const double, Shape..., nb::c_contig, nb::device::cpu>
 template <typename Real>
 using Output = nb::ndarray<Real, nb::c_contig, nb::device::cpu>;
 using LeafInput = Input<nb::shape<-1, 7, 3>>;
+using Placements = Input<nb::shape<-1, 3, 4>>;
+using Waves = Input<nb::shape<-1, 2>>;
+using Row = Input<nb::ndim<1>>;
+
+struct Jitter {
+    double amplitude, frequency;
+    Waves waves;
+    std::optional<Row> map, phases;
+};
 
 template <typename Array>
 auto* data_of(const std::optional<Array>& array) {
@@ -31,37 +40,37 @@ void nets(const LeafInput& leaves, const Output<double>& out, int threads) {
     usdfoliage::leaf_nets(leaves.data(), leaves.shape(0), out.data(), threads);
 }
 
-void axes(const LeafInput& leaves, const Input<nb::ndim<2>>& v, bool alike, const std::optional<Output<double>>& points,
+void axes(const LeafInput& leaves, const Input<nb::ndim<2>>& v, bool shared, const std::optional<Output<double>>& points,
           const std::optional<Output<double>>& normals, int threads) {
     nb::gil_scoped_release unlocked;
-    usdfoliage::leaf_axes(leaves.data(), leaves.shape(0), v.data(), v.shape(1), alike, data_of(points), data_of(normals), threads);
+    usdfoliage::leaf_axes(leaves.data(), leaves.shape(0), v.data(), v.shape(1), shared, data_of(points), data_of(normals), threads);
 }
 
 template <typename Real>
-void samples(const LeafInput& leaves, const Input<nb::shape<-1, -1, 2>>& uv, bool alike, double amplitude, double frequency,
-             const Input<nb::shape<-1, 2>>& waves, const std::optional<Input<nb::ndim<1>>>& map,
-             const std::optional<Input<nb::ndim<1>>>& phases, const std::optional<Input<nb::shape<-1, 3, 4>>>& placements,
-             const std::optional<Output<Real>>& points, const std::optional<Output<Real>>& tangents_u,
-             const std::optional<Output<Real>>& tangents_v, const std::optional<Output<Real>>& normals,
-             const std::optional<Output<Real>>& areas, int threads) {
-    const usdfoliage::LeafJitter jitter{amplitude, frequency, waves.data(), waves.shape(0), data_of(map),
-                                        map ? map->shape(0) : 0, data_of(phases)};
+void samples(const LeafInput& leaves, const Input<nb::shape<-1, -1, 2>>& uv, bool shared, const Jitter& given,
+             const std::optional<Placements>& placements, const std::optional<Output<Real>>& points,
+             const std::optional<Output<Real>>& tangents_u, const std::optional<Output<Real>>& tangents_v,
+             const std::optional<Output<Real>>& normals, const std::optional<Output<Real>>& areas, int threads) {
+    const usdfoliage::LeafJitter jitter{given.amplitude,     given.frequency,
+                                        given.waves.data(),  given.waves.shape(0),
+                                        data_of(given.map),  given.map ? given.map->shape(0) : 0,
+                                        data_of(given.phases)};
     const usdfoliage::LeafSamples<Real> out{data_of(points), data_of(tangents_u), data_of(tangents_v), data_of(normals),
                                             data_of(areas)};
     nb::gil_scoped_release unlocked;
-    usdfoliage::leaf_samples(leaves.data(), leaves.shape(0), uv.data(), uv.shape(1), alike, jitter, data_of(placements), out,
+    usdfoliage::leaf_samples(leaves.data(), leaves.shape(0), uv.data(), uv.shape(1), shared, jitter, data_of(placements), out,
                              threads);
 }
 
 template <typename Real>
-void jacobians(const LeafInput& leaves, const Input<nb::shape<-1, -1, 2>>& uv, bool alike, const Output<Real>& points,
+void jacobians(const LeafInput& leaves, const Input<nb::shape<-1, -1, 2>>& uv, bool shared, const Output<Real>& points,
                const Output<Real>& out, int threads) {
     nb::gil_scoped_release unlocked;
-    usdfoliage::leaf_jacobians(leaves.data(), leaves.shape(0), uv.data(), uv.shape(1), alike, points.data(), out.data(), threads);
+    usdfoliage::leaf_jacobians(leaves.data(), leaves.shape(0), uv.data(), uv.shape(1), shared, points.data(), out.data(), threads);
 }
 
-void bounds(const LeafInput& leaves, const std::optional<Input<nb::shape<-1, 3, 4>>>& placements, double reach,
-            std::size_t group, const Output<double>& out, int threads) {
+void bounds(const LeafInput& leaves, const std::optional<Placements>& placements, double reach, std::size_t group,
+            const Output<double>& out, int threads) {
     nb::gil_scoped_release unlocked;
     usdfoliage::leaf_bounds(leaves.data(), leaves.shape(0), data_of(placements), reach, group, out.data(), threads);
 }
@@ -69,23 +78,28 @@ void bounds(const LeafInput& leaves, const std::optional<Input<nb::shape<-1, 3, 
 // Outputs are written in place: a converted copy of one would be lost.
 template <typename Real>
 void bind_outputs(nb::module_& m) {
-    m.def("leaf_samples", &samples<Real>, "leaves"_a, "uv"_a, "alike"_a, "amplitude"_a, "frequency"_a, "waves"_a,
-          "map"_a.none(), "phases"_a.none(), "placements"_a.none(), "points"_a.none().noconvert(),
-          "tangents_u"_a.none().noconvert(), "tangents_v"_a.none().noconvert(), "normals"_a.none().noconvert(),
-          "areas"_a.none().noconvert(), "threads"_a,
-          "Fill the outputs that are not None: leaves (N, 7, 3) at uv (N, P, 2), or (1, P, 2) for all alike.");
-    m.def("leaf_jacobians", &jacobians<Real>, "leaves"_a, "uv"_a, "alike"_a, "points"_a.noconvert(), "jacobians"_a.noconvert(),
-          "threads"_a, "Fill points (N, P, 3) and their derivatives (N, P, 3, 21) by the parameters.");
+    m.def("leaf_samples", &samples<Real>, "leaves"_a, "uv"_a, nb::kw_only(), "shared"_a, "jitter"_a, "placements"_a.none(),
+          "points"_a.none().noconvert(), "tangents_u"_a.none().noconvert(), "tangents_v"_a.none().noconvert(),
+          "normals"_a.none().noconvert(), "areas"_a.none().noconvert(), "threads"_a,
+          "Fill the outputs that are not None: leaves (N, 7, 3) at uv (N, P, 2), or (1, P, 2) shared by all.");
+    m.def("leaf_jacobians", &jacobians<Real>, "leaves"_a, "uv"_a, nb::kw_only(), "shared"_a, "points"_a.noconvert(),
+          "jacobians"_a.noconvert(), "threads"_a,
+          "Fill points (N, P, 3) and their derivatives (N, P, 3, 21) by the parameters.");
 }
 
 }  // namespace
 
 void bind_leaf(nb::module_& m) {
-    m.def("leaf_nets", &nets, "leaves"_a, "nets"_a.noconvert(), "threads"_a,
+    nb::class_<Jitter>(m, "LeafJitter", "A wave along the silhouettes, the same for all leaves but for the phase.")
+        .def(nb::init<double, double, Waves, std::optional<Row>, std::optional<Row>>(), nb::kw_only(), "amplitude"_a,
+             "frequency"_a, "waves"_a, "map"_a.none() = nb::none(), "phases"_a.none() = nb::none());
+    m.def("leaf_nets", &nets, "leaves"_a, nb::kw_only(), "nets"_a.noconvert(), "threads"_a,
           "Fill control nets (N, 5, 7, 3) of leaves (N, 7, 3). Arguments are trusted.");
-    m.def("leaf_axes", &axes, "leaves"_a, "v"_a, "alike"_a, "points"_a.none().noconvert(), "normals"_a.none().noconvert(),
-          "threads"_a, "Fill points and normals (N, P, 3) of the axes at v (N, P), or (1, P) for all alike.");
-    m.def("leaf_bounds", &bounds, "leaves"_a, "placements"_a.none(), "reach"_a, "group"_a, "bounds"_a.noconvert(), "threads"_a,
+    m.def("leaf_axes", &axes, "leaves"_a, "v"_a, nb::kw_only(), "shared"_a, "points"_a.none().noconvert() = nb::none(),
+          "normals"_a.none().noconvert() = nb::none(), "threads"_a,
+          "Fill points and normals (N, P, 3) of the axes at v (N, P), or (1, P) shared by all.");
+    m.def("leaf_bounds", &bounds, "leaves"_a, nb::kw_only(), "placements"_a.none(), "reach"_a, "group"_a,
+          "bounds"_a.noconvert(), "threads"_a,
           "Fill boxes (ceil(N / group), 2, 3), least and greatest, around groups of leaves that jitter moves by up to reach.");
     bind_outputs<double>(m);
     bind_outputs<float>(m);

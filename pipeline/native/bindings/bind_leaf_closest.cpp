@@ -2,8 +2,12 @@
 #include <nanobind/ndarray.h>
 
 #include <cstdint>
+#include <utility>
+#include <vector>
 
+#include "bindings/arrays.h"
 #include "bindings/bindings.h"
+#include "bindings/structs.h"
 #include "leaf/closest.h"
 
 namespace nb = nanobind;
@@ -11,26 +15,46 @@ using namespace nb::literals;
 
 namespace {
 
-using Vectors = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Integers = nb::ndarray<const std::int64_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Flags = nb::ndarray<const std::uint8_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Leaves = nb::ndarray<const double, nb::shape<-1, 7, 3>, nb::c_contig, nb::device::cpu>;
-using Frames = nb::ndarray<const double, nb::shape<-1, 3, 3>, nb::c_contig, nb::device::cpu>;
-using PairsOut = nb::ndarray<double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
-using NumbersOut = nb::ndarray<double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+template <typename T, typename Shape>
+using Array = nb::ndarray<const T, Shape, nb::c_contig, nb::device::cpu>;
+using Vectors = Array<double, nb::shape<-1, 3>>;
+using Numbers = Array<double, nb::shape<-1>>;
+using Integers = Array<std::int64_t, nb::shape<-1>>;
+using Flags = Array<std::uint8_t, nb::shape<-1>>;
+using Leaves = Array<double, nb::shape<-1, 7, 3>>;
+using Frames = Array<double, nb::shape<-1, 3, 3>>;
 
-void project(const Vectors& points, const Flags& edge, const Integers& offsets, const Leaves& parameters,
-             const Frames& axes, const Vectors& bases, const Numbers& lengths, const PairsOut& uv,
-             const NumbersOut& distances, int threads) {
-    nb::gil_scoped_release unlocked;
-    usdfoliage::project_to_leaves(points.data(), edge.data(), offsets.data(), parameters.data(), axes.data(), bases.data(),
-                                  lengths.data(), parameters.shape(0), uv.data(), distances.data(), threads);
+struct PosedLeaves {
+    Leaves parameters;
+    Frames axes;
+    Vectors base_m;
+    Numbers length_m;
+};
+
+struct ClosestPlaces {
+    nb::object uv, distance_m;
+};
+
+ClosestPlaces project(const Vectors& points, const PosedLeaves& leaves, const Flags& edge, const Integers& offsets, int threads) {
+    const std::size_t n = points.shape(0);
+    std::vector<double> uv(2 * n), distances(n);
+    {
+        nb::gil_scoped_release unlocked;
+        usdfoliage::project_to_leaves(points.data(), edge.data(), offsets.data(), leaves.parameters.data(), leaves.axes.data(),
+                                      leaves.base_m.data(), leaves.length_m.data(), leaves.parameters.shape(0), uv.data(),
+                                      distances.data(), threads);
+    }
+    return {to_array(std::move(uv), {n, 2}), to_array(std::move(distances), {n})};
 }
 
 }  // namespace
 
 void bind_leaf_closest(nb::module_& m) {
-    m.def("project_to_leaves", &project, "points"_a, "edge"_a, "offsets"_a, "parameters"_a, "axes"_a, "bases"_a, "lengths"_a,
-          "uv"_a, "distances"_a, "threads"_a, "Fill uv (P, 2) and distances (P,) of the closest places to points (P, 3).");
+    nb::class_<PosedLeaves>(m, "PosedLeaves", "N leaves and their places.")
+        .def(nb::init<Leaves, Frames, Vectors, Numbers>(), nb::kw_only(), "parameters"_a, "axes"_a, "base_m"_a, "length_m"_a);
+    bind_result(m, "ClosestPlaces", "The places of leaves that are closest to P points.",
+                field("uv", &ClosestPlaces::uv, "(P, 2)."),
+                field("distance_m", &ClosestPlaces::distance_m, "(P,)."));
+    m.def("project_to_leaves", &project, "points_m"_a, "leaves"_a, nb::kw_only(), "edge"_a, "offsets"_a, "threads"_a,
+          "The places of leaves that are closest to points (P, 3).");
 }

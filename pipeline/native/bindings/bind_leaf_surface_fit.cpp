@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "bindings/bindings.h"
+#include "bindings/structs.h"
 #include "leaf/surface_fit.h"
 
 namespace nb = nanobind;
@@ -11,35 +12,71 @@ using namespace nb::literals;
 
 namespace {
 
-using Vectors = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Integers = nb::ndarray<const std::int64_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Flags = nb::ndarray<const std::uint8_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Means = nb::ndarray<const double, nb::shape<-1, 22>, nb::c_contig, nb::device::cpu>;
-using Precisions = nb::ndarray<const double, nb::shape<-1, 22, 22>, nb::c_contig, nb::device::cpu>;
-using Leaves = nb::ndarray<double, nb::shape<-1, 7, 3>, nb::c_contig, nb::device::cpu>;
-using Frames = nb::ndarray<double, nb::shape<-1, 3, 3>, nb::c_contig, nb::device::cpu>;
-using VectorsOut = nb::ndarray<double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using NumbersOut = nb::ndarray<double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+template <typename T, typename Shape>
+using Array = nb::ndarray<T, Shape, nb::c_contig, nb::device::cpu>;
+using Vectors = Array<const double, nb::shape<-1, 3>>;
+using Numbers = Array<const double, nb::shape<-1>>;
+using Integers = Array<const std::int64_t, nb::shape<-1>>;
+using Flags = Array<const std::uint8_t, nb::shape<-1>>;
+using Means = Array<const double, nb::shape<-1, 22>>;
+using Precisions = Array<const double, nb::shape<-1, 22, 22>>;
+using LeavesOut = Array<double, nb::shape<-1, 7, 3>>;
+using FramesOut = Array<double, nb::shape<-1, 3, 3>>;
+using VectorsOut = Array<double, nb::shape<-1, 3>>;
+using NumbersOut = Array<double, nb::shape<-1>>;
+using usdfoliage::SurfaceFitSettings;
 
-void fit(const Vectors& points, const Flags& edge, const Numbers& weights, const Integers& offsets, const Numbers& noise,
-         const Means& means, const Precisions& precisions, const Integers& leaf, const Integers& prior, const Leaves& parameters,
-         const Frames& axes, const VectorsOut& bases, const NumbersOut& lengths, const VectorsOut& costs, int iterations,
-         double first_cutoff, double last_cutoff, double edge_noise, double fold_weight, int threads) {
+struct Points {
+    Vectors points_m;
+    Flags edge;
+    Numbers weights;
+    Integers offsets;
+    Numbers noise_m;
+};
+
+struct Priors {
+    Means means;
+    Precisions precisions;
+};
+
+struct Fits {
+    Integers leaf, version;
+    LeavesOut parameters;
+    FramesOut axes;
+    VectorsOut base_m;
+    NumbersOut length_m;
+    VectorsOut costs;
+};
+
+void fit(const Points& points, const Priors& priors, const Fits& fits, const SurfaceFitSettings& settings, int threads) {
     nb::gil_scoped_release unlocked;
-    usdfoliage::fit_leaf_surfaces({points.data(), edge.data(), weights.data(), offsets.data(), noise.data()},
-                                  {means.data(), precisions.data()},
-                                  {iterations, first_cutoff, last_cutoff, edge_noise, fold_weight},
-                                  {leaf.data(), prior.data(), parameters.data(), axes.data(), bases.data(), lengths.data(),
-                                   costs.data()},
-                                  leaf.shape(0), threads);
+    usdfoliage::fit_leaf_surfaces(
+        {points.points_m.data(), points.edge.data(), points.weights.data(), points.offsets.data(), points.noise_m.data()},
+        {priors.means.data(), priors.precisions.data()}, settings,
+        {fits.leaf.data(), fits.version.data(), fits.parameters.data(), fits.axes.data(), fits.base_m.data(),
+         fits.length_m.data(), fits.costs.data()},
+        fits.leaf.shape(0), threads);
 }
 
 }  // namespace
 
 void bind_leaf_surface_fit(nb::module_& m) {
-    m.def("fit_leaf_surfaces", &fit, "points"_a, "edge"_a, "weights"_a, "offsets"_a, "noise"_a, "means"_a, "precisions"_a,
-          "leaf"_a, "prior"_a, "parameters"_a, "axes"_a, "bases"_a, "lengths"_a, "costs"_a, "iterations"_a, "first_cutoff"_a,
-          "last_cutoff"_a, "edge_noise"_a, "fold_weight"_a, "threads"_a,
-          "Improve fits in place: parameters (S, 7, 3), axes (S, 3, 3), bases (S, 3), lengths (S,); costs (S, 3) are written.");
+    using S = SurfaceFitSettings;
+    bind_settings(m, "SurfaceFitSettings", "How fits go on.", field("iterations", &S::iterations, "Of each fit."),
+                  field("first_cutoff", &S::first_cutoff, "Noises beyond which points count less, at first."),
+                  field("cutoff", &S::cutoff, "The same in the last third of the iterations."),
+                  field("edge_noise", &S::edge_noise, "Noise of points of the edge, in that of the interior."),
+                  field("fold_weight", &S::fold_weight, "Of leaves that fold over themselves."));
+    nb::class_<Points>(m, "SurfacePoints", "Points of N leaves, leaf after leaf.")
+        .def(nb::init<Vectors, Flags, Numbers, Integers, Numbers>(), nb::kw_only(), "points_m"_a, "edge"_a, "weights"_a,
+             "offsets"_a, "noise_m"_a);
+    nb::class_<Priors>(m, "SurfacePriors", "Normal distributions of what a leaf looks like.")
+        .def(nb::init<Means, Precisions>(), nb::kw_only(), "means"_a, "precisions"_a);
+    // Written in place: a converted copy would be lost.
+    nb::class_<Fits>(m, "SurfaceFits", "Where S fits begin, and what they become.")
+        .def(nb::init<Integers, Integers, LeavesOut, FramesOut, VectorsOut, NumbersOut, VectorsOut>(), nb::kw_only(), "leaf"_a,
+             "version"_a, "parameters"_a.noconvert(), "axes"_a.noconvert(), "base_m"_a.noconvert(), "length_m"_a.noconvert(),
+             "costs"_a.noconvert());
+    m.def("fit_leaf_surfaces", &fit, "points"_a, "priors"_a, "fits"_a, nb::kw_only(), "settings"_a, "threads"_a,
+          "Improve fits in place, each of a leaf's points under one of the priors.");
 }

@@ -42,10 +42,11 @@ struct Rectangle {
 
 class Placement {
   public:
-    Placement(const Exemplar& exemplar, const Synthesis& synthesis, const PlaceSettings& settings)
+    Placement(const Exemplar& exemplar, const Synthesis& synthesis, const PlaceSettings& settings, int threads)
         : e_(exemplar),
           s_(synthesis),
           settings_(settings),
+          threads_(threads),
           usage_(static_cast<std::size_t>(exemplar.rows) * exemplar.columns, 0.0f),
           valid_(exemplar.valid, exemplar.rows, exemplar.columns),
           variance_(variance()) {
@@ -53,7 +54,7 @@ class Placement {
     }
 
     std::int32_t run() {
-        if (find_candidates(settings_.patch, settings_.patch).empty()) return 0;
+        if (find_candidates(settings_.patch_px, settings_.patch_px).empty()) return 0;
         std::int32_t placed = 0;
         for (const Rectangle& r : order()) placed += place(r);
         return placed;
@@ -86,7 +87,7 @@ class Placement {
 
     // Rectangles that cover the output, in the order in which they grow from what is filled already.
     std::vector<Rectangle> order() const {
-        const std::int32_t patch = settings_.patch, step = patch - settings_.overlap;
+        const std::int32_t patch = settings_.patch_px, step = patch - settings_.overlap_px;
         std::vector<std::uint8_t> start(static_cast<std::size_t>(s_.rows) * s_.columns);
         bool any = false;
         for (std::size_t i = 0; i < start.size(); ++i) any |= (start[i] = filled(static_cast<std::int32_t>(i)));
@@ -97,10 +98,10 @@ class Placement {
         const auto shift_row = static_cast<std::int32_t>(random_bits(settings_.seed, 2, 0) % step);
         const auto shift_column = static_cast<std::int32_t>(random_bits(settings_.seed, 3, 0) % step);
         std::uint32_t index = 0;
-        for (std::int32_t y = -shift_row - settings_.overlap; y < s_.rows; y += step) {
-            for (std::int32_t x = -shift_column - settings_.overlap; x < s_.columns; x += step, ++index) {
+        for (std::int32_t y = -shift_row - settings_.overlap_px; y < s_.rows; y += step) {
+            for (std::int32_t x = -shift_column - settings_.overlap_px; x < s_.columns; x += step, ++index) {
                 // Rows of patches would show: every patch is moved by up to a quarter of its overlap.
-                const std::int32_t reach = settings_.overlap / 4, range = 2 * reach + 1;
+                const std::int32_t reach = settings_.overlap_px / 4, range = 2 * reach + 1;
                 const std::int32_t top = y + static_cast<std::int32_t>(random_bits(settings_.seed, 4, index) % range) - reach;
                 const std::int32_t left = x + static_cast<std::int32_t>(random_bits(settings_.seed, 5, index) % range) - reach;
                 const std::int32_t y0 = std::max(top, 0), x0 = std::max(left, 0);
@@ -177,7 +178,7 @@ class Placement {
 
         const std::vector<Choice> choices = choose(r, spans, n_filled);
         std::vector<Cut> cuts(choices.size());
-        parallel_for(choices.size(), settings_.threads, [&](std::size_t i) { cuts[i] = seam(r, choices[i].place); });
+        parallel_for(choices.size(), threads_, [&](std::size_t i) { cuts[i] = seam(r, choices[i].place); });
         double mean = 0;
         for (const Cut& cut : cuts) mean += cut.cost / static_cast<double>(cuts.size());
         const auto price = [&](std::size_t i) { return (cuts[i].cost + 0.01 * mean) * (1 + choices[i].usage); };
@@ -231,7 +232,7 @@ class Placement {
         const SummedArea near(near_map.data(), e_.rows, e_.columns);
         const double area = static_cast<double>(r.rows) * r.columns;
         constexpr std::size_t kChunk = 256;
-        parallel_for((choices.size() + kChunk - 1) / kChunk, settings_.threads, [&](std::size_t chunk) {
+        parallel_for((choices.size() + kChunk - 1) / kChunk, threads_, [&](std::size_t chunk) {
             for (std::size_t i = chunk * kChunk; i < std::min(choices.size(), (chunk + 1) * kChunk); ++i) {
                 const Place p = choices[i].place;
                 choices[i].usage =
@@ -263,7 +264,7 @@ class Placement {
     // How often each place of the exemplar is used within two patches of a rectangle.
     std::vector<float> usage_near(const Rectangle& r) const {
         std::vector<float> times(usage_.size());
-        const std::int32_t reach = 2 * settings_.patch;
+        const std::int32_t reach = 2 * settings_.patch_px;
         for (std::int32_t y = std::max(r.row - reach, 0); y < std::min(r.row + r.rows + reach, s_.rows); ++y) {
             for (std::int32_t x = std::max(r.column - reach, 0); x < std::min(r.column + r.columns + reach, s_.columns); ++x) {
                 const Place p = source_at(s_, y * s_.columns + x);
@@ -349,6 +350,7 @@ class Placement {
     const Exemplar& e_;
     const Synthesis& s_;
     const PlaceSettings& settings_;
+    int threads_;
     std::vector<float> usage_;
     SummedArea valid_;
     double variance_;
@@ -356,8 +358,9 @@ class Placement {
 
 }  // namespace
 
-std::int32_t place_patches(const Exemplar& exemplar, const Synthesis& synthesis, const PlaceSettings& settings) {
-    return Placement(exemplar, synthesis, settings).run();
+std::int32_t place_patches(const Exemplar& exemplar, const Synthesis& synthesis, const PlaceSettings& settings,
+                           int threads) {
+    return Placement(exemplar, synthesis, settings, threads).run();
 }
 
 }  // namespace usdfoliage

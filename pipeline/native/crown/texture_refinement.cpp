@@ -12,19 +12,19 @@ constexpr int kC = kTextureChannels;
 
 class Refinement {
   public:
-    Refinement(const Exemplar& exemplar, const Synthesis& synthesis, const RefineSettings& settings)
-        : e_(exemplar), s_(synthesis), settings_(settings), next_(synthesis.source, synthesis.source + 2 * synthesis.rows * synthesis.columns) {}
+    Refinement(const Exemplar& exemplar, const Synthesis& synthesis, const RefineSettings& settings, int threads)
+        : e_(exemplar), s_(synthesis), settings_(settings), threads_(threads), next_(synthesis.source, synthesis.source + 2 * synthesis.rows * synthesis.columns) {}
 
     void run() {
         for (std::int32_t phase = 0; phase < 4; ++phase) {
             // Diagonal neighbours first, so that no direction of scan shows.
             const std::int32_t row = phase == 1 || phase == 2, column = phase == 1 || phase == 3;
             const auto rows = static_cast<std::size_t>((s_.rows - row + 1) / 2);
-            parallel_for(rows, settings_.threads, [&](std::size_t k) {
+            parallel_for(rows, threads_, [&](std::size_t k) {
                 const auto y = static_cast<std::int32_t>(2 * k) + row;
                 for (std::int32_t x = column; x < s_.columns; x += 2) search(y, x, static_cast<std::uint32_t>(phase));
             });
-            parallel_for(rows, settings_.threads, [&](std::size_t k) {
+            parallel_for(rows, threads_, [&](std::size_t k) {
                 const auto y = static_cast<std::int32_t>(2 * k) + row;
                 for (std::int32_t x = column; x < s_.columns; x += 2) commit(y * s_.columns + x);
             });
@@ -123,13 +123,14 @@ class Refinement {
     const Exemplar& e_;
     const Synthesis& s_;
     const RefineSettings& settings_;
+    int threads_;
     std::vector<std::int32_t> next_;
 };
 
 }  // namespace
 
-void refine_sources(const Exemplar& exemplar, const Synthesis& synthesis, const RefineSettings& settings) {
-    Refinement(exemplar, synthesis, settings).run();
+void refine_sources(const Exemplar& exemplar, const Synthesis& synthesis, const RefineSettings& settings, int threads) {
+    Refinement(exemplar, synthesis, settings, threads).run();
 }
 
 }  // namespace usdfoliage

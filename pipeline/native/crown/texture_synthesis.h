@@ -29,31 +29,31 @@ struct Synthesis {
 };
 
 struct PlaceSettings {
-    std::int32_t patch;            // side of a patch
-    std::int32_t overlap;          // with its neighbours
+    std::int32_t patch_px;         // side of a patch
+    std::int32_t overlap_px;       // with its neighbours
     float usage_weight;            // how much dearer a place gets by every use
     float near_weight;             // and by every use within two patches
     float candidate_share;         // of all places, how many are looked at for a patch, 0..1
     std::int32_t cuts;             // of the places that match best, how many are tried by their cut
     std::uint32_t seed;
-    int threads;
 };
 
 // Fill what is free and has no source with patches of the exemplar, growing from what is there, along minimum-cut seams.
 // Where nothing is there the first patch lies anywhere.
 //
+// @param threads  at most so many, 0: one per core
 // @return  the number of patches; 0 and nothing placed where no patch fits into the valid part of the exemplar
 //
 // Source: V. Kwatra et al., Graphcut Textures, SIGGRAPH 2003, sections 2 and 4 (sub-patch matching). That places are
 // chosen by how little they were used is our own.
-std::int32_t place_patches(const Exemplar& exemplar, const Synthesis& synthesis, const PlaceSettings& settings);
+std::int32_t place_patches(const Exemplar& exemplar, const Synthesis& synthesis, const PlaceSettings& settings,
+                           int threads);
 
 struct RefineSettings {
     std::int32_t radius;        // of the neighbourhood that is compared
     std::int32_t guide_weight;  // of the 3×3 neighbourhood of the guide
     std::int32_t random_tries;  // places looked at in the whole exemplar and, half as far each time, around the best
     std::uint32_t seed;
-    int threads;
 };
 
 // Give every pixel the source whose neighbourhood looks most like its own, among those that continue its neighbours'
@@ -63,6 +63,6 @@ struct RefineSettings {
 // Source: S. Lefebvre and H. Hoppe, Parallel Controllable Texture Synthesis, SIGGRAPH 2005, sections 3.1 to 3.3; X. Tong
 // et al., Synthesis of Bidirectional Texture Functions, 2002 (coherent candidates); C. Barnes et al., PatchMatch, 2009
 // (random search).
-void refine_sources(const Exemplar& exemplar, const Synthesis& synthesis, const RefineSettings& settings);
+void refine_sources(const Exemplar& exemplar, const Synthesis& synthesis, const RefineSettings& settings, int threads);
 
 }  // namespace usdfoliage

@@ -177,11 +177,12 @@ void ellipse_leaf(double half_width, double* leaf) {
 
 void fit_leaves(const double* points, const double* normals, const long long* offsets, std::size_t leaves,
                 const LeafFitSettings& settings, const LeafFits& fits, int threads) {
+    const LeafFrameSettings frame_settings{settings.min_points, settings.robustness != Robustness::kNone, settings.isolation};
     parallel_for(leaves, threads, [&](std::size_t i) {
         const auto begin = static_cast<std::size_t>(offsets[i]), n = static_cast<std::size_t>(offsets[i + 1]) - begin;
         LeafFrame frame;
         std::vector<unsigned char> kept;
-        fits.outcomes[i] = leaf_frame(points + 3 * begin, normals + 3 * begin, n, settings.frame, &frame, &kept);
+        fits.outcomes[i] = leaf_frame(points + 3 * begin, normals + 3 * begin, n, frame_settings, &frame, &kept);
         if (fits.outcomes[i] != kFitted) return;
         std::vector<double> local(3 * n);
         for (std::size_t k = 0; k < n; ++k) {

@@ -13,7 +13,8 @@ namespace usdfoliage {
 enum class Robustness : int { kNone = 0, kHuber = 1, kTukey = 2 };
 
 struct LeafFitSettings {
-    LeafFrameSettings frame;
+    std::size_t min_points;  // leaves of fewer are not fitted
+    double isolation;        // points whose neighbours are this many times farther than the median are left out, unless kNone
     std::size_t scanlines;  // at most
     int max_iterations;
     double tolerance;  // root mean square change of the surface, in leaf lengths, that ends the iterations

@@ -93,7 +93,7 @@ void tell_apart(const double* points, const std::int64_t* indices, std::size_t c
 
 }  // namespace
 
-SampledPoints sample_leaf_points(const LeafCloud& cloud, const SampleOptions& options, int threads) {
+SampledPoints sample_leaf_points(const LeafCloud& cloud, const SampleSettings& settings, int threads) {
     SampledPoints sampled;
     sampled.offsets.assign(cloud.leaves + 1, 0);
     parallel_for(cloud.leaves, threads, [&](std::size_t leaf) {
@@ -101,7 +101,7 @@ SampledPoints sample_leaf_points(const LeafCloud& cloud, const SampleOptions& op
         for (std::int64_t i = cloud.offsets[leaf]; i < cloud.offsets[leaf + 1]; ++i) {
             if (is_finite(cloud.points + 3 * i)) ++(cloud.edge[i] ? outside : inside);
         }
-        sampled.offsets[leaf + 1] = std::min(inside, options.interior) + std::min(outside, options.edge);
+        sampled.offsets[leaf + 1] = std::min(inside, settings.interior) + std::min(outside, settings.edge);
     });
     std::partial_sum(sampled.offsets.begin(), sampled.offsets.end(), sampled.offsets.begin());
     sampled.index.resize(static_cast<std::size_t>(sampled.offsets.back()));
@@ -112,13 +112,13 @@ SampledPoints sample_leaf_points(const LeafCloud& cloud, const SampleOptions& op
         for (std::int64_t i = cloud.offsets[leaf]; i < cloud.offsets[leaf + 1]; ++i) {
             if (is_finite(cloud.points + 3 * i)) kinds[cloud.edge[i] ? 1 : 0].push_back(i);
         }
-        std::vector<std::int64_t> order = thin(kinds[1], options.before * options.edge);
-        const std::vector<std::int64_t> inside = thin(kinds[0], options.before * options.interior);
+        std::vector<std::int64_t> order = thin(kinds[1], settings.before_spread * settings.edge);
+        const std::vector<std::int64_t> inside = thin(kinds[0], settings.before_spread * settings.interior);
         order.insert(order.end(), inside.begin(), inside.end());
         order_by_curve(cloud.points, order);
 
         // Either kind is thinned along the curve; how many are left is known.
-        const std::array<std::int64_t, 2> most = {options.interior, options.edge};
+        const std::array<std::int64_t, 2> most = {settings.interior, settings.edge};
         std::array<std::int64_t, 2> count = {0, 0}, rank = {0, 0}, before = {-1, -1};
         for (const std::int64_t i : order) ++count[cloud.edge[i] ? 1 : 0];
         const std::size_t first = static_cast<std::size_t>(sampled.offsets[leaf]);
@@ -129,7 +129,7 @@ SampledPoints sample_leaf_points(const LeafCloud& cloud, const SampleOptions& op
             if (now != before[kind]) sampled.index[next++] = i;
             before[kind] = now;
         }
-        tell_apart(cloud.points, sampled.index.data() + first, next - first, options.apart, sampled.apart.data() + first);
+        tell_apart(cloud.points, sampled.index.data() + first, next - first, settings.apart, sampled.apart.data() + first);
     });
     return sampled;
 }

@@ -16,10 +16,10 @@ struct LeafCloud {
     std::size_t leaves;
 };
 
-struct SampleOptions {
+struct SampleSettings {
     std::int64_t interior, edge;  // points of a leaf at most
-    std::int64_t before;          // times as many are looked at as are wanted
-    double apart;                 // usual distances to the fourth neighbour, beyond which a point lies apart
+    std::int64_t before_spread;   // times as many are looked at as are wanted
+    double apart;                 // median distances to the fourth neighbour, beyond which a point lies apart
 };
 
 struct SampledPoints {
@@ -29,6 +29,6 @@ struct SampledPoints {
 };
 
 // The same points whatever the number of threads; those that are not finite are never among them.
-SampledPoints sample_leaf_points(const LeafCloud& cloud, const SampleOptions& options, int threads);
+SampledPoints sample_leaf_points(const LeafCloud& cloud, const SampleSettings& settings, int threads);
 
 }  // namespace usdfoliage

@@ -195,7 +195,7 @@ void Fit::run(LeafPose& pose, double* costs) {
     const int last = std::max(1, settings_.iterations * 2 / 3);  // iteration from which the cutoff stays
     for (int iteration = 0; iteration < settings_.iterations; ++iteration) {
         const double share = std::min(1.0, static_cast<double>(iteration) / last);
-        const double cutoff = settings_.first_cutoff * std::pow(settings_.last_cutoff / settings_.first_cutoff, share);
+        const double cutoff = settings_.first_cutoff * std::pow(settings_.cutoff / settings_.first_cutoff, share);
         const double cost = data_cost(pose, places_, cutoff) + other;
         if (moved || cutoff != last_cutoff) {
             equations_ = {};
@@ -230,7 +230,7 @@ void Fit::run(LeafPose& pose, double* costs) {
         moved = better;
         damping = std::clamp(better ? damping * 0.3 : damping * 5, 1e-6, 1e4);
     }
-    costs[0] = data_cost(pose, places_, settings_.last_cutoff);
+    costs[0] = data_cost(pose, places_, settings_.cutoff);
     costs[1] = prior_cost(pose);
     costs[2] = fold_cost(pose);
 }

@@ -35,7 +35,7 @@ struct SurfacePriors {
 
 struct SurfaceFitSettings {
     int iterations;
-    double first_cutoff, last_cutoff;  // c of rho at the first and in the last third of the iterations, in noises
+    double first_cutoff, cutoff;  // c of rho at the first and in the last third of the iterations, in noises
     double edge_noise;                 // noise of points of the edge in that of the interior
     double fold_weight;
 };

@@ -16,6 +16,7 @@ from scipy.ndimage import distance_transform_edt
 
 from usdfoliage import _native
 from usdfoliage.errors import FitError
+from usdfoliage.native_settings import native_settings
 from usdfoliage.progress import Progress
 
 _WHITE = 1023  # the kernels' integer colours
@@ -160,18 +161,12 @@ def synthesize_sources(
             source, color = _refine_level(source, sources[level], targets[level])
             _find_known(sources[level], targets[level], source, 1, seeds[step], settings)
         _native.refine_sources(
-            sources[level].color,
-            guide_of_source,
-            sources[level].mask,
-            source,
-            color,
-            guide,
-            targets[level].mask,
-            settings.radius,
-            guide_weight,
-            _TRIES,
-            seeds[step],
-            settings.threads,
+            _native.Exemplar(color=sources[level].color, valid=sources[level].mask, guide=guide_of_source),
+            _native.Synthesis(source=source, color=color, known=targets[level].mask, guide=guide),
+            settings=native_settings(
+                _native.RefineSettings, settings, guide_weight=guide_weight, random_tries=_TRIES, seed=seeds[step]
+            ),
+            threads=settings.threads,
         )
     if progress is not None:
         progress(steps, steps)
@@ -187,21 +182,17 @@ def _lay_patches(
     _find_known(exemplar, target, source, _KNOWN_PASSES, seed, settings)
     source[target.mask == 0] = -1
     color = target.color.copy()
-    overlap = max(2, round(settings.overlap_share * patch))
     _native.place_patches(
-        exemplar.color,
-        exemplar.mask,
-        source,
-        color,
-        target.mask,
-        patch,
-        overlap,
-        settings.usage_weight,
-        settings.near_weight,
-        settings.candidate_share,
-        settings.cuts,
-        seed,
-        settings.threads,
+        _native.Exemplar(color=exemplar.color, valid=exemplar.mask),
+        _native.Synthesis(source=source, color=color, known=target.mask),
+        settings=native_settings(
+            _native.PlaceSettings,
+            settings,
+            patch_px=patch,
+            overlap_px=max(2, round(settings.overlap_share * patch)),
+            seed=seed,
+        ),
+        threads=settings.threads,
     )
     return source, color
 
@@ -216,18 +207,21 @@ def _find_known(
     searched = known & (distance_transform_edt(known) <= _KNOWN_REACH_PX)
     for k in range(passes):
         _native.refine_sources(
-            exemplar.color,
-            exemplar.color,
-            exemplar.mask,
-            source,
-            target.color.copy(),
-            target.color,
-            np.where(searched, 1, 2).astype(np.uint8),
-            settings.radius,
-            0,
-            _KNOWN_TRIES,
-            (seed + k) % 2**32,
-            settings.threads,
+            _native.Exemplar(color=exemplar.color, valid=exemplar.mask, guide=exemplar.color),
+            _native.Synthesis(
+                source=source,
+                color=target.color.copy(),
+                known=np.where(searched, 1, 2).astype(np.uint8),
+                guide=target.color,
+            ),
+            settings=native_settings(
+                _native.RefineSettings,
+                settings,
+                guide_weight=0,
+                random_tries=_KNOWN_TRIES,
+                seed=(seed + k) % 2**32,
+            ),
+            threads=settings.threads,
         )
 
 

@@ -53,5 +53,7 @@ def enclosing_ellipses(
         raise ValueError(f"the tolerance must be above 0, not {tolerance}")
     sets = len(begins) - 1
     centers, half_axes, angles = np.empty((sets, 2)), np.empty((sets, 2)), np.empty(sets)
-    _native.enclosing_ellipses(places, begins, tolerance, centers, half_axes, angles, threads)
+    _native.enclosing_ellipses(
+        places, begins, tolerance=tolerance, centers=centers, half_axes=half_axes, angles=angles, threads=threads
+    )
     return Ellipses(centers=centers, half_axes=half_axes, angles=angles)

@@ -6,7 +6,38 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from usdfoliage._native import cut_grid, place_patches, refine_sources
+from usdfoliage import _native
+from usdfoliage._native import cut_grid
+
+
+def place_patches(exemplar, valid, source, color, known, patch, overlap, share, cuts, seed, threads):
+    settings = _native.PlaceSettings(
+        patch_px=patch,
+        overlap_px=overlap,
+        usage_weight=1.0,
+        near_weight=1.0,
+        candidate_share=share,
+        cuts=cuts,
+        seed=seed,
+    )
+    return _native.place_patches(
+        _native.Exemplar(color=exemplar, valid=valid),
+        _native.Synthesis(source=source, color=color, known=known),
+        settings=settings,
+        threads=threads,
+    )
+
+
+def refine_sources(
+    exemplar, guide_of_exemplar, valid, source, color, guide, known, radius, weight, tries, seed, threads
+):
+    settings = _native.RefineSettings(radius=radius, guide_weight=weight, random_tries=tries, seed=seed)
+    _native.refine_sources(
+        _native.Exemplar(color=exemplar, valid=valid, guide=guide_of_exemplar),
+        _native.Synthesis(source=source, color=color, known=known, guide=guide),
+        settings=settings,
+        threads=threads,
+    )
 
 
 def random_bits(seed, a, b):
@@ -128,7 +159,7 @@ def test_threads_do_not_change_the_result():
         source = np.full((50, 61, 2), -1, np.int32)
         source[known != 0] = (3, 4)
         color = np.zeros((50, 61, 4), np.int16)
-        place_patches(exemplar, valid, source, color, known, 12, 4, 1.0, 1.0, 0.7, 4, 5, threads)
+        place_patches(exemplar, valid, source, color, known, 12, 4, 0.7, 4, 5, threads)
         refine_sources(exemplar, exemplar, valid, source, color, color.copy(), known, 2, 1, 4, 9, threads)
         results.append((source, color))
     for source, color in results[1:]:
@@ -157,7 +188,7 @@ def test_patches_fill_what_is_free_and_keep_what_is_known():
     source[known != 0] = 0
     color = colors(rng, 33, 47)
     before = color.copy()
-    assert place_patches(exemplar, valid, source, color, known, 10, 4, 1.0, 1.0, 1.0, 2, 3, 1) > 12
+    assert place_patches(exemplar, valid, source, color, known, 10, 4, 1.0, 2, 3, 1) > 12
     assert (source >= 0).all()
     assert valid[source[..., 0], source[..., 1]].all()
     np.testing.assert_array_equal(color[known != 0], before[known != 0])
@@ -171,7 +202,7 @@ def test_without_room_for_a_patch_nothing_is_placed():
     valid[4] = 0
     none = np.zeros((9, 9), np.uint8)
     source = np.full((9, 9, 2), -1, np.int32)
-    assert place_patches(exemplar, valid, source, np.zeros((9, 9, 4), np.int16), none, 6, 2, 1, 1, 1, 1, 0, 1) == 0
+    assert place_patches(exemplar, valid, source, np.zeros((9, 9, 4), np.int16), none, 6, 2, 1, 1, 0, 1) == 0
     assert (source == -1).all()
 
 

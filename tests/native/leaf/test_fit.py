@@ -11,7 +11,7 @@ from tests.support.leaves.fit_reference import ellipse_leaf, leaf_frame, map_poi
 
 def native_map(leaf, half_width, points, lines):
     uv, line, weights = np.empty((len(points), 2)), np.empty(len(points), np.int32), np.empty((lines, 2))
-    _native.map_leaf_points(leaf, half_width, points, lines, uv, line, weights)
+    _native.map_leaf_points(leaf, points, half_width=half_width, uv=uv, line=line, weights=weights)
     return uv, line, weights
 
 
@@ -63,7 +63,15 @@ def test_a_half_that_falls_short_of_the_ellipse_weighs_less():
 def test_an_output_that_cannot_be_written_in_place_is_refused():
     points, uv, line, weights = np.zeros((4, 3)), np.empty((4, 2), np.float32), np.empty(4, np.int32), np.empty((8, 2))
     with pytest.raises(TypeError):
-        _native.map_leaf_points(np.zeros((7, 3)), 0.2, points, 8, uv, line, weights)
+        _native.map_leaf_points(np.zeros((7, 3)), points, half_width=0.2, uv=uv, line=line, weights=weights)
     offsets, centers, half_axes, angles = np.array([0, 4]), np.empty((1, 2), np.float32), np.empty((1, 2)), np.empty(1)
     with pytest.raises(TypeError):
-        _native.enclosing_ellipses(points[:, :2].copy(), offsets, 1e-6, centers, half_axes, angles, 1)
+        _native.enclosing_ellipses(
+            points[:, :2].copy(),
+            offsets,
+            tolerance=1e-6,
+            centers=centers,
+            half_axes=half_axes,
+            angles=angles,
+            threads=1,
+        )

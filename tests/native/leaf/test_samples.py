@@ -53,6 +53,11 @@ def clouds(rng, sizes):
     return points, edge, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
 
+def sampled(points, edge, offsets, interior, max_edge, before, threads):
+    chosen = _native.SampleSettings(interior=interior, edge=max_edge, before_spread=before, apart=3.0)
+    return _native.sample_leaf_points(points, edge, offsets, settings=chosen, threads=threads)
+
+
 @settings(max_examples=25)
 @given(
     st.lists(st.integers(0, 400), min_size=1, max_size=5),
@@ -64,26 +69,24 @@ def clouds(rng, sizes):
 def test_the_same_points_as_plainly_written(sizes, interior, most_edge, before, seed):
     points, edge, offsets = clouds(np.random.default_rng(seed), sizes)
 
-    found = _native.sample_leaf_points(points, edge, offsets, interior, most_edge, before, 3.0, 2)
+    found = sampled(points, edge, offsets, interior, most_edge, before, 2)
 
     index, apart, ends = sample(points, edge, offsets, interior, most_edge, before, 3.0)
-    assert np.array_equal(found[0], index)
-    assert np.array_equal(found[1], apart)
-    assert np.array_equal(found[2], ends)
+    assert np.array_equal(found.index, index)
+    assert np.array_equal(found.apart, apart)
+    assert np.array_equal(found.offsets, ends)
 
 
 @pytest.mark.parametrize("threads", [2, 5])
 def test_threads_change_nothing(threads):
     points, edge, offsets = clouds(np.random.default_rng(1), [300] * 20)
-    one, more = (_native.sample_leaf_points(points, edge, offsets, 50, 20, 4, 3.0, count) for count in (1, threads))
-    for a, b in zip(one, more, strict=True):
-        assert np.array_equal(a, b)
+    one, more = (sampled(points, edge, offsets, 50, 20, 4, count) for count in (1, threads))
+    for name in ("index", "apart", "offsets"):
+        assert np.array_equal(getattr(one, name), getattr(more, name))
 
 
 def test_points_in_one_place_do_not_lie_apart():
     points = np.ones((30, 3))
-    index, apart, _ = _native.sample_leaf_points(
-        points, np.zeros(30, np.uint8), np.array([0, 30], np.int64), 20, 5, 4, 3.0, 1
-    )
-    assert len(index) == 20
-    assert not apart.any()
+    found = sampled(points, np.zeros(30, np.uint8), np.array([0, 30], np.int64), 20, 5, 4, 1)
+    assert len(found.index) == 20
+    assert not found.apart.any()

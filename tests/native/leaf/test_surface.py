@@ -13,9 +13,18 @@ PLACES = np.random.default_rng(2).uniform(0, 1, (1, 7, 2))
 
 
 def fill(points, threads=1, tangents=None):
-    waves = np.array(WAVES)
     _native.leaf_samples(
-        LEAVES, PLACES, True, 0.0, 8.0, waves, None, None, None, points, tangents, None, None, None, threads
+        LEAVES,
+        PLACES,
+        shared=True,
+        jitter=_native.LeafJitter(amplitude=0.0, frequency=8.0, waves=np.array(WAVES)),
+        placements=None,
+        points=points,
+        tangents_u=tangents,
+        tangents_v=None,
+        normals=None,
+        areas=None,
+        threads=threads,
     )
     return points
 

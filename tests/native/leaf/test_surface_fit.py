@@ -26,26 +26,45 @@ def points_beside(leaf, count=60, seed=0):
     return np.concatenate([points, ends]), np.repeat([0, 1], [count, 20]).astype(np.uint8)
 
 
+def fit_surfaces(cloud, leaf, version, state, costs, iterations, first, fold_weight, threads):
+    means, precisions = PRIOR.versions()
+    parameters, axes, base_m, length_m = state
+    _native.fit_leaf_surfaces(
+        _native.SurfacePoints(**cloud),
+        _native.SurfacePriors(means=means, precisions=np.ascontiguousarray(precisions)),
+        _native.SurfaceFits(
+            leaf=leaf,
+            version=version,
+            parameters=parameters,
+            axes=axes,
+            base_m=base_m,
+            length_m=length_m,
+            costs=costs,
+        ),
+        settings=_native.SurfaceFitSettings(
+            iterations=iterations, first_cutoff=first, cutoff=CUTOFF, edge_noise=1.0, fold_weight=fold_weight
+        ),
+        threads=threads,
+    )
+
+
 def fit(points, edge, leaf, iterations=1, fold_weight=0.0, first=CUTOFF, length=1.0, weights=None):
     state = [leaf.copy(), np.eye(3)[None].copy(), np.zeros((1, 3)), np.array([length])]
     costs = np.empty((1, 3))
-    means, precisions = PRIOR.versions()
     zero, ends = np.zeros(1, np.int64), np.array([0, len(points)], np.int64)
     weights = np.ones(len(points)) if weights is None else weights
-    _native.fit_leaf_surfaces(
-        points, edge, weights, ends, np.array([NOISE]), means, np.ascontiguousarray(precisions),
-        zero, zero, *state, costs, iterations, first, CUTOFF, 1.0, fold_weight, 1,
-    )  # fmt: skip
+    cloud = {"points_m": points, "edge": edge, "weights": weights, "offsets": ends, "noise_m": np.array([NOISE])}
+    fit_surfaces(cloud, zero, zero, state, costs, iterations, first, fold_weight, 1)
     return state, costs[0]
 
 
 def project(points, edge, leaf):
-    uv, distance = np.empty((len(points), 2)), np.empty(len(points))
-    ends = np.array([0, len(points)], np.int64)
-    _native.project_to_leaves(
-        points, edge, ends, leaf, np.eye(3)[None].copy(), np.zeros((1, 3)), np.ones(1), uv, distance, 1
+    leaves = _native.PosedLeaves(
+        parameters=leaf, axes=np.eye(3)[None].copy(), base_m=np.zeros((1, 3)), length_m=np.ones(1)
     )
-    return uv, distance
+    ends = np.array([0, len(points)], np.int64)
+    closest = _native.project_to_leaves(points, leaves, edge=edge, offsets=ends, threads=1)
+    return closest.uv, closest.distance_m
 
 
 def test_places_are_the_closest():
@@ -176,15 +195,17 @@ def test_points_without_weight_and_their_order_do_not_matter():
 def test_leaves_are_fitted_each_for_itself():
     clouds = [points_beside(LEAF, count=count, seed=count) for count in (40, 57, 0, 133)]
     sizes = [len(points) for points, _ in clouds]
-    means, precisions = PRIOR.versions()
     leaf, version = np.array([3, 0, 2, 1, 3]), np.array([0, 0, 0, 0, 1])
     state = [np.tile(LEAF, (5, 1, 1)), np.tile(np.eye(3), (5, 1, 1)), np.zeros((5, 3)), np.ones(5)]
     costs = np.empty((5, 3))
-    _native.fit_leaf_surfaces(
-        np.concatenate([points for points, _ in clouds]), np.concatenate([edge for _, edge in clouds]),
-        np.ones(sum(sizes)), np.cumsum([0, *sizes]), np.full(4, NOISE), means, np.ascontiguousarray(precisions),
-        leaf, version, *state, costs, 6, CUTOFF, CUTOFF, 1.0, 0.0, 3,
-    )  # fmt: skip
+    cloud = {
+        "points_m": np.concatenate([points for points, _ in clouds]),
+        "edge": np.concatenate([edge for _, edge in clouds]),
+        "weights": np.ones(sum(sizes)),
+        "offsets": np.cumsum([0, *sizes]),
+        "noise_m": np.full(4, NOISE),
+    }
+    fit_surfaces(cloud, leaf, version, state, costs, 6, CUTOFF, 0.0, 3)
 
     for i in range(4):
         alone, alone_costs = fit(*clouds[leaf[i]], LEAF, iterations=6)

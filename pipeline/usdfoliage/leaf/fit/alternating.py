@@ -17,12 +17,22 @@ from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+from usdfoliage.native_settings import native_settings
 
 logger = logging.getLogger(__name__)
 
 Robustness = Literal["none", "huber", "tukey"]
-ROBUSTNESS: Mapping[Robustness, int] = {"none": 0, "huber": 1, "tukey": 2}  # as leaf_fit.h numbers them
-FITTED, *_ = OUTCOMES = ("fitted", "too few points", "points that are not finite", "points on a line")  # likewise
+ROBUSTNESS: Mapping[Robustness, _native.Robustness] = {
+    "none": _native.Robustness.NONE,
+    "huber": _native.Robustness.HUBER,
+    "tukey": _native.Robustness.TUKEY,
+}
+FITTED, *_ = OUTCOMES = (
+    "fitted",
+    "too few points",
+    "points that are not finite",
+    "points on a line",
+)  # as leaf/frame.h numbers them
 
 STEPS_BACK = 6  # of leaves that fold, each half of the way to the ellipse, the last one all of it
 DENSE = grid_places(np.linspace(-1, 1, 65), np.linspace(0, 1, 65))  # a leaf as points, for the few that folded
@@ -87,51 +97,31 @@ def fit_leaves_alternating(
         the width at v, not of the greatest one.
     """
     count = len(points)
-    parameters, ellipses = np.zeros((count, 7, 3)), np.zeros((count, 7, 3))
-    bases, axes = np.zeros((count, 3)), np.zeros((count, 3, 3))
-    lengths, residuals, coverages = (np.zeros(count) for _ in range(3))
-    iterations, outcomes = (np.zeros(count, np.int32) for _ in range(2))
-    _native.fit_leaves(
+    fits = _native.fit_leaves(
         np.ascontiguousarray(points.points_m, np.float64),
         np.ascontiguousarray(points.normals, np.float64),
         np.ascontiguousarray(points.offsets, np.int64),
-        settings.min_points,
-        settings.robustness != "none",
-        settings.isolation,
-        settings.scanlines,
-        settings.max_iterations,
-        settings.tolerance,
-        ROBUSTNESS[settings.robustness],
-        settings.prior,
-        parameters,
-        ellipses,
-        bases,
-        axes,
-        lengths,
-        residuals,
-        coverages,
-        iterations,
-        outcomes,
-        threads,
+        settings=native_settings(_native.LeafFitSettings, settings, robustness=ROBUSTNESS[settings.robustness]),
+        threads=threads,
     )
-    source = np.flatnonzero(outcomes == 0)
-    dropped = {reason: int(np.sum(outcomes == code)) for code, reason in enumerate(OUTCOMES) if reason != FITTED}
-    logger.info("fitted %d of %d leaves in %d iterations", len(source), count, iterations[source].sum())
+    source = np.flatnonzero(fits.outcomes == 0)
+    dropped = {reason: int(np.sum(fits.outcomes == code)) for code, reason in enumerate(OUTCOMES) if reason != FITTED}
+    logger.info("fitted %d of %d leaves in %d iterations", len(source), count, fits.iterations[source].sum())
     leaves = Leaves(
-        parameters=parameters[source],
-        base_m=bases[source],
-        orientation=_quaternions(axes[source]),
-        length_m=lengths[source],
+        parameters=fits.parameters[source],
+        base_m=fits.base_m[source],
+        orientation=_quaternions(fits.axes[source]),
+        length_m=fits.length_m[source],
         phase=spread_phases(len(source)),
         view=points.view[source],
     )
-    residual_m = residuals[source]
+    residual_m = fits.residual_m[source]
     folded = np.flatnonzero(find_folds(leaves.parameters))
     if len(folded):
-        leaves = _without_folds(leaves, folded, ellipses[source])
+        leaves = _without_folds(leaves, folded, fits.ellipses[source])
         residual_m[folded] = _residuals(leaves, folded, points, source)
     close = 1 / (1 + (residual_m / leaves.length_m / settings.half_believed_residual) ** 2)
-    confidence = np.clip(points.confidence[source] * coverages[source] * close, 0, 1)
+    confidence = np.clip(points.confidence[source] * fits.coverages[source] * close, 0, 1)
     return FittedLeaves(
         leaves=replace(leaves, confidence=confidence, residual_m=residual_m),
         source=source,

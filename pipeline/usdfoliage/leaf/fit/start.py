@@ -59,11 +59,15 @@ def sample_points(points: LeafPoints, interior: int, edge: int, evidence: float,
     evidence: points beside each other err alike. No point that is not finite is taken.
     """
     is_edge = np.equal(points.kind, FREE_EDGE).astype(np.uint8)
-    chosen, apart, offsets = _native.sample_leaf_points(
-        np.ascontiguousarray(points.points_m, np.float64), is_edge, np.asarray(points.offsets, np.int64), interior,
-        edge, BEFORE_SPREAD, APART, threads,
-    )  # fmt: skip
-    return _weighed(points.points_m[chosen], is_edge[chosen], (apart == 0).astype(np.float64), offsets, evidence)
+    sampled = _native.sample_leaf_points(
+        np.ascontiguousarray(points.points_m, np.float64),
+        is_edge,
+        np.asarray(points.offsets, np.int64),
+        settings=_native.SampleSettings(interior=interior, edge=edge, before_spread=BEFORE_SPREAD, apart=APART),
+        threads=threads,
+    )
+    chosen, beside = sampled.index, (sampled.apart == 0).astype(np.float64)
+    return _weighed(points.points_m[chosen], is_edge[chosen], beside, sampled.offsets, evidence)
 
 
 def thin_samples(samples: LeafSamples, step: int) -> LeafSamples:

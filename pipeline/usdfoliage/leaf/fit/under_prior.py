@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from usdfoliage import _native
 from usdfoliage.leaf.fit.prior import LeafPrior
 from usdfoliage.leaf.fit.start import LeafSamples
+from usdfoliage.native_settings import native_settings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,26 +67,25 @@ def fit_under_prior(
     )
     costs = np.empty((len(leaf), 3))
     _native.fit_leaf_surfaces(
-        samples.points_m,
-        samples.edge,
-        samples.weights,
-        samples.offsets,
-        noise_m,
-        means,
-        np.ascontiguousarray(precisions),
-        leaf,
-        version,
-        parameters,
-        axes,
-        base_m,
-        length_m,
-        costs,
-        settings.iterations,
-        settings.first_cutoff,
-        settings.cutoff,
-        settings.edge_noise,
-        settings.fold_weight,
-        threads,
+        _native.SurfacePoints(
+            points_m=samples.points_m,
+            edge=samples.edge,
+            weights=samples.weights,
+            offsets=samples.offsets,
+            noise_m=noise_m,
+        ),
+        _native.SurfacePriors(means=means, precisions=np.ascontiguousarray(precisions)),
+        _native.SurfaceFits(
+            leaf=leaf,
+            version=version,
+            parameters=parameters,
+            axes=axes,
+            base_m=base_m,
+            length_m=length_m,
+            costs=costs,
+        ),
+        settings=native_settings(_native.SurfaceFitSettings, settings),
+        threads=threads,
     )
     return PosedLeaves(parameters=parameters, axes=axes, base_m=base_m, length_m=length_m, costs=costs)
 
@@ -98,20 +98,19 @@ def find_closest_places(
     Args:
         edge: (P,), 1 for samples whose places are on the silhouette.
     """
-    uv, distance_m = np.empty((len(samples.points_m), 2)), np.empty(len(samples.points_m))
-    _native.project_to_leaves(
+    closest = _native.project_to_leaves(
         samples.points_m,
-        edge,
-        samples.offsets,
-        leaves.parameters,
-        np.ascontiguousarray(leaves.axes),
-        leaves.base_m,
-        leaves.length_m,
-        uv,
-        distance_m,
-        threads,
+        _native.PosedLeaves(
+            parameters=leaves.parameters,
+            axes=np.ascontiguousarray(leaves.axes),
+            base_m=leaves.base_m,
+            length_m=leaves.length_m,
+        ),
+        edge=edge,
+        offsets=samples.offsets,
+        threads=threads,
     )
-    return uv, distance_m
+    return closest.uv, closest.distance_m
 
 
 def version_costs(numbers: NDArray[np.float64], prior: LeafPrior) -> NDArray[np.float64]:

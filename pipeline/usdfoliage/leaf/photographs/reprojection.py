@@ -52,8 +52,8 @@ def draw_leaf_ids(
     ).reshape(-1, 3)
     places, depth_m = camera.project(points)
     grids = np.concatenate([places, depth_m[:, None]], axis=1).reshape(len(leaves), len(v), len(u), 3)
-    ids, drawn_m = _native.draw_leaf_grids(grids, camera.height_px, camera.width_px, threads)
-    return DrawnLeaves(ids, drawn_m)
+    drawn = _native.draw_leaf_grids(grids, height=camera.height_px, width=camera.width_px, threads=threads)
+    return DrawnLeaves(drawn.ids, drawn.depth)
 
 
 def project_silhouettes(leaves: Leaves, camera: Pinhole, steps: int = 24) -> NDArray[np.float64]:

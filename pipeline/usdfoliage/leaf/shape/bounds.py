@@ -70,5 +70,5 @@ def _boxes(
             where = int(np.argmin(np.isfinite(array).all(axis=(1, 2))))
             raise ValueError(f"{name} must be finite, those of leaf {where} are not")
     bounds = np.empty((-(-len(leaves) // group), 2, 3))
-    _native.leaf_bounds(leaves, matrices, jitter.reach, group, bounds, threads)
+    _native.leaf_bounds(leaves, placements=matrices, reach=jitter.reach, group=group, bounds=bounds, threads=threads)
     return bounds

@@ -37,7 +37,7 @@ def axis_points(parameters: NDArray[np.floating], v: ArrayLike, *, threads: int 
     """A(v): (N, P, 3) from parameters (N, 7, 3) and v (P,) or (N, P)."""
     leaves, places = checked_leaves(parameters), checked_axis_places(parameters, v)
     points = np.empty((len(leaves), places.shape[1], 3))
-    _native.leaf_axes(leaves, places, np.ndim(v) == 1, points, None, threads)
+    _native.leaf_axes(leaves, places, shared=np.ndim(v) == 1, points=points, threads=threads)
     return points
 
 
@@ -45,7 +45,7 @@ def axis_normals(parameters: NDArray[np.floating], v: ArrayLike, *, threads: int
     """n(v): unit normals of the axis in the leaf's plane, +x for a straight axis; (0, 0, 0) where it stands upright."""
     leaves, places = checked_leaves(parameters), checked_axis_places(parameters, v)
     normals = np.empty((len(leaves), places.shape[1], 3))
-    _native.leaf_axes(leaves, places, np.ndim(v) == 1, None, normals, threads)
+    _native.leaf_axes(leaves, places, shared=np.ndim(v) == 1, normals=normals, threads=threads)
     return normals
 
 
@@ -58,7 +58,7 @@ def leaf_nets(parameters: NDArray[np.floating], *, threads: int = 0) -> NDArray[
     """
     leaves = checked_leaves(parameters)
     nets = np.empty((len(leaves), 5, 7, 3))
-    _native.leaf_nets(leaves, nets, threads)
+    _native.leaf_nets(leaves, nets=nets, threads=threads)
     return nets
 
 
@@ -226,7 +226,7 @@ def evaluate_jacobian(
     places = checked_places(leaves, np.asarray(uv, np.float64))
     points = np.empty((len(leaves), places.shape[1], 3))
     jacobian = np.empty((len(leaves), places.shape[1], 3, 21))
-    _native.leaf_jacobians(leaves, places, np.ndim(uv) == 2, points, jacobian, threads)
+    _native.leaf_jacobians(leaves, places, shared=np.ndim(uv) == 2, points=points, jacobians=jacobian, threads=threads)
     return points, jacobian
 
 
@@ -248,17 +248,19 @@ def _fill_samples(
         raise ValueError(f"phase must be ({len(leaves)},), not {phases.shape}")
     matrices = checked_placements(leaves, placements)
     wave = None if jitter.map is None else np.ascontiguousarray(jitter.map, np.float64)
-    uv, shared = checked_places(leaves, places), places.ndim == 2
+    points, tangents_u, tangents_v, normals, areas = outputs
     _native.leaf_samples(
         leaves,
-        uv,
-        shared,
-        jitter.amplitude,
-        jitter.frequency,
-        np.array(WAVES),
-        wave,
-        phases,
-        matrices,
-        *outputs,
-        threads,
+        checked_places(leaves, places),
+        shared=places.ndim == 2,
+        jitter=_native.LeafJitter(
+            amplitude=jitter.amplitude, frequency=jitter.frequency, waves=np.array(WAVES), map=wave, phases=phases
+        ),
+        placements=matrices,
+        points=points,
+        tangents_u=tangents_u,
+        tangents_v=tangents_v,
+        normals=normals,
+        areas=areas,
+        threads=threads,
     )
