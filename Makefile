@@ -1,10 +1,11 @@
 # make demo   a whole plant from photographs that it draws itself; before it a crown, and leaves with a look
 # make test   the whole suite, with lint and types
+# make wheel  sdist and wheel in build/wheel, installed into an empty environment and run there
 SHELL := /bin/bash
 PYTHON_VENV := .venv/bin/python
 DEMO := out/demo
 
-.PHONY: setup setup-test demo test lint bench clean
+.PHONY: setup setup-test demo test lint bench wheel clean
 
 setup:
 	@tools/bootstrap.sh all
@@ -49,6 +50,9 @@ bench: setup
 		[ -z "$$captures" ] || $(PYTHON_VENV) tools/bench/registration.py $$captures
 	@$(PYTHON_VENV) -m pytest -m slow || [ $$? = 5 ]
 	@HYPOTHESIS_PROFILE=explore $(PYTHON_VENV) -m pytest -m "hypothesis and not slow"
+
+wheel: setup
+	@tools/wheel.sh
 
 clean:
 	rm -rf .venv .venv-preview build out .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -7,3 +7,4 @@ common=(--generate-hashes --no-emit-index-url --no-emit-find-links --custom-comp
 uv pip compile --universal --python-version 3.11 "${common[@]}" "$@" requirements/product.in -o requirements/product.txt
 uv pip compile --universal --python-version 3.11 "${common[@]}" "$@" -c requirements/product.txt requirements/develop.in -o requirements/develop.txt
 uv pip compile --python-version 3.11 "${common[@]}" "$@" requirements/preview.in -o requirements/preview.txt
+uv pip compile --universal --python-version 3.11 "${common[@]}" "$@" -c requirements/develop.txt requirements/wheel.in -o requirements/wheel.txt

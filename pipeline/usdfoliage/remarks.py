@@ -15,10 +15,15 @@ from usdfoliage.remark_codes import REMARK_KINDS
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """A setting that a remedy names."""
+    """A setting that a remedy names.
 
-    name: str  # of a build's settings, as branches.internode_m; or of capture.toml, as capture.toml:up_axis
-    value: str = ""  # as TOML; empty where the user must choose it
+    Attributes:
+        name: Of a build's settings, as branches.internode_m; or of capture.toml, as capture.toml:up_axis.
+        value: As TOML; empty where the user must choose it.
+    """
+
+    name: str
+    value: str = ""
 
 
 Remedy = tuple[str | Setting, ...]  # the parts of a sentence
@@ -27,13 +32,21 @@ RenderSetting = Callable[[Setting], str]
 
 @dataclass(frozen=True, kw_only=True)
 class Remark:
-    """One thing that the user should know."""
+    """One thing that the user should know.
 
-    code: str  # one of remark_codes.REMARK_KINDS
-    severity: str  # "warning": it puts the result in doubt; "info": less than that
-    subject: str  # a photograph, a file, a part of the plant; empty where it is about the whole
-    text: str  # one sentence without a full stop, with measured values
-    remedy: Remedy = ()  # what to do about it; empty where there is nothing to do
+    Attributes:
+        code: One of remark_codes.REMARK_KINDS.
+        severity: "warning": it puts the result in doubt; "info": it does not.
+        subject: A photograph, a file, a part of the plant; empty where the remark is about the whole.
+        text: One sentence without a full stop, with measured values.
+        remedy: What to do about it, as the parts of a sentence; empty where there is nothing to do.
+    """
+
+    code: str
+    severity: str
+    subject: str
+    text: str
+    remedy: Remedy = ()
 
     def sentence(self, render: RenderSetting) -> str:
         """Text and remedy as one sentence; render writes a setting as the reader sets it."""

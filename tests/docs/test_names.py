@@ -13,7 +13,18 @@ from usdfoliage.jobs.work.renamed_settings import RENAMED_SETTINGS
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "pipeline" / "usdfoliage"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
-OF_OTHERS = {"--install", "--leaves", "--views", "--size", "--framed", "--up", "--scales", "--scaling"}  # rez, tools/
+OF_OTHERS = {
+    "--install",
+    "--manylinux",
+    "--no-isolation",
+    "--leaves",
+    "--views",
+    "--size",
+    "--framed",
+    "--up",
+    "--scales",
+    "--scaling",
+}  # rez, tools/
 TABLES = tuple(field.name for field in dataclasses.fields(BuildSettings))
 
 

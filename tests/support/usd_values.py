@@ -51,6 +51,13 @@ def compare_with_golden(lines: list[str], golden: Path) -> None:
         )
 
 
+def compare_text_with_golden(lines: list[str], golden: Path) -> None:
+    """The same lines; USDFOLIAGE_UPDATE_GOLDEN writes the file anew."""
+    if os.environ.get("USDFOLIAGE_UPDATE_GOLDEN"):
+        golden.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert lines == golden.read_text(encoding="utf-8").splitlines()
+
+
 def hashes(folder: Path) -> list[tuple[str, str]]:
     """Every file below a folder with the hash of its bytes."""
     files = sorted(path for path in folder.rglob("*") if path.is_file())

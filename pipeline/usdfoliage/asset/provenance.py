@@ -33,17 +33,32 @@ VALIDATION_PACKAGES = ("usd-validation-nvidia",)  # that decide what is found in
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """The run that made an asset. Nothing in it names a machine, a folder or a time: the same run, the same bytes."""
+    """The run that made an asset. Nothing in it names a machine, a folder or a time: the same run, the same bytes.
 
-    species: str = ""  # as the user named it
-    capture: str  # file name of the input, without its folder
-    generator: str  # tool and version
+    Attributes:
+        species: As the user named it.
+        capture: The file name of the input, without its folder; empty where nothing was captured.
+        generator: Tool and version.
+        seed: Of the random choices.
+        settings: For the record: option and value.
+        input_sha256: Of the input's bytes; of several inputs their combined_sha256.
+        inputs: Of several inputs: SHA-256 by path from the capture's folder.
+        stages: Of several runs: the settings of each.
+        versions: Of the packages that took part (package_versions).
+
+    Raises:
+        ValueError: capture or an input is no such path.
+    """
+
+    species: str = ""
+    capture: str
+    generator: str
     seed: int
-    settings: Mapping[str, str] = field(default_factory=dict)  # for the record: option and value
-    input_sha256: str  # of the input's bytes; of several inputs their combined_sha256
-    inputs: Mapping[str, str] = field(default_factory=dict)  # of several: path from the capture's folder, and SHA-256
-    stages: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # of several runs: the settings of each
-    versions: Mapping[str, str] = field(default_factory=dict)  # of the packages that took part (package_versions)
+    settings: Mapping[str, str] = field(default_factory=dict)
+    input_sha256: str
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    stages: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.capture and Path(self.capture).name != self.capture:

@@ -13,14 +13,26 @@ class Skeleton:
 
     A branch comes after its parent. The first point of one that has a parent repeats the parent's vertex that it leaves
     from, with a radius of its own. Metres, Y up.
+
+    Attributes:
+        points_m: (V, 3), metres, branch after branch, from where a branch leaves its parent to its tip.
+        radius_m: (V,), metres, above 0.
+        counts: (B,), vertices of each branch, at least 2.
+        parent_curve: (B,), number of the parent, -1 for a root.
+        parent_vertex: (B,), index into points_m, -1 for a root.
+        order: (B,), 0 for a trunk, else the parent's order + 1.
+
+    Raises:
+        ValueError: The arrays are not of these shapes, a number is not finite, a radius is not above 0, or branches are
+            linked otherwise.
     """
 
-    points_m: NDArray[np.float64]  # (V, 3), branch after branch
-    radius_m: NDArray[np.float64]  # (V,), above 0
-    counts: NDArray[np.int32]  # (B,), vertices of each branch, at least 2
-    parent_curve: NDArray[np.int32]  # (B,), -1 for a root
-    parent_vertex: NDArray[np.int32]  # (B,), index into points_m, -1 for a root
-    order: NDArray[np.int32]  # (B,), 0 for a trunk, else its parent's + 1
+    points_m: NDArray[np.float64]
+    radius_m: NDArray[np.float64]
+    counts: NDArray[np.int32]
+    parent_curve: NDArray[np.int32]
+    parent_vertex: NDArray[np.int32]
+    order: NDArray[np.int32]
 
     def __post_init__(self) -> None:
         branches, vertices = len(self.counts), len(self.points_m)

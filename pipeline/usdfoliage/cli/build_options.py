@@ -1,16 +1,15 @@
 """Options that build, batch, submit and task share."""
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from usdfoliage.jobs.plant.work_folder import WORK_VARIABLE, find_work_folder
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.call import BuildRequest
     from usdfoliage.jobs.plant.run import ExecutorChoice
     from usdfoliage.jobs.plant.settings import BuildSettings
-
-WORK_VARIABLE = "USDFOLIAGE_WORK"
 
 
 def add_plan(parser: argparse.ArgumentParser) -> None:
@@ -96,12 +95,6 @@ def read_where(options: argparse.Namespace) -> "ExecutorChoice":
         raise FoliageError(f"--{error}") from error
 
 
-def work_folder(options: argparse.Namespace, output: Path) -> Path:
-    """Where results are kept: as said, as the environment says, or beside the asset."""
-    said = options.work or os.environ.get(WORK_VARIABLE)
-    return Path(said).absolute() if said else output.absolute().parent / ".usdfoliage"
-
-
 def read_request(
     options: argparse.Namespace, capture: Path, output: Path, name: str | None, only: tuple[str, ...] = ()
 ) -> "BuildRequest":
@@ -117,7 +110,7 @@ def read_request(
         output=output.absolute(),
         name=asset_name(name or output.absolute().name),
         settings=read_settings(options),
-        work=work_folder(options, output),
+        work=find_work_folder(options.work, output),
         only=only,
         profile=options.profile.absolute() if options.profile else None,
         force=getattr(options, "force", False),

@@ -13,7 +13,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.build_options import WORK_VARIABLE
+from usdfoliage.jobs.plant.work_folder import WORK_VARIABLE
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.prune import HeldTask

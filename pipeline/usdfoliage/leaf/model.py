@@ -17,21 +17,34 @@ class Leaves:
     Leaf space: base (0, 0, 0), apex (0, 1, 0), width along x, height along z; its unit is the length of the leaf, the
     distance from base to apex.
 
+    Attributes:
+        parameters: (N, 7, 3), leaf lengths, rows in the order of PARAMETERS: axis1, axis2, silhouette1, silhouette2,
+            silhouette3, inner, outer. A row silhouette_i is (v, x, z), the other rows are (x, y, z) or three heights.
+        base_m: (N, 3), metres, in the asset's frame.
+        orientation: (N, 4), quaternions (x, y, z, w), asset from leaf.
+        length_m: (N,), metres, above 0.
+        phase: (N,), where on the jitter's wave each leaf begins, in cycles (leaf.shape.jitter.spread_phases).
+        color: (N, 3), linear Rec.709. None where all leaves share one colour.
+        confidence: (N,), from 0 for a guessed leaf to 1 for one that was seen whole. None where it is unknown.
+        residual_m: (N,), metres, root mean square distance of the captured points from it. None where it is unknown.
+        view: (N,), number of the photograph, -1 for none. None where it is unknown.
+
+    Raises:
+        ValueError: The arrays are not of these shapes.
+
     Source:
         Chaurasia and Beardsley, Editable Parametric Dense Foliage from 3D Capture, section 3.
     """
 
-    parameters: NDArray[np.float64]  # (N, 7, 3), rows in the order of PARAMETERS
-    base_m: NDArray[np.float64]  # (N, 3), in the asset's frame
-    orientation: NDArray[np.float64]  # (N, 4), unit quaternions (x, y, z, w), asset from leaf
-    length_m: NDArray[np.float64]  # (N,), above 0
-    phase: NDArray[
-        np.float64
-    ]  # (N,), where on the jitter's wave each leaf begins, in cycles (leaf.jitter.spread_phases)
-    color: NDArray[np.float64] | None = None  # (N, 3), linear Rec.709; one for all where it is not known of each
-    confidence: NDArray[np.float64] | None = None  # (N,), 0 guessed to 1 seen whole
-    residual_m: NDArray[np.float64] | None = None  # (N,), root mean square distance of the captured points
-    view: NDArray[np.int32] | None = None  # (N,), number of the photograph, -1 for none
+    parameters: NDArray[np.float64]
+    base_m: NDArray[np.float64]
+    orientation: NDArray[np.float64]
+    length_m: NDArray[np.float64]
+    phase: NDArray[np.float64]
+    color: NDArray[np.float64] | None = None
+    confidence: NDArray[np.float64] | None = None
+    residual_m: NDArray[np.float64] | None = None
+    view: NDArray[np.int32] | None = None
 
     def __post_init__(self) -> None:
         count = len(self.parameters)

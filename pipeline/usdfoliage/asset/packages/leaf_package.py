@@ -75,12 +75,19 @@ class LeafAssetSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class LeafLook:
-    """What all leaves of an asset look alike in."""
+    """What all leaves of an asset look alike in.
 
-    color: tuple[float, float, float] = LEAF_COLOR  # linear Rec.709
-    texture: Path | None = None  # picture of a leaf in its st, with opacity; takes the place of the colour
-    texture_color: tuple[float, float, float] | None = None  # linear, usual one of the texture: the leaves' own tint it
-    jitter_map: Path | None = None  # image whose first row is one cycle of the jitter
+    Attributes:
+        color: Linear Rec.709, of leaves that have no colour of their own.
+        texture: A picture of a leaf in its st, with opacity; it takes the place of the colour.
+        texture_color: The median colour of the texture, linear; the leaves' own colours tint it. None: no tint.
+        jitter_map: An image whose first row is one cycle of the jitter. None: the built-in wave.
+    """
+
+    color: tuple[float, float, float] = LEAF_COLOR
+    texture: Path | None = None
+    texture_color: tuple[float, float, float] | None = None
+    jitter_map: Path | None = None
 
 
 def write_crown_asset(

@@ -8,15 +8,25 @@ SEVERITIES = ("error", "warning", "info")
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something that a validator says of an asset."""
+    """Something that a validator says of an asset.
 
-    severity: str  # one of SEVERITIES
-    validator: str  # "usdGeomValidators:StageMetadataChecker", "nvidia:KindChecker"
-    error: str  # the rule, as the validator names it; empty where it has no name
-    path: str  # prim or property, "/" for the stage; a layer's file where it is about a layer
+    Attributes:
+        severity: One of SEVERITIES: error, warning, info.
+        validator: Such as usdGeomValidators:StageMetadataChecker or nvidia:KindChecker.
+        error: The rule, as the validator names it; empty where it has no name.
+        path: A prim or property, / for the stage, or a layer's file where it is about a layer.
+        message: What is wrong.
+        where: The variant selections in which it was found; empty for all.
+        accepted: The reason for which the profile accepts it; empty where it does not.
+    """
+
+    severity: str
+    validator: str
+    error: str
+    path: str
     message: str
-    where: str = ""  # the variant selections in which it was found, empty for all
-    accepted: str = ""  # the reason for which the profile accepts it, empty where it does not
+    where: str = ""
+    accepted: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

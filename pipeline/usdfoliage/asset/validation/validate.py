@@ -34,16 +34,25 @@ Selection = tuple[tuple[Sdf.Path, str, str], ...]  # prim, variant set, variant
 
 @dataclass(frozen=True, kw_only=True)
 class ValidationReport:
-    """All findings of one asset or scene, errors first, and what was looked at."""
+    """All findings of one asset or scene, errors first, and what was looked at.
+
+    Attributes:
+        asset: The interface layer or the scene.
+        is_scene: Whether it refers to assets and is none itself.
+        findings: What was found, those that nobody has accepted first.
+        selections: The variant selections that were tried, as text.
+        nvidia: The version of NVIDIA's rules; empty where they did not run.
+    """
 
     asset: Path
-    is_scene: bool  # it refers to assets and is none itself
+    is_scene: bool
     findings: tuple[Finding, ...]
     selections: tuple[str, ...]
-    nvidia: str  # its version, empty where it did not run
+    nvidia: str
 
     @property
     def open_errors(self) -> int:
+        """How many errors there are, none of which can be accepted."""
         return self.count("error")
 
     def count(self, severity: str) -> int:

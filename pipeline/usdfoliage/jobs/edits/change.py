@@ -16,7 +16,12 @@ RIGID = 1e-4  # how far a matrix may be from a turn and a scale alike for all ax
 
 
 def bake_leaves(leaves: Leaves, edits: LeafEdits) -> Leaves:
-    """Leaves whose parameters have the edits in them, rounded as they are stored; the jitter is no parameter."""
+    """Leaves whose parameters have the edits in them, rounded as they are stored; the jitter is no parameter.
+
+    Args:
+        leaves: In any frame.
+        edits: Collective edits, in leaf lengths.
+    """
     return replace(leaves, parameters=apply_edits(leaves.parameters, edits).astype(np.float32).astype(np.float64))
 
 
@@ -26,7 +31,14 @@ def remaining_edits(edits: LeafEdits) -> LeafEdits:
 
 
 def join_leaves(parts: Sequence[Leaves]) -> Leaves:
-    """All leaves one after another; a fact that some lack is unknown of all."""
+    """All leaves one after another; a fact that some lack is unknown of all.
+
+    Args:
+        parts: One or more sets of leaves in one frame.
+
+    Raises:
+        ValueError: There is no part.
+    """
     fields: dict[str, Any] = {}
     for name in Leaves.__dataclass_fields__:
         held = [getattr(part, name) for part in parts]
@@ -35,7 +47,11 @@ def join_leaves(parts: Sequence[Leaves]) -> Leaves:
 
 
 def move_leaves(leaves: Leaves, matrix: NDArray[np.float64]) -> Leaves:
-    """Leaves moved, turned and scaled by a matrix (4, 4) for column vectors.
+    """Leaves moved, turned and scaled.
+
+    Args:
+        leaves: In the frame that the matrix leads from.
+        matrix: (4, 4) for column vectors, metres: a turn, one scale for all axes, and a move.
 
     Raises:
         AssetError: The matrix shears, mirrors, or scales the axes differently.

@@ -18,6 +18,7 @@ from usdfoliage.jobs.plant.store import copy_tree, hold_work_lock, read_stamp
 from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import write_whole
+from usdfoliage.remarks import Remark, remark_from_json
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +37,7 @@ class BuiltPlant:
     seconds: Mapping[str, float] | None = None  # by task that was run
     wall_s: float = 0.0  # of the run
     warnings: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()  # of all stages, warnings first
     facts: tuple[Row, ...] = ()
 
     @property
@@ -83,6 +85,7 @@ def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
         result=result / FINISHED,
         errors=int(held["errors"]),
         warnings=tuple(held["warnings"]),
+        remarks=tuple(remark_from_json(each) for each in held["remarks"]),
         facts=tuple(Row(**row) for row in held["facts"]),
     )
     if made.errors and not request.keep_invalid:

@@ -22,17 +22,32 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class LeafEdits:
-    """Edits of all leaves alike, in leaf lengths, neutral by default: the attributes primvars:leaf:edit:*."""
+    """Edits of all leaves alike, in leaf lengths, neutral by default: the attributes primvars:leaf:edit:*.
 
-    width: float = 1.0  # factor
+    Attributes:
+        width: A factor on the distances of the silhouettes from the axis, 0 or more.
+        axis1: Added to the first control point of the axis, (x, y, z).
+        axis2: Added to the second one.
+        silhouette1: Added to the first control point of both silhouettes, (v, x, z), x after the factor.
+        silhouette2: Added to the second one.
+        silhouette3: Added to the third one.
+        curl: Added to the heights of the inner curve, of the outer curve, of the silhouette.
+        jitter_amplitude: How far silhouettes are jittered, 0 or more.
+        jitter_frequency: Cycles of the jitter from base to apex, above 0.
+
+    Raises:
+        ValueError: A number is out of its range or not finite.
+    """
+
+    width: float = 1.0
     axis1: Vector = ZERO
     axis2: Vector = ZERO
-    silhouette1: Vector = ZERO  # added to (v, x, z), x after the factor
+    silhouette1: Vector = ZERO
     silhouette2: Vector = ZERO
     silhouette3: Vector = ZERO
-    curl: Vector = ZERO  # added to the heights of the inner curve, of the outer curve, of the silhouette
+    curl: Vector = ZERO
     jitter_amplitude: float = 0.0
-    jitter_frequency: float = 8.0  # cycles from base to apex
+    jitter_frequency: float = 8.0
 
     def __post_init__(self) -> None:
         for name in ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "curl"):
@@ -90,6 +105,13 @@ def compose_edits(first: LeafEdits, second: LeafEdits) -> LeafEdits:
 
     Parameters come out as by one after the other. The jitter is that of the second edit, or of the first where the
     second has none: a silhouette has one wave.
+
+    Args:
+        first: Acts on the leaves as they are, in leaf lengths.
+        second: Acts on the result.
+
+    Raises:
+        ValueError: A number overflows.
     """
     jitter = second if second.jitter_amplitude or not first.jitter_amplitude else first
     return LeafEdits(
@@ -110,6 +132,9 @@ def invert_edits(edits: LeafEdits) -> LeafEdits:
 
     Jitter changes no parameter, so there is nothing of it to take back; the inverse has none. To remove the jitter of
     leaves, set its amplitude to 0.
+
+    Args:
+        edits: What to take back, in leaf lengths.
 
     Raises:
         ValueError: The width is 0, which makes all leaves lines, or so near to it that its inverse overflows.

@@ -22,11 +22,20 @@ BLOCK = 512  # leaves evaluated at once, so that temporaries stay small
 
 @dataclass(frozen=True, kw_only=True)
 class LeafMeshSettings:
-    """How finely each leaf is divided."""
+    """How finely each leaf is divided.
 
-    across: int = 8  # cells from silhouette to silhouette, even
-    along: int = 16  # rows from base to apex
-    silhouette: int | None = None  # segments of either silhouette; by default two a row, more where jitter needs them
+    Attributes:
+        across: Cells from silhouette to silhouette, an even number, 4 or more.
+        along: Rows of cells from base to apex, 2 or more.
+        silhouette: Segments of either silhouette, `along` or more. None: two a row, and more where jitter needs them.
+
+    Raises:
+        ValueError: A number is out of its range.
+    """
+
+    across: int = 8
+    along: int = 16
+    silhouette: int | None = None
 
     def __post_init__(self) -> None:
         leaf_topology(self.across, self.along, self.along if self.silhouette is None else self.silhouette)
@@ -46,13 +55,21 @@ class PrototypeSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeafMesh:
-    """Leaves as one mesh, leaf after leaf; a flat leaf is counter-clockwise seen from its upper side."""
+    """Leaves as one mesh, leaf after leaf; a flat leaf is counter-clockwise seen from its upper side.
 
-    points_m: NDArray[np.float32]  # (V, 3), in the asset's frame; in leaf space for a prototype
-    normals: NDArray[np.float32]  # (V, 3), unit
-    st: NDArray[np.float32]  # (V, 2), ((u + 1) / 2, v)
-    face_counts: NDArray[np.int32]  # (F,)
-    face_vertices: NDArray[np.int32]  # (sum of face_counts,), indices of points_m
+    Attributes:
+        points_m: (V, 3), metres in the asset's frame; in leaf space for a prototype.
+        normals: (V, 3), unit vectors in the same frame.
+        st: (V, 2), texture coordinates ((u + 1) / 2, v).
+        face_counts: (F,), vertices of each face.
+        face_vertices: (sum of face_counts,), indices into points_m.
+    """
+
+    points_m: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    st: NDArray[np.float32]
+    face_counts: NDArray[np.int32]
+    face_vertices: NDArray[np.int32]
 
 
 def silhouette_segments(min_segments: int, jitter: Jitter) -> int:

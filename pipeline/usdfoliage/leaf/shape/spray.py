@@ -26,14 +26,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class SpraySettings:
-    """How leaves stand on twigs; the spray grows with their number and with their length."""
+    """How leaves stand on twigs; the spray grows with their number and with their length.
 
-    length_m: float = 0.08  # of a leaf, on average
-    length_variation: float = 0.15  # standard deviation of its logarithm
-    leaves_per_twig: int = 12  # about
-    internode: float = 0.42  # from a leaf to the next along the twig, in leaf lengths
-    divergence_rad: float = np.pi  # from a leaf to the next around the twig: two rows; a spiral by GOLDEN_ANGLE_RAD
-    light: tuple[float, float, float] = (0.0, 0.9, 0.45)  # where blades turn to, in any length
+    Attributes:
+        length_m: The mean length of a leaf, metres, above 0.
+        length_variation: The standard deviation of the logarithm of that length, 0 or more.
+        leaves_per_twig: About how many, above 0.
+        internode: The distance from a leaf to the next along the twig, in leaf lengths, above 0.
+        divergence_rad: The angle from a leaf to the next around the twig. π makes two rows, GOLDEN_ANGLE_RAD a spiral.
+        light: The direction that blades turn to, in any length above 0.
+        variation: How much the shapes of leaves differ.
+
+    Raises:
+        ValueError: A number is out of its range.
+    """
+
+    length_m: float = 0.08
+    length_variation: float = 0.15
+    leaves_per_twig: int = 12
+    internode: float = 0.42
+    divergence_rad: float = np.pi
+    light: tuple[float, float, float] = (0.0, 0.9, 0.45)
     variation: VariationSettings = field(default_factory=VariationSettings)
 
     def __post_init__(self) -> None:

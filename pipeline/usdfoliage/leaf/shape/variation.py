@@ -19,16 +19,30 @@ ON_INNER, ON_OUTER = 1 / 3, 2 / 3  # of what lifts the silhouette of a half that
 
 @dataclass(frozen=True, kw_only=True)
 class VariationSettings:
-    """How much leaves differ: standard deviations, in leaf lengths where no other unit is named."""
+    """How much leaves differ: standard deviations, in leaf lengths where no other unit is named.
 
-    amount: float = 1.0  # factor on all that follow: 0 all alike, 1 as on a plant
-    width: float = 0.11  # of the logarithm of the width
-    outline: float = 0.025  # along the axis, of the widest place
-    fullness: float = 0.15  # of the logarithm of the width near the base and near the apex
-    asymmetry: float = 0.035  # sideways, of the axis
-    arch: float = 0.05  # upwards, of the axis
-    fold: float = 0.25  # of the height to the width, of the halves
-    roll: float = 0.07  # likewise, of the silhouettes alone
+    Attributes:
+        amount: A factor on all that follow: 0 makes all leaves the same, 1 is as on a plant.
+        width: Of the logarithm of the width.
+        outline: Of the widest place, along the axis.
+        fullness: Of the logarithm of the width near the base and near the apex.
+        asymmetry: Of the axis, sideways.
+        arch: Of the axis, upwards.
+        fold: Of the height of the halves, as a share of their width.
+        roll: Of the height of the silhouettes alone, as a share of the width.
+
+    Raises:
+        ValueError: A number is below 0 or not finite.
+    """
+
+    amount: float = 1.0
+    width: float = 0.11
+    outline: float = 0.025
+    fullness: float = 0.15
+    asymmetry: float = 0.035
+    arch: float = 0.05
+    fold: float = 0.25
+    roll: float = 0.07
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:

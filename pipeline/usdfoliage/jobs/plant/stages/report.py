@@ -48,7 +48,7 @@ from usdfoliage.jobs.plant.tasks import (
 )
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import format_settings
-from usdfoliage.remarks import remark
+from usdfoliage.remarks import Remark, infos_of, merge_remarks, remark, warnings_of
 
 logger = logging.getLogger(__name__)
 
@@ -128,11 +128,19 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
     verdict = {
         "errors": errors,
         "warnings": [warning.text for warning in report.warnings],
+        "remarks": [each.as_json() for each in _collect_remarks(call)],
         "facts": [asdict(row) for row in (*report.facts, _validation_row(validated))],
     }
     (call.out / VERDICT).write_text(json.dumps(verdict, indent=1, ensure_ascii=True))
     write_summary(call.out, StageSummary())
     return ()
+
+
+def _collect_remarks(call: StageCall) -> tuple[Remark, ...]:
+    """What every stage remarked, each once, warnings first."""
+    names = [name for name in (*TITLES, TURNTABLE, COMPARISONS, VARIANTS) if call.has(name)]
+    remarks = merge_remarks(*(read_summary(call.result_of(name)).remarks for name in names))
+    return (*warnings_of(remarks), *infos_of(remarks))
 
 
 def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> PlantReport:
