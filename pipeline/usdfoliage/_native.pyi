@@ -871,8 +871,9 @@ def show_planes(
     """
 
 def find_fork_crossings(
-    points: NDArray[np.float64],
+    points_m: NDArray[np.float64],
     faces: NDArray[np.int64],
+    *,
     fork_faces: NDArray[np.int64],
     fork_first: NDArray[np.int64],
     threads: int,
@@ -880,215 +881,463 @@ def find_fork_crossings(
     """Places (N, 2) in fork_faces whose quads cross, each pair of faces once, the lower place first.
 
     Args:
-        points: (P, 3).
+        points_m: (P, 3).
         faces: (F, 4).
         fork_faces: (K,) faces near each fork, one fork after another.
         fork_first: (J + 1,) where each fork's begin.
         threads: At most so many, 0 for one per core.
     """
 
+class LimitAims:
+    """Where the limits of V vertices are to be."""
+
+    def __init__(
+        self,
+        *,
+        aims_m: NDArray[np.float64],
+        tangents: NDArray[np.float64],
+        swell: NDArray[np.float64],
+        center_m: NDArray[np.float64],
+        gain: NDArray[np.float64],
+    ) -> None:
+        """Their arrays.
+
+        Args:
+            aims_m: (V, 3).
+            tangents: (V, 3), unit vector along which a vertex is not moved; 0 for none.
+            swell: (V, 2), growth of the radius per length along the tangent, ahead and behind.
+            center_m: (V, 3), the place of the axis that an aim belongs to.
+            gain: (V,), share of what is missing that a vertex is moved by.
+        """
+
 def pull_limit(
-    faces: NDArray[np.int64],
-    aims: NDArray[np.float64],
-    tangents: NDArray[np.float64],
-    swell: NDArray[np.float64],
-    center: NDArray[np.float64],
-    gain: NDArray[np.float64],
-    rounds: int,
-    farthest: float,
-    threads: int,
+    faces: NDArray[np.int64], aims: LimitAims, *, rounds: int, farthest: float, threads: int
 ) -> NDArray[np.float64]:
-    """Vertices (V, 3) of a closed mesh of quads (F, 4) whose Catmull-Clark limits are at their aims (V, 3), nearly."""
-
-def place_holes(
-    wants: NDArray[np.float64],
-    want_tube: NDArray[np.int64],
-    want_first: NDArray[np.int64],
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
-    length: NDArray[np.float64],
-    phase: NDArray[np.float64],
-    steep: NDArray[np.float64],
-    steep_first: NDArray[np.int64],
-    gone: NDArray[np.uint8],
-    tightest: float,
-    relaxed: float,
-    least_column: float,
-) -> tuple[
-    NDArray[np.int64],
-    NDArray[np.float64],
-    NDArray[np.int64],
-    NDArray[np.int64],
-    NDArray[np.int64],
-    NDArray[np.float64],
-    NDArray[np.int64],
-    NDArray[np.float64],
-    NDArray[np.float64],
-    NDArray[np.int64],
-]:
-    """Find a place for every want (W, 9), by parent.
-
-    A want is its arc, azimuth, half angles (own, tight, at the ends), half lengths (of its block, along, across) and
-    its parent's radius; want_tube (W,) is the tube of each.
-
-    Returns:
-        Of blocks tube (K,) and arcs (K, 3); of holes want (H,), block, sector, and (H, 4) arc, azimuth and half lengths
-        along and across; of turns tube (A,), arc and angles (A, 6); wants (D,) without a place.
-    """
-
-def walk_out(
-    points: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    arc: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    first: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    tube: NDArray[np.int64],
-    parent: NDArray[np.int64],
-    clearance: NDArray[np.float64],
-    at: NDArray[np.int64],
-    start: NDArray[np.float64],
-    whole_disc: bool,
-    cage_factor: float,
-    thickest: float,
-    skin: float,
-    most_steps: int,
-    threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.int64]]:
-    """Arcs (C,) at which tubes are outside their parents, whether they are, and the parents' segments there.
+    """Vertices (V, 3) of a closed mesh of quads (F, 4) whose Catmull-Clark limits are at their aims, nearly.
 
     Args:
-        points: (V, 3) of all axes, with radius, arc and direction (V,); first and counts (T,) of each.
-        tube: (C,) that walk on from start (C,); parent (C,) and its segment at (C,) next to it.
-        clearance: (C,) of its radius, that a disc must be clear; whole_disc false asks for the axis alone.
+        rounds: How often the vertices are moved.
+        farthest: Of an aim's distance from its center: no vertex is moved by more.
     """
 
-def tube_axis(
-    points: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    arc: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    first: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    tube: NDArray[np.int64],
-    at: NDArray[np.float64],
-    threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (N, 3) and radii (N,) at arcs of tubes (N,), held at the ends.
+class HoleTubes:
+    """T tubes, parents before children."""
 
-    Args:
-        points: (V, 3) of all axes, with radius, arc and direction (V,); first and counts (T,) of each.
-    """
+    def __init__(
+        self,
+        *,
+        start_m: NDArray[np.float64],
+        end_m: NDArray[np.float64],
+        length_m: NDArray[np.float64],
+        phase_rad: NDArray[np.float64],
+        steep_m: NDArray[np.float64],
+        steep_first: NDArray[np.int64],
+        gone: NDArray[np.uint8],
+    ) -> None:
+        """Their arrays.
+
+        Args:
+            start_m: (T,), arc from where a tube has rings.
+            end_m: (T,), arc up to which it may have holes.
+            length_m: (T,).
+            phase_rad: (T,), where the first column is to begin; NaN for anywhere.
+            steep_m: (S, 2), arcs from and to: stretches without room, in order and apart.
+            steep_first: (T + 1,), where those of each tube begin.
+            gone: (T,), 1 for tubes without a surface.
+        """
+
+class HoleWants:
+    """W holes that look for a place, by parent; the first of a parent move least."""
+
+    def __init__(
+        self,
+        *,
+        tube: NDArray[np.int64],
+        first: NDArray[np.int64],
+        arc_m: NDArray[np.float64],
+        azimuth_rad: NDArray[np.float64],
+        half_rad: NDArray[np.float64],
+        tight_rad: NDArray[np.float64],
+        end_half_rad: NDArray[np.float64],
+        half_block_m: NDArray[np.float64],
+        half_along_m: NDArray[np.float64],
+        half_across_m: NDArray[np.float64],
+        parent_radius_m: NDArray[np.float64],
+    ) -> None:
+        """Their arrays.
+
+        Args:
+            tube: (W,), the tube of each.
+            first: (T + 1,), where those of each parent begin.
+            arc_m: (W,), on the parent.
+            azimuth_rad: (W,), about the parent.
+            half_rad: (W,), half of its sector, at the middle ring of its block.
+            tight_rad: (W,), the same where neighbours are close.
+            end_half_rad: (W,), the same at the two other rings.
+            half_block_m: (W,), half of its block, along the parent.
+            half_along_m: (W,), half of the hole, along the parent.
+            half_across_m: (W,), half of the hole, across.
+            parent_radius_m: (W,).
+        """
+
+class HoleSettings:
+    """How close holes may be."""
+
+    tightest: float  # share of its length that a hole may be pressed to
+    relaxed: float  # parent radii behind a block, in which columns go back to even ones
+    min_column_rad: float  # between neighbouring columns
+
+    def __init__(self, *, tightest: float, relaxed: float, min_column_rad: float) -> None: ...
+
+class HolePlaces:
+    """K blocks of rows, H holes in them, A angles of columns."""
+
+    @property
+    def block_tube(self) -> NDArray[np.int64]:
+        """(K,)."""
+    @property
+    def block_arcs_m(self) -> NDArray[np.float64]:
+        """(K, 3), of the three rings."""
+    @property
+    def want(self) -> NDArray[np.int64]:
+        """(H,), whose place each is."""
+    @property
+    def block(self) -> NDArray[np.int64]:
+        """(H,)."""
+    @property
+    def sector(self) -> NDArray[np.int64]:
+        """(H,)."""
+    @property
+    def arc_m(self) -> NDArray[np.float64]:
+        """(H,), middle on the parent."""
+    @property
+    def azimuth_rad(self) -> NDArray[np.float64]:
+        """(H,), on the same turn as the columns of its block."""
+    @property
+    def half_along_m(self) -> NDArray[np.float64]:
+        """(H,)."""
+    @property
+    def half_across_m(self) -> NDArray[np.float64]:
+        """(H,)."""
+    @property
+    def turn_tube(self) -> NDArray[np.int64]:
+        """(A,)."""
+    @property
+    def turn_arc_m(self) -> NDArray[np.float64]:
+        """(A,)."""
+    @property
+    def turn_angles_rad(self) -> NDArray[np.float64]:
+        """(A, 6)."""
+    @property
+    def homeless(self) -> NDArray[np.int64]:
+        """(D,), wants without a place."""
+
+def place_holes(tubes: HoleTubes, wants: HoleWants, *, settings: HoleSettings) -> HolePlaces:
+    """Find a place for every want."""
+
+class TubeAxes:
+    """The axes of T tubes, one after another."""
+
+    def __init__(
+        self,
+        *,
+        points_m: NDArray[np.float64],
+        radius_m: NDArray[np.float64],
+        arc_m: NDArray[np.float64],
+        direction: NDArray[np.float64],
+        first: NDArray[np.int64],
+        counts: NDArray[np.int64],
+    ) -> None:
+        """Their arrays.
+
+        Args:
+            points_m: (V, 3).
+            radius_m: (V,).
+            arc_m: (V,), from the start of the tube.
+            direction: (V, 3), unit, of the segment that starts there.
+            first: (T,), first point of each tube.
+            counts: (T,), points of each tube, at least 2.
+        """
+
+class ExitWalks:
+    """C tubes that walk on until they are outside their parents."""
+
+    def __init__(
+        self,
+        *,
+        tube: NDArray[np.int64],
+        parent: NDArray[np.int64],
+        clearance: NDArray[np.float64],
+        at: NDArray[np.int64],
+        start_m: NDArray[np.float64],
+    ) -> None:
+        """Their arrays.
+
+        Args:
+            tube: (C,).
+            parent: (C,).
+            clearance: (C,), of its radius, by how much a disc is to be clear.
+            at: (C,), the parent's segment next to the walk.
+            start_m: (C,), arc to walk on from.
+        """
+
+class ExitWalkSettings:
+    """When a tube is outside its parent."""
+
+    whole_disc: bool  # whether the whole disc is to be outside, or the axis alone
+    cage_factor: float  # how much farther from its axis a cage is than its limit
+    thickest: float  # of its parent's radius, a branch where it leaves
+    skin: float  # radii that do not matter
+    max_steps: int  # of a walk
+
+    def __init__(
+        self, *, whole_disc: bool, cage_factor: float, thickest: float, skin: float, max_steps: int
+    ) -> None: ...
+
+class TubeExits:
+    """Where tubes are outside their parents."""
+
+    @property
+    def arc_m(self) -> NDArray[np.float64]:
+        """(C,), at most at the tip."""
+    @property
+    def done(self) -> NDArray[np.uint8]:
+        """(C,), 1 where they are outside."""
+    @property
+    def at(self) -> NDArray[np.int64]:
+        """(C,), segments of the parents there."""
+
+def walk_out(axes: TubeAxes, walks: ExitWalks, *, settings: ExitWalkSettings, threads: int) -> TubeExits:
+    """Arcs at which tubes are outside their parents."""
+
+class TubePlaces:
+    """N places on axes."""
+
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """(N, 3)."""
+    @property
+    def radius_m(self) -> NDArray[np.float64]:
+        """(N,)."""
+
+def tube_axis(axes: TubeAxes, tube: NDArray[np.int64], arc_m: NDArray[np.float64], *, threads: int) -> TubePlaces:
+    """Points and radii at arcs (N,) of tubes (N,), those of the ends beyond them."""
 
 def tube_tangents(
-    points: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    arc: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    first: NDArray[np.int64],
-    counts: NDArray[np.int64],
+    axes: TubeAxes,
     tube: NDArray[np.int64],
-    at: NDArray[np.float64],
-    reach: NDArray[np.float64],
+    arc_m: NDArray[np.float64],
+    *,
+    reach_m: NDArray[np.float64],
     threads: int,
 ) -> NDArray[np.float64]:
-    """Unit chords (N, 3) over the axes from reach (N,) before arcs of tubes (N,) to reach after them."""
+    """Unit chords (N, 3) over the axes from reach (N,) before arcs (N,) of tubes (N,) to reach after them."""
+
+class TubeFrames:
+    """Two unit vectors, right-handed with a tangent."""
+
+    @property
+    def first(self) -> NDArray[np.float64]:
+        """(N, 3)."""
+    @property
+    def second(self) -> NDArray[np.float64]:
+        """(N, 3)."""
 
 def tube_frames(
-    points: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    arc: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    first: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    reference: NDArray[np.float64],
+    axes: TubeAxes,
     tube: NDArray[np.int64],
-    at: NDArray[np.float64],
+    arc_m: NDArray[np.float64],
+    *,
     tangents: NDArray[np.float64],
+    reference: NDArray[np.float64],
     threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two unit vectors (N, 3) each, right-handed with the tangents (N, 3) at arcs of tubes (N,).
+) -> TubeFrames:
+    """Two unit vectors each, right-handed with the tangents (N, 3) at arcs (N,) of tubes (N,).
 
     Args:
         reference: (V, 3), unit normals that are carried along the tubes.
     """
 
+class NearestPlaces:
+    """N places of tubes next to points."""
+
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """(N, 3)."""
+    @property
+    def arc_m(self) -> NDArray[np.float64]:
+        """(N,)."""
+    @property
+    def radius_m(self) -> NDArray[np.float64]:
+        """(N,)."""
+    @property
+    def at(self) -> NDArray[np.int64]:
+        """(N,), the segments."""
+
 def tube_nearest(
-    points: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    arc: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    first: NDArray[np.int64],
-    counts: NDArray[np.int64],
+    axes: TubeAxes,
     tube: NDArray[np.int64],
     at: NDArray[np.int64],
-    places: NDArray[np.float64],
-    most_steps: int,
+    *,
+    places_m: NDArray[np.float64],
+    max_steps: int,
     threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Points (N, 3), arcs and radii of tubes next to places (N, 3), and the segments there, from those at (N,)."""
+) -> NearestPlaces:
+    """Places of tubes (N,) next to places (N, 3), from the segments (N,) where they were."""
+
+class RingGaps:
+    """G stretches between two rings that are given."""
+
+    def __init__(
+        self,
+        *,
+        tube: NDArray[np.int64],
+        low_m: NDArray[np.float64],
+        length_m: NDArray[np.float64],
+        below_m: NDArray[np.float64],
+        above_m: NDArray[np.float64],
+    ) -> None:
+        """Their arrays.
+
+        Args:
+            tube: (G,).
+            low_m: (G,), arc at which it begins.
+            length_m: (G,).
+            below_m: (G,), spacing that is asked for at its beginning.
+            above_m: (G,), and at its end.
+        """
+
+class RingSpacingSettings:
+    """How far rings are apart."""
+
+    tolerance: float  # of its radius, by how much a tube may leave its axis
+    longest: float  # spacing, in radii
+    growth: float  # of the spacing, per length away from the ends of a gap
+    steady: float  # spacing in radii on segments that are long
+    long_segment: float  # radii: its corners have rings of their own
+    max_reach_m: float  # over which bends are measured
+    min_samples: int  # of the spacing in a gap
+    max_samples: int  # of the spacing in a gap
+
+    def __init__(
+        self,
+        *,
+        tolerance: float,
+        longest: float,
+        growth: float,
+        steady: float,
+        long_segment: float,
+        max_reach_m: float,
+        min_samples: int,
+        max_samples: int,
+    ) -> None: ...
+
+class AddedRings:
+    """R rings in gaps."""
+
+    @property
+    def gap(self) -> NDArray[np.int64]:
+        """(R,)."""
+    @property
+    def arc_m(self) -> NDArray[np.float64]:
+        """(R,)."""
 
 def fill_gaps(
-    points: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    arc: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    first: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    turned: NDArray[np.float64],
-    tube: NDArray[np.int64],
-    gaps: NDArray[np.float64],
-    tolerance: float,
-    longest: float,
-    growth: float,
-    steady: float,
-    long_segment: float,
-    most_reach: float,
-    least_samples: int,
-    most_samples: int,
+    axes: TubeAxes,
+    gaps: RingGaps,
+    *,
+    turned_rad: NDArray[np.float64],
+    settings: RingSpacingSettings,
     threads: int,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Rings in gaps, so many as bends ask for: the gap and the arc of each.
+) -> AddedRings:
+    """Rings in gaps, so many as bends ask for.
 
     Args:
-        turned: (V,), by how much a tube has turned up to each point.
-        tube: (G,), of each gap.
-        gaps: (G, 4): arc at which it begins, length, and spacing asked for at its ends.
+        turned_rad: (V,), by how much a tube has turned up to each point.
     """
 
-def round_rings(
-    tube: NDArray[np.int64],
-    center: NDArray[np.float64],
-    tangent: NDArray[np.float64],
-    first: NDArray[np.float64],
-    second: NDArray[np.float64],
-    angles: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    at_vertices: float,
-    threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Six points (N, 6, 3) of each ring, and radii (N,), less where neighbouring rings would cross.
+class RingCircles:
+    """N rings of six; those of one tube follow one another."""
 
-    Args:
-        tube: (N,), of each ring; those of one tube follow one another.
-        center: (N, 3), with frames (N, 3) each and angles (N, 6).
-    """
+    def __init__(
+        self,
+        *,
+        tube: NDArray[np.int64],
+        center_m: NDArray[np.float64],
+        tangent: NDArray[np.float64],
+        first: NDArray[np.float64],
+        second: NDArray[np.float64],
+        angles_rad: NDArray[np.float64],
+        radius_m: NDArray[np.float64],
+    ) -> None:
+        """Their arrays.
+
+        Args:
+            tube: (N,).
+            center_m: (N, 3).
+            tangent: (N, 3), unit.
+            first: (N, 3), unit, with the second right-handed with the tangent.
+            second: (N, 3), unit.
+            angles_rad: (N, 6).
+            radius_m: (N,).
+        """
+
+class RoundRings:
+    """N rings of six points."""
+
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """(N, 6, 3)."""
+    @property
+    def radius_m(self) -> NDArray[np.float64]:
+        """(N,), less where neighbouring rings would cross."""
+
+def round_rings(rings: RingCircles, *, at_vertices: float, threads: int) -> RoundRings:
+    """The points of rings, at_vertices times as far out as the radius."""
+
+class StartBendSettings:
+    """How the start of an axis is moved."""
+
+    held_m: float  # arc up to which all is moved by the same step
+    fade_m: float  # length over which that fades
+    samples: int  # stretches that the fading is cut into
+    min_apart: float  # of fade_m, between added points and those that are there
+
+    def __init__(self, *, held_m: float, fade_m: float, samples: int, min_apart: float) -> None: ...
+
+class BentAxis:
+    """An axis of N points whose start is moved."""
+
+    @property
+    def old_arc_m(self) -> NDArray[np.float64]:
+        """(N,), before."""
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """(N, 3), now."""
+    @property
+    def radius_m(self) -> NDArray[np.float64]:
+        """(N,)."""
+    @property
+    def moved_m(self) -> NDArray[np.float64]:
+        """(N, 3), by how much."""
+    @property
+    def new_arc_m(self) -> NDArray[np.float64]:
+        """(N,), now."""
 
 def bend_start(
-    points: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    step: NDArray[np.float64],
-    held: float,
-    fade: float,
-    samples: int,
-    least_apart: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """An axis whose start is moved: old arcs (N,), points (N, 3), radii (N,), by how much (N, 3), and arcs now (N,)."""
+    points_m: NDArray[np.float64],
+    radius_m: NDArray[np.float64],
+    *,
+    step_m: NDArray[np.float64],
+    settings: StartBendSettings,
+) -> BentAxis:
+    """An axis of points (n, 3) and radii (n,) whose start is moved by a step (3,)."""
 
 def carry_references(
     direction: NDArray[np.float64],
     first: NDArray[np.int64],
     counts: NDArray[np.int64],
+    *,
     reference: NDArray[np.float64],
     threads: int,
 ) -> None:

@@ -20,4 +20,5 @@ void bind_leaf_samples(nanobind::module_& m);
 void bind_pinhole(nanobind::module_& m);
 void bind_patch_match(nanobind::module_& m);
 void bind_branch_cage(nanobind::module_& m);
+void bind_tubes(nanobind::module_& m);
 void bind_piece_bridges(nanobind::module_& m);

@@ -22,5 +22,6 @@ NB_MODULE(_native, m) {
     bind_pinhole(m);
     bind_patch_match(m);
     bind_branch_cage(m);
+    bind_tubes(m);
     bind_piece_bridges(m);
 }

@@ -30,12 +30,10 @@ struct Place {
 
 class Placer {
   public:
-    Placer(const HoleTubes& tubes, std::vector<HoleWant> wants, double tightest, double relaxed, double least_column)
+    Placer(const HoleTubes& tubes, std::vector<HoleWant> wants, const HoleSettings& settings)
         : tubes_(tubes),
           wants_(std::move(wants)),
-          tightest_(tightest),
-          relaxed_(relaxed),
-          least_column_(least_column),
+          settings_(settings),
           gone_(tubes.gone, tubes.gone + tubes.n_tubes) {}
 
     HolePlacement place() {
@@ -68,7 +66,7 @@ class Placer {
         double phase = tubes_.phase[tube];
         std::vector<BlockColumns> arranged;
         for (const Block& block : blocks) {
-            arranged.push_back(arrange_columns(wants_, block.members, phase, least_column_));
+            arranged.push_back(arrange_columns(wants_, block.members, phase, settings_.min_column_rad));
             phase = mean_turn(arranged.back().middle);
             add_block(tube, block, arranged.back());
         }
@@ -81,7 +79,7 @@ class Placer {
     bool place_one(std::size_t number, std::vector<Block>& blocks, double low, double high, double gap) {
         HoleWant& want = wants_[number];
         Place best;
-        for (const double press : {1.0, 0.75, 0.5, tightest_}) {
+        for (const double press : {1.0, 0.75, 0.5, settings_.tightest}) {
             const double half = press * want.half_block;
             for (std::size_t k = 0; k <= blocks.size(); ++k) {  // the free stretch before each block, and the last
                 const double floor = k ? blocks[k - 1].high : low - gap;
@@ -119,7 +117,7 @@ class Placer {
         const Block& block = blocks[k];
         const double half = press * want.half_block, most = 1.6 * std::max(block.high - block.low, 2 * half);
         const double away = std::max(block.low - want.arc, want.arc - block.high) - most;
-        if ((best.found && away > best.cost) || !has_room(wants_, block.members, number, least_column_)) return;
+        if ((best.found && away > best.cost) || !has_room(wants_, block.members, number, settings_.min_column_rad)) return;
         const double floor = k ? std::max(low, blocks[k - 1].high + gap) : low;
         const double roof = k + 1 < blocks.size() ? std::min(high, blocks[k + 1].low - gap) : high;
         const double grow_low = std::max(floor, block.high - most), grow_high = std::min(roof, block.low + most);
@@ -144,8 +142,10 @@ class Placer {
             result_.want.push_back(static_cast<std::int64_t>(block.members[k]));
             result_.block.push_back(number);
             result_.sector.push_back(columns.sectors[k]);
-            for (const double value : {want.arc, want.azimuth, want.half_along, want.half_across})
-                result_.hole.push_back(value);
+            result_.arc.push_back(want.arc);
+            result_.azimuth.push_back(want.azimuth);
+            result_.half_along.push_back(want.half_along);
+            result_.half_across.push_back(want.half_across);
         }
     }
 
@@ -162,7 +162,7 @@ class Placer {
             const Block& block = blocks[k];
             double thickest = 0;
             for (const std::size_t member : block.members) thickest = std::max(thickest, wants_[member].parent_radius);
-            const double relaxed = relaxed_ * thickest;
+            const double relaxed = settings_.relaxed * thickest;
             const Columns6 even = even_columns(mean_turn(arranged[k].middle));
             if (block.low - relaxed > before) add_turn(tube, block.low - relaxed, even);
             add_turn(tube, block.low, arranged[k].ends);
@@ -182,16 +182,15 @@ class Placer {
 
     const HoleTubes& tubes_;
     std::vector<HoleWant> wants_;
-    double tightest_, relaxed_, least_column_;
+    HoleSettings settings_;
     std::vector<std::uint8_t> gone_;
     HolePlacement result_;
 };
 
 }  // namespace
 
-HolePlacement place_holes(const HoleTubes& tubes, std::vector<HoleWant> wants, double tightest, double relaxed,
-                          double least_column) {
-    return Placer(tubes, std::move(wants), tightest, relaxed, least_column).place();
+HolePlacement place_holes(const HoleTubes& tubes, std::vector<HoleWant> wants, const HoleSettings& settings) {
+    return Placer(tubes, std::move(wants), settings).place();
 }
 
 }  // namespace usdfoliage

@@ -38,13 +38,22 @@ struct HoleTubes {
     std::size_t n_tubes;
 };
 
+struct HoleSettings {
+    double tightest;        // share of its length that a hole may be pressed to
+    double relaxed;         // parent radii behind a block, in which columns go back to even ones
+    double min_column_rad;  // between neighbouring columns
+};
+
 struct HolePlacement {
     std::vector<std::int64_t> block_tube;
     std::vector<double> block_arcs;  // 3 each
     std::vector<std::int64_t> want;  // of each hole
     std::vector<std::int64_t> block;
     std::vector<std::int64_t> sector;
-    std::vector<double> hole;  // 4 each: arc, azimuth, half along, half across
+    std::vector<double> arc;     // of each hole, on the parent
+    std::vector<double> azimuth;
+    std::vector<double> half_along;
+    std::vector<double> half_across;
     std::vector<std::int64_t> turn_tube;
     std::vector<double> turn_arc;
     std::vector<double> turn_angles;   // 6 each
@@ -54,10 +63,6 @@ struct HolePlacement {
 // Find a place for each want, those of a tube in their order: the first move least. What has none takes its own along.
 //
 // @param wants         by parents as want_first says, first those that are to move least.
-// @param tightest      share of its length that a hole may be pressed to.
-// @param relaxed       parent radii behind a block, in which columns go back to even ones.
-// @param least_column  radians between neighbouring columns.
-HolePlacement place_holes(const HoleTubes& tubes, std::vector<HoleWant> wants, double tightest, double relaxed,
-                          double least_column);
+HolePlacement place_holes(const HoleTubes& tubes, std::vector<HoleWant> wants, const HoleSettings& settings);
 
 }  // namespace usdfoliage

@@ -21,15 +21,16 @@ std::vector<double> arcs_along(const double* points, std::size_t n) {
 
 }  // namespace
 
-BentAxis bend_start(const double* points, const double* radius, std::size_t n, const StartBend& how) {
+BentAxis bend_start(const double* points, const double* radius, std::size_t n, const double* step,
+                    const StartBendSettings& settings) {
     const std::vector<double> arc = arcs_along(points, n);
     BentAxis bent;
     bent.old_arc = arc;
-    for (int k = 0; k <= how.samples; ++k) {
-        const double added = how.held + how.fade * (k / static_cast<double>(how.samples));
+    for (int k = 0; k <= settings.samples; ++k) {
+        const double added = settings.held_m + settings.fade_m * (k / static_cast<double>(settings.samples));
         // No new point next to an old one: its segment would have no direction.
         const bool apart = std::none_of(arc.begin(), arc.end(), [&](double old) {
-            return std::abs(added - old) <= how.least_apart * how.fade;
+            return std::abs(added - old) <= settings.min_apart * settings.fade_m;
         });
         if (added < arc.back() && apart) bent.old_arc.push_back(added);
     }
@@ -43,13 +44,13 @@ BentAxis bend_start(const double* points, const double* radius, std::size_t n, c
         const double here = bent.old_arc[k];
         while (at + 2 < n && arc[at + 1] <= here) ++at;
         const double along = (here - arc[at]) / (arc[at + 1] - arc[at]);
-        const double share = std::clamp((here - how.held) / how.fade, 0.0, 1.0), weight = 1 - share * share * (3 - 2 * share);
+        const double share = std::clamp((here - settings.held_m) / settings.fade_m, 0.0, 1.0), weight = 1 - share * share * (3 - 2 * share);
         const auto mix = [&](double low, double high) {
             return along <= 0 ? low : along >= 1 ? high : low + along * (high - low);
         };
         bent.radius[k] = mix(radius[at], radius[at + 1]);
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            bent.moved[3 * k + axis] = weight * how.step[axis];
+            bent.moved[3 * k + axis] = weight * step[axis];
             bent.points[3 * k + axis] = mix(points[3 * at + axis], points[3 * (at + 1) + axis]) + bent.moved[3 * k + axis];
         }
     }

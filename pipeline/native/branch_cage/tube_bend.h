@@ -15,14 +15,14 @@ struct BentAxis {
     std::vector<double> new_arc;
 };
 
-struct StartBend {
-    double step[3];      // by which the first point is moved
-    double held, fade;   // arc up to which all is moved alike, and length over which that fades
-    int samples;         // stretches that the fading is cut into
-    double least_apart;  // of fade, between points that are added and those that are there
+struct StartBendSettings {
+    double held_m, fade_m;  // arc up to which all is moved by the same step, and length over which that fades
+    int samples;            // stretches that the fading is cut into
+    double min_apart;       // of fade_m, between points that are added and those that are there
 };
 
-// Move the start of an axis of n points, 2 or more.
-BentAxis bend_start(const double* points, const double* radius, std::size_t n, const StartBend& how);
+// Move the start of an axis of n points, 2 or more, by a step of 3 numbers.
+BentAxis bend_start(const double* points, const double* radius, std::size_t n, const double* step,
+                    const StartBendSettings& settings);
 
 }  // namespace usdfoliage

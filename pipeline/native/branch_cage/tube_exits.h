@@ -9,11 +9,11 @@
 
 namespace usdfoliage {
 
-struct ExitWalk {
+struct ExitWalkSettings {
     double cage_factor;  // how much farther from its axis a cage is than its limit
     double thickest;     // of its parent's radius, a branch where it leaves
     double skin;         // radii that do not matter
-    int most_steps;
+    int max_steps;
     bool whole_disc;  // else the axis alone is to be outside
 };
 
@@ -25,6 +25,6 @@ struct ExitWalk {
 // @param arc           where on the tube the walk is, in and out; held at the tip.
 // @param done          whether it came out.
 void walk_out(const TubeAxes& axes, const std::int64_t* tube, const std::int64_t* parent, const double* clearance,
-              std::size_t n, const ExitWalk& how, std::int64_t* at, double* arc, std::uint8_t* done, int threads);
+              std::size_t n, const ExitWalkSettings& settings, std::int64_t* at, double* arc, std::uint8_t* done, int threads);
 
 }  // namespace usdfoliage

@@ -21,29 +21,29 @@ double turned_at(const TubeAxes& axes, const double* turned, std::int64_t tube, 
 
 // Spacing at which a chord of the axis stays within the tolerance, where bends are spread over short segments.
 double bend_spacing(const TubeAxes& axes, const double* turned, std::int64_t tube, double arc, double radius,
-                    const RingSpacing& how) {
+                    const RingSpacingSettings& settings) {
     const std::int64_t at = tube_segment(axes, tube, arc);
-    if (axes.arc[at + 1] - axes.arc[at] > how.long_segment * radius) return how.steady * radius;
-    const double reach = std::min(radius, how.most_reach);
+    if (axes.arc[at + 1] - axes.arc[at] > settings.long_segment * radius) return settings.steady * radius;
+    const double reach = std::min(radius, settings.max_reach_m);
     const double ahead = turned_at(axes, turned, tube, std::min(arc + reach, tube_length(axes, tube)));
     const double behind = turned_at(axes, turned, tube, std::max(arc - reach, 0.0));
-    return std::sqrt(8 * how.tolerance * radius / std::max((ahead - behind) / (2 * reach), 1e-12));
+    return std::sqrt(8 * settings.tolerance * radius / std::max((ahead - behind) / (2 * reach), 1e-12));
 }
 
-void fill_gap(const TubeAxes& axes, const double* turned, const RingGap& gap, const RingSpacing& how,
+void fill_gap(const TubeAxes& axes, const double* turned, const RingGap& gap, const RingSpacingSettings& settings,
               std::vector<double>& walked, std::vector<double>& added) {
     const double thinnest = std::min(tube_axis(axes, gap.tube, gap.low).radius,
                                      tube_axis(axes, gap.tube, gap.low + gap.length).radius);
-    const double samples = std::clamp(std::ceil(gap.length / thinnest), static_cast<double>(how.least_samples),
-                                      static_cast<double>(how.most_samples));
+    const double samples = std::clamp(std::ceil(gap.length / thinnest), static_cast<double>(settings.min_samples),
+                                      static_cast<double>(settings.max_samples));
     const auto count = static_cast<std::size_t>(samples);
     walked.assign(count + 1, 0.0);
     for (std::size_t k = 0; k < count; ++k) {
         const double arc = gap.low + (static_cast<double>(k) + 0.5) / samples * gap.length;
         const double local = tube_axis(axes, gap.tube, arc).radius;
-        double wanted = std::min(gap.below + how.growth * (arc - gap.low),
-                                 gap.above + how.growth * (gap.low + gap.length - arc));
-        wanted = std::min({wanted, how.longest * local, bend_spacing(axes, turned, gap.tube, arc, local, how)});
+        double wanted = std::min(gap.below + settings.growth * (arc - gap.low),
+                                 gap.above + settings.growth * (gap.low + gap.length - arc));
+        wanted = std::min({wanted, settings.longest * local, bend_spacing(axes, turned, gap.tube, arc, local, settings)});
         walked[k + 1] = walked[k] + gap.length / samples / std::max(wanted, kLeastSpacing * local);
     }
     // Where the spacing asks for little more than none, one row is stretched rather than two pressed.
@@ -115,7 +115,7 @@ class Rounding {
 
 }  // namespace
 
-AddedRings fill_gaps(const TubeAxes& axes, const double* turned, const RingGap* gaps, std::size_t n, const RingSpacing& how,
+AddedRings fill_gaps(const TubeAxes& axes, const double* turned, const RingGap* gaps, std::size_t n, const RingSpacingSettings& settings,
                      int threads) {
     const std::size_t blocks = (n + kBlock - 1) / kBlock;
     std::vector<AddedRings> by_block(blocks);
@@ -123,7 +123,7 @@ AddedRings fill_gaps(const TubeAxes& axes, const double* turned, const RingGap* 
         std::vector<double> walked;
         AddedRings& own = by_block[block];
         for (std::size_t k = block * kBlock; k < std::min(n, (block + 1) * kBlock); ++k) {
-            fill_gap(axes, turned, gaps[k], how, walked, own.arc);
+            fill_gap(axes, turned, gaps[k], settings, walked, own.arc);
             own.gap.resize(own.arc.size(), static_cast<std::int64_t>(k));
         }
     });

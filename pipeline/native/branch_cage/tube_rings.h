@@ -17,14 +17,14 @@ struct RingGap {
     double below, above;      // spacing that is asked for at its ends
 };
 
-struct RingSpacing {
+struct RingSpacingSettings {
     double tolerance;     // of its radius, by how much a tube may leave its axis
     double longest;       // spacing, in radii
     double growth;        // of the spacing, per length away from the ends of a gap
     double steady;        // spacing in radii on segments that are long
     double long_segment;  // radii: its corners have rings of their own
-    double most_reach;    // over which bends are measured
-    std::int64_t least_samples, most_samples;  // of the spacing in a gap
+    double max_reach_m;    // over which bends are measured
+    std::int64_t min_samples, max_samples;  // of the spacing in a gap
 };
 
 struct AddedRings {
@@ -35,7 +35,7 @@ struct AddedRings {
 // Rings in gaps, so many as bends ask for, closer towards the ends; gap after gap, in order along each.
 //
 // @param turned  of each point of the axes, by how much its tube has turned up to there.
-AddedRings fill_gaps(const TubeAxes& axes, const double* turned, const RingGap* gaps, std::size_t n, const RingSpacing& how,
+AddedRings fill_gaps(const TubeAxes& axes, const double* turned, const RingGap* gaps, std::size_t n, const RingSpacingSettings& settings,
                      int threads);
 
 struct RingCircles {

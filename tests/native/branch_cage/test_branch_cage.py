@@ -38,10 +38,33 @@ def test_holes_find_the_same_places(seed, count):
     steep = np.array([[0.3, 0.35], [0.6, 0.61]])
     steep_first = np.array([0, 2] + [2] * (tubes - 1))
     want_first = np.searchsorted(parents, np.arange(tubes + 1))
-    args = wants, np.arange(4, tubes), want_first, start, end, np.ones(tubes), phases, steep, steep_first, gone
-    blocks, arcs, want, of, sector, hole, turn_tube, turn_arc, turn_angles, homeless = _native.place_holes(
-        *args, TIGHTEST, RELAXED, LEAST_COLUMN
+    arcs_of, azimuth, half, tight, end_half, half_block, along, across, parent_radius = np.ascontiguousarray(wants.T)
+    places = _native.place_holes(
+        _native.HoleTubes(
+            start_m=start,
+            end_m=end,
+            length_m=np.ones(tubes),
+            phase_rad=phases,
+            steep_m=steep,
+            steep_first=steep_first,
+            gone=gone,
+        ),
+        _native.HoleWants(
+            tube=np.arange(4, tubes),
+            first=want_first,
+            arc_m=arcs_of,
+            azimuth_rad=azimuth,
+            half_rad=half,
+            tight_rad=tight,
+            end_half_rad=end_half,
+            half_block_m=half_block,
+            half_along_m=along,
+            half_across_m=across,
+            parent_radius_m=parent_radius,
+        ),
+        settings=_native.HoleSettings(tightest=TIGHTEST, relaxed=RELAXED, min_column_rad=LEAST_COLUMN),
     )
+    hole = np.column_stack([places.arc_m, places.azimuth_rad, places.half_along_m, places.half_across_m])
     by_tube = {}
     for number, parent in enumerate(parents.tolist()):
         by_tube.setdefault(parent, []).append(
@@ -52,9 +75,9 @@ def test_holes_find_the_same_places(seed, count):
     expected, turns, lost = plain.place_all(
         by_tube, start, end, np.ones(tubes), kept, steep_of, set(np.flatnonzero(gone).tolist())
     )
-    np.testing.assert_array_equal(blocks, [tube for tube, _, _ in expected])
+    np.testing.assert_array_equal(places.block_tube, [tube for tube, _, _ in expected])
     np.testing.assert_allclose(
-        arcs,
+        places.block_arcs_m,
         np.reshape(
             [(block.low_m, (block.low_m + block.high_m) / 2, block.high_m) for _, block, _ in expected], (-1, 3)
         ),
@@ -62,15 +85,15 @@ def test_holes_find_the_same_places(seed, count):
     members = [
         (each, n, s) for n, (_, b, c) in enumerate(expected) for each, s in zip(b.members, c.sectors, strict=True)
     ]
-    np.testing.assert_array_equal(want, [each.exit for each, _, _ in members])
-    np.testing.assert_array_equal(of, [number for _, number, _ in members])
-    np.testing.assert_array_equal(sector, [where for _, _, where in members])
-    places = [(each.arc_m, each.azimuth_rad, each.half_along_m, each.half_across_m) for each, _, _ in members]
-    np.testing.assert_allclose(hole, np.reshape(places, (-1, 4)), atol=1e-12)
-    np.testing.assert_array_equal(turn_tube, [tube for tube, _, _ in turns])
-    np.testing.assert_allclose(turn_arc, [arc for _, arc, _ in turns])
-    np.testing.assert_allclose(turn_angles, [angles for _, _, angles in turns], atol=1e-12)
-    np.testing.assert_array_equal(np.sort(homeless), sorted(lost))
+    np.testing.assert_array_equal(places.want, [each.exit for each, _, _ in members])
+    np.testing.assert_array_equal(places.block, [number for _, number, _ in members])
+    np.testing.assert_array_equal(places.sector, [where for _, _, where in members])
+    expected_holes = [(each.arc_m, each.azimuth_rad, each.half_along_m, each.half_across_m) for each, _, _ in members]
+    np.testing.assert_allclose(hole, np.reshape(expected_holes, (-1, 4)), atol=1e-12)
+    np.testing.assert_array_equal(places.turn_tube, [tube for tube, _, _ in turns])
+    np.testing.assert_allclose(places.turn_arc_m, [arc for _, arc, _ in turns])
+    np.testing.assert_allclose(places.turn_angles_rad, [angles for _, _, angles in turns], atol=1e-12)
+    np.testing.assert_array_equal(np.sort(places.homeless), sorted(lost))
 
 
 @settings(max_examples=15, deadline=None)
@@ -82,7 +105,9 @@ def test_the_same_quads_cross(seed):
     faces = faces[[len(set(face)) == 4 for face in faces.tolist()]]
     counts = np.array([len(faces) // 2, len(faces) - len(faces) // 2 + 5])
     fork_faces = np.concatenate([np.arange(len(faces)), np.arange(5)])
-    found = _native.find_fork_crossings(points, faces, fork_faces, np.concatenate([[0], np.cumsum(counts)]), 2)
+    found = _native.find_fork_crossings(
+        points, faces, fork_faces=fork_faces, fork_first=np.concatenate([[0], np.cumsum(counts)]), threads=2
+    )
     named = {tuple(sorted(pair)) for pair in fork_faces[found].tolist()}
     assert len(named) == len(found)
     fork = np.repeat([0, 1], counts)
@@ -104,7 +129,13 @@ def test_limits_are_pulled_to_the_same_places():
     tangents[::3] = 0
     swell, gain = rng.uniform(-1, 1, (16, 2)), rng.uniform(0, 1, 16)
     expected = plain.pull_limit(faces, aims, tangents, swell, center, 5, gain)
-    found = _native.pull_limit(faces, aims, tangents, swell, center, gain, 5, plain.FARTHEST, 2)
+    found = _native.pull_limit(
+        faces,
+        _native.LimitAims(aims_m=aims, tangents=tangents, swell=swell, center_m=center, gain=gain),
+        rounds=5,
+        farthest=plain.FARTHEST,
+        threads=2,
+    )
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 

@@ -52,8 +52,16 @@ def test_an_axis_that_comes_back_has_the_direction_of_its_segment():
     there_and_back = np.array([[0.0, 0, 0], [0, 1, 0], [1e-3, 0, 0]])
     arc = np.array([0, 1, 2.0])
     direction = np.array([[0.0, 1, 0], [0, -1, 0], [0, -1, 0]])
-    axes = there_and_back, np.full(3, 0.1), arc, direction, np.array([0]), np.array([3])
-    tangent = _native.tube_tangents(*axes, np.zeros(2, int), np.array([0.95, 1.05]), np.full(2, 0.5), 0)
+    axes = _native.TubeAxes(
+        points_m=there_and_back,
+        radius_m=np.full(3, 0.1),
+        arc_m=arc,
+        direction=direction,
+        first=np.array([0]),
+        counts=np.array([3]),
+    )
+    places = np.zeros(2, int), np.array([0.95, 1.05])
+    tangent = _native.tube_tangents(axes, *places, reach_m=np.full(2, 0.5), threads=0)
     np.testing.assert_allclose(tangent, [[0, 1, 0], [0, -1, 0]], atol=0.2)
 
 
@@ -63,7 +71,8 @@ def test_the_nearest_places_are_the_same(seed):
     tube, arc = places_of(tubes, seed, 200)
     at = tubes.segment(tube, np.clip(arc, 0, tubes.length_m[tube]))
     places = tubes.axis(tube, arc)[0] + np.random.default_rng(seed).normal(size=(200, 3)) * 0.2
-    *found, on = _native.tube_nearest(*tubes.axes, tube, at, places, 400, 0)
+    near = _native.tube_nearest(tubes.axes, tube, at, places_m=places, max_steps=400, threads=0)
+    found, on = (near.points_m, near.arc_m, near.radius_m), near.at
     for one, other in zip(found, plain.nearest(tubes, tube, at, places), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
     # At a corner either of its segments is right.
@@ -80,8 +89,24 @@ def test_gaps_are_filled_alike(seed):
     spacing = np.where(rng.random((150, 2)) < 0.5, np.inf, rng.uniform(0.01, 0.1, (150, 2)))
     gaps = np.column_stack([ends[:, 0], np.maximum(np.diff(ends)[:, 0], 1e-4), spacing])
     expected = plain.fill_gaps(tubes, tube, gaps, 0.05, 30.0)
-    how = 0.05, 30.0, GROWTH, STEADY, LONG, 0.25 * tubes.stride_m, PER_INTERVAL, MOST_SAMPLES
-    gap, arc = _native.fill_gaps(*tubes.axes, tubes.turned_rad, tube, gaps, *how, 0)
+    low, length, below, above = np.ascontiguousarray(gaps.T)
+    added = _native.fill_gaps(
+        tubes.axes,
+        _native.RingGaps(tube=tube, low_m=low, length_m=length, below_m=below, above_m=above),
+        turned_rad=tubes.turned_rad,
+        settings=_native.RingSpacingSettings(
+            tolerance=0.05,
+            longest=30.0,
+            growth=GROWTH,
+            steady=STEADY,
+            long_segment=LONG,
+            max_reach_m=0.25 * tubes.stride_m,
+            min_samples=PER_INTERVAL,
+            max_samples=MOST_SAMPLES,
+        ),
+        threads=0,
+    )
+    gap, arc = added.gap, added.arc_m
     np.testing.assert_array_equal(gap, [number for number, _ in expected])
     np.testing.assert_allclose(arc, [place for _, place in expected], rtol=1e-9)
     assert len(gap)
@@ -98,8 +123,22 @@ def test_rings_in_bends_are_made_smaller_alike(seed):
     center, radius = tubes.axis(tube, arc)
     tangent = tubes.tangents(tube, arc, radius)
     angles = np.linspace(0, 2 * np.pi, 7)[:-1] + np.random.default_rng(seed).uniform(0, 1, (count, 1))
-    rings = tube, center, tangent, *tubes.frames(tube, arc, tangent), angles
-    points, found = _native.round_rings(*rings, radius, 1.002, 0)
+    first, second = tubes.frames(tube, arc, tangent)
+    rings = tube, center, tangent, first, second, angles
+    rounded = _native.round_rings(
+        _native.RingCircles(
+            tube=tube,
+            center_m=center,
+            tangent=tangent,
+            first=first,
+            second=second,
+            angles_rad=angles,
+            radius_m=radius,
+        ),
+        at_vertices=1.002,
+        threads=0,
+    )
+    points, found = rounded.points_m, rounded.radius_m
     expected_points, expected = plain.round_rings(*rings, radius, 1.002)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
     np.testing.assert_allclose(points, expected_points, rtol=1e-9, atol=1e-12)
@@ -112,7 +151,10 @@ def test_starts_are_bent_alike(seed):
     count = int(rng.integers(2, 30))
     points = np.cumsum(rng.normal(size=(count, 3)), axis=0)
     radius = rng.uniform(0.1, 1, count)
-    how = rng.normal(size=3), float(rng.uniform(0, 2)), float(rng.uniform(0.1, 20)), 8, 0.02
-    expected = plain.bend_start(points, radius, *how)
-    for one, other in zip(_native.bend_start(points, radius, *how), expected, strict=True):
+    step, held, fade = rng.normal(size=3), float(rng.uniform(0, 2)), float(rng.uniform(0.1, 20))
+    expected = plain.bend_start(points, radius, step, held, fade, 8, 0.02)
+    settings = _native.StartBendSettings(held_m=held, fade_m=fade, samples=8, min_apart=0.02)
+    bent = _native.bend_start(points, radius, step_m=step, settings=settings)
+    found = bent.old_arc_m, bent.points_m, bent.radius_m, bent.moved_m, bent.new_arc_m
+    for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)

@@ -60,12 +60,16 @@ def move_starts(paths: list[Path], along_m: Floats, held_m: Floats) -> None:
 
 def _bend(path: Path, step: Floats, held_m: float, fade_m: float) -> _Moved:
     """Move the start of one path."""
-    old_arc, path.points_m, path.radius_m, moved, new_arc = _native.bend_start(
-        path.points_m, path.radius_m, step, held_m, fade_m, SAMPLES, NEXT
+    bent = _native.bend_start(
+        path.points_m,
+        path.radius_m,
+        step_m=step,
+        settings=_native.StartBendSettings(held_m=held_m, fade_m=fade_m, samples=SAMPLES, min_apart=NEXT),
     )
+    path.points_m, path.radius_m, old_arc, new_arc = bent.points_m, bent.radius_m, bent.old_arc_m, bent.new_arc_m
     path.pieces = [(branch, float(np.interp(from_m, old_arc, new_arc))) for branch, from_m in path.pieces]
     path.eased = False
-    return _Moved(old_arc_m=old_arc, old_points_m=path.points_m - moved, moved_m=moved, new_arc_m=new_arc)
+    return _Moved(old_arc_m=old_arc, old_points_m=path.points_m - bent.moved_m, moved_m=bent.moved_m, new_arc_m=new_arc)
 
 
 def _at(arc_m: Floats, values: Floats, at_m: float) -> Floats:

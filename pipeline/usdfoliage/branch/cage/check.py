@@ -91,9 +91,9 @@ def find_fork_crossings(
     return _native.find_fork_crossings(
         np.ascontiguousarray(points, np.float64),
         np.ascontiguousarray(faces, np.int64),
-        np.ascontiguousarray(fork_faces, np.int64),
-        first,
-        0,
+        fork_faces=np.ascontiguousarray(fork_faces, np.int64),
+        fork_first=first,
+        threads=0,
     )
 
 

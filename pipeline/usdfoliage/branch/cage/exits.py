@@ -115,10 +115,11 @@ class _Nearest:
 
     def find(self, points: Floats) -> _Place:
         """The places next to points (C, 3), from where the last ones were."""
-        point, arc, radius, self.at = _native.tube_nearest(
-            *self.tubes.axes, self.parent, self.at, points, MOST_STEPS, 0
+        near = _native.tube_nearest(
+            self.tubes.axes, self.parent, self.at, places_m=points, max_steps=MOST_STEPS, threads=0
         )
-        return _Place(point_m=point, arc_m=arc, radius_m=radius)
+        self.at = near.at
+        return _Place(point_m=near.points_m, arc_m=near.arc_m, radius_m=near.radius_m)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,21 +158,20 @@ def _walk(
     Returns:
         Arcs (C,), held at the tip, and whether they were reached.
     """
-    arc, done, at.at = _native.walk_out(
-        *tubes.axes,
-        at.tube,
-        at.parent,
-        clearance,
-        at.at,
-        start_m,
-        thickest is not None,
-        CAGE_FACTOR,
-        thickest or THICKEST,
-        SKIN,
-        MOST_STEPS,
-        0,
+    exits = _native.walk_out(
+        tubes.axes,
+        _native.ExitWalks(tube=at.tube, parent=at.parent, clearance=clearance, at=at.at, start_m=start_m),
+        settings=_native.ExitWalkSettings(
+            whole_disc=thickest is not None,
+            cage_factor=CAGE_FACTOR,
+            thickest=thickest or THICKEST,
+            skin=SKIN,
+            max_steps=MOST_STEPS,
+        ),
+        threads=0,
     )
-    return arc, done.astype(bool)
+    at.at = exits.at
+    return exits.arc_m, exits.done.astype(bool)
 
 
 def _sideways_of(vectors: Floats, tangent: Floats, radius_m: Floats) -> Floats:

@@ -72,20 +72,6 @@ def place_holes(tubes: Tubes, exits: Exits, start_m: Floats, wanted: NDArray[np.
     looking = np.flatnonzero(wanted)
     # Thick branches first: their holes move least, even where they were made smaller.
     looking = looking[np.lexsort([looking, -exits.radius_m[looking], exits.parent[looking]])]
-    wants = np.stack(
-        [
-            exits.hole_arc_m,
-            exits.azimuth_rad,
-            half_rad,
-            tight_rad,
-            end_rad,
-            half_block,
-            along,
-            across,
-            exits.parent_radius_m,
-        ],
-        axis=1,
-    )[looking]
     # A hole's first vertex is behind to the left; a root's phase is what its first fork likes.
     phases = np.full(len(tubes), np.nan)
     phases[exits.tube] = exits.phase_rad - TURN / 3
@@ -94,36 +80,45 @@ def place_holes(tubes: Tubes, exits: Exits, start_m: Floats, wanted: NDArray[np.
     steep, steep_first = _steep_stretches(tubes)
     # From there on a tip is rounded.
     end_m = tubes.length_m - 0.5 * tubes.radius_m[tubes.first + tubes.counts - 1]
-    block_tube, block_arcs, want, block, sector, hole, turn_tube, turn_arc, turn_angles, homeless = _native.place_holes(
-        wants,
-        exits.tube[looking],
-        np.searchsorted(exits.parent[looking], np.arange(len(tubes) + 1)),
-        start_m,
-        end_m,
-        tubes.length_m,
-        phases,
-        steep,
-        steep_first,
-        gone,
-        TIGHTEST,
-        RELAXED,
-        LEAST_COLUMN,
+    places = _native.place_holes(
+        _native.HoleTubes(
+            start_m=start_m,
+            end_m=end_m,
+            length_m=tubes.length_m,
+            phase_rad=phases,
+            steep_m=steep,
+            steep_first=steep_first,
+            gone=gone,
+        ),
+        _native.HoleWants(
+            tube=exits.tube[looking],
+            first=np.searchsorted(exits.parent[looking], np.arange(len(tubes) + 1)),
+            arc_m=exits.hole_arc_m[looking],
+            azimuth_rad=exits.azimuth_rad[looking],
+            half_rad=half_rad[looking],
+            tight_rad=tight_rad[looking],
+            end_half_rad=end_rad[looking],
+            half_block_m=half_block[looking],
+            half_along_m=along[looking],
+            half_across_m=across[looking],
+            parent_radius_m=exits.parent_radius_m[looking],
+        ),
+        settings=_native.HoleSettings(tightest=TIGHTEST, relaxed=RELAXED, min_column_rad=LEAST_COLUMN),
     )
-    arc_m, azimuth_rad, half_along_m, half_across_m = np.ascontiguousarray(hole.T)
     return Holes(
-        block_tube=block_tube,
-        block_arcs_m=block_arcs,
-        exit=looking[want],
-        block=block,
-        sector=sector,
-        arc_m=arc_m,
-        azimuth_rad=azimuth_rad,
-        half_along_m=half_along_m,
-        half_across_m=half_across_m,
-        turn_tube=turn_tube,
-        turn_arc_m=turn_arc,
-        turn_angles_rad=turn_angles,
-        homeless=np.sort(looking[homeless]),
+        block_tube=places.block_tube,
+        block_arcs_m=places.block_arcs_m,
+        exit=looking[places.want],
+        block=places.block,
+        sector=places.sector,
+        arc_m=places.arc_m,
+        azimuth_rad=places.azimuth_rad,
+        half_along_m=places.half_along_m,
+        half_across_m=places.half_across_m,
+        turn_tube=places.turn_tube,
+        turn_arc_m=places.turn_arc_m,
+        turn_angles_rad=places.turn_angles_rad,
+        homeless=np.sort(looking[places.homeless]),
     )
 
 

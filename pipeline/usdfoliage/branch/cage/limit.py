@@ -32,5 +32,15 @@ def pull_limit(
         gain: (V,) share of what is missing that a vertex is moved by.
     """
     return _native.pull_limit(
-        faces, aims, tangents, np.ascontiguousarray(swell), np.ascontiguousarray(center), gain, rounds, FARTHEST, 0
+        faces,
+        _native.LimitAims(
+            aims_m=aims,
+            tangents=tangents,
+            swell=np.ascontiguousarray(swell),
+            center_m=np.ascontiguousarray(center),
+            gain=gain,
+        ),
+        rounds=rounds,
+        farthest=FARTHEST,
+        threads=0,
     )

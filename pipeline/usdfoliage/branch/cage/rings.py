@@ -88,16 +88,28 @@ def _round(tubes: Tubes, holes: Holes, tube: Ints, arc: Floats, block: Ints, cen
     radius[tip] *= TIP
     angles = turned(tubes, holes, tube, arc)
     first, second = tubes.frames(tube, arc, tangent)
-    points, radius = _native.round_rings(tube, center, tangent, first, second, angles, radius, AT_VERTICES, 0)
+    rounded = _native.round_rings(
+        _native.RingCircles(
+            tube=tube,
+            center_m=center,
+            tangent=tangent,
+            first=first,
+            second=second,
+            angles_rad=angles,
+            radius_m=radius,
+        ),
+        at_vertices=AT_VERTICES,
+        threads=0,
+    )
     return Rings(
         tube=tube,
         arc_m=arc,
         block=block,
         center_m=center,
         tangent=tangent,
-        radius_m=radius,
+        radius_m=rounded.radius_m,
         angles_rad=angles,
-        points_m=points,
+        points_m=rounded.points_m,
     )
 
 
@@ -217,21 +229,23 @@ def _fill(
         spacing[in_block] = np.abs(arc[neighbour] - arc)[in_block]
     begins = np.concatenate([[True], np.diff(tube) != 0])
     spacing[begins] = starts.spacing_m[tube[begins]]
-    new, new_arc = _native.fill_gaps(
-        *tubes.axes,
-        tubes.turned_rad,
-        of,
-        np.stack([low, length, spacing[gap], spacing[gap + 1]], axis=1),
-        tolerance,
-        longest,
-        GROWTH,
-        STEADY,
-        LONG,
-        0.25 * tubes.stride_m,
-        PER_INTERVAL,
-        MOST_SAMPLES,
-        0,
+    added = _native.fill_gaps(
+        tubes.axes,
+        _native.RingGaps(tube=of, low_m=low, length_m=length, below_m=spacing[gap], above_m=spacing[gap + 1]),
+        turned_rad=tubes.turned_rad,
+        settings=_native.RingSpacingSettings(
+            tolerance=tolerance,
+            longest=longest,
+            growth=GROWTH,
+            steady=STEADY,
+            long_segment=LONG,
+            max_reach_m=0.25 * tubes.stride_m,
+            min_samples=PER_INTERVAL,
+            max_samples=MOST_SAMPLES,
+        ),
+        threads=0,
     )
+    new, new_arc = added.gap, added.arc_m
     out_tube = np.concatenate([tube, of[new]])
     out_arc = np.concatenate([arc, new_arc])
     out_block = np.concatenate([block, np.full(len(new), -1)])

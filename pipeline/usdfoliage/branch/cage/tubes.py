@@ -71,9 +71,16 @@ class Tubes:
         return len(self.first)
 
     @property
-    def axes(self) -> tuple[Floats, Floats, Floats, Floats, Ints, Ints]:
-        """What the native functions take for the axes."""
-        return self.points_m, self.radius_m, self.arc_m, self.direction, self.first, self.counts
+    def axes(self) -> _native.TubeAxes:
+        """The axes as the native functions take them."""
+        return _native.TubeAxes(
+            points_m=self.points_m,
+            radius_m=self.radius_m,
+            arc_m=self.arc_m,
+            direction=self.direction,
+            first=self.first,
+            counts=self.counts,
+        )
 
     @cached_property
     def length_m(self) -> Floats:
@@ -105,15 +112,17 @@ class Tubes:
 
     def axis(self, tube: Ints, arc_m: Floats) -> tuple[Floats, Floats]:
         """Points (N, 3) and radii (N,) of the axis, held at the ends."""
-        return _native.tube_axis(*self.axes, tube, arc_m, 0)
+        places = _native.tube_axis(self.axes, tube, arc_m, threads=0)
+        return places.points_m, places.radius_m
 
     def tangents(self, tube: Ints, arc_m: Floats, reach_m: Floats) -> Floats:
         """(N, 3) unit chords over the axis from reach before a place to reach after it."""
-        return _native.tube_tangents(*self.axes, tube, arc_m, reach_m, 0)
+        return _native.tube_tangents(self.axes, tube, arc_m, reach_m=reach_m, threads=0)
 
     def frames(self, tube: Ints, arc_m: Floats, tangents: Floats) -> tuple[Floats, Floats]:
         """Two unit vectors (N, 3) each, right-handed with the tangents, that do not turn about the axis."""
-        return _native.tube_frames(*self.axes, self.reference, tube, arc_m, tangents, 0)
+        frames = _native.tube_frames(self.axes, tube, arc_m, tangents=tangents, reference=self.reference, threads=0)
+        return frames.first, frames.second
 
 
 def rotate_between(from_unit: Floats, to_unit: Floats, vectors: Floats) -> Floats:
@@ -257,5 +266,5 @@ def carry_references(direction: Floats, first: Ints, counts: Ints) -> Floats:
     start = np.eye(3)[farthest]
     start -= np.sum(start * direction[first], axis=1, keepdims=True) * direction[first]
     reference[first] = start / np.linalg.norm(start, axis=1, keepdims=True)
-    _native.carry_references(direction, first, counts, reference, 0)
+    _native.carry_references(direction, first, counts, reference=reference, threads=0)
     return reference
