@@ -488,9 +488,9 @@ def test_hundred_thousand_leaves_take_seconds() -> None:
         if attribute.HasAuthoredValue() and attribute.GetTypeName().isArray and attribute.GetName() != "extent":
             attribute.Set(type(held)(count, held[0]))
     prim.GetAttribute("primvars:leaf:packed").Set(stages.packed_leaves(count))
-    start = time.perf_counter()
+    start = time.process_time()
     assert findings(stage) == []
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
 
 
 def _moved_child(prim: Usd.Prim) -> None:

@@ -12,7 +12,7 @@
 
 namespace usdfoliage {
 
-// A point of a leaf at one v is linear in what hangs on u: Q, A - Q, D and the three heights of leaf_curves.h.
+// A point of a leaf at one v is linear in what hangs on u: Q, A - Q, D and the three heights of curves.h.
 constexpr int kTerms = 6;
 
 // Sums over the points of a scanline: weight times term times term, times coordinate.

@@ -2,7 +2,7 @@
 
 After a change that is meant, write the golden values anew and read the difference before committing it::
 
-    USDFOLIAGE_UPDATE_GOLDEN=1 .venv/bin/python -m pytest tests/asset/test_crown_asset.py -k golden
+    USDFOLIAGE_UPDATE_GOLDEN=1 .venv/bin/python -m pytest tests/asset/packages/test_crown_asset.py -k golden
     git diff tests/golden
 """
 

@@ -113,9 +113,9 @@ def test_leaves_may_be_all_alike():
 
 
 def test_a_hundred_thousand_leaves_take_a_moment():
-    start = time.perf_counter()
+    start = time.process_time()
     leaves = spray(100_000)
-    assert time.perf_counter() - start < 3  # 0.3 s alone on two cores; the tests share them
+    assert time.process_time() - start < 3  # of the processor, whoever else is at work; it takes 0.3
     assert len(np.unique(leaves.base_m, axis=0)) == 100_000
 
 

@@ -9,7 +9,7 @@
     views/KEY/         pictures and depth that the tasks of one set of photographs share, each file by its own hash
     published/KEY.json which result was put where, and the digests of its files there
     digests/KEY.json   digests of input files, by path, size and time
-    builds/KEY.json    the tasks of the latest build of a plant, and those of earlier ones: plant_record.py
+    builds/KEY.json    the tasks of the latest build of a plant, and those of earlier ones: record.py
     builds/KEY.lock    held, shared, while a task of the plant runs, so that nobody prunes what it reads
 
 A stamp is written last, when the files are in their places. Nothing is taken for a result because it is there: a file

@@ -1,6 +1,6 @@
 """The leaf as a surface: points, tangents, normals and derivatives from the 21 parameters.
 
-The algebra is written down once in the native extension (leaf_curves.h) and once in usdFoliageLeaf.glslfx for Storm.
+The algebra is written down once in the native extension (leaf/curves.h) and once in usdFoliageLeaf.glslfx for Storm.
 Every function takes leaves as (N, 7, 3), zero leaves too, uses at most `threads` threads, 0 for one per core, and gives
 the same numbers for any number of them.
 
