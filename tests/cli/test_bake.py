@@ -173,7 +173,7 @@ def test_patches_that_a_modeller_changed_come_back(source, tmp_path, capsys):
     patch.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(points))
     stage.Save()
 
-    unread = "note: 1 patch of the representation nurbs has changes that were not read; --from nurbs reads them"
+    unread = "note: 1 patch of the representation nurbs has changes that were not read: --from nurbs reads them"
     assert unread in printed(capsys, "bake", scene, "-o", tmp_path / "unread")
     lines = printed(capsys, "bake", scene, "--from", "nurbs", "-o", tmp_path / "back")
     assert not any("not read" in line for line in lines)

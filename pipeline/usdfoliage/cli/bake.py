@@ -28,13 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.bake_settings import read_bake_request
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks, render_for
-    from usdfoliage.jobs.edits.bake import BakeRequest, bake_asset, plan_bake
+    from usdfoliage.jobs.edits.bake import bake_asset, plan_bake
 
     handle_interrupts()
-    request = BakeRequest.from_options(options)
+    request = read_bake_request(options)
     if options.dry_run:
         print(plan_bake(request, render_for("bake")))
         return 0

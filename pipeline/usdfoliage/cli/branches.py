@@ -6,7 +6,6 @@ leaves on its twigs too, to be edited as those of any asset of leaves.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 from usdfoliage.cli.leaf_options import add_representation, add_resolution
@@ -126,13 +125,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.branches_settings import read_branches_request
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.cli.remarks import print_remarks, render_for
-    from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset, plan_branches_asset
+    from usdfoliage.cli.remarks import print_remarks
+    from usdfoliage.jobs.branches.run import make_branches_asset, plan_branches_asset
 
     handle_interrupts()
-    request = replace(BranchesRequest.from_options(options), render_setting=render_for("branches"))
+    request = read_branches_request(options)
     if options.dry_run:
         print(plan_branches_asset(request))
         return 0

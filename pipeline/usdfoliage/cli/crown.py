@@ -9,7 +9,6 @@ pictures.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -81,34 +80,30 @@ def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.capture.cloud_files.read import looks_like_cloud
+    from usdfoliage.cli.crown_settings import read_captured_crown_request, read_crown_request
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.cli.remarks import print_remarks, render_for
+    from usdfoliage.cli.remarks import print_remarks
 
     made: MadeCrown | MadeCapturedCrown
     if options.photo.is_dir() or looks_like_cloud(options.photo):
         from usdfoliage.jobs.crown.run_capture import (
-            CapturedCrownRequest,
             make_captured_crown_asset,
             plan_captured_crown_asset,
         )
 
         handle_interrupts()
-        captured = replace(CapturedCrownRequest.from_options(options), render_setting=render_for("crown"))
+        captured = read_captured_crown_request(options)
         if options.dry_run:
             print(plan_captured_crown_asset(captured))
             return 0
         with StepBar() as bar:
             made = make_captured_crown_asset(captured, bar.show)
     else:
-        from usdfoliage.jobs.crown.run_capture import CAPTURE_OPTIONS, refuse_options
-        from usdfoliage.jobs.crown.run_photograph import CrownRequest, make_crown_asset, plan_crown_asset
+        from usdfoliage.jobs.crown.run_photograph import make_crown_asset, plan_crown_asset
 
         handle_interrupts()
-        refuse_options(
-            options, CAPTURE_OPTIONS, f"{options.photo} is no folder and no cloud, and taken for a photograph"
-        )
-        request = replace(CrownRequest.from_options(options), render_setting=render_for("crown"))
+        request = read_crown_request(options)
         if options.dry_run:
             print(plan_crown_asset(request))
             return 0

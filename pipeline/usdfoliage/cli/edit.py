@@ -65,12 +65,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.edit_settings import read_edit_request
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.remarks import print_remarks
-    from usdfoliage.jobs.edits.edit import EditRequest, plan_look, write_look
+    from usdfoliage.jobs.edits.edit import plan_look, write_look
 
     handle_interrupts()
-    request = EditRequest.from_options(options)
+    request = read_edit_request(options)
     planned = plan_look(request) if options.dry_run else write_look(request)
     print_remarks(planned.remarks, "edit")
     for change in planned.changes:

@@ -6,7 +6,6 @@ colours, an average leaf texture, and a report that shows every step over the ph
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 from usdfoliage.cli.leaf_options import add_representation, add_writing
@@ -63,17 +62,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.leaves_settings import read_leaves_request, read_leaves_settings
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.cli.remarks import print_remarks, render_for
-    from usdfoliage.jobs.leaves.run import LeavesRequest, make_leaves_asset, plan_leaves_asset
-    from usdfoliage.jobs.leaves.settings import read_leaves_settings
+    from usdfoliage.cli.remarks import print_remarks
+    from usdfoliage.jobs.leaves.run import make_leaves_asset, plan_leaves_asset
     from usdfoliage.jobs.work.settings_file import format_settings
 
     handle_interrupts()
     if options.print_settings:
         print(format_settings(read_leaves_settings(options)), end="")
         return 0
-    request = replace(LeavesRequest.from_options(options), render_setting=render_for("leaves"))
+    request = read_leaves_request(options)
     if options.dry_run:
         print(plan_leaves_asset(request))
         return 0

@@ -53,6 +53,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
         options={
             **_OF_A_CLOUD,
             "crown.mask": "--mask",
+            "crown.force": "--force",
             "crown.size": "--size",
             "crown.mesh_size": "--mesh-size",
             "plant.species": "--species",
@@ -71,6 +72,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
         values={"leaves.depth": {"estimated": "sweep"}},
         table="leaves",
     ),
+    "submit": CommandOptions(options={"submit.force": "--force"}),
     "bake": CommandOptions(options={"bake.source": "--from"}),
     "edit": CommandOptions(options={"edit.jitter": "--jitter"}),
     "scatter": CommandOptions(options={"plant.representations": "--representation"}),

@@ -37,10 +37,11 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks, render_for
-    from usdfoliage.jobs.edits.scatter import ScatterRequest, plan_spray, scatter_asset
+    from usdfoliage.cli.scatter_settings import read_scatter_request
+    from usdfoliage.jobs.edits.scatter import plan_spray, scatter_asset
 
     handle_interrupts()
-    request = ScatterRequest.from_options(options)
+    request = read_scatter_request(options)
     if options.dry_run:
         print(plan_spray(request, render_for("scatter")))
         return 0

@@ -11,9 +11,9 @@ from usdfoliage.asset.packages.leaf_package import LeafLook
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.branch.foliage.species import load_species
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
+from usdfoliage.cli.branches_settings import read_branches_request
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.jobs.branches.foliage import FoliageRequest, grow_leaves, read_fitted_leaves
-from usdfoliage.jobs.branches.run import BranchesRequest
 from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits
 from usdfoliage.leaf.shape.measures import leaf_width
 
@@ -91,8 +91,8 @@ def test_the_leaves_can_be_told_edited_baked_and_validated(leafy, tmp_path, caps
 
 def test_a_species_alone_adds_no_leaves_but_its_exponent(tmp_path):
     words = ["branches", "cloud.ply", "-o", str(tmp_path)]
-    usual = BranchesRequest.from_options(build_parser().parse_args(words))
-    peach = BranchesRequest.from_options(build_parser().parse_args([*words, "--species", "Peach"]))
+    usual = read_branches_request(build_parser().parse_args(words))
+    peach = read_branches_request(build_parser().parse_args([*words, "--species", "Peach"]))
     assert (peach.species, peach.settings.radii.allometry.exponent) == ("peach", 0.5)
     assert peach.settings.internode_m is None  # the table's is that of leaves
     assert peach.foliage.kind == "none"

@@ -64,5 +64,5 @@ def test_a_formula_must_be_positive_everywhere(text):
 
 
 def test_a_missing_map_is_named():
-    with pytest.raises(FoliageError, match=r"no such tangent map \(absent\.exr\)"):
+    with pytest.raises(FoliageError, match=r"there is no such map \(absent\.exr\)"):
         read_tangent("absent.exr")

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from usdfoliage.cli.edit_settings import parse_edits
 from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
-from usdfoliage.jobs.edits.edit import changed_edits, parse_edits
+from usdfoliage.jobs.edits.edit import changed_edits
 from usdfoliage.jobs.edits.scatter import MOST_LEAVES, check_count, read_spray
 from usdfoliage.jobs.edits.settings import read_representations
 from usdfoliage.jobs.info import measure_leaves

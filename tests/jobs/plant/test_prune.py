@@ -321,7 +321,7 @@ def test_a_part_that_is_a_link_is_refused(request_of_shrub: BuildRequest, tmp_pa
 
 
 def test_folders_that_are_no_work_folder(request_of_shrub: BuildRequest, tmp_path: Path) -> None:
-    with pytest.raises(FoliageError, match="it has no tasks/; name the folder of --work"):
+    with pytest.raises(FoliageError, match="it has no tasks/; name the work folder itself"):
         prune_work(tmp_path / "nothing")
     built(replace(request_of_shrub, work=tmp_path / "assets" / ".usdfoliage"), "a")
     with pytest.raises(FoliageError, match=r"did you mean .*/assets/\.usdfoliage\?"):

@@ -1,6 +1,5 @@
 """Leaves for an asset of branches: of a species, or as they were fitted to a capture."""
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,10 +17,10 @@ from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.foliage.place import FoliageSettings, LeafPlaces, place_leaves
 from usdfoliage.branch.foliage.species import GENERIC, Species, describe_species, load_species
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.errors import AssetError, FoliageError
+from usdfoliage.errors import AssetError
 from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
-from usdfoliage.jobs.edits.scatter import LENGTHS_M, MOST_LEAVES, MOST_LEAVES_OF_ALL, note_bezier_alone
-from usdfoliage.jobs.edits.settings import check_memory, read_representations, read_settings
+from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL, note_bezier_alone
+from usdfoliage.jobs.edits.settings import check_memory, read_settings
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import LeafEdits
@@ -48,34 +47,6 @@ class FoliageRequest:
     settings: FoliageSettings = field(default_factory=FoliageSettings)
     representations: tuple[str, ...] | None = None  # None: as many as their number allows
     resolution: tuple[int, int] | None = None
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace, species: Species | None) -> "FoliageRequest":
-        """The leaves that a command line asks for; FoliageError for values that cannot be."""
-        kind = options.foliage or (FITTED if options.leaves else NONE)
-        if kind == FITTED and options.leaves is None:
-            raise FoliageError("--foliage fitted takes leaves from an asset of leaves; name it with --leaves")
-        if kind != FITTED and options.leaves is not None:
-            raise FoliageError(f"--leaves is for --foliage fitted, not {kind}; leave one of them out")
-        shortest_m, longest_m = LENGTHS_M
-        if options.leaf_length is not None and not shortest_m <= options.leaf_length <= longest_m:
-            raise FoliageError(
-                f"--leaf-length must be {shortest_m:g} to {longest_m:g} metres, not {options.leaf_length:g}"
-            )
-        if not 1 <= options.max_leaves <= MOST_LEAVES:
-            raise FoliageError(f"--most-leaves must be 1 to {MOST_LEAVES:,}, not {options.max_leaves}")
-        chosen = read_representations(options.representation) if options.representation else None
-        resolution = (options.resolution[0], options.resolution[1]) if options.resolution else None
-        read_settings(chosen or ("bezier",), resolution)
-        return cls(
-            kind=kind,
-            species=species or load_species(GENERIC),
-            source=options.leaves,
-            length_m=options.leaf_length,
-            settings=FoliageSettings(max_leaves=options.max_leaves),
-            representations=chosen,
-            resolution=resolution,
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,6 +1,5 @@
 """What moves in an asset of branches, where it is asked for: a rig, its sway, and growth."""
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -29,7 +28,6 @@ from usdfoliage.branch.motion.skinning import pose_joints, skin_points
 from usdfoliage.branch.motion.surface_places import cage_exits, cage_places, places_at
 from usdfoliage.branch.motion.sway import SwaySettings, sway_joints
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
-from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import GrownLeaves
 from usdfoliage.leaf.model import Leaves
 
@@ -41,24 +39,6 @@ class BranchMotion:
     rig: RigSettings | None = None
     sway: SwaySettings | None = None  # of the rig
     growth_frames: int = 0
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "BranchMotion":
-        """What a command line asks for; FoliageError for values that cannot be."""
-        rig = sway = None
-        has_rig = options.rig or options.sway is not None
-        if options.rig_order is not None and not has_rig:
-            raise FoliageError("--rig-order is of a rig; add --rig or --sway")
-        if options.rig_order is not None and options.rig_order < 0:
-            raise FoliageError(f"--rig-order must be 0 or more, not {options.rig_order}")
-        for name, frames in (("--sway", options.sway), ("--growth", options.growth)):
-            if frames is not None and frames < 2:
-                raise FoliageError(f"{name} must be 2 frames or more, not {frames}")
-        if has_rig:
-            rig = RigSettings() if options.rig_order is None else RigSettings(order=options.rig_order)
-        if options.sway is not None:
-            sway = SwaySettings(frames=options.sway)
-        return cls(rig=rig, sway=sway, growth_frames=options.growth or 0)
 
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options; nothing of what was not asked for."""

@@ -1,6 +1,5 @@
 """The cloud of a plant, as its branches are traced through it: upright, in metres, without ground, with its roots."""
 
-import argparse
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -43,22 +42,6 @@ class PlantCloudRequest:
     internode_m: float | None = None  # None: from the height, as branches are traced
     has_ground: bool = True  # False: it was left out before, and what lies low is of the plant
 
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "PlantCloudRequest":
-        """The cloud that a command line names; FoliageError for values that cannot be."""
-        roots, given = read_roots(options.roots)
-        if options.max_points < MIN_POINTS:
-            raise FoliageError(f"--most-points must be at least {MIN_POINTS}, not {options.max_points}")
-        return cls(
-            path=options.cloud,
-            roots=roots,
-            given_roots=given,
-            up=read_up(options.up),
-            unit=read_unit(options.unit),
-            max_points=options.max_points,
-            internode_m=options.internode,
-        )
-
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options."""
         roots = ";".join(",".join(f"{c:.12g}" for c in place) for place in self.given_roots)
@@ -83,9 +66,9 @@ def read_roots(text: str) -> tuple[RootSettings, tuple[tuple[float, float, float
             return RootSettings(count=int(text)), ()
         places = tuple(tuple(float(part) for part in place.split(",")) for place in text.split(";"))
     except ValueError as error:
-        raise FoliageError(f"--roots must be auto, a number above 0, or x,y,z, not {text!r}") from error
+        raise FoliageError(f"roots must be auto, a number above 0, or x,y,z, not {text!r}") from error
     if not all(len(place) == 3 and np.isfinite(place).all() for place in places):
-        raise FoliageError(f"--roots must be auto, a number above 0, or x,y,z, not {text!r}")
+        raise FoliageError(f"roots must be auto, a number above 0, or x,y,z, not {text!r}")
     return RootSettings(count=len(places)), tuple((place[0], place[1], place[2]) for place in places)
 
 
@@ -94,7 +77,7 @@ def read_up(text: str) -> str | None:
     if text == "auto":
         return None
     if not re.fullmatch(r"[+-]?[XYZxyz]", text):
-        raise FoliageError(f"--up must be auto or one of X, Y, Z, -X, -Y and -Z, not {text!r}")
+        raise FoliageError(f"up must be auto or one of X, Y, Z, -X, -Y and -Z, not {text!r}")
     return text.upper()
 
 
@@ -103,7 +86,7 @@ def read_unit(text: str) -> str | None:
     if text == "auto":
         return None
     if text not in UNITS:
-        raise FoliageError(f"--unit must be auto or one of {', '.join(UNITS)}, not {text!r}")
+        raise FoliageError(f"unit must be auto or one of {', '.join(UNITS)}, not {text!r}")
     return text
 
 

@@ -1,6 +1,5 @@
 """Branches that are grown, where it is asked for: instead of traced ones, inside the crown, or as plants alike."""
 
-import argparse
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -11,7 +10,6 @@ from usdfoliage.branch.growth.grow import GrownBranches
 from usdfoliage.branch.growth.regrowth import RegrowthSettings, fill_hidden, regrow, vary_growth
 from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
-from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.plant_cloud import PlantCloud
 from usdfoliage.jobs.branches.warnings import check_growth
 from usdfoliage.remarks import Remark, remark
@@ -29,13 +27,6 @@ class RegrowthRequest:
     hidden: bool = False  # grow into what the cloud hides
     variations: int = 0
     settings: RegrowthSettings = field(default_factory=RegrowthSettings)
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "RegrowthRequest":
-        """The growth that a command line asks for; FoliageError for values that cannot be."""
-        if not 0 <= options.variations <= MOST_VARIATIONS:
-            raise FoliageError(f"--variations must be 0 to {MOST_VARIATIONS}, not {options.variations}")
-        return cls(method=options.method, hidden=options.fill_hidden, variations=options.variations)
 
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options; nothing of what was not asked for."""

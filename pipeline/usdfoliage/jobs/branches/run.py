@@ -1,6 +1,5 @@
 """From a cloud on disk to an asset of branches."""
 
-import argparse
 import logging
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,17 +18,12 @@ from usdfoliage.asset.parts.branch_growth import BranchGrowth
 from usdfoliage.asset.parts.branch_rig import BranchRig
 from usdfoliage.asset.parts.branches import SkeletonPrim
 from usdfoliage.asset.parts.leaf_motion import RiggedLeaves
-from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
-from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage.build import BranchCage, BranchCageSettings, build_branch_cage
-from usdfoliage.branch.foliage.species import load_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.free_axes import points_of_branches
-from usdfoliage.branch.tracing.radii import RadiusSettings
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches
-from usdfoliage.errors import FoliageError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.branches.foliage import (
@@ -45,7 +39,6 @@ from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_bran
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.tracing import trace_cloud
 from usdfoliage.jobs.branches.warnings import check_surface
-from usdfoliage.jobs.edits.scatter import read_color
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, merge_remarks, remark
@@ -78,41 +71,6 @@ class BranchesRequest:
     color_of_cloud: bool = False  # branches have the colour of the cloud's wood, where it has colours
     force: bool = False
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "BranchesRequest":
-        """The request that a command line makes; FoliageError for values that cannot be."""
-        if options.species_file is not None and not options.species:
-            raise FoliageError("--species-file holds species; say with --species which one is meant")
-        if not 0 <= options.seed < 2**62:  # an asset records it as int64, and those of variations follow it
-            raise FoliageError(f"--seed must be 0 or more and below 2^62, not {options.seed}")
-        species = load_species(options.species, options.species_file) if options.species else None
-        allometry = AllometrySettings(exponent=species.exponent) if species else AllometrySettings()
-        try:
-            settings = BranchSettings(
-                internode_m=options.internode,
-                leaves=options.cloud_leaves,
-                radii=RadiusSettings(allometry=allometry),
-            )
-        except ValueError as error:
-            raise FoliageError(f"--internode: {error}") from error
-        bark = BranchAssetSettings()
-        if options.bark_color is not None:
-            bark = replace(bark, color=read_color(options.bark_color, "--bark-color"))
-        return cls(
-            cloud=PlantCloudRequest.from_options(options),
-            output=options.output,
-            name=asset_name(options.name or options.output.resolve().name),
-            settings=settings,
-            species=species.name if species else "",
-            regrowth=RegrowthRequest.from_options(options),
-            foliage=FoliageRequest.from_options(options, species),
-            motion=BranchMotion.from_options(options),
-            asset=bark,
-            seed=options.seed,
-            preview=not options.no_preview,
-            force=options.force,
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

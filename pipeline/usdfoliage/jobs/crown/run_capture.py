@@ -1,6 +1,5 @@
 """From a capture or a cloud on disk to an asset of its plant's crown."""
 
-import argparse
 import logging
 import time
 from collections.abc import Iterator
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from usdfoliage import __version__
 from usdfoliage.asset.materials.leaf import LEAF_COLOR
 from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
-from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.crown.captured_measures import CapturedCrownMeasures
@@ -26,10 +24,10 @@ from usdfoliage.crown.reconstruct import (
     reconstruct_captured_crown,
     reconstruct_cloud_crown,
 )
-from usdfoliage.errors import FitError, FoliageError
+from usdfoliage.errors import FitError
 from usdfoliage.files.hashing import digest_file, hash_each
 from usdfoliage.geometry.color import decode_srgb
-from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
+from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
 from usdfoliage.jobs.crown.capture_report import captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
@@ -38,18 +36,6 @@ from usdfoliage.progress import StepProgress
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
 logger = logging.getLogger(__name__)
-
-# Of the command line: options that only a photograph has, those that only a capture has, and their defaults.
-PHOTO_OPTIONS: dict[str, object] = {
-    "mask": None,
-    "height": 5.0,
-    "tangent": "auto",
-    "relief": 0.12,
-    "laplacian": False,
-    "copies": 1,
-    "color_space": None,
-}
-CAPTURE_OPTIONS: dict[str, object] = {"roots": "auto", "up": "auto", "unit": "auto", "report_views": 6}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,48 +53,6 @@ class CapturedCrownRequest:
     times: bool = True  # whether the report says how long each step took
     report_views: int = 6  # photographs that the report shows
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "CapturedCrownRequest":
-        """The request that a command line makes; FoliageError for values that cannot be."""
-        kind = "a folder: a capture" if options.photo.is_dir() else "a cloud"
-        refuse_options(options, PHOTO_OPTIONS, f"{options.photo} is {kind}, not one photograph")
-        if not options.photo.is_dir():
-            told = f"{options.photo} is a cloud alone, without photographs"
-            refuse_options(options, {"report_views": CAPTURE_OPTIONS["report_views"]}, told)
-        roots, given = read_roots(options.roots)
-        if options.report_views < 0:
-            raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
-        try:
-            settings = CapturedCrownSettings(size=options.size, seed=options.seed, threads=options.threads)
-            asset_settings = AssetSettings(crown_mesh_size=options.mesh_size)
-        except ValueError as error:
-            raise FoliageError(str(error)) from error
-        return cls(
-            cloud=PlantCloudRequest(
-                path=options.photo,
-                roots=roots,
-                given_roots=given,
-                up=read_up(options.up),
-                unit=read_unit(options.unit),
-            ),
-            output=options.output,
-            name=asset_name(options.name or options.output.resolve().name),
-            settings=settings,
-            asset_settings=asset_settings,
-            species=options.species,
-            force=options.force,
-            preview=not options.no_preview,
-            report_views=options.report_views,
-        )
-
-
-def refuse_options(options: argparse.Namespace, others: dict[str, object], told: str) -> None:
-    """FoliageError for an option that is given and has no meaning for what is read."""
-    given = [name for name, default in others.items() if getattr(options, name, default) != default]
-    if given:
-        names = ", ".join(f"--{name.replace('_', '-')}" for name in given)
-        raise FoliageError(f"{told}; {names} {'has' if len(given) == 1 else 'have'} no meaning there: leave it out")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,6 +1,5 @@
 """From a photograph's file to an asset on disk."""
 
-import argparse
 import logging
 import shutil
 from dataclasses import dataclass
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
-from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.capture.folder.images import Photo, read_photo
@@ -22,7 +20,6 @@ from usdfoliage.errors import AssetError, FoliageError, PreviewError
 from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
 from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, write_crown_report
-from usdfoliage.jobs.crown.tangent import read_tangent
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
 from usdfoliage.jobs.report.table import ReportView, Row
 from usdfoliage.progress import StepProgress, progress_in_step
@@ -57,39 +54,6 @@ class CrownRequest:
     force: bool = False
     preview: bool = True
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "CrownRequest":
-        """The request that a command line makes; FoliageError for values that cannot be."""
-        tangent = read_tangent(options.tangent)
-        try:
-            settings = CrownSettings(
-                size=options.size,
-                height_m=options.height,
-                tangent=tangent if isinstance(tangent, float) else None,
-                relief=options.relief,
-                band_pass=options.laplacian,
-                copies=options.copies,
-                seed=options.seed,
-                threads=options.threads,
-            )
-            asset_settings = AssetSettings(crown_mesh_size=options.mesh_size)
-        except ValueError as error:
-            raise FoliageError(str(error)) from error
-        return cls(
-            photo=options.photo,
-            mask=options.mask,
-            output=options.output,
-            name=asset_name(options.name or options.output.resolve().name),
-            settings=settings,
-            tangent=options.tangent,
-            tangent_map=tangent if isinstance(tangent, np.ndarray) else None,
-            asset_settings=asset_settings,
-            color_space=options.color_space,
-            species=options.species,
-            force=options.force,
-            preview=not options.no_preview,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,8 +220,8 @@ def _check_not_edited(old: Path, new: Path, force: bool) -> None:
     """Refuse to replace a proposal that the user has worked on since."""
     if old.is_file() and not force and old.read_bytes() != new.read_bytes():
         raise AssetError(
-            f"{old} is not what this photograph proposes: it was edited, or belongs to another; give it with --mask, "
-            "or replace it with --force"
+            f"{old} is not what this photograph proposes: it was edited, or belongs to another",
+            ("give it with ", Setting(name="crown.mask"), ", or replace it with ", Setting(name="crown.force")),
         )
 
 

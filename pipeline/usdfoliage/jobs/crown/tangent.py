@@ -56,7 +56,7 @@ def read_tangent(text: str) -> float | NDArray[np.float64] | None:
     if Path(text).suffix and Path(text).exists():
         return _read_map(Path(text))
     if Path(text).suffix.lower() in (".exr", ".png", ".jpg", ".jpeg", ".tif", ".tiff"):
-        raise CaptureError(f"no such tangent map ({text})")
+        raise CaptureError(f"tangent: there is no such map ({text})")
     across = (np.arange(FORMULA_SIZE) + 0.5) / FORMULA_SIZE
     i, j = np.meshgrid(across, across)
     try:
@@ -64,14 +64,14 @@ def read_tangent(text: str) -> float | NDArray[np.float64] | None:
             tangent = _evaluate(ast.parse(text, mode="eval").body, {"i": i, "j": j, "pi": np.float64(math.pi)})
     except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError, OverflowError) as error:
         raise FoliageError(
-            f"--tangent {text!r} is no number, file or formula ({error}); write for example 2, tangent.exr or '1 + 2*j'"
+            f"tangent {text!r} is no number, file or formula ({error}); write for example 2, tangent.exr or '1 + 2*j'"
         ) from error
-    return _check(np.broadcast_to(np.asarray(tangent, dtype=np.float64), i.shape), f"--tangent {text!r}")
+    return _check(np.broadcast_to(np.asarray(tangent, dtype=np.float64), i.shape), f"tangent {text!r}")
 
 
 def _positive_number(value: float, text: str) -> float:
     if not FLATTEST <= value <= STEEPEST:  # NaN is not either
-        raise FoliageError(f"the tangent must be a positive number from {FLATTEST:g} to {STEEPEST:g}, not {text}")
+        raise FoliageError(f"tangent must be a positive number from {FLATTEST:g} to {STEEPEST:g}, not {text}")
     return value
 
 
@@ -80,7 +80,7 @@ def _read_map(path: Path) -> NDArray[np.float64]:
     values = raster.color[..., 0].astype(np.float64)
     if not raster.is_float:
         values *= 4.0 / np.iinfo(raster.color.dtype).max
-    return _check(values, f"the tangent map {path}")
+    return _check(values, f"tangent: the map {path}")
 
 
 def _check(tangent: NDArray[np.float64], what: str) -> NDArray[np.float64]:

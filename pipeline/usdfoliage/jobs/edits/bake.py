@@ -1,6 +1,5 @@
 """From an asset with edits to one whose leaves are as the edits make them."""
 
-import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -66,22 +65,6 @@ class BakeRequest:
     resolution: tuple[int, int] | None
     source: str  # the representation that is read, bezier or nurbs
     force: bool = False
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "BakeRequest":
-        """The request that a command line makes; FoliageError for values that cannot be."""
-        chosen = read_representations(options.representation) if options.representation else None
-        resolution = (options.resolution[0], options.resolution[1]) if options.resolution else None
-        read_settings(chosen or ("bezier",), resolution)
-        return cls(
-            asset=options.asset,
-            output=options.output,
-            name=options.name,
-            representations=chosen,
-            resolution=resolution,
-            source=options.source,
-            force=options.force,
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,10 +1,7 @@
 """From the edits that a user names to a look on disk."""
 
-import argparse
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +19,6 @@ Value = float | Vector
 
 LEAST_SEGMENTS_A_CYCLE = 8  # of a silhouette; with fewer the faster waves of the jitter show as slower ones
 MOST = 1e3  # of any number of an edit
-EDIT_OPTIONS = ("width", "asymmetry", "axis1", "axis2", "bend", "silhouette", "curl", "jitter", "jitter_map")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,23 +32,6 @@ class EditRequest:
     jitter_map: Path | None
     prim: str | None
     force: bool = False
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "EditRequest":
-        """The request that a command line makes; FoliageError for values that cannot be."""
-        given = [name for name in EDIT_OPTIONS if getattr(options, name) is not None]
-        if not given:
-            names = ", ".join(f"--{name.replace('_', '-')}" for name in EDIT_OPTIONS)
-            raise FoliageError(f"no edit is named, so there is nothing to write; name one or more of {names}")
-        return cls(
-            asset=options.asset,
-            output=options.output,
-            edits=parse_edits(options),
-            sets_jitter=options.jitter is not None,
-            jitter_map=options.jitter_map,
-            prim=options.prim,
-            force=options.force,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,51 +145,3 @@ def changed_edits(edits: LeafEdits, start: LeafEdits = NEUTRAL) -> dict[str, Val
 def show_value(value: Value) -> str:
     """An edit's number or numbers."""
     return f"{value:g}" if isinstance(value, float) else " ".join(f"{number:g}" for number in value)
-
-
-def parse_edits(options: argparse.Namespace) -> LeafEdits:
-    """The edits that options name; asymmetry, bend and the axis points add up.
-
-    Raises:
-        FoliageError: A number is not finite or out of range, or a silhouette point is named wrongly or twice.
-    """
-    if options.bend is not None and len(options.bend) > 2:
-        raise FoliageError(f"--bend takes Z, or Z1 and Z2 of the two axis points, not {len(options.bend)} numbers")
-    x, y = options.asymmetry or (0.0, 0.0)
-    heights = options.bend or (0.0,)
-    points = ((heights[0], options.axis1), (heights[-1], options.axis2))
-    axis1, axis2 = (
-        _vector([a + b for a, b in zip((x, y, z), own or (0.0, 0.0, 0.0), strict=True)]) for z, own in points
-    )
-    changed: dict[str, Any] = {"axis1": axis1, "axis2": axis2}
-    if options.width is not None:
-        changed["width"] = options.width
-    changed |= _read_silhouette(options.silhouette or ())
-    if options.curl is not None:
-        changed["curl"] = _vector(options.curl)
-    if options.jitter is not None:
-        changed["jitter_amplitude"], changed["jitter_frequency"] = options.jitter
-    try:
-        return LeafEdits(**changed)
-    except ValueError as error:
-        raise FoliageError(f"{error}; lengths are in leaf lengths") from error
-
-
-def _read_silhouette(given: Sequence[Sequence[float]]) -> dict[str, Vector]:
-    points: dict[str, Vector] = {}
-    for numbers in given:
-        said = " ".join(f"{number:g}" for number in numbers)
-        if len(numbers) not in (3, 4):
-            raise FoliageError(f"--silhouette takes POINT V X and at most Z besides, not {said}")
-        if numbers[0] not in (1, 2, 3):
-            raise FoliageError(f"--silhouette: the point is 1, 2 or 3, counted from the base, not {numbers[0]:g}")
-        name = f"silhouette{numbers[0]:.0f}"
-        if name in points:
-            raise FoliageError(f"--silhouette names point {numbers[0]:.0f} twice; add the numbers up")
-        points[name] = _vector([*numbers[1:], 0.0][:3])
-    return points
-
-
-def _vector(numbers: Sequence[float]) -> Vector:
-    x, y, z = numbers
-    return x, y, z

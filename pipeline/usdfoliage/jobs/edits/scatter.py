@@ -1,6 +1,5 @@
 """From a number of leaves to an asset of a random spray."""
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,18 +8,12 @@ import numpy as np
 
 from usdfoliage import __version__
 from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
-from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
-from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.edits.settings import (
-    check_memory,
-    check_pictures,
     fingerprint,
     needed_memory,
-    read_representations,
-    read_settings,
 )
 from usdfoliage.leaf.shape.spray import SpraySettings, scatter_spray
 from usdfoliage.leaf.shape.variation import VariationSettings, vary_colors
@@ -47,34 +40,6 @@ class ScatterRequest:
     look: LeafLook
     chosen: bool  # whether the user named the representations
     force: bool = False
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "ScatterRequest":
-        """The request that a command line makes; FoliageError for values that cannot be."""
-        check_count(options.count)
-        if not 0 <= options.seed < 2**63:  # an asset records it as int64
-            raise FoliageError(f"the seed must be 0 or more and below 2^63, not {options.seed}")
-        usual = tuple(REPRESENTATIONS) if options.count <= MOST_LEAVES_OF_ALL else ("bezier",)
-        representations = read_representations(options.representation or usual)
-        look = LeafLook(
-            color=read_color(options.color) if options.color else LeafLook().color,
-            texture=options.texture,
-            jitter_map=options.jitter_map,
-        )
-        check_pictures(look.texture, look.jitter_map)
-        settings = read_settings(representations, options.resolution)
-        check_memory(options.count, settings)
-        return cls(
-            count=options.count,
-            output=options.output,
-            name=asset_name(options.name or options.output.resolve().name),
-            seed=options.seed,
-            spray=read_spray(options.length, options.variation),
-            settings=settings,
-            look=look,
-            chosen=options.representation is not None,
-            force=options.force,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,11 +124,11 @@ def check_count(count: int) -> None:
         )
 
 
-def read_color(numbers: Sequence[float], option: str = "--color") -> tuple[float, float, float]:
-    """A colour of three numbers, as an option gave them; FoliageError for one that no plant has."""
+def read_color(numbers: Sequence[float], name: str = "color") -> tuple[float, float, float]:
+    """A colour of three numbers; FoliageError, which begins with name, for one that no plant has."""
     red, green, blue = numbers
     if not all(0 <= channel <= 1 for channel in numbers):  # false for NaN too
-        raise FoliageError(f"{option} must be three numbers from 0 to 1, linear, not {red:g} {green:g} {blue:g}")
+        raise FoliageError(f"{name} must be three numbers from 0 to 1, linear, not {red:g} {green:g} {blue:g}")
     return red, green, blue
 
 
@@ -171,9 +136,9 @@ def read_spray(length_m: float, variation: float) -> SpraySettings:
     """Leaves of this length that differ by this share of what they do on a plant."""
     shortest_m, longest_m = LENGTHS_M
     if not shortest_m <= length_m <= longest_m:  # true for NaN too
-        raise FoliageError(f"--length must be {shortest_m:g} to {longest_m:g} metres, not {length_m:g}")
+        raise FoliageError(f"length must be {shortest_m:g} to {longest_m:g} metres, not {length_m:g}")
     if not 0 <= variation <= MOST_VARIATION:
-        raise FoliageError(f"--variation must be 0 to {MOST_VARIATION:g}, not {variation:g}")
+        raise FoliageError(f"variation must be 0 to {MOST_VARIATION:g}, not {variation:g}")
     return SpraySettings(
         length_m=length_m,
         length_variation=SpraySettings().length_variation * variation,

@@ -32,12 +32,12 @@ def read_representations(names: Sequence[str]) -> tuple[str, ...]:
 def read_settings(representations: Sequence[str], resolution: Sequence[int] | None) -> LeafAssetSettings:
     """How an asset is written; FoliageError for a mesh that cannot be."""
     if resolution and max(resolution) > MOST_CELLS:
-        raise FoliageError(f"--resolution: at most {MOST_CELLS} cells across and along a leaf, not {max(resolution)}")
+        raise FoliageError(f"resolution: at most {MOST_CELLS} cells across and along a leaf, not {max(resolution)}")
     try:
         mesh = LeafMeshSettings(across=resolution[0], along=resolution[1]) if resolution else LeafMeshSettings()
         return LeafAssetSettings(representations=tuple(representations), mesh=mesh)
     except ValueError as error:
-        raise FoliageError(f"--resolution: {error}" if resolution else str(error)) from error
+        raise FoliageError(f"resolution: {error}" if resolution else str(error)) from error
 
 
 def needed_memory(count: int, settings: LeafAssetSettings) -> int:
@@ -53,7 +53,7 @@ def check_memory(count: int, settings: LeafAssetSettings) -> None:
     if needed > there:
         raise FoliageError(
             f"{count:,} leaves as {', '.join(settings.representations)} need about {needed / 2**30:,.0f} GiB of "
-            f"memory, this machine has {there / 2**30:,.0f}; choose fewer representations, or a coarser --resolution"
+            f"memory, this machine has {there / 2**30:,.0f}; choose fewer representations, or a coarser resolution"
         )
 
 

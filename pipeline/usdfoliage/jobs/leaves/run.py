@@ -1,6 +1,5 @@
 """From a capture's folder to an asset of its leaves."""
 
-import argparse
 import logging
 import time
 from collections.abc import Sequence
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
-from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.asset.variants import REPRESENTATIONS
@@ -20,14 +18,14 @@ from usdfoliage.capture.folder.depth_scale import check_depth_scale
 from usdfoliage.capture.folder.read import Capture, CaptureViews, read_capture, read_view, read_views
 from usdfoliage.capture.mvs.plane_sweep import sweep_depths
 from usdfoliage.capture.view import View
-from usdfoliage.errors import CaptureError, FoliageError, PreviewError
+from usdfoliage.errors import CaptureError, PreviewError
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.edits.change import move_leaves
 from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL
-from usdfoliage.jobs.edits.settings import check_memory, fingerprint, read_representations
+from usdfoliage.jobs.edits.settings import check_memory, fingerprint
 from usdfoliage.jobs.leaves.report import LeavesReport, measure_rows, write_leaves_report
-from usdfoliage.jobs.leaves.settings import LeavesSettings, read_leaves_settings
+from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, encode_png, render_views
 from usdfoliage.jobs.report.pictures import shrink_camera
 from usdfoliage.jobs.report.table import Row, choose_shown
@@ -43,7 +41,7 @@ from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, 
 
 logger = logging.getLogger(__name__)
 
-AUTO, SWEEP = "auto", "sweep"  # words of --depth that name no folder
+AUTO, SWEEP = "auto", "sweep"  # words for depth that name no folder
 USUAL_DEPTH = "depth"
 PREVIEW_PX = 640  # longer side of Storm's pictures, which take more time than all the rest of a report
 
@@ -66,30 +64,6 @@ class LeavesRequest:
     times: bool = True  # whether the report says how long each step took
     force: bool = False
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
-
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "LeavesRequest":
-        """The request that a command line makes; FoliageError for values that cannot be."""
-        if options.capture is None:
-            raise FoliageError("no capture is named; give its folder, as in: usdfoliage leaves CAPTURE -o OUT")
-        if options.output is None:
-            raise FoliageError("no output is named; give the asset's folder with -o OUT")
-        if options.report_views < 0:
-            raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
-        return cls(
-            capture=options.capture,
-            output=options.output,
-            name=asset_name(options.name or options.output.resolve().name),
-            settings=read_leaves_settings(options),
-            depth=options.depth,
-            views=options.views,
-            representations=read_representations(options.representation) if options.representation else None,
-            species=options.species,
-            seed=options.seed or 0,
-            report_views=options.report_views,
-            preview=not options.no_preview,
-            force=options.force,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

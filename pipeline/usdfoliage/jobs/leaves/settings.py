@@ -1,14 +1,8 @@
-"""What a user says of how leaves are found, checked."""
+"""Everything that decides which leaves of a capture are found."""
 
-import argparse
-import dataclasses
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from usdfoliage.capture.mvs.plane_sweep import PlaneSweepSettings
-from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file, set_everywhere
 from usdfoliage.leaf.reconstruct import ReconstructionSettings
 
 
@@ -17,42 +11,3 @@ class LeavesSettings(ReconstructionSettings):
     """Everything that decides the leaves of a capture."""
 
     sweep: PlaneSweepSettings = field(default_factory=PlaneSweepSettings)  # of captures without depth
-
-
-def read_leaves_settings(options: argparse.Namespace) -> LeavesSettings:
-    """The settings of a command line: the defaults, then the file of --settings, then the options.
-
-    Raises:
-        FoliageError: A value cannot be, or the file cannot be used.
-    """
-    settings = LeavesSettings()
-    if options.settings is not None:
-        settings = read_settings_file(options.settings, settings)
-    if options.seed is not None and not 0 <= options.seed < 2**63:  # an asset records it as int64
-        raise FoliageError(f"the seed must be 0 or more and below 2^63, not {options.seed}")
-    try:
-        if options.method is not None:
-            settings = dataclasses.replace(settings, method=options.method)
-        if options.min_confidence is not None:
-            settings = dataclasses.replace(settings, min_confidence=options.min_confidence)
-    except ValueError as error:
-        raise FoliageError(f"--{str(error).replace('_', '-', 1)}") from error
-    if options.plane_threshold is not None:
-        settings = set_everywhere(settings, "plane_threshold_m", _read_plane_threshold(options.plane_threshold))
-    if options.threads is not None:
-        if options.threads < 0:
-            raise FoliageError(f"--threads must be 0, for all cores, or more, not {options.threads}")
-        settings = set_everywhere(settings, "threads", options.threads)
-    return settings if options.seed is None else set_everywhere(settings, "seed", options.seed)
-
-
-def _read_plane_threshold(words: str) -> float | None:
-    if words == AUTO:
-        return None
-    try:
-        number = float(words)
-    except ValueError:
-        number = float("nan")
-    if not (np.isfinite(number) and number > 0):
-        raise FoliageError(f"--plane-threshold must be a number of metres above 0, or {AUTO}, not {words}")
-    return number

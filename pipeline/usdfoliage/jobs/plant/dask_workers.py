@@ -30,7 +30,7 @@ def connect_dask(scheduler: str, timeout_s: float = 30.0, patience_s: float = PA
     try:
         from distributed import Client
     except ImportError as error:
-        raise FoliageError("--scheduler needs Dask; install it with: pip install 'usdfoliage[dask]'") from error
+        raise FoliageError("a scheduler needs Dask; install it with: pip install 'usdfoliage[dask]'") from error
     try:
         client = Client(scheduler, timeout=timeout_s, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:

@@ -27,9 +27,11 @@ from usdfoliage.jobs.plant.tasks import (
     TURNTABLE,
     VARIANTS,
 )
+from usdfoliage.remarks import Setting
 
 _HEAVY = (POSES, MATCHING, DEPTH, CLOUD, ISOLATION, BRANCHES, LEAVES, CROWN, TURNTABLE, COMPARISONS, VARIANTS)
 _LEAST_MEMORY_MIB = 2048
+_FORCE = Setting(name="submit.force")
 _SHORTEST_TIMEOUT_S = 3600
 _LATE = 30  # times its estimate: then a task hangs
 _NOTIFY_S = 30  # after which one that is cancelled is killed; what it had done is not lost then either
@@ -124,7 +126,7 @@ def write_bundle(folder: Path, job: FarmJob, *, force: bool = False) -> None:
         AssetError: A file cannot be written, or the folder holds no bundle; what was there is unchanged.
     """
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "template.yaml").is_file() and not force:
-        raise AssetError(f"{folder} holds something else than a bundle; name another folder, or say --force")
+        raise AssetError(f"{folder} holds something else than a bundle", ("name another folder, or give ", _FORCE))
     _spare(folder / "template.yaml", force)
     values = [{"name": name, "value": value} for name, value in parameter_values(job).items()]
     # Deadline finds the files of PATH parameters itself.
@@ -143,7 +145,9 @@ def _spare(path: Path, force: bool) -> None:
     except (OSError, ValueError):
         is_template = False
     if not is_template:
-        raise AssetError(f"{path} is there and no job template; name another file, or say --force to replace it")
+        raise AssetError(
+            f"{path} is there and no job template", ("name another file, or give ", _FORCE, " to replace it")
+        )
 
 
 def parameter_values(job: FarmJob) -> dict[str, str | int]:

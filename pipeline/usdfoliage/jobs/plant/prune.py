@@ -98,7 +98,7 @@ def open_work(folder: Path) -> Store:
     """The work folder of that name; FoliageError where it is none, or its parts lead elsewhere."""
     if not (folder / "tasks").is_dir():
         inside = folder / ".usdfoliage"
-        hint = f"; did you mean {inside}?" if (inside / "tasks").is_dir() else "; name the folder of --work"
+        hint = f"; did you mean {inside}?" if (inside / "tasks").is_dir() else "; name the work folder itself"
         raise FoliageError(f"{folder} is no work folder of builds: it has no tasks/{hint}")
     for name in _PARTS:
         if (folder / name).is_symlink():

@@ -101,7 +101,7 @@ class BranchStageSettings:
         try:
             read_roots(self.roots)
         except FoliageError as error:
-            raise ValueError(str(error).replace("--roots", "roots")) from error
+            raise ValueError(str(error)) from error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -263,7 +263,7 @@ def hold_work_lock(path: Path, *, shared: bool) -> Iterator[bool]:
             has_lock = True
         except OSError as error:
             if not lacks_locks(error):
-                raise FoliageError(f"{path} cannot be locked: {error.strerror}; name another folder, --work") from error
+                raise FoliageError(f"{path} cannot be locked: {error.strerror}; name another work folder") from error
             # Without locks two runs may do a task twice; each result still appears whole.
             logger.info("%s: the file system has no locks", path)
             has_lock = False
@@ -298,7 +298,7 @@ def _open_lock(path: Path) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         return open_lock(path)
     except OSError as error:
-        raise FoliageError(f"{path} cannot be written: {error.strerror}; name another work folder, --work") from error
+        raise FoliageError(f"{path} cannot be written: {error.strerror}; name another work folder") from error
 
 
 def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:

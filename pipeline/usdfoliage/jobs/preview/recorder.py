@@ -144,7 +144,7 @@ def _follow_progress(process: subprocess.Popen[bytes], stall_timeout_s: float, p
         while True:
             if not selector.select(max(0.0, deadline - time.monotonic())):
                 raise PreviewError(
-                    f"Storm drew no picture within {stall_timeout_s:g} s; try a smaller --size or a lower --complexity"
+                    f"Storm drew no picture within {stall_timeout_s:g} s; try a smaller size or a lower complexity"
                 )
             data = os.read(process.stdout.fileno(), 65536)
             if not data:

@@ -7,7 +7,7 @@ The window draws and edits; what a leaf is and how a look is written it asks her
     {"op": "save", "asset": file, "edits": {…}, "path": file}    {"written": file}
 
 and, for what cannot be done, {"error": text}. Edits have the names of usdfoliage.leaf.shape.edits.LeafEdits. The
-plug-in of usdview asks the same of `usdfoliage view --answer`.
+plug-in of usdview asks the same of `usdfoliage view`.
 """
 
 import json

@@ -38,7 +38,7 @@ def read_settings_file(path: Path, defaults: Settings) -> Settings:
     except OSError as error:
         raise FoliageError(f"the settings cannot be read: {error.strerror} ({path})") from error
     except ValueError as error:
-        raise FoliageError(f"the settings are no TOML: {error} ({path}); --print-settings shows the form") from error
+        raise FoliageError(f"the settings are no TOML: {error} ({path})") from error
     return _replace(defaults, with_new_names(table, defaults, path), "", path)
 
 

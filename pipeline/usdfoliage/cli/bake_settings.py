@@ -1,0 +1,21 @@
+"""What the options of usdfoliage bake set, checked."""
+
+import argparse
+
+from usdfoliage.cli.leaf_options import read_resolution
+from usdfoliage.jobs.edits.bake import BakeRequest
+from usdfoliage.jobs.edits.settings import read_representations
+
+
+def read_bake_request(options: argparse.Namespace) -> BakeRequest:
+    """The request that a command line makes; FoliageError for values that cannot be."""
+    chosen = read_representations(options.representation) if options.representation else None
+    return BakeRequest(
+        asset=options.asset,
+        output=options.output,
+        name=options.name,
+        representations=chosen,
+        resolution=read_resolution(options),
+        source=options.source,
+        force=options.force,
+    )

@@ -1,0 +1,78 @@
+"""What the options of usdfoliage leaves set, checked."""
+
+import argparse
+import dataclasses
+
+import numpy as np
+
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.cli.remarks import render_for
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.edits.settings import read_representations
+from usdfoliage.jobs.leaves.run import LeavesRequest
+from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file, set_everywhere
+
+
+def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
+    """The request that a command line makes; FoliageError for values that cannot be."""
+    if options.capture is None:
+        raise FoliageError("no capture is named; give its folder, as in: usdfoliage leaves CAPTURE -o OUT")
+    if options.output is None:
+        raise FoliageError("no output is named; give the asset's folder with -o OUT")
+    if options.report_views < 0:
+        raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
+    return LeavesRequest(
+        capture=options.capture,
+        output=options.output,
+        name=asset_name(options.name or options.output.resolve().name),
+        settings=read_leaves_settings(options),
+        depth=options.depth,
+        views=options.views,
+        representations=read_representations(options.representation) if options.representation else None,
+        species=options.species,
+        seed=options.seed or 0,
+        report_views=options.report_views,
+        preview=not options.no_preview,
+        force=options.force,
+        render_setting=render_for("leaves"),
+    )
+
+
+def read_leaves_settings(options: argparse.Namespace) -> LeavesSettings:
+    """The settings of a command line: the defaults, then the file of --settings, then the options.
+
+    Raises:
+        FoliageError: A value cannot be, or the file cannot be used.
+    """
+    settings = LeavesSettings()
+    if options.settings is not None:
+        settings = read_settings_file(options.settings, settings)
+    if options.seed is not None and not 0 <= options.seed < 2**63:  # an asset records it as int64
+        raise FoliageError(f"the seed must be 0 or more and below 2^63, not {options.seed}")
+    try:
+        if options.method is not None:
+            settings = dataclasses.replace(settings, method=options.method)
+        if options.min_confidence is not None:
+            settings = dataclasses.replace(settings, min_confidence=options.min_confidence)
+    except ValueError as error:
+        raise FoliageError(f"--{str(error).replace('_', '-', 1)}") from error
+    if options.plane_threshold is not None:
+        settings = set_everywhere(settings, "plane_threshold_m", _read_plane_threshold(options.plane_threshold))
+    if options.threads is not None:
+        if options.threads < 0:
+            raise FoliageError(f"--threads must be 0, for all cores, or more, not {options.threads}")
+        settings = set_everywhere(settings, "threads", options.threads)
+    return settings if options.seed is None else set_everywhere(settings, "seed", options.seed)
+
+
+def _read_plane_threshold(words: str) -> float | None:
+    if words == AUTO:
+        return None
+    try:
+        number = float(words)
+    except ValueError:
+        number = float("nan")
+    if not (np.isfinite(number) and number > 0):
+        raise FoliageError(f"--plane-threshold must be a number of metres above 0, or {AUTO}, not {words}")
+    return number
