@@ -488,125 +488,237 @@ def project_to_leaves(
         edge: (P,), 1 for points whose places are on the silhouette.
     """
 
-# What the functions below take for a camera: its depth (H, W), 0 where there is none; focal lengths and centre, x and y
-# each; cam_from_world (3, 4).
-_DepthView = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]
+class DepthView:
+    """A depth map and the pinhole camera that saw it."""
+
+    def __init__(
+        self, depth_m: NDArray[np.float32], intrinsics: NDArray[np.float64], cam_from_world: NDArray[np.float64]
+    ) -> None: ...
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """(H, W), along the optical axis, 0 where there is none."""
+    @property
+    def intrinsics(self) -> NDArray[np.float64]:
+        """(4,), focal lengths and centre, x and y each, in pixels."""
+    @property
+    def cam_from_world(self) -> NDArray[np.float64]:
+        """(3, 4)."""
+
+class LocalPlanes:
+    """Planes around P pixels."""
+
+    @property
+    def slopes(self) -> NDArray[np.float32]:
+        """(P, 3), inverse depth: its change a pixel to the right and down, its value, in 1 / m."""
+    @property
+    def support(self) -> NDArray[np.float32]:
+        """(P,), about how many neighbours lie on it."""
 
 def fit_local_planes(
-    camera: _DepthView,
-    pixels: NDArray[np.int64] | None,
-    radius: int,
-    footprints: float,
-    noise: float,
+    view: DepthView,
+    pixels: NDArray[np.int64] | None = None,
+    *,
+    radius_px: int,
+    steepest: float,
+    noise_m: float,
     threads: int,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Planes (P, 3) around pixels (P,), all without: slopes of inverse depth to the right and down, its value; support.
+) -> LocalPlanes:
+    """Planes around pixels (P,), all without.
 
     Args:
-        radius: of the window.
-        footprints: the steepest surface, in footprints of depth a pixel.
-        noise: standard deviation of the depth, in metres.
+        radius_px: Of the window.
+        steepest: The steepest surface, in footprints of depth a pixel.
+        noise_m: Standard deviation of the depth.
     """
 
 def plane_normals(
-    camera: _DepthView, planes: NDArray[np.float32], pixels: NDArray[np.int64] | None, threads: int
+    view: DepthView, slopes: NDArray[np.float32], pixels: NDArray[np.int64] | None = None, *, threads: int
 ) -> NDArray[np.float32]:
     """Unit normals (P, 3) in the world, towards the camera, of planes (P, 3) around pixels; 0 where there is none."""
 
-def measure_gaps(
-    camera: _DepthView, planes: NDArray[np.float32], threads: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Gaps (H, W) to the right and down, in footprints of a pixel, of planes (H * W, 3); 1e30 without a neighbour."""
+class PlaneGaps:
+    """Gaps between the planes of neighbours, in footprints of a pixel; 1e30 without a neighbour."""
+
+    @property
+    def right(self) -> NDArray[np.float32]:
+        """(H, W), to the next pixel to the right."""
+    @property
+    def down(self) -> NDArray[np.float32]:
+        """(H, W), to the next pixel below."""
+
+def measure_gaps(view: DepthView, slopes: NDArray[np.float32], *, threads: int) -> PlaneGaps:
+    """Gaps between planes (H * W, 3)."""
+
+class JoinedPixels:
+    """Connected pieces."""
+
+    @property
+    def labels(self) -> NDArray[np.int32]:
+        """(H, W), 0 for none."""
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
 
 def join_pixels(
-    camera: _DepthView,
+    view: DepthView,
+    *,
     right: NDArray[np.float32],
     down: NDArray[np.float32],
     valid: NDArray[np.uint8],
-    limit: float,
-    noise: float,
-    least: int,
-) -> tuple[NDArray[np.int32], int]:
-    """Labels (H, W) of the pieces whose gaps are below limit + noise / footprint, 0 for none; how many there are."""
+    max_gap: float,
+    noise_m: float,
+    min_px: int,
+) -> JoinedPixels:
+    """Pieces of at least min_px pixels whose gaps are below max_gap + noise_m / footprint.
 
-def classify_edges(
-    camera: _DepthView,
-    labels: NDArray[np.int32],
-    pixels: NDArray[np.int64] | None,
-    footprints: float,
-    noise: float,
-    threads: int,
-) -> NDArray[np.uint8]:
-    """Kinds (P,) of pixels, all by default, by labels (H, W): 0 interior, 1 free, 2 hidden edge, 3 no depth beside."""
-
-def place_edges(
-    camera: _DepthView,
-    labels: NDArray[np.int32],
-    planes: NDArray[np.float32],
-    pixels: NDArray[np.int64],
-    kinds: NDArray[np.uint8],
-    most: int,
-    threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Places (P, 2) in pixels and depths (P,): for free edges half way to what is behind, within most pixels."""
-
-def sum_points(
-    camera: _DepthView, labels: NDArray[np.int32], count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pixels and sums of x, y, z, xx, xy, xz, yy, yz, zz (K, 10) in camera axes about a first point (K, 3)."""
-
-def measure_extents(
-    camera: _DepthView, labels: NDArray[np.int32], axes: NDArray[np.float64], least_cosine: float
-) -> NDArray[np.float64]:
-    """Extents along the first two rows of axes (K, 3, 3), and area for the third as normal: (K, 3)."""
-
-def fuse_depth(
-    camera: _DepthView,
-    others: list[_DepthView],
-    footprints: float,
-    noise: float,
-    least_own: int,
-    least_others: int,
-    threads: int,
-) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Depth (H, W) from a view's own and others'; what became of each pixel.
-
-    That is: 0 no depth, 1 alone, 2 confirmed, 3 replaced, 4 filled, 5 removed.
+    Args:
+        right: (H, W), as measure_gaps gives it, as is down.
+        valid: (H, W), 0 for pixels that are of no piece.
     """
 
-def claim_pixels(
-    grids: NDArray[np.float64],
-    penalty: NDArray[np.float32],
-    camera: _DepthView,
+def classify_edges(
+    view: DepthView,
+    labels: NDArray[np.int32],
+    pixels: NDArray[np.int64] | None = None,
+    *,
     footprints: float,
-    noise: float,
-    least_cosine: float,
+    noise_m: float,
+    threads: int,
+) -> NDArray[np.uint8]:
+    """Kinds (P,) of pixels, all by default, by labels (H, W): 0 interior, 1 free, 2 hidden edge, 3 no depth beside.
+
+    Args:
+        footprints: And noise_m more: by how much what is beside an edge lies farther or nearer.
+    """
+
+class EdgePlaces:
+    """Where what P pixels show ends."""
+
+    @property
+    def places_px(self) -> NDArray[np.float64]:
+        """(P, 2)."""
+    @property
+    def depth_m(self) -> NDArray[np.float64]:
+        """(P,)."""
+
+def place_edges(
+    view: DepthView,
+    labels: NDArray[np.int32],
+    slopes: NDArray[np.float32],
+    *,
+    pixels: NDArray[np.int64],
+    kinds: NDArray[np.uint8],
+    beside_px: int,
+    threads: int,
+) -> EdgePlaces:
+    """Places for free edges half way to what is behind, within beside_px pixels; for others the pixels' centres."""
+
+class PointSums:
+    """Sums over the points of K labels, in camera axes."""
+
+    @property
+    def pixels(self) -> NDArray[np.float64]:
+        """(K,), number of points."""
+    @property
+    def sums(self) -> NDArray[np.float64]:
+        """(K, 3), of x, y and z, from the first point."""
+    @property
+    def products(self) -> NDArray[np.float64]:
+        """(K, 6), of xx, xy, xz, yy, yz and zz, from the first point."""
+    @property
+    def first_m(self) -> NDArray[np.float64]:
+        """(K, 3), the first point."""
+
+def sum_points(view: DepthView, labels: NDArray[np.int32], *, count: int) -> PointSums:
+    """Sums over the points of each of count labels (H, W), 0 for none."""
+
+class Extents:
+    """Sizes of K labels."""
+
+    @property
+    def length_m(self) -> NDArray[np.float64]:
+        """(K,), along the first axis."""
+    @property
+    def width_m(self) -> NDArray[np.float64]:
+        """(K,), along the second."""
+    @property
+    def area_m2(self) -> NDArray[np.float64]:
+        """(K,), with the third axis as normal."""
+
+def measure_extents(
+    view: DepthView, labels: NDArray[np.int32], *, axes: NDArray[np.float64], min_cosine: float
+) -> Extents:
+    """Extents along the first two rows of axes (K, 3, 3), and areas; a smaller cosine counts as min_cosine."""
+
+class FuseSettings:
+    """When depths of several views are of one surface."""
+
+    footprints: float  # of a pixel, that depths may differ by
+    noise_m: float  # and so much more
+    min_own: int  # depths, its own with them, that confirm a pixel's own
+    min_others: int  # depths that stand in for one that is not confirmed, or for none
+
+    def __init__(self, *, footprints: float, noise_m: float, min_own: int, min_others: int) -> None: ...
+
+class FusedDepth:
+    """A view's depth from its own and others'."""
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """(H, W), 0 for none."""
+    @property
+    def kinds(self) -> NDArray[np.uint8]:
+        """(H, W): 0 no depth, 1 alone, 2 confirmed, 3 replaced, 4 filled, 5 removed."""
+
+def fuse_depth(view: DepthView, others: list[DepthView], *, settings: FuseSettings, threads: int) -> FusedDepth:
+    """Depth from a view's own and others'; what became of each pixel."""
+
+def claim_pixels(
+    view: DepthView,
+    grids: NDArray[np.float64],
+    *,
+    penalty: NDArray[np.float32],
+    footprints: float,
+    noise_m: float,
+    min_cosine: float,
     threads: int,
 ) -> NDArray[np.int32]:
     """Labels (H, W) of the leaf, drawn as a grid (N, V, U, 3), nearest to the depth: 0 for none, k for the leaf k - 1.
 
     Args:
         penalty: (V, U), in tolerances, added to the distance.
-        footprints: and noise in metres: the distance allowed.
+        footprints: And noise_m more: the distance allowed.
+        min_cosine: Distances along the ray count as often as the cosine to the normal, but not less than this.
     """
 
 def classify_points(
-    points: NDArray[np.float64], camera: _DepthView, footprints: float, noise: float, threads: int
+    points_m: NDArray[np.float64], view: DepthView, *, footprints: float, noise_m: float, threads: int
 ) -> NDArray[np.uint8]:
     """States (P,) of points (P, 3): 0 unseen, 1 on the surface that is seen, 2 before it, 3 behind it."""
 
-def count_labels(camera: _DepthView, labels: NDArray[np.int32], leaves: int) -> NDArray[np.int64]:
-    """How many pixels with depth each label (H, W) from 1 to leaves has: (N,). No label may be above leaves."""
+def count_labels(view: DepthView, labels: NDArray[np.int32], *, count: int) -> NDArray[np.int64]:
+    """How many pixels with depth each label (H, W) from 1 to count has: (N,). No label may be above count."""
+
+class PickedPixels:
+    """Pixels picked evenly."""
+
+    @property
+    def pixels(self) -> NDArray[np.int64]:
+        """(P,)."""
+    @property
+    def places(self) -> NDArray[np.int64]:
+        """(P,), among the points of all leaves."""
 
 def pick_pixels(
-    camera: _DepthView,
+    view: DepthView,
     labels: NDArray[np.int32],
+    *,
     total: NDArray[np.int64],
     kept: NDArray[np.int64],
     offsets: NDArray[np.int64],
     seen: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pixels with depth that are kept[k] of total[k] of a leaf over all views, and their places; seen (N,) goes on."""
+) -> PickedPixels:
+    """Pixels with depth that are kept[k] of total[k] of a leaf over all views; seen (N,) is brought up to date."""
 
 class SampleSettings:
     """How many points of a leaf are taken."""

@@ -92,20 +92,20 @@ Cluster cluster_around(const std::vector<float>& depths, float depth, float tole
 
 }  // namespace
 
-void fuse_depth(const DepthView& view, const std::vector<DepthView>& others, const FuseOptions& options, float* depth_m,
+void fuse_depth(const DepthView& view, const std::vector<DepthView>& others, const FuseSettings& settings, int threads, float* depth_m,
                 std::uint8_t* kinds) {
     std::vector<std::vector<float>> layers(others.size());
     std::vector<Matrix> other_from_view(others.size());
-    parallel_for(others.size(), options.threads, [&](std::size_t k) {
+    parallel_for(others.size(), threads, [&](std::size_t k) {
         layers[k] = warp(view, others[k]);
         other_from_view[k] = relative(others[k].cam_from_world, view.cam_from_world);
     });
     const auto tolerance = [&](double depth, double focal) {
-        return static_cast<float>(options.noise_m + options.footprints * depth / focal);
+        return static_cast<float>(settings.noise_m + settings.footprints * depth / focal);
     };
     const double focal = view.focal_mean();
 
-    parallel_for(static_cast<std::size_t>(view.height), options.threads, [&](std::size_t index) {
+    parallel_for(static_cast<std::size_t>(view.height), threads, [&](std::size_t index) {
         const int row = static_cast<int>(index);
         std::vector<float> depths;
         for (int column = 0; column < view.width; ++column) {
@@ -127,7 +127,7 @@ void fuse_depth(const DepthView& view, const std::vector<DepthView>& others, con
             };
             if (own > 0) {
                 const Cluster agreeing = cluster_around(depths, own, tolerance(own, focal));
-                if (agreeing.size >= options.least_own) {
+                if (agreeing.size >= settings.min_own) {
                     depth_m[i] = settle(agreeing);
                     kinds[i] = kConfirmed;
                     continue;
@@ -145,7 +145,7 @@ void fuse_depth(const DepthView& view, const std::vector<DepthView>& others, con
                     could_be_seen = true;
                     if (beyond < near) ++confirmed;  // its point fell into the pixel beside this one
                 }
-                if (!could_be_seen || confirmed >= options.least_own) {
+                if (!could_be_seen || confirmed >= settings.min_own) {
                     depth_m[i] = own;
                     kinds[i] = could_be_seen ? kConfirmed : kAlone;
                     continue;
@@ -155,7 +155,7 @@ void fuse_depth(const DepthView& view, const std::vector<DepthView>& others, con
             std::sort(depths.begin(), depths.end());
             for (const float depth : depths) {
                 const Cluster agreeing = cluster_around(depths, depth, tolerance(depth, focal));
-                if (agreeing.size < options.least_others) continue;
+                if (agreeing.size < settings.min_others) continue;
                 depth_m[i] = settle(agreeing);
                 kinds[i] = own > 0 ? kReplaced : kFilled;
                 break;

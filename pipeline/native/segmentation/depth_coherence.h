@@ -10,12 +10,11 @@
 
 namespace usdfoliage {
 
-struct FuseOptions {
+struct FuseSettings {
     double footprints;  // depths agree up to so many footprints of a pixel
     double noise_m;     // and so much more
-    int least_own;      // depths, its own with them, that confirm a pixel's own
-    int least_others;   // depths that stand in for one that is not confirmed, or for none
-    int threads;        // 0: one per core
+    int min_own;        // depths, its own with them, that confirm a pixel's own
+    int min_others;     // depths that stand in for one that is not confirmed, or for none
 };
 
 // What became of a pixel.
@@ -33,9 +32,10 @@ enum FusedKind : std::uint8_t {
 // The others' points are put into the view's pixels, the nearest of each view into a pixel. Another view could have seen
 // a point if it has depth where it sees the point, and that is not nearer.
 //
+// @param threads  at most so many, 0: one per core.
 // @param depth_m  height x width written, 0 for none.
 // @param kinds    height x width written, FusedKind.
-void fuse_depth(const DepthView& view, const std::vector<DepthView>& others, const FuseOptions& options, float* depth_m,
+void fuse_depth(const DepthView& view, const std::vector<DepthView>& others, const FuseSettings& settings, int threads, float* depth_m,
                 std::uint8_t* kinds);
 
 }  // namespace usdfoliage

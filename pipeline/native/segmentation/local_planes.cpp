@@ -143,13 +143,13 @@ std::array<double, 3> point_of(const DepthView& view, std::size_t pixel) {
 
 }  // namespace
 
-void fit_local_planes(const DepthView& view, const std::int64_t* pixels, std::size_t n, const PlaneOptions& options,
-                      float* planes, float* support) {
-    const Padded padded = pad(view, options.radius, options.threads);
-    const std::vector<Neighbour> window = disc(options.radius, padded.stride);
-    const float steepest = static_cast<float>(options.footprints), noise = static_cast<float>(kNoises * options.noise_m);
+void fit_local_planes(const DepthView& view, const std::int64_t* pixels, std::size_t n, const PlaneSettings& settings,
+                      int threads, float* planes, float* support) {
+    const Padded padded = pad(view, settings.radius_px, threads);
+    const std::vector<Neighbour> window = disc(settings.radius_px, padded.stride);
+    const float steepest = static_cast<float>(settings.steepest), noise = static_cast<float>(kNoises * settings.noise_m);
     const float footprint_at_one = static_cast<float>(1 / view.focal_mean());
-    parallel_for((n + kBlock - 1) / kBlock, options.threads, [&](std::size_t block) {
+    parallel_for((n + kBlock - 1) / kBlock, threads, [&](std::size_t block) {
         const std::size_t start = block * kBlock, used = std::min(n - start, kBlock);
         std::ptrdiff_t at[kBlock];
         bool any = false, in_a_row = used == kBlock;

@@ -10,11 +10,10 @@
 
 namespace usdfoliage {
 
-struct PlaneOptions {
-    int radius;         // of the window, in pixels
-    double footprints;  // how steep a surface may be at first, in footprints of depth a pixel; half of it is the last tolerance
+struct PlaneSettings {
+    int radius_px;      // of the window
+    double steepest;    // how steep a surface may be at first, in footprints of depth a pixel; half of it is the last tolerance
     double noise_m;     // standard deviation of the depth
-    int threads;        // 0: one per core
 };
 
 // The plane around each of n pixels: inverse depth, which is linear in the pixel's place, by two robust fits.
@@ -23,11 +22,12 @@ struct PlaneOptions {
 // first plane.
 //
 // @param pixels   n indices of pixels; nullptr for all of them, n of them in order.
+// @param threads  at most so many, 0: one per core.
 // @param planes   n x 3 written: slopes of inverse depth to the right and down, a pixel, and its value at the pixel; the
 //                 pixel's own value without slopes where too few neighbours lie near; zeros without depth.
 // @param support  n written: the sum of the weights, each at most 1, of the last fit; 0 without depth.
-void fit_local_planes(const DepthView& view, const std::int64_t* pixels, std::size_t n, const PlaneOptions& options,
-                      float* planes, float* support);
+void fit_local_planes(const DepthView& view, const std::int64_t* pixels, std::size_t n, const PlaneSettings& settings,
+                      int threads, float* planes, float* support);
 
 // Normals of planes around pixels: unit, in the world, towards the camera; 0 where there is no plane.
 //

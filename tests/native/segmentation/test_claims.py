@@ -56,11 +56,28 @@ def claim_plainly(leaves, penalty, seen, footprints, noise, least_cosine):
     return labels
 
 
+def claim(leaves, penalty, seen, noise_m=0.05, threads=0):
+    return _native.claim_pixels(
+        _native.DepthView(*seen),
+        leaves,
+        penalty=penalty,
+        footprints=4.0,
+        noise_m=noise_m,
+        min_cosine=0.15,
+        threads=threads,
+    )
+
+
+def classify(points, seen, threads=0):
+    view = _native.DepthView(*seen)
+    return _native.classify_points(points, view, footprints=2.0, noise_m=0.02, threads=threads)
+
+
 def test_claims_are_those_of_the_plain_form():
     leaves, seen = grids(), view()
     penalty = np.zeros((4, 5), np.float32)
     penalty[[0, -1]] = 0.6
-    labels = _native.claim_pixels(leaves, penalty, seen, 4.0, 0.05, 0.15, 0)
+    labels = claim(leaves, penalty, seen)
 
     expected = claim_plainly(leaves, penalty, seen, 4.0, 0.05, 0.15)
     assert (labels != expected).sum() <= 1  # two leaves may be as near to within the last digit
@@ -69,14 +86,14 @@ def test_claims_are_those_of_the_plain_form():
 
 def test_claims_do_not_depend_on_threads():
     leaves, seen, penalty = grids(20, seed=2), view(1), np.zeros((4, 5), np.float32)
-    one, three = (_native.claim_pixels(leaves, penalty, seen, 4.0, 0.05, 0.15, n) for n in (1, 3))
+    one, three = (claim(leaves, penalty, seen, threads=n) for n in (1, 3))
     assert np.array_equal(one, three)
 
 
 def test_leaves_behind_the_camera_claim_nothing():
     leaves, seen, penalty = grids(), view(), np.zeros((4, 5), np.float32)
     leaves[..., 2] -= 3
-    assert not _native.claim_pixels(leaves, penalty, seen, 4.0, 9.0, 0.15, 0).any()
+    assert not claim(leaves, penalty, seen, 9.0).any()
 
 
 def test_states_of_points_follow_the_depth():
@@ -84,7 +101,7 @@ def test_states_of_points_follow_the_depth():
     depth, (fx, fy, cx, cy), m = seen
     points = np.random.default_rng(3).uniform((-0.6, -0.6, -0.5), (0.6, 0.6, 1.4), (3000, 3))
 
-    states = _native.classify_points(points, seen, 2.0, 0.02, 0)
+    states = classify(points, seen)
 
     cam = points @ m[:, :3].T + m[:, 3]
     x, y = np.floor(cam[:, 0] / cam[:, 2] * fx + cx), np.floor(cam[:, 1] / cam[:, 2] * fy + cy)
@@ -95,7 +112,7 @@ def test_states_of_points_follow_the_depth():
     expected[~inside | (there <= 0)] = 0
     assert np.array_equal(states, expected)
     assert set(np.unique(states)) == {0, 1, 2, 3}
-    assert np.array_equal(states, _native.classify_points(points, seen, 2.0, 0.02, 3))
+    assert np.array_equal(states, classify(points, seen, 3))
 
 
 @pytest.mark.parametrize("most", [1, 7, 1000])
@@ -103,22 +120,23 @@ def test_pixels_are_picked_evenly_over_all_views(most):
     rng = np.random.default_rng(4)
     labels = [rng.integers(0, 4, (20, 30)).astype(np.int32) for _ in range(3)]
     depths = [(rng.random((20, 30)) < 0.9).astype(np.float32) for _ in range(3)]
-    views = [(depth, np.array([20.0, 20, 15, 10]), np.eye(3, 4)) for depth in depths]
-    total = sum(_native.count_labels(view, one, 3) for view, one in zip(views, labels, strict=True))
+    views = [_native.DepthView(depth, np.array([20.0, 20, 15, 10]), np.eye(3, 4)) for depth in depths]
+    total = sum(_native.count_labels(view, one, count=3) for view, one in zip(views, labels, strict=True))
     labels = [one * (depth > 0) for one, depth in zip(labels, depths, strict=True)]
     assert np.array_equal(total, np.bincount(np.concatenate([one.ravel() for one in labels]), minlength=4)[1:])
     kept = np.minimum(total, most)
     offsets, seen = np.concatenate([[0], np.cumsum(kept)]), np.zeros(3, np.int64)
 
     picked = [
-        _native.pick_pixels(view, one, total, kept, offsets, seen) for view, one in zip(views, labels, strict=True)
+        _native.pick_pixels(view, one, total=total, kept=kept, offsets=offsets, seen=seen)
+        for view, one in zip(views, labels, strict=True)
     ]
 
     assert np.array_equal(seen, total)
-    places = np.concatenate([place for _, place in picked])
+    places = np.concatenate([each.places for each in picked])
     assert np.array_equal(np.sort(places), np.arange(kept.sum()))
-    for (pixels, place), one in zip(picked, labels, strict=True):
-        leaf = np.searchsorted(offsets, place, side="right")
+    for each, one in zip(picked, labels, strict=True):
+        pixels, leaf = each.pixels, np.searchsorted(offsets, each.places, side="right")
         assert np.array_equal(one.ravel()[pixels], leaf)
         assert (np.diff(pixels) > 0).all()
         shares = np.bincount(leaf, minlength=4)[1:]

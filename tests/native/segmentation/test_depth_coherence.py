@@ -98,11 +98,18 @@ def fuse_plainly(view, others, footprints, noise, least_own, least_others):
     return fused, kinds
 
 
+def fuse(view, others, threads=0):
+    settings = _native.FuseSettings(footprints=1.0, noise_m=0.008, min_own=2, min_others=3)
+    given = [_native.DepthView(*other) for other in others]
+    fused = _native.fuse_depth(_native.DepthView(*view), given, settings=settings, threads=threads)
+    return fused.depth_m, fused.kinds
+
+
 def test_fused_depth_is_that_of_the_plain_form():
     seen = views()
     for k in (0, 2):
         others = seen[:k] + seen[k + 1 :]
-        fused, kinds = _native.fuse_depth(seen[k], others, 1.0, 0.008, 2, 3, 0)
+        fused, kinds = fuse(seen[k], others)
 
         expected, expected_kinds = fuse_plainly(seen[k], others, 1.0, 0.008, 2, 3)
         same = (kinds == expected_kinds) & (abs(fused - expected) < 1e-5)
@@ -112,13 +119,13 @@ def test_fused_depth_is_that_of_the_plain_form():
 
 def test_any_number_of_threads_gives_the_same():
     seen = views(4, seed=1)
-    one, three = (_native.fuse_depth(seen[1], [seen[0], seen[2], seen[3]], 1.0, 0.008, 2, 3, n) for n in (1, 3))
+    one, three = (fuse(seen[1], [seen[0], seen[2], seen[3]], n) for n in (1, 3))
     assert np.array_equal(one[0], three[0])
     assert np.array_equal(one[1], three[1])
 
 
 def test_without_others_all_stays():
     view = views(1)[0]
-    fused, kinds = _native.fuse_depth(view, [], 1.0, 0.008, 2, 3, 0)
+    fused, kinds = fuse(view, [])
     assert np.array_equal(fused, view[0])
     assert np.array_equal(kinds, view[0] > 0)

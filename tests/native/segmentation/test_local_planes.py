@@ -13,7 +13,35 @@ MEAN_FOCAL = float(np.sqrt(FOCAL.prod()))
 def camera(depth):
     height, width = depth.shape
     intrinsics = np.array([*FOCAL, width / 2 + 1.5, height / 2 - 0.5])
-    return np.ascontiguousarray(depth, np.float32), intrinsics, np.eye(3, 4)
+    return _native.DepthView(np.ascontiguousarray(depth, np.float32), intrinsics, np.eye(3, 4))
+
+
+def fit_planes(depth, noise_m, pixels=None, threads=0):
+    found = _native.fit_local_planes(camera(depth), pixels, radius_px=3, steepest=4.0, noise_m=noise_m, threads=threads)
+    return found.slopes, found.support
+
+
+def measure_gaps(depth, planes, threads=0):
+    gaps = _native.measure_gaps(camera(depth), planes, threads=threads)
+    return gaps.right, gaps.down
+
+
+def join_pixels(depth, right, down, valid, noise_m, min_px):
+    joined = _native.join_pixels(
+        camera(depth), right=right, down=down, valid=valid, max_gap=1.5, noise_m=noise_m, min_px=min_px
+    )
+    return joined.labels, joined.count
+
+
+def classify_edges(depth, labels, noise_m, pixels=None, threads=0):
+    return _native.classify_edges(camera(depth), labels, pixels, footprints=3.0, noise_m=noise_m, threads=threads)
+
+
+def place_edges(depth, labels, planes, pixels, kinds, beside_px):
+    ends = _native.place_edges(
+        camera(depth), labels, planes, pixels=pixels, kinds=kinds, beside_px=beside_px, threads=0
+    )
+    return ends.places_px, ends.depth_m
 
 
 def foliage(seed=0, shape=(30, 44)):
@@ -72,7 +100,7 @@ def plane_at(depth, row, column, radius, steepest, noise):
 @pytest.mark.parametrize("seed", range(2))
 def test_planes_are_those_of_weighted_least_squares(seed):
     depth = foliage(seed)
-    planes, support = _native.fit_local_planes(camera(depth), None, 3, 4.0, 0.0005, 0)
+    planes, support = fit_planes(depth, 0.0005)
     planes, support = planes.reshape(*depth.shape, 3), support.reshape(depth.shape)
 
     for row, column in zip(*np.nonzero(depth > 0), strict=True):
@@ -85,10 +113,10 @@ def test_planes_are_those_of_weighted_least_squares(seed):
 
 def test_planes_of_some_pixels_are_those_of_all():
     depth = foliage(3)
-    whole, support = _native.fit_local_planes(camera(depth), None, 3, 4.0, 0.0, 1)
+    whole, support = fit_planes(depth, 0.0, threads=1)
     pixels = np.random.default_rng(0).permutation(depth.size)[:500]
 
-    some, its_support = _native.fit_local_planes(camera(depth), pixels, 3, 4.0, 0.0, 2)
+    some, its_support = fit_planes(depth, 0.0, pixels, 2)
 
     assert np.array_equal(some, whole[pixels])
     assert np.array_equal(its_support, support[pixels])
@@ -96,20 +124,20 @@ def test_planes_of_some_pixels_are_those_of_all():
 
 def test_any_number_of_threads_gives_the_same():
     depth = foliage(4, (90, 120))
-    one, three = (_native.fit_local_planes(camera(depth), None, 3, 4.0, 0.001, threads) for threads in (1, 3))
+    one, three = (fit_planes(depth, 0.001, threads=threads) for threads in (1, 3))
     assert np.array_equal(one[0], three[0])
     assert np.array_equal(one[1], three[1])
-    gaps = [_native.measure_gaps(camera(depth), one[0], threads) for threads in (1, 3)]
+    gaps = [measure_gaps(depth, one[0], threads) for threads in (1, 3)]
     assert np.array_equal(gaps[0], gaps[1])
-    labels, _ = _native.join_pixels(camera(depth), *gaps[0], np.ones(depth.shape, np.uint8), 1.5, 0.0, 5)
-    kinds = [_native.classify_edges(camera(depth), labels, None, 3.0, 0.0, threads) for threads in (1, 3)]
+    labels, _ = join_pixels(depth, *gaps[0], np.ones(depth.shape, np.uint8), 0.0, 5)
+    kinds = [classify_edges(depth, labels, 0.0, threads=threads) for threads in (1, 3)]
     assert np.array_equal(kinds[0], kinds[1])
 
 
 def test_gaps_are_measured_at_either_pixel():
     depth = foliage(5)
-    planes, _ = _native.fit_local_planes(camera(depth), None, 3, 4.0, 0.0005, 0)
-    right, down = _native.measure_gaps(camera(depth), planes, 0)
+    planes, _ = fit_planes(depth, 0.0005)
+    right, down = measure_gaps(depth, planes)
 
     p, d = planes.reshape(*depth.shape, 3).astype(float), depth.astype(float)
     for gap, slope, here, there in (
@@ -131,11 +159,11 @@ def test_gaps_are_measured_at_either_pixel():
 @pytest.mark.parametrize("noise", [0.0, 0.001])
 def test_pieces_are_the_connected_components(noise):
     depth = foliage(6, (60, 70))
-    planes, _ = _native.fit_local_planes(camera(depth), None, 3, 4.0, 0.0005, 0)
-    right, down = _native.measure_gaps(camera(depth), planes, 0)
+    planes, _ = fit_planes(depth, 0.0005)
+    right, down = measure_gaps(depth, planes)
     valid = np.random.default_rng(1).random(depth.shape) < 0.95
 
-    labels, count = _native.join_pixels(camera(depth), right, down, valid.astype(np.uint8), 1.5, noise, 10)
+    labels, count = join_pixels(depth, right, down, valid.astype(np.uint8), noise, 10)
 
     known, index = valid & (depth > 0), np.arange(depth.size).reshape(depth.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -160,9 +188,9 @@ def test_edges_are_told_by_what_lies_beside_them():
     rng = np.random.default_rng(2)
     labels = (np.kron(rng.integers(0, 4, (12, 14)), np.ones((5, 5))) * (depth > 0)).astype(np.int32)
 
-    kinds = _native.classify_edges(camera(depth), labels, None, 3.0, 0.002, 0).reshape(depth.shape)
+    kinds = classify_edges(depth, labels, 0.002).reshape(depth.shape)
     some = rng.choice(depth.size, 50)
-    assert np.array_equal(_native.classify_edges(camera(depth), labels, some, 3.0, 0.002, 0), kinds.ravel()[some])
+    assert np.array_equal(classify_edges(depth, labels, 0.002, some), kinds.ravel()[some])
 
     wide_labels, wide_depth = np.pad(labels, 1, constant_values=-1), np.pad(depth, 1)
     free, hidden, unknown = (np.zeros(depth.shape, bool) for _ in range(3))
@@ -186,22 +214,29 @@ def test_sums_and_extents_are_those_of_the_points():
     labels = (np.random.default_rng(3).integers(0, 4, depth.shape) * (depth > 0)).astype(np.int32)
     axes = np.linalg.qr(np.random.default_rng(4).normal(size=(4, 3, 3)))[0]
 
-    sums, first = _native.sum_points(seen, labels, 4)  # the fourth has no pixel
-    extents = _native.measure_extents(seen, labels, axes, 0.1)
+    sums = _native.sum_points(seen, labels, count=4)  # the fourth has no pixel
+    extents = _native.measure_extents(seen, labels, axes=axes, min_cosine=0.1)
 
     rows, columns = np.indices(depth.shape) + 0.5
-    rays = np.stack([(columns - seen[1][2]) / FOCAL[0], (rows - seen[1][3]) / FOCAL[1], np.ones(depth.shape)], axis=-1)
+    rays = np.stack(
+        [(columns - seen.intrinsics[2]) / FOCAL[0], (rows - seen.intrinsics[3]) / FOCAL[1], np.ones(depth.shape)],
+        axis=-1,
+    )
     for k in range(3):
         points = (rays * depth[..., None])[labels == k + 1]
         local = points - points[0]
         squares = (local.T @ local)[np.triu_indices(3)]
-        assert first[k] == pytest.approx(points[0])
-        assert sums[k] == pytest.approx([len(points), *local.sum(axis=0), *squares])
-        assert extents[k, :2] == pytest.approx(np.ptp(points @ axes[k, :2].T, axis=0))
+        assert sums.first_m[k] == pytest.approx(points[0])
+        assert sums.pixels[k] == len(points)
+        assert sums.sums[k] == pytest.approx(local.sum(axis=0))
+        assert sums.products[k] == pytest.approx(squares)
+        assert [extents.length_m[k], extents.width_m[k]] == pytest.approx(np.ptp(points @ axes[k, :2].T, axis=0))
         slant = np.maximum(abs(rays[labels == k + 1] @ axes[k, 2]), 0.1)
-        assert extents[k, 2] == pytest.approx(np.sum(depth[labels == k + 1].astype(float) ** 2 / slant) / FOCAL.prod())
-    assert not sums[3].any()
-    assert not extents[3].any()
+        assert extents.area_m2[k] == pytest.approx(
+            np.sum(depth[labels == k + 1].astype(float) ** 2 / slant) / FOCAL.prod()
+        )
+    for empty in (sums.pixels, sums.sums, sums.products, extents.length_m, extents.width_m, extents.area_m2):
+        assert not empty[3].any()
 
 
 @pytest.mark.parametrize("missing", [0, 2])
@@ -214,14 +249,12 @@ def test_edges_are_placed_between_what_ends_and_what_is_behind(missing, tilt):
     depth = np.where(away < radius, 1 / inverse, 3.0).astype(np.float32)
     depth[(away >= radius - missing) & (away < radius + missing)] = 0
     labels = ((away < radius) & (depth > 0)).astype(np.int32)
-    planes, _ = _native.fit_local_planes(camera(depth), None, 3, 4.0, 0.0, 0)
-    kinds = _native.classify_edges(camera(depth), labels, None, 3.0, 0.0, 0)
+    planes, _ = fit_planes(depth, 0.0)
+    kinds = classify_edges(depth, labels, 0.0)
     kinds[kinds == 3] = 1  # what misses depth beside it ends too, here
     pixels = np.flatnonzero(labels)
 
-    places, depths = _native.place_edges(
-        camera(depth), labels, planes[pixels], pixels, kinds[pixels], 2 * missing + 2, 0
-    )
+    places, depths = place_edges(depth, labels, planes[pixels], pixels, kinds[pixels], 2 * missing + 2)
 
     edge = kinds[pixels] == 1
     found = np.hypot(places[:, 0] - 33.2, places[:, 1] - 29.6)
@@ -236,8 +269,6 @@ def test_a_pixel_by_itself_stays_where_it_is():
     depth = np.full((5, 6), 3.0, np.float32)
     depth[2, 3] = 1.0
     labels = (depth < 2).astype(np.int32)
-    places, depths = _native.place_edges(
-        camera(depth), labels, np.zeros((1, 3), np.float32), np.array([15]), np.ones(1, np.uint8), 4, 1
-    )
+    places, depths = place_edges(depth, labels, np.zeros((1, 3), np.float32), np.array([15]), np.ones(1, np.uint8), 4)
     assert places.tolist() == [[3.5, 2.5]]
     assert depths.tolist() == [1.0]

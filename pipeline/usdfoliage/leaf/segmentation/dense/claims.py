@@ -111,8 +111,13 @@ def claim_pixels(
     ).reshape(len(leaves), len(v), len(u), 3)
     return tuple(
         _native.claim_pixels(
-            grids, penalty, depth_view(view.camera, depth_m), settings.footprints, settings.noises * float(noise),
-            settings.least_cosine, threads,
+            depth_view(view.camera, depth_m),
+            grids,
+            penalty=penalty,
+            footprints=settings.footprints,
+            noise_m=settings.noises * float(noise),
+            min_cosine=settings.least_cosine,
+            threads=threads,
         )
         for view, depth_m, noise in zip(views, depths_m, noises, strict=True)
     )  # fmt: skip
@@ -181,11 +186,11 @@ def collect_points(
     seen = [depth_view(one.camera, depth_m) for one, depth_m in zip(views, depths_m, strict=True)]
     pixels_seen = np.zeros((len(views), count), np.int64)
     for number, (one, claimed) in enumerate(zip(seen, labels, strict=True)):
-        if claimed.shape != one[0].shape:
-            raise ValueError(f"the labels must be {one[0].shape}, not {claimed.shape}")
+        if claimed.shape != one.depth_m.shape:
+            raise ValueError(f"the labels must be {one.depth_m.shape}, not {claimed.shape}")
         if (highest := int(claimed.max(initial=0))) > count:
             raise ValueError(f"labels must be at most {count}, not {highest}")
-        pixels_seen[number] = _native.count_labels(one, claimed, count)
+        pixels_seen[number] = _native.count_labels(one, claimed, count=count)
 
     total = pixels_seen.sum(axis=0)
     kept = np.minimum(total, settings.max_per_leaf)
@@ -194,20 +199,35 @@ def collect_points(
     kind, point_view = np.empty(offsets[-1], np.uint8), np.empty(offsets[-1], np.int32)
     before = np.zeros(count, np.int64)
     for number, (one, claimed) in enumerate(zip(seen, labels, strict=True)):
-        pixels, places = _native.pick_pixels(one, claimed, total, kept, offsets, before)
+        picked = _native.pick_pixels(one, claimed, total=total, kept=kept, offsets=offsets, seen=before)
+        pixels, places = picked.pixels, picked.places
         noise, camera = float(noises[number]), views[number].camera
-        edges = _native.classify_edges(one, claimed, pixels, settings.edge, settings.edge_noises * noise, threads)
+        edges = _native.classify_edges(
+            one,
+            claimed,
+            pixels,
+            footprints=settings.edge,
+            noise_m=settings.edge_noises * noise,
+            threads=threads,
+        )
         if planes is None:
-            slopes, support = _native.fit_local_planes(
-                one, pixels, PatchSettings.radius_px, PatchSettings.steepest, noise, threads
+            local = _native.fit_local_planes(
+                one,
+                pixels,
+                radius_px=PatchSettings.radius_px,
+                steepest=PatchSettings.steepest,
+                noise_m=noise,
+                threads=threads,
             )
+            slopes, support = local.slopes, local.support
         else:
             slopes = planes[number].slopes.reshape(-1, 3)[pixels]
             support = planes[number].support.ravel()[pixels]
-        located = camera.unproject(
-            *_native.place_edges(one, claimed, slopes, pixels, edges, settings.beside_px, threads)
+        ends = _native.place_edges(
+            one, claimed, slopes, pixels=pixels, kinds=edges, beside_px=settings.beside_px, threads=threads
         )
-        facing = np.asarray(_native.plane_normals(one, slopes, pixels, threads), np.float64)
+        located = camera.unproject(ends.places_px, ends.depth_m)
+        facing = np.asarray(_native.plane_normals(one, slopes, pixels, threads=threads), np.float64)
         alone = support < _MIN_SUPPORT
         towards = camera.position_m - located[alone]
         facing[alone] = towards / np.linalg.norm(towards, axis=1, keepdims=True)

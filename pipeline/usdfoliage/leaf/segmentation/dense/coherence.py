@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from usdfoliage import _native
 from usdfoliage.capture.view import View
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.leaf.segmentation.dense.depth_view import DepthView, depth_view
+from usdfoliage.leaf.segmentation.dense.depth_view import depth_view
+from usdfoliage.native_settings import native_settings
 from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
@@ -100,13 +101,22 @@ def make_depth_coherent(
         # the depth of all of them is compared with each other
         spread = [raw_noise[k] for k in (index, *asked) if raw_noise[k] > 0]
         noise_m = float(np.sqrt(np.mean(np.square(spread)))) if spread else 0.0
-        fused, kinds = _native.fuse_depth(
-            seen[index], [seen[k] for k in asked], settings.footprints, settings.noises * noise_m,
-            settings.least_own, settings.least_others, threads,
-        )  # fmt: skip
-        depths.append(fused)
-        counts.append(np.bincount(kinds.ravel(), minlength=_REMOVED + 1))
-        noise.append(_measure((fused, *seen[index][1:]), settings, threads) if asked else raw_noise[index])
+        fused = _native.fuse_depth(
+            seen[index],
+            [seen[k] for k in asked],
+            settings=native_settings(
+                _native.FuseSettings,
+                settings,
+                noise_m=settings.noises * noise_m,
+                min_own=settings.least_own,
+                min_others=settings.least_others,
+            ),
+            threads=threads,
+        )
+        depths.append(fused.depth_m)
+        counts.append(np.bincount(fused.kinds.ravel(), minlength=_REMOVED + 1))
+        now = depth_view(views[index].camera, fused.depth_m)
+        noise.append(_measure(now, settings, threads) if asked else raw_noise[index])
         if progress is not None:
             progress(index + 1, len(views))
     result = CoherentDepth(
@@ -154,12 +164,12 @@ def measure_noise(view: View, samples: int = 10_000, *, threads: int = 0) -> flo
     return _measure_noise(depth_view(view.camera, view.depth_m), samples, threads)
 
 
-def _measure(seen: DepthView, settings: CoherenceSettings, threads: int) -> float:
+def _measure(seen: _native.DepthView, settings: CoherenceSettings, threads: int) -> float:
     return _measure_noise(seen, settings.noise_samples, threads)
 
 
-def _measure_noise(seen: DepthView, samples: int, threads: int) -> float:
-    depth, (focal_x, focal_y, _, _), _ = seen
+def _measure_noise(seen: _native.DepthView, samples: int, threads: int) -> float:
+    depth, (focal_x, focal_y, _, _) = seen.depth_m, seen.intrinsics
     pixels = _front_pixels(depth, float(np.sqrt(focal_x * focal_y)))
     if not len(pixels):
         return 0.0
@@ -169,11 +179,13 @@ def _measure_noise(seen: DepthView, samples: int, threads: int) -> float:
     own = depth.ravel()[pixels].astype(np.float64)
     # the fit takes what lies within some noises of the plane, so it is repeated with the noise it showed
     for _ in range(3):
-        planes, support = _native.fit_local_planes(seen, pixels, _WINDOW_PX, _STEEPEST, noise_m, threads)
-        good = support >= _SUPPORT
+        planes = _native.fit_local_planes(
+            seen, pixels, radius_px=_WINDOW_PX, steepest=_STEEPEST, noise_m=noise_m, threads=threads
+        )
+        good = planes.support >= _SUPPORT
         if not good.any():
             return noise_m
-        away_m = np.abs(own[good] * planes[good, 2] - 1) * own[good]
+        away_m = np.abs(own[good] * planes.slopes[good, 2] - 1) * own[good]
         noise_m = float(_MAD * np.median(away_m))
     return noise_m
 

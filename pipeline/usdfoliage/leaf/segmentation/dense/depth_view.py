@@ -3,13 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage import _native
 from usdfoliage.geometry.pinhole import Pinhole
 
-DepthView = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]
 
-
-def depth_view(camera: Pinhole, depth_m: NDArray[np.floating]) -> DepthView:
-    """Depth (H, W), 0 where there is none; focal lengths and centre (4,); cam_from_world (3, 4).
+def depth_view(camera: Pinhole, depth_m: NDArray[np.floating]) -> _native.DepthView:
+    """A view's camera with this depth (H, W), 0 where there is none.
 
     Raises:
         ValueError: The depth is not as large as the camera's pictures.
@@ -17,10 +16,10 @@ def depth_view(camera: Pinhole, depth_m: NDArray[np.floating]) -> DepthView:
     if depth_m.shape != (camera.height_px, camera.width_px):
         raise ValueError(f"the depth must be {(camera.height_px, camera.width_px)}, not {depth_m.shape}")
     intrinsics = np.array([*camera.focal_px, *camera.center_px], np.float64)
-    return (
-        np.ascontiguousarray(depth_m, np.float32),
-        intrinsics,
-        np.ascontiguousarray(camera.cam_from_world, np.float64),
+    return _native.DepthView(
+        depth_m=np.ascontiguousarray(depth_m, np.float32),
+        intrinsics=intrinsics,
+        cam_from_world=np.ascontiguousarray(camera.cam_from_world, np.float64),
     )
 
 

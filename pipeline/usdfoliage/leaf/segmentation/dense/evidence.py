@@ -96,7 +96,9 @@ def weigh_evidence(
     free, continued = np.zeros(ring.shape[:2], np.int32), np.zeros(ring.shape[:2], np.int32)
     for view, depth_m, noise in zip(views, depths_m, noises.tolist(), strict=True):
         seen = depth_view(view.camera, depth_m)
-        state = _native.classify_points(probes, seen, settings.footprints, settings.noises * noise, threads)
+        state = _native.classify_points(
+            probes, seen, footprints=settings.footprints, noise_m=settings.noises * noise, threads=threads
+        )
         on += state == _ON
         through += state == _THROUGH
 
@@ -107,11 +109,14 @@ def weigh_evidence(
         aside_m = np.maximum(settings.offset * leaves.length_m[:, None], aside_m)[..., None]
         inside, outside = (
             _native.classify_points(
-                (ring + side * aside_m * outward).reshape(-1, 3), seen, settings.ring_footprints,
-                settings.noises * noise, threads,
+                (ring + side * aside_m * outward).reshape(-1, 3),
+                seen,
+                footprints=settings.ring_footprints,
+                noise_m=settings.noises * noise,
+                threads=threads,
             ).reshape(ring.shape[:2])
             for side in (-1, 1)
-        )  # fmt: skip
+        )
         free += (inside == _ON) & (outside == _THROUGH)
         continued += (inside == _ON) & (outside == _ON)
 

@@ -62,7 +62,7 @@ class LocalPlanes:
     def normals(self, camera: Pinhole, *, threads: int = 0) -> NDArray[np.float32]:
         """(H, W, 3), unit, in the world, towards the camera; 0 where there is no depth."""
         seen = depth_view(camera, self.support)
-        flat = _native.plane_normals(seen, self.slopes.reshape(-1, 3), None, threads)
+        flat = _native.plane_normals(seen, self.slopes.reshape(-1, 3), threads=threads)
         return np.asarray(flat, np.float32).reshape(self.slopes.shape)
 
 
@@ -107,13 +107,15 @@ def fit_planes_of_view(
         ValueError: The depth is not as large as the view.
     """
     seen = depth_view(view.camera, depth_m)
-    planes, support = _native.fit_local_planes(seen, None, settings.radius_px, settings.steepest, noise_m, threads)
-    right, down = _native.measure_gaps(seen, planes, threads)
+    planes = _native.fit_local_planes(
+        seen, radius_px=settings.radius_px, steepest=settings.steepest, noise_m=noise_m, threads=threads
+    )
+    gaps = _native.measure_gaps(seen, planes.slopes, threads=threads)
     return LocalPlanes(
-        slopes=planes.reshape(*depth_m.shape, 3),
-        support=support.reshape(depth_m.shape),
-        gap_right=right,
-        gap_down=down,
+        slopes=planes.slopes.reshape(*depth_m.shape, 3),
+        support=planes.support.reshape(depth_m.shape),
+        gap_right=gaps.right,
+        gap_down=gaps.down,
     )
 
 
@@ -149,11 +151,17 @@ def find_patches(
     if planes is None:
         planes = fit_planes_of_view(view, depth_m, noise_m, settings, threads=threads)
     allowed = np.ones(depth_m.shape, np.uint8) if valid is None else np.ascontiguousarray(valid, np.uint8)
-    labels, _ = _native.join_pixels(
-        seen, planes.gap_right, planes.gap_down, allowed, settings.gap, settings.gap_noises * noise_m, settings.min_px
+    joined = _native.join_pixels(
+        seen,
+        right=planes.gap_right,
+        down=planes.gap_down,
+        valid=allowed,
+        max_gap=settings.gap,
+        noise_m=settings.gap_noises * noise_m,
+        min_px=settings.min_px,
     )
     return measure_patches(
-        view, depth_m, labels, noise_m, settings,
+        view, depth_m, joined.labels, noise_m, settings,
         normals=planes.normals(view.camera, threads=threads) if with_normals else None, threads=threads,
     )  # fmt: skip
 
@@ -170,21 +178,21 @@ def measure_patches(
 ) -> Patches:
     """The edges and sizes of patches that are known: labels (H, W), 0 for none, then numbers without gaps."""
     seen, count = depth_view(view.camera, depth_m), int(labels.max(initial=0))
-    kind = _native.classify_edges(seen, labels, None, settings.edge, settings.edge_noises * noise_m, threads).reshape(
-        depth_m.shape
-    )
+    kind = _native.classify_edges(
+        seen, labels, footprints=settings.edge, noise_m=settings.edge_noises * noise_m, threads=threads
+    ).reshape(depth_m.shape)
 
-    sums, _ = _native.sum_points(seen, labels, count)
-    pixels = sums[:, 0]
+    sums = _native.sum_points(seen, labels, count=count)
     axes, deviations = _principal_axes(sums)
-    length, width, area = _native.measure_extents(seen, labels, axes, settings.least_cosine).T
+    extents = _native.measure_extents(seen, labels, axes=axes, min_cosine=settings.least_cosine)
+    length, width, area = extents.length_m, extents.width_m, extents.area_m2
     at_edges = np.bincount(labels.ravel() * np.int64(4) + kind.ravel(), minlength=4 * (count + 1)).reshape(-1, 4)[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
         fill = np.where(length * width > 0, area / (np.pi / 4 * length * width), 0.0)
     return Patches(
         labels=labels,
         kind=kind,
-        pixels=pixels.astype(np.int64),
+        pixels=sums.pixels.astype(np.int64),
         area_m2=area,
         length_m=length,
         width_m=width,
@@ -197,11 +205,11 @@ def measure_patches(
     )
 
 
-def _principal_axes(sums: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Axes (K, 3, 3) in rows, the longest first, and standard deviations (K, 3) from sums over points (K, 10)."""
-    number = np.maximum(sums[:, 0], 1)
-    mean = sums[:, 1:4] / number[:, None]
-    square = sums[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3) / number[:, None, None]
+def _principal_axes(sums: _native.PointSums) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Axes (K, 3, 3) in rows, the longest first, and standard deviations (K, 3), from sums over points."""
+    number = np.maximum(sums.pixels, 1)
+    mean = sums.sums / number[:, None]
+    square = sums.products[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3) / number[:, None, None]
     values, vectors = np.linalg.eigh(square - mean[:, :, None] * mean[:, None, :])
     return (
         np.ascontiguousarray(np.moveaxis(vectors, 1, 2)[:, ::-1]),
