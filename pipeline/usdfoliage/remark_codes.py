@@ -25,6 +25,437 @@ class RemarkSection:
 
 SECTIONS: tuple[RemarkSection, ...] = (
     RemarkSection(
+        title="Photographs",
+        kinds={
+            "photographs-blurred": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "They are less than half as sharp as the median photograph: shaken, or out of focus. They are used."
+                ),
+                action="Leave them out of the folder if neighbours cover for them, or take them again.",
+            ),
+            "photographs-unusable": RemarkKind(
+                severity="info",
+                meaning="Files are damaged, or their size is not that of their camera. They are left out.",
+                action="Copy the files again, or give the pictures that the cameras belong to.",
+            ),
+            "photographs-left-out": RemarkKind(
+                severity="warning",
+                meaning="These photographs have no part in the plant. The remark names the reason of each.",
+                action="Do what the reasons ask for. A few that are lost do no harm.",
+            ),
+            "photograph-copies-left-out": RemarkKind(
+                severity="info",
+                meaning="Files hold the same bytes as another photograph. One of each is used.",
+                action="Nothing, as they are left out.",
+            ),
+            "photograph-copies-used": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Photographs with given poses hold the same bytes. What has only its copy for company is seen once."
+                ),
+                action="Remove the copies from images/ and cameras/.",
+            ),
+            "raw-photographs-not-used": RemarkKind(
+                severity="info",
+                meaning="Raw files and HEIC are not read.",
+                action="Develop them to JPEG, PNG, TIFF or EXR, all with the same settings.",
+            ),
+            "videos-not-used": RemarkKind(
+                severity="info",
+                meaning="Videos are not read.",
+                action=(
+                    "Run the line that the remark has, which takes pictures out of the video. Photographs are sharper."
+                ),
+            ),
+            "other-files-not-used": RemarkKind(
+                severity="info",
+                meaning="Files beside the photographs are no photographs.",
+                action="Nothing, unless one of them should be a photograph.",
+            ),
+            "photographs-in-folders-below": RemarkKind(
+                severity="info",
+                meaning="Of a plain folder only the photographs at its top are used.",
+                action="Put what belongs together into one folder, or make a capture with images/.",
+            ),
+            "photograph-sizes-differ": RemarkKind(
+                severity="info",
+                meaning="Several cameras took them, or some are cropped. Each size gets a camera of its own.",
+                action="Use the originals, uncropped.",
+            ),
+            "orientation-ignored": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Given poses belong to the pixels as the file stores them, whatever EXIF says of their orientation."
+                ),
+                action="Nothing, if the poses are COLMAP's.",
+            ),
+            "camera-scaled": RemarkKind(
+                severity="info",
+                meaning="The cameras were computed at another size of the pictures.",
+                action="Nothing, if the pictures were only resized.",
+            ),
+            "views-without-mask": RemarkKind(
+                severity="info",
+                meaning="There are masks, but not of these photographs.",
+                action="Nothing, or give the missing masks.",
+            ),
+            "mask-ignored": RemarkKind(
+                severity="info",
+                meaning="The mask cannot be read, has another size than its photograph, or is empty or full.",
+                action="Write it again, white on the plant, on the photograph's pixels.",
+            ),
+            "mask-in-pieces": RemarkKind(
+                severity="info",
+                meaning="The mask of a crown has several components. The largest is taken.",
+                action="Nothing, if the others are specks. Otherwise connect them in the mask.",
+            ),
+            "mask-holes-filled": RemarkKind(
+                severity="info",
+                meaning="Sky that shows through the crown is filled in the silhouette.",
+                action="Nothing, as the gaps stay out of the crown's colours.",
+            ),
+            "mask-holes-kept": RemarkKind(
+                severity="info",
+                meaning="Holes of the mask are too large to be filled.",
+                action="Nothing, or fill them in the mask.",
+            ),
+            "mask-at-border": RemarkKind(
+                severity="info",
+                meaning="The crown reaches the edge of the picture and is cut there.",
+                action="Photograph the whole crown.",
+            ),
+            "capture-keys-unknown": RemarkKind(
+                severity="info",
+                meaning="The file capture.toml has keys that mean nothing here. They may be misspelt.",
+                action="Compare them with the table of keys in this guide.",
+            ),
+        },
+    ),
+    RemarkSection(
+        title="Poses",
+        kinds={
+            "poses-improbable": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "One of the three checks that follow it failed: a focal length, points in a band, or few "
+                    "points. The settings ask to go on."
+                ),
+                action="Do what those remarks ask for.",
+            ),
+            "focal-length-improbable": RemarkKind(
+                severity="warning",
+                meaning="The lens is unknown, or was estimated wrongly. Without further settings the run ends here.",
+                action="Give the focal length in pixels of the full picture.",
+            ),
+            "few-points-seen": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Most photographs are hardly connected with the others. Without further settings the run ends here."
+                ),
+                action="Take more photographs, nearer to each other.",
+            ),
+            "points-in-a-band": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Only a horizon joins the photographs, so that the cameras are not determined. Without "
+                    "further settings the run ends here."
+                ),
+                action="Put something textured around the plant, or give poses in cameras/.",
+            ),
+            "photographs-not-registered": RemarkKind(
+                severity="info",
+                meaning=(
+                    "No camera was found for them: too few features, another scene, too far from the next, a "
+                    "group of its own, or a camera that only turned."
+                ),
+                action="Take photographs between them and the others. A few that are lost do no harm.",
+            ),
+            "matches-fit-no-motion": RemarkKind(
+                severity="info",
+                meaning="Wind moved the plant between photographs, or its texture repeats.",
+                action="Photograph in less wind, with texture around the plant that does not repeat.",
+            ),
+            "several-cameras": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The photographs differ in size, make, model or focal length. Each kind gets a lens of its own."
+                ),
+                action="Nothing, if there were several cameras.",
+            ),
+            "poses-estimated": RemarkKind(
+                severity="info",
+                meaning="The remark has what up and scale were taken from.",
+                action="Nothing, if they are right.",
+            ),
+            "scale-unknown": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "There is no scale bar, no known distance and no usable positions. Every length of the "
+                    "plant is in an unknown unit."
+                ),
+                action="See Scale and up.",
+            ),
+            "positions-contradict-pictures": RemarkKind(
+                severity="info",
+                meaning="Positions by satellite are too coarse for so small a ring of cameras.",
+                action="Give a scale bar.",
+            ),
+            "positions-not-usable": RemarkKind(
+                severity="info",
+                meaning="Positions by satellite are all one, or have no altitude.",
+                action="Give a scale bar.",
+            ),
+            "up-uncertain": RemarkKind(
+                severity="info",
+                meaning="What up was found by determines it only roughly.",
+                action="Choose another method, or give the direction.",
+            ),
+            "up-methods-disagree": RemarkKind(
+                severity="info",
+                meaning="Two methods of finding up contradict each other. The surer one is taken.",
+                action="Check the result, and choose the other method where it is wrong.",
+            ),
+            "cameras-without-photograph": RemarkKind(
+                severity="info",
+                meaning="Names in cameras/ are in no file of images/.",
+                action="Make the names the same, or nothing if those photographs were left out on purpose.",
+            ),
+            "photographs-without-camera": RemarkKind(
+                severity="info",
+                meaning="Photographs are not in the model of cameras/, and are not used.",
+                action="Make the names the same, or add their cameras to the model.",
+            ),
+            "model-points-not-used": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The points of the model in cameras/ cannot be read. They only help to choose depths and "
+                    "to check the scale."
+                ),
+                action="Export the model again.",
+            ),
+        },
+    ),
+    RemarkSection(
+        title="Depth and cloud",
+        kinds={
+            "photographs-without-companion": RemarkKind(
+                severity="info",
+                meaning="No other photograph shows the same at an angle from which depth can be computed.",
+                action="Take photographs beside it, 5° to 10° apart.",
+            ),
+            "photographs-without-depth": RemarkKind(
+                severity="warning",
+                meaning="No depth was found that other photographs confirm.",
+                action="Take more photographs beside them.",
+            ),
+            "reprojection-errors-high": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Points are far from where these photographs show them: they, or something in them, may have moved."
+                ),
+                action="Leave the photographs out, or take them again.",
+            ),
+            "photographs-in-groups": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Groups of photographs share no matches, and the cloud may consist of parts that do not "
+                    "fit each other."
+                ),
+                action="Take photographs between the groups.",
+            ),
+            "tasks-done-before": RemarkKind(
+                severity="info",
+                meaning="Results of an earlier run with the same input and settings are used.",
+                action="Nothing.",
+            ),
+            "given-maps-kept": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The capture has depth, normals or confidence of its own. What was computed is written beside them."
+                ),
+                action="Nothing, or replace them as the remark says.",
+            ),
+            "views-without-depth-map": RemarkKind(
+                severity="info",
+                meaning="There are no depth maps of these photographs.",
+                action="Nothing, if the others cover the plant.",
+            ),
+            "depth-maps-without-photograph": RemarkKind(
+                severity="info",
+                meaning="Depth maps have names that no photograph has.",
+                action="Name them as their photographs.",
+            ),
+            "depth-map-ignored": RemarkKind(
+                severity="info",
+                meaning="The depth map cannot be read, or has another size than its photograph.",
+                action="Write it again, on the photograph's pixels.",
+            ),
+            "depth-map-empty": RemarkKind(
+                severity="info",
+                meaning="The depth map has no depth at all.",
+                action="Write it again.",
+            ),
+            "depth-maps-unusable": RemarkKind(
+                severity="info",
+                meaning="None of the given depth maps can be used. Depth is computed from the photographs instead.",
+                action="Write the depth maps again.",
+            ),
+            "depths-impossible": RemarkKind(
+                severity="info",
+                meaning="Values that are not finite, negative or beyond 1000 km are taken as no depth.",
+                action="Nothing, if they stand for unknown depth.",
+            ),
+            "depth-channel-assumed": RemarkKind(
+                severity="info",
+                meaning="The depth map has one channel, whose name is not Z.",
+                action="Nothing, if that channel is the depth.",
+            ),
+            "depth-unit-differs": RemarkKind(
+                severity="warning",
+                meaning="Depth and poses have different units.",
+                action="Give depth in metres, and the unit of the poses as metres_per_unit.",
+            ),
+            "depth-units-mixed": RemarkKind(
+                severity="warning",
+                meaning="Depth maps have different units, and none is that of most.",
+                action="Give all depth in metres.",
+            ),
+            "depth-of-other-unit-left-out": RemarkKind(
+                severity="warning",
+                meaning="Some depth maps have another unit than most. Their depth is left out.",
+                action="Give all depth in metres.",
+            ),
+            "cloud-file-chosen": RemarkKind(
+                severity="info",
+                meaning="The remark names the file that is read as the capture's cloud.",
+                action="Nothing, or give another file.",
+            ),
+            "cloud-unit-assumed": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The file of the cloud states no unit. It is assumed from the format, or from the size "
+                    "of the cloud."
+                ),
+                action="Check the size in the report, and set the unit where it is wrong.",
+            ),
+            "cloud-unit-stated": RemarkKind(
+                severity="info",
+                meaning="The file of the cloud states a unit other than metres, which is used.",
+                action="Nothing.",
+            ),
+            "cloud-unit-overridden": RemarkKind(
+                severity="info",
+                meaning="The file of the cloud states another unit than the one that was given. The given one is used.",
+                action="Nothing, if the given unit is right.",
+            ),
+            "cloud-system-in-degrees": RemarkKind(
+                severity="info",
+                meaning="The file states degrees, but its points are too far apart for them.",
+                action="Check the unit.",
+            ),
+            "cloud-system-unknown": RemarkKind(
+                severity="info",
+                meaning="The file names a coordinate system by its number only.",
+                action="Check the unit.",
+            ),
+            "cloud-coordinates-coarse": RemarkKind(
+                severity="info",
+                meaning="Coordinates of a survey have lost their digits.",
+                action="Export them as double, or with the offset subtracted.",
+            ),
+            "cloud-file-thinned": RemarkKind(
+                severity="info",
+                meaning="The cloud has more points than are used. One a cell of a grid is kept.",
+                action="Nothing.",
+            ),
+            "cloud-points-left-out": RemarkKind(
+                severity="info",
+                meaning="Points are not finite, marked as noise or withheld, duplicates, or lines that are no points.",
+                action="Nothing, unless most are left out.",
+            ),
+            "cloud-colors-black": RemarkKind(
+                severity="info",
+                meaning="All colours of the cloud are black. They are not used.",
+                action="Export the cloud without colours, or with those of photographs.",
+            ),
+            "cloud-colors-false": RemarkKind(
+                severity="warning",
+                meaning="The colours of the cloud stand for height, intensity or another quantity. They are not used.",
+                action="Export the cloud with the colours of photographs, or without any.",
+            ),
+        },
+    ),
+    RemarkSection(
+        title="Isolation",
+        kinds={
+            "isolation-failed": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "The plant could not be separated from its surroundings, for the reason that the remark "
+                    "has. Everything in the photographs is taken for the plant."
+                ),
+                action='Give masks, or set isolation.make = "off".',
+            ),
+            "isolation-nothing-left": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Without floor and surroundings hardly a point was left. Everything in the photographs "
+                    "is taken for the plant."
+                ),
+                action='Give masks, or set isolation.make = "off", which does the same without the warning.',
+            ),
+            "isolation-plant-small": RemarkKind(
+                severity="warning",
+                meaning="The plant is small in a large room, or the wrong thing was taken for it.",
+                action="Check the outlines, and give masks where they are wrong.",
+            ),
+            "isolation-plant-large": RemarkKind(
+                severity="warning",
+                meaning="Floor and background were not separated from the plant, or there were none.",
+                action="Check the outlines. Give masks, or sharper photographs in full size.",
+            ),
+            "isolation-masks-unchanged": RemarkKind(
+                severity="info",
+                meaning="The plant stands before a plain background, or was cut out before.",
+                action="Nothing.",
+            ),
+            "isolation-no-aim": RemarkKind(
+                severity="info",
+                meaning="The axes of the photographs do not meet: they were taken from the air, or along a hedge.",
+                action="Nothing, if all that stands on the ground is the plant.",
+            ),
+            "isolation-no-floor": RemarkKind(
+                severity="info",
+                meaning="No level layer stands out below the plant.",
+                action="Nothing, or give masks where there is a floor.",
+            ),
+            "isolation-hardly-green": RemarkKind(
+                severity="info",
+                meaning=(
+                    "A pot is recognised by what is not green below what is. Hardly anything is green, so "
+                    "that the pot may have stayed."
+                ),
+                action="Give masks without the pot.",
+            ),
+            "isolation-container-unclear": RemarkKind(
+                severity="info",
+                meaning="Something like a pot was found, but not surely. It stays part of the plant.",
+                action="Give masks without the pot.",
+            ),
+            "isolation-hanging-parts": RemarkKind(
+                severity="info",
+                meaning="Green parts hang over the edge of what the plant stands on.",
+                action="Nothing, if they are the plant's.",
+            ),
+            "photographs-without-plant": RemarkKind(
+                severity="info",
+                meaning="Nothing of the plant is seen in them.",
+                action="Nothing.",
+            ),
+        },
+    ),
+    RemarkSection(
         title="Branches",
         kinds={
             "plant-height-improbable": RemarkKind(
@@ -457,31 +888,6 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning="The report of a single command has no pictures of the asset.",
                 action="Read the text, which names the cause.",
-            ),
-        },
-    ),
-    RemarkSection(
-        title="Notes of files",
-        kinds={
-            "cloud-file-note": RemarkKind(
-                severity="info",
-                meaning="A note on the cloud's file.",
-                action="Read the text.",
-            ),
-            "cloud-file-warning": RemarkKind(
-                severity="warning",
-                meaning="A part of the cloud's file is not used.",
-                action="Read the text.",
-            ),
-            "capture-note": RemarkKind(
-                severity="info",
-                meaning="A note on the capture.",
-                action="Read the text.",
-            ),
-            "capture-warning": RemarkKind(
-                severity="warning",
-                meaning="The capture contradicts itself.",
-                action="Read the text.",
             ),
         },
     ),

@@ -21,6 +21,7 @@ from usdfoliage.cli import capture as command
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture import poses as capture_poses
 from usdfoliage.jobs.capture.settings import QUALITIES
+from usdfoliage.remarks import remark
 
 from tests.capture.mvs.test_colmap_stereo import write_matrix
 from tests.support.capture_photos import LENS, draw, poses, scene, write_photos, write_posed_photos
@@ -78,7 +79,7 @@ def test_depth_and_cloud_are_those_of_the_scene(made):
     capture = read_capture(made)
     read = read_views(capture)  # as the leaves are looked for in it
     assert [view.depth.name for view in capture.views] == [f"leaf {k}.exr" for k in range(5)]
-    assert capture.notes == read.notes == ()
+    assert capture.remarks == read.remarks == ()
     for view, (true, leaf) in zip(read.views, true_depths().values(), strict=True):
         there = view.depth_m > 0
         assert np.mean(there[leaf]) > 0.85
@@ -364,8 +365,8 @@ def test_files_that_are_not_used_are_named(photos, tmp_path, capsys):
     (folder / "list.txt").write_bytes(b"x")
     shutil.copytree(photos / "images", folder / "second")
     told = "\n".join(printed(capsys, "capture", folder, "-o", tmp_path / "out", "--dry-run"))
-    assert "walk.mp4 not used: a video; take pictures out of it first: ffmpeg -i walk.mp4" in told
-    assert "IMG_1.heic not used; convert to JPEG" in told
+    assert "walk.mp4 not used, as videos are not read: take pictures out of it first: ffmpeg -i walk.mp4" in told
+    assert "IMG_1.heic not used: convert to JPEG" in told
     assert "list.txt not used: no photographs" in told
     assert "photographs in folders below (second) not used" in told
 
@@ -520,8 +521,7 @@ def registration(monkeypatch):
         names=tuple(poses()),
         matches=np.full((5, 5), 40, np.int64),
         failures=(Unregistered(name="leaf 4.png", reason="it shows another place"),),
-        notes=("1 of 5 photographs have no camera: leaf 4.png",),
-        doubts=(),
+        remarks=(remark("photographs-not-registered", "1 of 5 photographs have no camera: leaf 4.png"),),
     )
     monkeypatch.setattr(capture_poses, "register_photos", lambda *_words, **_named: found)
     return found

@@ -150,8 +150,8 @@ def toml_blocks(page: Path) -> list[str]:
 @pytest.mark.parametrize("number", range(len(toml_blocks(ROOT / "docs" / "input_guide.md"))))
 def test_capture_toml_of_the_guide_is_read(number: int, tmp_path: Path) -> None:
     (tmp_path / "capture.toml").write_text(toml_blocks(ROOT / "docs" / "input_guide.md")[number], encoding="utf-8")
-    _, notes = read_capture_settings(tmp_path)
-    assert not notes
+    _, remarks = read_capture_settings(tmp_path)
+    assert not remarks
 
 
 @pytest.mark.parametrize(

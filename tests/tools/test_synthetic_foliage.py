@@ -166,7 +166,7 @@ def test_the_product_reads_a_written_capture(tmp_path, depth):
     write_capture(tmp_path / "bed", foliage.capture)
     capture = read_capture(tmp_path / "bed", depth=depth)
     read = read_views(capture)
-    assert [*capture.notes, *read.notes] == []
+    assert [*capture.remarks, *read.remarks] == []
     for view, made in zip(read.views, foliage.views if depth == "depth" else foliage.noisy_views, strict=True):
         assert view.name == made.name
         np.testing.assert_allclose(view.camera.cam_from_world, made.camera.cam_from_world, atol=1e-12)

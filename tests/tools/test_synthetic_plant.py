@@ -143,7 +143,7 @@ def test_the_product_reads_photographs_and_cameras_and_finds_no_depth(tmp_path, 
     capture = make_plant_capture(PlantCaptureSettings(plant=TINY, up_axis=up_axis))
     write_plant_capture(tmp_path / "plant", capture)
     read = read_capture(tmp_path / "plant")
-    assert [*read.notes] == ["2 of 2 views without a depth map: 000.jpg, 001.jpg"]
+    assert [each.text for each in read.remarks] == ["2 of 2 views without a depth map: 000.jpg, 001.jpg"]
     assert {path.name for path in (tmp_path / "plant").iterdir()} == {"images", "cameras", "capture.toml", "truth"}
 
 

@@ -26,6 +26,7 @@ from usdfoliage.capture.poses.register import RegistrationSettings, register_pho
 from usdfoliage.capture.poses.result import Registered
 from usdfoliage.capture.poses.world_frame import level_and_scale, move_registered
 from usdfoliage.errors import FoliageError
+from usdfoliage.remarks import as_plan_setting
 
 Array = NDArray[np.float64]
 
@@ -92,12 +93,12 @@ def measure(capture: Path, work: Path, reference: str, settings: RegistrationSet
         print("  ", lens[0], " ".join(f"{number:.5g}" for number in lens[1]))
     for failure in registered.failures:
         print(f"   {failure.name}: {failure.reason}")
-    for note in (*photo_set.notes, *registered.notes):
-        print(f"   note: {note}")
+    for remark in (*photo_set.remarks, *registered.remarks):
+        print(f"   {remark.severity}: {remark.sentence(as_plan_setting)}")
     frame = level_and_scale(registered, photo_set.photos)
     print(f"   scale by {frame.scale_from}, up by {frame.up_from} ± {np.degrees(frame.up_error_rad):.1f}°")
-    for note in frame.notes:
-        print(f"   note: {note}")
+    for remark in frame.remarks:
+        print(f"   {remark.severity}: {remark.sentence(as_plan_setting)}")
     if (capture / reference).is_dir():
         moved = move_registered(registered, frame.world_from_registered)
         up_axis = read_capture_settings(capture)[0].up_axis

@@ -90,17 +90,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.capture_settings import read_capture_request, read_capture_run_settings
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.jobs.capture.run import CaptureRequest, make_capture, plan_capture
-    from usdfoliage.jobs.capture.settings import read_capture_run_settings
+    from usdfoliage.cli.remarks import print_remarks
+    from usdfoliage.jobs.capture.run import make_capture, plan_capture
     from usdfoliage.jobs.work.settings_file import format_settings
 
     handle_interrupts()
     if options.print_settings:
         print(format_settings(read_capture_run_settings(options)), end="")
         return 0
-    request = CaptureRequest.from_options(options)
+    request = read_capture_request(options)
     if options.dry_run:
         print(plan_capture(request))
         return 0
@@ -110,8 +111,7 @@ def run(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("error: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    for note in made.notes:
-        print(f"note: {note}")
+    print_remarks(made.remarks, "capture")
     print(f"photographs: {made.registered:,} of {made.photographs:,} have a pose, {made.views:,} have depth")
     print(f"coverage: {made.coverage:.0%} of the median photograph's pixels that are not masked have depth")
     print(f"points: {made.points:,}")

@@ -79,14 +79,15 @@ COMMANDS: Mapping[str, CommandOptions] = {
 }
 
 
+OF_A_RUN = {"output": "-o", "force": "--force"}  # what every command that writes takes, by its name in a request
+
+
 def render_for(command: str) -> RenderSetting:
     """How a command writes a setting: its own option, else a key of the file of --settings, else as a plan has it."""
-    own = COMMANDS.get(command)
-    if own is None:
-        return as_plan_setting
+    own = COMMANDS.get(command, CommandOptions(options={}))
 
     def render(setting: Setting) -> str:
-        option = own.options.get(setting.name)
+        option = own.options.get(setting.name) or OF_A_RUN.get(setting.name)
         if option is not None:
             value = setting.value.strip('"')
             words = own.values.get(setting.name)

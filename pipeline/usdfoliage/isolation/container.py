@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.isolation.vegetation import MIN_EXCESS
+from usdfoliage.remarks import Remark, remark
 
 BESIDE = 1.5  # radii from the axis, within which what is not green and below the rim is the pot
 _FEW = 30  # cells of a slab, of which nothing is told
@@ -64,10 +65,10 @@ class Container:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContainerSearch:
-    """What was found, and why not."""
+    """What was found, or a remark on why not."""
 
-    container: Container | None
-    why: str  # a sentence without its end; empty where nothing looks like one
+    container: Container | None = None
+    remark: Remark | None = None  # None where nothing looks like one
 
 
 def find_container(
@@ -85,15 +86,15 @@ def find_container(
         settings: What is a container.
     """
     if len(cells_m) < settings.slabs * _FEW // 4:
-        return ContainerSearch(container=None, why="")
+        return ContainerSearch()
     low_m, high_m = (float(bound) for bound in np.quantile(heights_m, [0.001, 0.999]))
     tall_m = high_m - low_m
     if not tall_m > 0:
-        return ContainerSearch(container=None, why="")
+        return ContainerSearch()
     green = excess > MIN_EXCESS
     if green.mean() < settings.least_green:
-        why = "hardly anything is green: a pot would not be told from the plant"
-        return ContainerSearch(container=None, why=why)
+        text = "hardly anything is green, and a pot cannot be separated from the plant"
+        return ContainerSearch(remark=remark("isolation-hardly-green", text))
     # Soil in the shade is a little green as well.
     leaves = green & (heights_m > low_m + 0.5 * tall_m)
     usual = float(np.median(excess[leaves])) if leaves.any() else 0.0
@@ -109,10 +110,10 @@ def find_container(
     # Slabs without enough points tell nothing, and are no container's.
     full = held[:run] >= max(_FEW, 0.1 * float(np.median(held[held > 0])))
     if run < settings.least_height * settings.slabs or full.mean() < 0.7:
-        return ContainerSearch(container=None, why="")
+        return ContainerSearch()
     above = float(greens[run:].sum()) / max(float(held[run:].sum()), 1.0)
     if above < settings.green_above or run > settings.most_height * settings.slabs or not bare[:run].any():
-        return ContainerSearch(container=None, why="")
+        return ContainerSearch()
     inside = (slab < run) & ~green
     flat_m = cells_m[inside][:, [0, 2]]
     middle_m = _find_axis(flat_m)
@@ -133,18 +134,18 @@ def find_container(
         usual_m[number] = np.quantile(away_m[of_slab == number], 0.8)
     width_m, rim_m = 2 * radius_m, run / settings.slabs * tall_m
     if width_m < settings.least_width * tall_m or rim_m > settings.slenderness * width_m:
-        return ContainerSearch(container=None, why="")
+        return ContainerSearch()
     in_wall = away_m / usual_m[of_slab] >= (1 - settings.wall) * wall_m[sector] / radius_m
     closed, uneven = float(seen.mean()), float(wall_m[seen].std()) / radius_m
     # A lid of soil lies inside the wall, at the top.
     under = of_slab < max(run - 0.15 * settings.slabs, 0.6 * run)
     share = float(in_wall[under].mean()) if under.any() else 0.0
     if closed < settings.least_closed or uneven > settings.most_uneven or share < settings.least_wall:
-        why = (
+        text = (
             f"what is below {rim_m / tall_m:.0%} of the height is not green and wide as a pot, but not surely one "
             f"({closed:.0%} closed, {share:.0%} in its wall): it stays"
         )
-        return ContainerSearch(container=None, why=why)
+        return ContainerSearch(remark=remark("isolation-container-unclear", text))
     container = Container(
         rim_m=low_m + rim_m,
         soil_m=low_m + rim_m + settings.soil * tall_m,
@@ -152,7 +153,7 @@ def find_container(
         radius_m=1.3 * radius_m,
         least_excess=least_excess,
     )
-    return ContainerSearch(container=container, why="")
+    return ContainerSearch(container=container)
 
 
 def _find_axis(flat_m: NDArray[np.float64]) -> NDArray[np.float64]:

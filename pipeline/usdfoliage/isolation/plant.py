@@ -13,6 +13,7 @@ from usdfoliage.isolation.hanging import HangingSettings, find_hanging
 from usdfoliage.isolation.pieces import PieceSettings, find_plant_pieces
 from usdfoliage.isolation.support import Support, SupportSettings, find_support
 from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
+from usdfoliage.remarks import Remark, remark
 
 _COARSE, _FINE = 0.008, 0.004  # of the scale, widths of cells in which the floor, and pieces of the plant, are told
 _MOST_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
@@ -47,13 +48,13 @@ class IsolationSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IsolatedPlant:
-    """What every point is of, and what that was told by."""
+    """What every point is of, and what that was decided by."""
 
     kind: NDArray[np.uint8]  # (N,), PointKind
     focus: Focus | None
     support: Support | None
     container: Container | None
-    notes: tuple[str, ...]  # what was not found or is doubtful, in sentences for the report
+    remarks: tuple[Remark, ...]  # on what was not found
 
     @property
     def plant(self) -> NDArray[np.bool_]:
@@ -89,11 +90,12 @@ def isolate_plant(
         raise ValueError(f"cameras' places and axes must be alike, not {positions_m.shape} and {axes.shape}")
     kind = np.full(len(points_m), PointKind.PLANT, np.uint8)
     focus = find_focus(positions_m, axes, settings.focus)
-    notes: list[str] = []
+    remarks: list[Remark] = []
     if focus is None:
-        notes.append("the photographs are not aimed at one plant: all that stands on the ground is taken for it")
+        text = "the photographs are not aimed at one plant, and all that stands on the ground is taken for it"
+        remarks.append(remark("isolation-no-aim", text))
     if len(points_m) < _FEW:
-        return IsolatedPlant(kind=kind, focus=focus, support=None, container=None, notes=tuple(notes))
+        return IsolatedPlant(kind=kind, focus=focus, support=None, container=None, remarks=tuple(remarks))
     if focus is not None:
         middle_m, scale_m = focus.place_m, focus.distance_m
     else:
@@ -106,7 +108,8 @@ def isolate_plant(
         some = some[np.unique(coarse, return_index=True)[1]]
         support = find_support(points_m[some], middle_m, scale_m, settings.support)
         if support is None:
-            notes.append("the plant stands on nothing that stands out as level: nothing is taken for floor")
+            text = "the plant stands on nothing that stands out as level, and nothing is taken for floor"
+            remarks.append(remark("isolation-no-floor", text))
     heights_m = points_m[:, 1] - middle_m[1] if support is None else support.heights(points_m)
     if support is not None:
         kind[heights_m < support.layer_m] = PointKind.FLOOR
@@ -126,8 +129,8 @@ def isolate_plant(
             excess = _smooth_excess(colors[left], number_cells(points_m[left], _COLOR_CELLS * cell_m))
             search = find_container(cells_m[of_plant], over_m[of_plant], excess[first][of_plant], settings.pot)
             container = search.container
-            if search.why:
-                notes.append(search.why)
+            if search.remark is not None:
+                remarks.append(search.remark)
         if support is not None and of_plant.any():
             low = np.flatnonzero(kind == PointKind.FLOOR)
             hangs = _find_hanging(
@@ -135,10 +138,11 @@ def isolate_plant(
             )
             kind[low[hangs]] = PointKind.PLANT
             if hangs.any():
-                notes.append(
+                text = (
                     "what is green and hangs over the edge of what the plant stands on, lower than that, is taken for "
                     "part of it"
                 )
+                remarks.append(remark("isolation-hanging-parts", text))
     if container is not None:
         held = container.holds(points_m[left], heights_m[left], excess) & (kind[left] == PointKind.PLANT)
         kind[left[held]] = PointKind.CONTAINER
@@ -149,7 +153,7 @@ def isolate_plant(
             top_m = np.full(int(piece.max()) + 1, -np.inf)
             np.maximum.at(top_m, piece, heights_m[left])
             kind[left[top_m[piece] < container.soil_m]] = PointKind.CONTAINER
-    return IsolatedPlant(kind=kind, focus=focus, support=support, container=container, notes=tuple(notes))
+    return IsolatedPlant(kind=kind, focus=focus, support=support, container=container, remarks=tuple(remarks))
 
 
 def _find_hanging(

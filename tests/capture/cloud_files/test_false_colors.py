@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from usdfoliage.capture.cloud_files.false_colors import SampledColors, check_colors
 from usdfoliage.capture.cloud_files.read import CloudInputSettings, read_cloud_input
+from usdfoliage.remarks import warnings_of
 
 from tests.support.cloud_files import write_las, write_ply
 
@@ -114,12 +115,14 @@ def test_a_cloud_with_a_ramp_counts_as_uncoloured_and_says_so(tmp_path):
     points, of_ball = tree()
     cloud = read_cloud_input(write_las(tmp_path / "a.las", points, ramp("VIRIDIS", unit(points[:, 2]))), METRES)
     assert cloud.colors is None
-    assert "are a ramp along its axis Z, and none of a plant: they are not used" in cloud.warnings[0]
+    (false,) = warnings_of(cloud.remarks)
+    assert false.code == "cloud-colors-false"
+    assert "are a ramp along its axis Z, and none of a plant; they are not used" in false.text
 
     own = np.where(of_ball[:, None], GREEN, BROWN)
     cloud = read_cloud_input(write_las(tmp_path / "b.las", points, own), METRES)
     np.testing.assert_array_equal(cloud.colors, own)
-    assert cloud.warnings == ()
+    assert warnings_of(cloud.remarks) == ()
 
 
 def test_thinning_hides_no_ramp(tmp_path):
@@ -131,7 +134,7 @@ def test_thinning_hides_no_ramp(tmp_path):
 
     assert len(cloud.points_m) <= 500
     assert cloud.colors is None
-    assert len(cloud.warnings) == 1
+    assert len(warnings_of(cloud.remarks)) == 1
 
 
 def test_samples_are_evenly_taken_and_few():
@@ -159,7 +162,7 @@ def test_colours_of_cameras_are_not_doubted(name):
     if not (DATA / name).is_file():
         pytest.skip(f"../shared/data/{name} is absent")
     cloud = read_cloud_input(DATA / name, METRES)
-    assert cloud.warnings == ()
+    assert warnings_of(cloud.remarks) == ()
     assert cloud.colors is not None
 
 

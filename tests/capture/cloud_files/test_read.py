@@ -34,7 +34,7 @@ def test_every_format_gives_the_same_points(tmp_path, suffix):
     assert cloud.colors.dtype == np.uint8
     assert cloud.total == 200
     assert cloud.metres_per_unit == 1
-    assert cloud.notes == ()
+    assert cloud.remarks == ()
 
 
 @given(
@@ -65,7 +65,7 @@ def test_points_that_are_nowhere_are_left_out_wherever_they_stand(tmp_path_facto
     )
     assert cloud.total == 100
     what = "points more than 1e+11 from the origin" if bad == 1e30 else "points that are not finite"
-    assert f"{len(rows)} {what} left out" in cloud.notes
+    assert f"{len(rows)} {what} left out" in [each.text for each in cloud.remarks]
 
 
 @pytest.mark.parametrize("suffix", ALL)
@@ -74,7 +74,7 @@ def test_exact_duplicates_are_left_out_and_counted(tmp_path, suffix):
     twice = np.concatenate([points, points[20:50][::-1]])
     cloud = read_cloud_input(write_any(tmp_path / f"tree{suffix}", twice), METRES)
     np.testing.assert_allclose(cloud.points_m + cloud.origin_m, points, rtol=0, atol=1e-9)
-    assert cloud.notes == ("30 exact duplicates left out",)
+    assert [each.text for each in cloud.remarks] == ["30 exact duplicates left out"]
     assert cloud.total == 230
 
 
@@ -106,7 +106,9 @@ def test_vertices_with_lists_are_read(tmp_path):
 
 def test_float_coordinates_of_a_map_are_told(tmp_path):
     path = write_ply(tmp_path / "a.ply", some_points() + np.array([121_000, 487_000, 0]), kind="float")
-    assert any("float32" in note and "in steps of 0.031" in note for note in read_cloud_input(path, METRES).notes)
+    (coarse,) = read_cloud_input(path, METRES).remarks
+    assert coarse.code == "cloud-coordinates-coarse"
+    assert "in steps of 0.031" in coarse.text
 
 
 def test_progress_ends_at_the_total(tmp_path):
@@ -137,7 +139,7 @@ def test_a_folder_with_one_cloud_of_any_name_is_enough(tmp_path):
     write_las(tmp_path / "Scan 7.LAZ", some_points())
     (tmp_path / "notes.txt").write_text("oak")
     cloud = read_cloud_input(tmp_path)
-    assert cloud.notes[0] == "the capture's cloud is Scan 7.LAZ"
+    assert cloud.remarks[0].text == "the capture's cloud is Scan 7.LAZ"
     assert cloud.stated_up is None
 
 

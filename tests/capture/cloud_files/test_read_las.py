@@ -9,6 +9,7 @@ from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinat
 from usdfoliage.capture.cloud_files.las_units import LasUnit, read_key_unit, read_wkt_unit
 from usdfoliage.capture.cloud_files.read import CloudInputSettings, read_cloud_input
 from usdfoliage.errors import CaptureError
+from usdfoliage.remarks import Setting
 
 from tests.support.cloud_files import some_colors, some_points, write_las
 
@@ -63,19 +64,20 @@ def test_feet_become_metres(tmp_path, suffix, record):
     cloud = read_cloud_input(path)
     assert cloud.metres_per_unit == pytest.approx(1200 / 3937)
     np.testing.assert_allclose(cloud.points_m + cloud.origin_m, some_points() * 1200 / 3937, atol=1e-9)
-    assert cloud.notes == ("the file's unit is 0.304801 m",)
+    assert [each.text for each in cloud.remarks] == ["the file's unit is 0.304801 m"]
     given = read_cloud_input(path, CloudInputSettings(metres_per_unit=1.0))
     assert given.metres_per_unit == 1
-    assert given.notes == ("the file states 0.304801 m a unit; 1 is used as given",)
+    assert [each.text for each in given.remarks] == ["the file states 0.304801 m a unit; 1 is used as given"]
 
 
 def test_without_a_unit_las_is_in_metres_however_large(tmp_path):
     cloud = read_cloud_input(write_las(tmp_path / "a.las", 1000 * some_points()))
     assert cloud.metres_per_unit == 1
-    assert "as usual for LAS; --unit mm|cm|m|ft" in cloud.notes[0]
+    assert "as usual for LAS" in cloud.remarks[0].text
+    assert Setting(name="capture.toml:metres_per_unit") in cloud.remarks[0].remedy
     assert cloud.format_up == "+Z"
     named = read_cloud_input(write_las(tmp_path / "b.las", some_points(), vlrs=[keys((3072, 2263))]))
-    assert "EPSG:2263, whose unit is not looked up" in named.notes[0]
+    assert "EPSG:2263, whose unit is not looked up" in named.remarks[0].text
 
 
 def test_degrees_and_mixed_units_are_refused(tmp_path):
@@ -89,7 +91,7 @@ def test_degrees_and_mixed_units_are_refused(tmp_path):
     with pytest.raises(CaptureError, match="degrees of longitude and latitude; project it"):
         read_cloud_input(tmp_path / "a.las")
     local = read_cloud_input(write_las(tmp_path / "b.las", some_points(), vlrs=[WktCoordinateSystemVlr(WGS84)]))
-    assert "too far apart" in local.notes[0]
+    assert "too far apart" in local.remarks[0].text
     both = f'COMPD_CS["b",{FEET},VERT_CS["h",UNIT["metre",1]]]'
     path = write_las(tmp_path / "c.las", some_points(), vlrs=[WktCoordinateSystemVlr(both)])
     with pytest.raises(CaptureError, match=r"0.304801 m across and of 1 m in height"):
@@ -104,8 +106,8 @@ def test_withheld_points_and_noise_are_left_out(tmp_path):
     cloud = read_cloud_input(path)
     assert len(cloud.points_m) == 182
     assert cloud.total == 200
-    assert "7 points that the file marks as withheld left out" in cloud.notes
-    assert "11 points that the file marks as noise left out" in cloud.notes
+    assert "7 points that the file marks as withheld left out" in [each.text for each in cloud.remarks]
+    assert "11 points that the file marks as noise left out" in [each.text for each in cloud.remarks]
 
 
 @pytest.mark.parametrize("scale", [1, 257])
@@ -122,7 +124,7 @@ def test_colours_of_8_and_16_bits(tmp_path, scale):
 def test_black_is_no_colour(tmp_path):
     cloud = read_cloud_input(write_las(tmp_path / "a.las", some_points(), np.zeros((200, 3), int)))
     assert cloud.colors is None
-    assert "its colours are all black and not used" in cloud.notes
+    assert "cloud-colors-black" in [each.code for each in cloud.remarks]
 
 
 @pytest.mark.parametrize("damage", ["chunks", "chunk size", "points", "signature", "scale", "records", "late records"])

@@ -5,6 +5,7 @@ import pytest
 from usdfoliage.capture.cloud_files.read import CloudInputSettings, read_cloud_input
 from usdfoliage.capture.cloud_files.units import find_stated_unit, find_stated_up, guess_unit
 from usdfoliage.errors import CaptureError
+from usdfoliage.remarks import Setting
 
 from tests.support.cloud_files import some_colors, some_points, write_ply, write_text
 
@@ -21,7 +22,7 @@ def test_separators_and_heads(tmp_path, separator, head):
     cloud = read_cloud_input(path, METRES)
     np.testing.assert_allclose(cloud.points_m + cloud.origin_m, some_points(), atol=1e-9)
     np.testing.assert_array_equal(cloud.colors, some_colors())
-    assert cloud.notes == ()
+    assert cloud.remarks == ()
 
 
 @pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
@@ -61,7 +62,7 @@ def test_lines_that_are_no_points_are_counted_and_many_are_refused(tmp_path):
     path.write_text("\n".join(lines))
     cloud = read_cloud_input(path, METRES)
     assert len(cloud.points_m) == 200
-    assert cloud.notes == ("2 lines that are no points left out",)
+    assert [each.text for each in cloud.remarks] == ["2 lines that are no points left out"]
     path.write_text("\n".join([*lines, *["no point"] * 90]))
     with pytest.raises(CaptureError, match=r"9\d of the first 29\d lines are not 3 numbers"):
         read_cloud_input(path)
@@ -120,7 +121,7 @@ def cloud_of(sides, count=4000, center=(0, 0, 0)):
 
 
 @pytest.mark.parametrize(
-    ("points", "metres", "note"),
+    ("points", "metres", "words"),
     [
         (cloud_of((3, 3, 5)), 1.0, "metres are assumed, as it is 4.98 wide"),
         (cloud_of((30, 30, 25)), 1.0, "metres"),
@@ -134,15 +135,16 @@ def cloud_of(sides, count=4000, center=(0, 0, 0)):
         (cloud_of((100, 80, 90)), 1.0, "though it is"),
     ],
 )
-def test_units_are_guessed_by_size_and_shape(points, metres, note):
+def test_units_are_guessed_by_size_and_shape(points, metres, words):
     guessed = guess_unit(points)
     assert guessed.metres_per_unit == metres
-    assert note in guessed.note
-    assert "--unit mm|cm|m|ft" in guessed.note
+    assert words in guessed.remark.text
+    assert Setting(name="capture.toml:metres_per_unit") in guessed.remark.remedy
 
 
 def test_millimetres_in_a_file(tmp_path):
     cloud = read_cloud_input(write_text(tmp_path / "a.xyz", 1000 * some_points()))
     np.testing.assert_allclose(cloud.points_m + cloud.origin_m, some_points(), atol=1e-9)
-    assert "millimetres are assumed" in cloud.notes[0]
+    assert cloud.remarks[0].code == "cloud-unit-assumed"
+    assert "millimetres are assumed" in cloud.remarks[0].text
     assert read_cloud_input(tmp_path / "a.xyz", METRES).metres_per_unit == 1

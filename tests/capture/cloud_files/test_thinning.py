@@ -68,7 +68,7 @@ def test_a_thinned_file_is_noted(tmp_path, monkeypatch):
     monkeypatch.setattr(ply, "PART_POINTS", 1 << 12)
     path = write_ply(tmp_path / "a.ply", sheet(20_000), np.full((20_000, 3), 77))
     cloud = read_cloud_input(path, CloudInputSettings(metres_per_unit=1.0, max_points=2000))
-    assert cloud.notes[0].startswith(f"20,000 points thinned to {len(cloud.points_m):,}, one a ")
+    assert cloud.remarks[0].text.startswith(f"20,000 points thinned to {len(cloud.points_m):,}, one a ")
     assert (cloud.colors == 77).all()
     assert cloud.total == 20_000
     assert np.abs(cloud.points_m).max() < 4

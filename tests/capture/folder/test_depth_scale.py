@@ -28,10 +28,10 @@ def scaled(views, *factors: float):
 def test_one_view_in_another_unit_is_left_out(views, odd, factor, words):
     factors = [1.0, 1.0, 1.0]
     factors[odd] = factor
-    kept, notes = leave_out_other_units(scaled(views, *factors), NO_POINTS)
-    assert len(notes) == 1
-    assert views[odd].name in notes[0]
-    assert words in notes[0]
+    kept, remarks = leave_out_other_units(scaled(views, *factors), NO_POINTS)
+    assert len(remarks) == 1
+    assert views[odd].name in remarks[0].text
+    assert words in remarks[0].text
     for place, (before, after) in enumerate(zip(views, kept, strict=True)):
         np.testing.assert_array_equal(after.depth_m, 0 if place == odd else before.depth_m)
 
@@ -39,22 +39,22 @@ def test_one_view_in_another_unit_is_left_out(views, odd, factor, words):
 @pytest.mark.parametrize("factor", [1.0, 1000.0, 0.001])
 def test_views_that_agree_are_kept(views, factor):
     before = scaled(views, factor, factor, factor)
-    kept, notes = leave_out_other_units(before, NO_POINTS)
-    assert notes == ()
+    kept, remarks = leave_out_other_units(before, NO_POINTS)
+    assert remarks == ()
     assert list(kept) == before
     assert len(check_depth_scale(kept, NO_POINTS, 1.0)) == (factor != 1)
 
 
-def test_no_depth_is_no_reason_for_a_note(views):
+def test_no_depth_is_no_reason_for_a_remark(views):
     before = scaled(views, 0, 0, 0)
     assert leave_out_other_units(before, NO_POINTS) == (tuple(before), ())
 
 
 def test_two_views_do_not_say_which_is_right(views):
     before = scaled(views[:2], 1, 1000)
-    kept, notes = leave_out_other_units(before, NO_POINTS)
+    kept, remarks = leave_out_other_units(before, NO_POINTS)
     assert list(kept) == before
-    assert "different units" in notes[0]
+    assert "different units" in remarks[0].text
 
 
 def test_a_view_with_much_background_is_kept(views):
@@ -73,15 +73,15 @@ def test_a_folder_with_one_view_in_millimetres(tmp_path, views):
     (tmp_path / "millimetres" / "depth" / path.name).replace(path)
     read = read_views(read_capture(tmp_path))
     assert [view.has_depth for view in read.views] == [True, False, True]
-    (note,) = [note for note in read.notes if "millimetres" in note]
-    assert note.startswith(odd)
+    (left_out,) = [each for each in read.remarks if each.code == "depth-of-other-unit-left-out"]
+    assert left_out.subject == odd
 
 
 def test_points_of_the_cameras_tell_a_unit_too(views):
     before = scaled(views, 1, 1, 1000)
     rows, columns = np.nonzero(views[2].depth_m)
     points_m = views[2].camera.unproject(np.column_stack([columns, rows]) + 0.5, views[2].depth_m[rows, columns])
-    kept, notes = leave_out_other_units(before, points_m)
+    kept, remarks = leave_out_other_units(before, points_m)
     assert [view.has_depth for view in kept] == [True, True, False]
-    assert notes[0].startswith(views[2].name)
+    assert remarks[0].text.startswith(views[2].name)
     assert check_depth_scale(kept, points_m, 1.0) == ()

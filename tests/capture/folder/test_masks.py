@@ -155,22 +155,22 @@ def test_disc_with_hole_and_second_component():
     result = clean_mask(mask | other)
     np.testing.assert_array_equal(result.mask, disc(45, 45, 30))
     share = mask.sum() / (mask.sum() + other.sum())
-    assert result.notes[0] == f"2 components; the largest, {share:.1%} of the area, was taken"
-    assert result.notes[1].startswith("1 hole filled, ")
-    assert len(result.notes) == 2
+    assert result.remarks[0].text == f"2 components; the largest, {share:.1%} of the area, was taken"
+    assert result.remarks[1].text.startswith("1 hole filled, ")
+    assert len(result.remarks) == 2
 
 
-def test_a_clean_mask_stays_and_has_no_notes():
+def test_a_clean_mask_stays_and_has_no_remarks():
     result = clean_mask(disc(45, 45, 30))
     np.testing.assert_array_equal(result.mask, disc(45, 45, 30))
-    assert result.notes == ()
+    assert result.remarks == ()
 
 
 def test_large_holes_can_be_kept():
     mask = disc(45, 50, 40) & ~disc(45, 40, 15) & ~disc(45, 70, 3)
     result = clean_mask(mask, CleanMaskSettings(fill_holes_up_to=0.05))
     np.testing.assert_array_equal(result.mask, disc(45, 50, 40) & ~disc(45, 40, 15))
-    assert [note.split(",")[0] for note in result.notes] == ["1 hole filled", "1 hole kept"]
+    assert [each.text.split(",")[0] for each in result.remarks] == ["1 hole filled", "1 hole kept"]
     untouched = clean_mask(mask, CleanMaskSettings(fill_holes_up_to=0))
     np.testing.assert_array_equal(untouched.mask, mask)
 
@@ -188,14 +188,14 @@ def test_a_gap_that_reaches_the_border_is_not_a_hole():
     mask[:30, 35:45] = False
     result = clean_mask(mask)
     np.testing.assert_array_equal(result.mask, mask)
-    assert result.notes == ("the mask touches the image border (top): the crown is cut there",)
+    assert [each.text for each in result.remarks] == ["the mask touches the image border (top): the crown is cut there"]
 
 
 def test_every_border_is_named():
     mask = np.zeros((80, 80), np.bool_)
     mask[:, 20:60] = True
     mask[20:60, :] = True
-    assert "(left, right, top, bottom)" in clean_mask(mask).notes[0]
+    assert "(left, right, top, bottom)" in clean_mask(mask).remarks[0].text
 
 
 def test_too_small_a_crown():

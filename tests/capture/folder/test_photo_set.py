@@ -9,6 +9,7 @@ import OpenImageIO as oiio
 import pytest
 from usdfoliage.capture.folder.photo_set import PhotoSetSettings, read_colors, read_gray, read_photo_set
 from usdfoliage.errors import CaptureError
+from usdfoliage.remarks import as_plan_setting
 
 
 def noise(size=(80, 60), seed=0) -> np.ndarray:
@@ -49,8 +50,8 @@ def test_good_ones_among_bad(tmp_path):
     assert "0 bytes" in reasons["empty.jpg"]
     assert "truncated" in reasons["torn.png"]
     assert reasons["z.png"] == "a copy of 1.png"
-    assert any("ffmpeg -i walk.MOV" in note for note in found.notes)
-    assert any("raw.CR2" in note and "convert" in note for note in found.notes)
+    assert any("ffmpeg -i walk.MOV" in each.sentence(as_plan_setting) for each in found.remarks)
+    assert ("raw-photographs-not-used", "raw.CR2") in [(each.code, each.subject) for each in found.remarks]
     assert told[-1] == (7, 7)
 
 
@@ -97,7 +98,7 @@ def test_blur_is_relative_to_the_set(tmp_path, blur):
     found = read_photo_set(tmp_path)
     assert found.blurred == ("3.png",)
     assert len(found.photos) == 5  # it is used all the same
-    assert any("3.png" in note and "less sharp" in note for note in found.notes)
+    assert ("photographs-blurred", "3.png") in [(each.code, each.subject) for each in found.remarks]
     assert read_photo_set(tmp_path, settings=PhotoSetSettings(blurred_below=0)).blurred == ()
 
 
@@ -109,7 +110,7 @@ def test_sizes_and_orientations(tmp_path):
     assert [(photo.width_px, photo.height_px, photo.orientation) for photo in found.photos] == [
         (80, 60, 1), (60, 80, 1), (80, 60, 6),
     ]  # fmt: skip
-    assert any("2 sizes (60×80, 80×60)" in note for note in found.notes)
+    assert any("2 sizes (60×80, 80×60)" in each.text for each in found.remarks)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))

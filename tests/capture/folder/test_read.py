@@ -14,6 +14,7 @@ from usdfoliage.capture.folder.listing import parse_views
 from usdfoliage.capture.folder.read import read_capture, read_view, read_views
 from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.errors import CaptureError
+from usdfoliage.remarks import as_plan_setting
 
 from tests.support import captures
 from tests.support.captures import LENS, SIZE, look_at, ring, write_capture, write_depth, write_photo, write_text_model
@@ -28,9 +29,10 @@ def folder(tmp_path) -> Path:
     return tmp_path / "plant"
 
 
-def notes_of(folder: Path, **options: str) -> str:
+def sentences_of(folder: Path, **options: str) -> str:
     capture = read_capture(folder, **options)
-    return "\n".join((*capture.notes, *read_views(capture).notes))
+    remarks = (*capture.remarks, *read_views(capture).remarks)
+    return "\n".join(each.sentence(as_plan_setting) for each in remarks)
 
 
 # What is there.
@@ -39,7 +41,7 @@ def notes_of(folder: Path, **options: str) -> str:
 def test_views_are_what_the_files_say(folder):
     capture = read_capture(folder)
     read = read_views(capture)
-    assert capture.notes == read.notes == ()
+    assert capture.remarks == read.remarks == ()
     assert capture.name == "plant"
     assert [view.name for view in read.views] == ["000.png", "001.png", "002.png", "003.png"]
     for seed, (view, (name, pose)) in enumerate(zip(read.views, ring(4).items(), strict=True)):
@@ -82,7 +84,7 @@ def test_photographs_in_folders_with_spaces(tmp_path):
     write_capture(tmp_path, poses=poses)
     capture = read_capture(tmp_path)
     assert [view.name for view in capture.views] == list(poses)
-    assert capture.notes == ()
+    assert capture.remarks == ()
     assert capture.views[0].depth == tmp_path / "depth" / "day 1" / "leaf 1.exr"
 
 
@@ -109,7 +111,7 @@ def test_names_of_depth_and_masks_may_keep_the_suffix_of_the_photograph(folder):
     for view in views[:2]:
         np.testing.assert_array_equal(view.mask, mask > 0)
     assert views[2].mask is None
-    assert capture.notes == ("2 of 4 views without a mask: 002.png, 003.png",)
+    assert [each.text for each in capture.remarks] == ["2 of 4 views without a mask: 002.png, 003.png"]
 
 
 def test_millimetres_of_a_depth_camera(folder):
@@ -126,7 +128,7 @@ def test_settings(folder):
     (folder / "capture.toml").write_text('name = "fern"\nup_axis = "z"\nmetres_per_unit = 0.001\nnote = "x"\n')
     capture = read_capture(folder)
     assert (capture.name, capture.settings.up_axis, capture.settings.metres_per_unit) == ("fern", "Z", 0.001)
-    assert capture.notes == ()
+    assert capture.remarks == ()
 
 
 def test_poses_are_in_units_and_depth_in_metres(folder):
@@ -152,7 +154,9 @@ def test_the_asset_is_y_up_in_metres(folder, axis, expected):
 
 def test_unknown_keys_are_told(folder):
     (folder / "capture.toml").write_text('uo_axis = "Z"\nscale = 2')
-    assert read_capture(folder).notes == ("capture.toml: scale, uo_axis not known, and not used",)
+    assert [each.text for each in read_capture(folder).remarks] == [
+        "capture.toml: scale, uo_axis not known, and not used"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -223,7 +227,7 @@ def test_whatever_is_chosen_is_there_or_refused(views):
 def test_only_chosen_views_are_read(folder):
     capture = read_capture(folder, views="3,1")
     assert [view.name for view in read_views(capture).views] == ["003.png", "001.png"]
-    assert capture.notes == ()
+    assert capture.remarks == ()
 
 
 def test_another_depth_folder(folder):
@@ -251,29 +255,32 @@ def test_depth_missing_for_some(folder):
     for name in ("000.exr", "002.exr"):
         (folder / "depth" / name).unlink()
     capture = read_capture(folder)
-    assert capture.notes == ("2 of 4 views without a depth map: 000.png, 002.png",)
+    assert [each.text for each in capture.remarks] == ["2 of 4 views without a depth map: 000.png, 002.png"]
     assert [view.has_depth for view in read_views(capture).views] == [False, True, False, True]
 
 
 def test_no_depth_at_all(folder):
     shutil.rmtree(folder / "depth")
     capture = read_capture(folder)
-    assert capture.notes == ("4 of 4 views without a depth map: 000.png, 001.png, 002.png, 003.png",)
+    assert [each.text for each in capture.remarks] == [
+        "4 of 4 views without a depth map: 000.png, 001.png, 002.png, 003.png"
+    ]
     assert not any(view.has_depth for view in read_views(capture).views)
 
 
 def test_depth_of_no_photograph(folder):
     shutil.copy(folder / "depth" / "000.exr", folder / "depth" / "frame_17.exr")
-    assert read_capture(folder).notes == ("1 depth map without a photograph: frame_17.exr",)
+    assert [each.text for each in read_capture(folder).remarks] == ["1 depth map without a photograph: frame_17.exr"]
 
 
 def test_depth_of_another_size(folder):
     write_depth(folder / "depth" / "001.exr", np.ones((24, 32)))
     read = read_views(read_capture(folder))
     assert [view.has_depth for view in read.views] == [True, False, True, True]
-    (note,) = read.notes
-    assert note.startswith("001.png: the depth map is ignored; ")
-    assert "001.exr is 32×24 pixels, its photograph 64×48" in note
+    (held,) = read.remarks
+    assert held.code == "depth-map-ignored"
+    assert held.text.startswith("001.png: the depth map is ignored; ")
+    assert "001.exr is 32×24 pixels, its photograph 64×48" in held.text
 
 
 def test_no_depth_of_the_right_size(folder):
@@ -288,14 +295,16 @@ def test_damaged_depth(folder):
     path.write_bytes(path.read_bytes()[:-100])
     read = read_views(read_capture(folder))
     assert not read.views[1].has_depth
-    assert "001.exr is truncated or damaged" in read.notes[0]
+    assert "001.exr is truncated or damaged" in read.remarks[0].text
 
 
 def test_depth_of_zeros(folder):
     for path in list((folder / "depth").iterdir())[:4]:
         write_depth(path, np.zeros((SIZE[1], SIZE[0])))
     read = read_views(read_capture(folder))
-    assert read.notes == ("000.png, 001.png, 002.png, 003.png: the depth map has no depth at all",)
+    assert [each.text for each in read.remarks] == [
+        "000.png, 001.png, 002.png, 003.png: the depth map has no depth at all"
+    ]
 
 
 def test_depths_that_are_no_distance_are_counted(folder):
@@ -305,17 +314,17 @@ def test_depths_that_are_no_distance_are_counted(folder):
         depth_m[:2, :50] = value
         write_depth(path, depth_m)
     read = read_views(read_capture(folder))
-    assert read.notes == (
+    assert [each.text for each in read.remarks] == [
         "000.png, 001.png: 200 depths are not finite and taken as none",
         "002.png: 100 depths are negative and taken as none",
         "003.png: 100 depths are too far for any photograph and taken as none",
-    )
+    ]
     assert all(np.isfinite(view.depth_m).all() and (view.depth_m[:2, :50] == 0).all() for view in read.views)
 
 
 def test_a_channel_of_another_name_is_told(folder):
     write_depth(folder / "depth" / "000.exr", np.full((SIZE[1], SIZE[0]), 1.5), "Y")
-    assert "000.png: the channel Y is taken for the depth, whose name is Z" in notes_of(folder)
+    assert "000.png: the channel Y is taken for the depth, whose name is Z" in sentences_of(folder)
 
 
 def test_photographs_without_cameras_and_the_reverse(folder):
@@ -325,17 +334,17 @@ def test_photographs_without_cameras_and_the_reverse(folder):
     (folder / "images" / ".hidden.png").write_bytes(b"x")
     capture = read_capture(folder)
     assert len(capture.views) == 3
-    assert capture.notes == (
+    assert [each.text for each in capture.remarks] == [
         "1 camera without a photograph: 000.png",
         "2 photographs without a camera: extra 1.png, extra 2.png",
         "1 depth map without a photograph: 000.exr",
-    )
+    ]
 
 
 def test_names_that_are_no_unicode_can_be_printed(folder):
     shutil.copy(folder / "images" / "000.png", folder / "images" / "\udcff.png")
-    (note,) = read_capture(folder).notes
-    assert note == "1 photograph without a camera: \\udcff.png"
+    (held,) = read_capture(folder).remarks
+    assert held.text == "1 photograph without a camera: \\udcff.png"
 
 
 def test_no_photograph_has_a_camera(folder):
@@ -374,9 +383,9 @@ def test_damaged_photographs_are_left_out(folder):
     (folder / "images" / "003.png").write_bytes(b"")
     read = read_views(read_capture(folder))
     assert [view.name for view in read.views] == ["000.png", "002.png"]
-    (note,) = read.notes
-    assert note.startswith("001.png, 003.png: left out; ")
-    assert "truncated" in note
+    (held,) = read.remarks
+    assert (held.code, held.subject) == ("photographs-unusable", "001.png, 003.png")
+    assert "truncated" in held.text
 
 
 def test_all_photographs_damaged(folder):
@@ -388,9 +397,9 @@ def test_all_photographs_damaged(folder):
 
 def test_damaged_points_are_no_reason_to_stop(folder):
     (folder / "cameras" / "points3D.txt").write_text("1 0 0\n")
-    (note,) = read_capture(folder).notes
-    assert "points of the cameras' model are not used" in note
-    assert "points3D.txt:1" in note
+    (held,) = read_capture(folder).remarks
+    assert held.code == "model-points-not-used"
+    assert "points3D.txt:1" in held.text
 
 
 def test_an_unusable_mask_is_ignored(folder):
@@ -399,8 +408,8 @@ def test_an_unusable_mask_is_ignored(folder):
         cv2.imwrite(str(folder / "masks" / name), np.zeros((SIZE[1], SIZE[0]), np.uint8))
     read = read_views(read_capture(folder))
     assert all(view.mask is None for view in read.views)
-    assert "the mask is ignored; the mask" in read.notes[0]
-    assert "is empty" in read.notes[0]
+    assert "the mask is ignored; the mask" in read.remarks[0].text
+    assert "is empty" in read.remarks[0].text
 
 
 # Size, orientation, distortion
@@ -413,8 +422,8 @@ def test_resized_photographs_scale_their_camera(folder):
         depth_m = captures.sphere_depth(wide.pinhole(ring(4)[name]), 0.5)
         write_depth((folder / "depth" / name).with_suffix(".exr"), depth_m)
     read = read_views(read_capture(folder))
-    (note,) = read.notes
-    assert "for pictures of 64×48 pixels and is scaled to the photograph's 160×120" in note
+    (held,) = read.remarks
+    assert "for pictures of 64×48 pixels and is scaled to the photograph's 160×120" in held.text
     for view in read.views:
         assert view.camera.focal_px == (200, 205)
         points = view.points()
@@ -425,7 +434,7 @@ def test_cropped_photographs_are_refused(folder):
     write_photo(folder / "images" / "000.png", (64, 40))
     with pytest.raises(CaptureError, match=r"000\.png is 64×40 pixels, its camera for 64×48; give the pictures"):
         read_view(read_capture(folder), 0)
-    assert "000.png: left out; " in notes_of(folder)
+    assert "000.png is left out: " in sentences_of(folder)
 
 
 def write_oriented(path: Path, pixels: np.ndarray, orientation: int) -> None:
@@ -445,8 +454,8 @@ def test_cameras_are_for_pixels_as_stored(tmp_path, orientation):
     write_oriented(tmp_path / "images" / "a.tif", pixels, orientation)
     read = read_views(read_capture(tmp_path))
     np.testing.assert_array_equal(read.views[0].srgb, pixels)
-    told = (f"a.tif: EXIF orientation {orientation} is ignored, as the cameras do",)
-    assert read.notes == (told if orientation != 1 else ())
+    ignored = [f"a.tif: EXIF orientation {orientation} is ignored, as the cameras do"]
+    assert [each.text for each in read.remarks] == (ignored if orientation != 1 else [])
 
 
 def test_cameras_for_upright_photographs(tmp_path):
@@ -457,7 +466,7 @@ def test_cameras_for_upright_photographs(tmp_path):
     write_oriented(tmp_path / "images" / "a.tif", pixels, 6)
     read = read_views(read_capture(tmp_path))
     np.testing.assert_array_equal(read.views[0].srgb, np.rot90(pixels, -1))
-    assert read.notes == ()
+    assert read.remarks == ()
 
 
 @pytest.mark.parametrize("model", ["SIMPLE_RADIAL", "OPENCV_FISHEYE"])
@@ -508,9 +517,9 @@ def with_points(folder: Path, scale: float = 1.0) -> None:
     write_text_model(folder / "cameras", poses, points=points * scale)
 
 
-def test_a_right_scale_needs_no_note(folder):
+def test_a_right_scale_needs_no_remark(folder):
     with_points(folder)
-    assert notes_of(folder) == ""
+    assert sentences_of(folder) == ""
 
 
 @pytest.mark.parametrize("points", [True, False])
@@ -518,7 +527,7 @@ def test_depth_in_millimetres_is_told(tmp_path, points):
     write_capture(tmp_path, depth_scale=1000)
     if points:
         with_points(tmp_path)
-    assert "the depth is probably in millimetres" in notes_of(tmp_path)
+    assert "the depth is probably in millimetres" in sentences_of(tmp_path)
 
 
 @pytest.mark.parametrize("points", [True, False])
@@ -526,33 +535,33 @@ def test_poses_in_millimetres_are_told(folder, points):
     with_points(folder, 1000)
     if not points:
         (folder / "cameras" / "points3D.txt").unlink()
-    assert "set metres_per_unit = 0.001 in capture.toml" in notes_of(folder)
+    assert "set metres_per_unit = 0.001 in capture.toml" in sentences_of(folder)
     (folder / "capture.toml").write_text("metres_per_unit = 0.001")
-    assert notes_of(folder) == ""
+    assert sentences_of(folder) == ""
 
 
 def test_a_model_without_scale_is_told_its_own(folder):
     with_points(folder, 7.5)
-    (note,) = notes_of(folder).splitlines()
-    metres_per_unit = float(note.split("metres_per_unit = ")[1].split()[0])
+    (sentence,) = sentences_of(folder).splitlines()
+    metres_per_unit = float(sentence.split("metres_per_unit = ")[1].split()[0])
     assert metres_per_unit == pytest.approx(1 / 7.5, rel=0.02)
     (folder / "capture.toml").write_text(f"metres_per_unit = {metres_per_unit}")
-    assert notes_of(folder) == ""
+    assert sentences_of(folder) == ""
 
 
 def test_cameras_that_look_one_way_are_compared_by_their_spread(tmp_path):
     poses = {f"{k}.png": look_at((0.3 * k, 0, 2), (0.3 * k, 0, 0)) for k in range(4)}
     write_capture(tmp_path / "metres", poses=poses)
     write_capture(tmp_path / "millimetres", poses=poses, depth_scale=1000)
-    assert notes_of(tmp_path / "metres") == ""
-    assert "distance of the cameras from each other; the depth is probably in milli" in notes_of(
+    assert sentences_of(tmp_path / "metres") == ""
+    assert "distance of the cameras from each other; the depth is probably in milli" in sentences_of(
         tmp_path / "millimetres"
     )
 
 
 def test_one_camera_alone_knows_no_scale(tmp_path):
     write_capture(tmp_path, count=1, depth_scale=1000)
-    assert notes_of(tmp_path) == ""
+    assert sentences_of(tmp_path) == ""
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -574,10 +583,10 @@ def test_the_note_does_not_depend_on_the_scene_s_size(folder, factor):
     ]
     assert check_depth_scale(views, np.zeros((0, 3)), 1.0) == ()
     far = [replace(view, depth_m=view.depth_m * np.float32(1000)) for view in views]
-    assert "millimetres" in check_depth_scale(far, np.zeros((0, 3)), 1.0)[0]
+    assert "millimetres" in check_depth_scale(far, np.zeros((0, 3)), 1.0)[0].text
 
 
-def test_notes_are_logged_where_one_view_is_read(folder, caplog):
+def test_remarks_are_logged_where_one_view_is_read(folder, caplog):
     write_depth(folder / "depth" / "000.exr", np.ones((24, 32)))
     with caplog.at_level(logging.WARNING):
         read_view(read_capture(folder), 0)
@@ -598,7 +607,7 @@ def test_dense_foliage(depth):
     capture = read_capture(data("synthetic/dense_foliage"), depth=depth, views="::3")
     read = read_views(capture)
     assert capture.name == "dense_foliage_dev"
-    assert capture.notes == read.notes == ()
+    assert capture.remarks == read.remarks == ()
     assert capture.settings.up_axis == "Z"
     for view in read.views:  # the model's points lie on the depth
         places, distance_m = view.camera.project(capture.points_m)
@@ -611,7 +620,7 @@ def test_dense_foliage(depth):
 def test_depth_for_every_fourth_view():
     capture = read_capture(data("synthetic/tree_leaf_on"))
     assert len(capture.views) == 24
-    assert capture.notes[0].startswith("18 of 24 views without a depth map: 001.jpg, 002.jpg")
+    assert capture.remarks[0].text.startswith("18 of 24 views without a depth map: 001.jpg, 002.jpg")
     assert [index for index, view in enumerate(capture.views) if view.depth is not None] == [0, 4, 8, 12, 16, 20]
 
 
@@ -625,5 +634,5 @@ def test_cameras_for_smaller_photographs(tmp_path):
     assert (view.camera.width_px, view.camera.height_px) == (2000, 1125)
     assert view.camera.focal_px[0] == pytest.approx(1206.3441308733882 * 1.25)
     assert view.srgb.shape == (1125, 2000, 3)
-    (note,) = read.notes
-    assert "for pictures of 1600×900 pixels and is scaled to the photograph's 2000×1125" in note
+    (held,) = read.remarks
+    assert "for pictures of 1600×900 pixels and is scaled to the photograph's 2000×1125" in held.text

@@ -44,8 +44,7 @@ def registered(poses, lenses=LENSES, names=None, points=None) -> Registered:
         names=tuple(names),
         matches=np.zeros((len(photos), len(photos)), np.int64),
         failures=(),
-        notes=(),
-        doubts=(),
+        remarks=(),
     )
 
 

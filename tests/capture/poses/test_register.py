@@ -10,11 +10,12 @@ import pytest
 from usdfoliage.capture.folder.photo_set import read_photo_set
 from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.poses.child_process import run_items
-from usdfoliage.capture.poses.diagnosis import list_doubts
+from usdfoliage.capture.poses.diagnosis import check_cameras
 from usdfoliage.capture.poses.pairs import match_descriptors, neighbours_in_order, retrieve_pairs
 from usdfoliage.capture.poses.register import RegistrationSettings, register_photos
 from usdfoliage.capture.poses.result import Registered, project_with
 from usdfoliage.errors import CaptureError
+from usdfoliage.remarks import warnings_of
 
 from tests.support.captures import look_at
 from tests.support.textured_scene import LENS, arc, write_photos
@@ -74,11 +75,12 @@ def test_cameras_are_where_they_were(registered):
 
 
 def test_a_horizon_is_no_ground_for_cameras(registered):
-    assert registered.doubts == ()
+    assert warnings_of(registered.remarks) == ()
     wide, band = registered.track_places_px, registered.track_places_px * (1, 0.02)
-    assert list_doubts(registered.photos, registered.track_photos, wide, 15) == ()
-    (doubt,) = list_doubts(registered.photos, registered.track_photos, band, 15)
-    assert "horizon" in doubt
+    assert check_cameras(registered.photos, registered.track_photos, wide, 15) == ()
+    (found,) = check_cameras(registered.photos, registered.track_photos, band, 15)
+    assert found.code == "points-in-a-band"
+    assert "horizon" in found.text
 
 
 def test_points_are_seen_where_they_are_said_to_be(registered):
@@ -103,7 +105,8 @@ def test_every_other_photograph_is_named_with_the_reason(registered):
     assert "0 features" in reasons["plain.png"]
     assert "truncated" in reasons["torn.png"] or "damaged" in reasons["torn.png"]
     assert "copy" in reasons[copy]
-    assert any("2 of 8 photographs have no camera" in note for note in registered.notes)
+    (missing,) = [each for each in registered.remarks if each.code == "photographs-not-registered"]
+    assert missing.text.startswith("2 of 8 photographs have no camera")
 
 
 def test_matches_of_all_photographs(registered):

@@ -60,8 +60,7 @@ def scene(count=12, angle=2 * math.pi, height=1.5, radius=2.0, ground=True, seed
         names=tuple(photo.name for photo in photos),
         matches=np.zeros((count, count), np.int64),
         failures=(),
-        notes=(),
-        doubts=(),
+        remarks=(),
     )
 
 
@@ -192,7 +191,7 @@ def test_positions_as_far_off_as_the_plant_is_wide_are_not_used():
     ]
     frame = level_and_scale(found, files)
     assert frame.scale_from == "nothing"
-    assert any("satellite" in note for note in frame.notes)
+    assert "positions-contradict-pictures" in [each.code for each in frame.remarks]
 
 
 def test_without_any_scale_the_viewing_distance_is_a_metre_and_that_is_told():
@@ -202,7 +201,7 @@ def test_without_any_scale_the_viewing_distance_is_a_metre_and_that_is_told():
     apart = np.linalg.norm(world.points[:, None] - centers(world)[None], axis=2)
     assert np.median(apart) == pytest.approx(1)
     assert not frame.scale_known
-    assert any("scale is unknown" in note for note in frame.notes)
+    assert "scale-unknown" in [each.code for each in frame.remarks]
 
 
 def test_scale_by_the_distance_of_two_cameras():

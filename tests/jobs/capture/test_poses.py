@@ -1,49 +1,53 @@
-"""Poses of a run, and what is doubtful of them."""
+"""Poses of a run, and the remarks on them."""
 
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture import poses
 from usdfoliage.jobs.capture.poses import estimate_poses
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
+from usdfoliage.remarks import Remark, as_plan_setting, explain_error, remark, warnings_of
 
-UP, SCALE = "up is found by level and may be wrong by 5°", "the scale is unknown: the median distance is taken for 1 m"
+UP = remark("up-uncertain", "up is found by level and may be wrong by 5°")
+SCALE = remark("scale-unknown", "the scale is unknown, and the median distance is taken for 1 m")
 
 
-@pytest.mark.parametrize(("scale_known", "doubts"), [(True, ()), (False, (SCALE,))])
-def test_an_unknown_scale_is_a_doubt_and_not_only_a_note(
-    scale_known: bool, doubts: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_an_unknown_scale_is_a_warning_and_an_uncertain_up_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stand_in(monkeypatch, scale_known=scale_known)
+    stand_in(monkeypatch)
     (tmp_path / "images").mkdir()
     posed = estimate_poses(tmp_path, None, CaptureRunSettings())
-    assert posed.doubts == doubts
-    assert {UP, SCALE} <= set(posed.notes)
+    assert {UP, SCALE} <= set(posed.remarks)
+    assert warnings_of(posed.remarks) == (SCALE,)
 
 
 def test_cameras_that_are_probably_wrong_end_the_run_unless_they_are_wanted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    horizon = "the points lie in a band, as of a horizon"
-    stand_in(monkeypatch, doubts=(horizon,))
+    horizon = remark("points-in-a-band", "the points lie in a band, as of a horizon")
+    stand_in(monkeypatch, (horizon,))
     (tmp_path / "images").mkdir()
-    with pytest.raises(CaptureError, match=r'images are probably wrong.*a horizon \(doubtful_poses = "use"'):
+    with pytest.raises(CaptureError, match="images are probably wrong") as raised:
         estimate_poses(tmp_path, None, CaptureRunSettings())
+    assert 'a horizon; capture.doubtful_poses = "use" goes on' in explain_error(raised.value, as_plan_setting)
+    used_so = 'a horizon; doubtful_poses = "use" in the settings file goes on'
+    assert used_so in explain_error(raised.value, render_for("capture"))
     used = estimate_poses(tmp_path, None, CaptureRunSettings(doubtful_poses="use"))
-    assert used.registered is not None
-    assert used.registered.doubts == (horizon,)
+    assert [each.code for each in warnings_of(used.remarks)][:2] == ["poses-improbable", "points-in-a-band"]
 
 
-def stand_in(monkeypatch: pytest.MonkeyPatch, *, scale_known: bool = True, doubts: tuple[str, ...] = ()) -> None:
+def stand_in(monkeypatch: pytest.MonkeyPatch, checks: tuple[Remark, ...] = ()) -> None:
     """Let everything but the decision be made by stand-ins."""
-    registered = SimpleNamespace(doubts=doubts, notes=doubts)
+    registered = SimpleNamespace(remarks=checks)
     frame = SimpleNamespace(
-        world_from_registered=np.eye(4), up_from="level", scale_from="", scale_known=scale_known, notes=(UP, SCALE)
+        world_from_registered=np.eye(4), up_from="level", scale_from="", scale_known=False, remarks=(UP, SCALE)
     )
-    photographs = SimpleNamespace(photos=(), dropped=(), notes=())
+    photographs = SimpleNamespace(photos=(), dropped=(), remarks=())
     for name, made in (
         ("read_photo_set", photographs),
         ("register_photos", registered),

@@ -1,4 +1,4 @@
-"""The report of a capture: what is in doubt first, everything named, nothing that is not there."""
+"""The report of a capture: remarks first, everything named, nothing that is not there."""
 
 import errno
 import os
@@ -28,10 +28,11 @@ from usdfoliage.jobs.capture.report import (
     CaptureReport,
     ShownMaps,
     capture_rows,
-    doubts,
+    check_capture,
     write_capture_report,
 )
 from usdfoliage.jobs.report.pictures import TURBO, color_values
+from usdfoliage.remarks import remark
 
 from tests.support.captures import LENS, look_at, ring, sphere_depth
 
@@ -125,7 +126,7 @@ def some_report(count: int = 4, **changes: object) -> CaptureReport:
         name="fern",
         capture="fern_photos",
         generator="usdfoliage 1",
-        notes=["masks were not there"],
+        remarks=[remark("views-without-mask", "masks were not there")],
         photographs=photographs,
         cloud=some_cloud(),
         up=(0, 1, 0),
@@ -181,18 +182,23 @@ def test_a_report_of_given_poses(tmp_path):
 def test_a_report_of_poses_that_were_found(tmp_path):
     report = estimated(some_report(), [0.5, 0.6, 0.5, 2.4], "it has 3 matches with others, 30 are needed")
     page = write(tmp_path, report)
-    assert "1 photograph of 5 not registered: other.jpg" in page.text
+    assert "1 of 5 photographs have no camera: other.jpg" in page.text
     assert "it has 3 matches with others, 30 are needed" in page.text
     assert "1 photograph with a reprojection error above 1.10 px, twice the median: 003.png" in page.text
     assert "Reprojection errors" in page.text
     assert "52 matches" in page.text
-    assert page.text.index("not registered") < page.text.index("The cloud")
+    assert page.text.index("have no camera") < page.text.index("The cloud")
 
 
 def test_what_photographs_are_called_is_no_markup(tmp_path):
     report = some_report()
     evil = replace(report.photographs[0], name="<script>alert(1)</script>.jpg", remark="a & b")
-    report = replace(report, name="<b>", photographs=[evil, *report.photographs[1:]], notes=['"><script>'])
+    report = replace(
+        report,
+        name="<b>",
+        photographs=[evil, *report.photographs[1:]],
+        remarks=[remark("views-without-mask", '"><script>')],
+    )
     page = write(tmp_path, report)
     assert "script" not in page.tags
     assert "<script>alert(1)</script>.jpg" in page.text
@@ -208,7 +214,7 @@ def test_what_photographs_are_called_is_no_markup(tmp_path):
         some_report(cloud=some_cloud(1)),
         some_report(0, photographs=[CapturePhotograph(name="a.jpg")], shown=[]),
         some_report(0, photographs=[], cloud=some_cloud(0), shown=[]),
-        some_report(seconds={}, settings={}, notes=[]),
+        some_report(seconds={}, settings={}, remarks=[]),
         some_report(up=(0, 0, 1)),
     ],
     ids=["one", "none shown", "no points", "one point", "none registered", "nothing", "nothing said", "z up"],
@@ -283,24 +289,22 @@ def test_a_full_disk_is_told(tmp_path, monkeypatch):
 # What is said
 
 
-def test_a_report_doubts_photographs_that_hang_together_with_none():
+def test_a_report_has_a_remark_on_photographs_that_hang_together_with_none():
     report = estimated(some_report(5), [0.5] * 5)
-    assert doubts(report) == []
+    assert check_capture(report) == []
     assert report.shared is not None
     cut = report.shared.copy()
     cut[2, 3] = cut[3, 2] = 0
-    assert doubts(replace(report, shared=cut)) == [
-        "the photographs fall into 2 groups that were not matched with each other, of 3, 2 photographs: the cloud may "
-        "not be connected"
-    ]
+    (held,) = check_capture(replace(report, shared=cut))
+    assert held.code == "photographs-in-groups"
+    assert "fall into 2 groups that were not matched with each other, of 3, 2 photographs" in held.text
 
 
 def test_photographs_without_depth_are_named():
     report = some_report()
     bare = replace(report.photographs[2], coverage=0.0)
-    assert doubts(replace(report, photographs=[*report.photographs[:2], bare, report.photographs[3]])) == [
-        "1 photograph without any depth: 002.png"
-    ]
+    (held,) = check_capture(replace(report, photographs=[*report.photographs[:2], bare, report.photographs[3]]))
+    assert held.text == "1 photograph without any depth: 002.png"
 
 
 def test_rows_have_the_figures():

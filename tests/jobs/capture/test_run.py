@@ -196,14 +196,14 @@ def test_photographs_are_kept_as_they_are_matched(tasks):
 def test_blur_and_copies_are_told_where_poses_are_given(tmp_path):
     write_posed_photos(tmp_path)
     names = sorted(path.name for path in (tmp_path / "images").iterdir())
-    assert prepare_views(read_capture(tmp_path), tmp_path / "work", 1200).doubts == ()
+    assert prepare_views(read_capture(tmp_path), tmp_path / "work", 1200).checks == ()
     shaken = tmp_path / "images" / names[1]
     cv2.imwrite(str(shaken), cv2.GaussianBlur(cv2.imread(str(shaken)), (0, 0), 6))
     shutil.copy(tmp_path / "images" / names[3], tmp_path / "images" / names[4])
     for _ in range(2):  # made, and found made
-        blurred, copied = prepare_views(read_capture(tmp_path), tmp_path / "work", 1200).doubts
-        assert blurred.startswith(f"{names[1]}: far less sharp")
-        assert copied.startswith(f"{names[3]}, {names[4]} are one photograph")
+        blurred, copied = prepare_views(read_capture(tmp_path), tmp_path / "work", 1200).checks
+        assert (blurred.code, blurred.subject) == ("photographs-blurred", names[1])
+        assert (copied.code, copied.subject) == ("photograph-copies-used", f"{names[3]}, {names[4]}")
 
 
 def _plane_seen(camera, normal, distance):

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.remarks import Remark
+
 PART_POINTS = 1 << 20  # that are read at once
 
 
@@ -30,4 +32,4 @@ class CloudParts:
     is_survey: bool = False  # of a format that is in metres and has Z up where it states nothing else
     color_levels: tuple[float, ...] = (255.0,)  # the highest colour may be one of these, in rising order
     is_single: bool = False  # coordinates are float32
-    notes: tuple[str, ...] = ()  # in sentences for the user
+    remarks: tuple[Remark, ...] = ()

@@ -23,7 +23,7 @@ _BY_PLACE = 0.05  # variance between neighbours along an axis over that of all
 
 
 def check_colors(points: NDArray[np.floating], colors: NDArray[np.number]) -> str:
-    """Why the colours of a cloud are none of a plant's: what they seem to be; empty where they may be.
+    """What ramp the colours of a cloud are, in words; empty where they may be a plant's.
 
     Colours (almost) on one curve through many hues are a ramp. So are those that follow one axis of the cloud,
     whatever shading lies over them.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.cloud_files.chunks import PART_POINTS, CloudPart, CloudParts
 from usdfoliage.capture.cloud_files.las_units import LasUnit, read_key_unit, read_wkt_unit
 from usdfoliage.errors import CaptureError
+from usdfoliage.remarks import Remark, remark
 
 _NOISE = (7, 18)  # classes of points, low and high
 _VARIABLE = 2**32 - 1  # size of a LAZ file's chunks, where its table tells that of each
@@ -63,16 +64,16 @@ def open_las_parts(path: Path, unit_is_given: bool = False) -> CloudParts:
         )
     if compressed and count:
         _check_chunk_table(path, start, count, bytes(packing[0]) if packing else b"")
-    notes: list[str] = []
+    remarks: list[Remark] = []
     if not unit_is_given:
-        notes += _check_unit(path, unit, sides)
+        remarks += _check_unit(path, unit, sides)
     return CloudParts(
         parts=_read_parts(path, count, has_colors),
         work=count,
         metres_per_unit=unit.metres_per_unit,
         is_survey=True,
         color_levels=(255.0, 65535.0),  # they are of 16 bits, but many programs write 8
-        notes=tuple(notes),
+        remarks=tuple(remarks),
     )
 
 
@@ -187,7 +188,7 @@ def _read_unit(header: "laspy.LasHeader") -> LasUnit:
     return LasUnit()
 
 
-def _check_unit(path: Path, unit: LasUnit, sides: NDArray[np.float64]) -> list[str]:
+def _check_unit(path: Path, unit: LasUnit, sides: NDArray[np.float64]) -> list[Remark]:
     """Notes on the unit.
 
     Raises:
@@ -205,7 +206,9 @@ def _check_unit(path: Path, unit: LasUnit, sides: NDArray[np.float64]) -> list[s
                 f"{path} is in degrees of longitude and latitude; project it to metres first, e.g. to UTM with "
                 f"PDAL's filters.reprojection"
             )
-        return ["the file's coordinate system has degrees, but its points are too far apart for them"]
+        text = "the file's coordinate system has degrees, but its points are too far apart for them"
+        return [remark("cloud-system-in-degrees", text)]
     if across is None and unit.epsg is not None:
-        return [f"the file's coordinate system is EPSG:{unit.epsg}, whose unit is not looked up"]
+        text = f"the file's coordinate system is EPSG:{unit.epsg}, whose unit is not looked up"
+        return [remark("cloud-system-unknown", text)]
     return []

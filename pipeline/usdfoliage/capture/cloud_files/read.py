@@ -14,12 +14,13 @@ from usdfoliage.capture.cloud_files.las import open_las_parts
 from usdfoliage.capture.cloud_files.ply import fits_single, open_cloud_parts
 from usdfoliage.capture.cloud_files.text import open_text_parts
 from usdfoliage.capture.cloud_files.thinning import PointThinner, ThinnedPoints
-from usdfoliage.capture.cloud_files.units import OVERRIDE, guess_unit
+from usdfoliage.capture.cloud_files.units import guess_unit, remark_unit_assumed
 from usdfoliage.capture.folder.listing import named
 from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.toml import read_toml
 from usdfoliage.progress import Progress
+from usdfoliage.remarks import Remark, remark
 
 logger = logging.getLogger(__name__)
 
@@ -56,11 +57,10 @@ class CloudInput:
     origin_m: NDArray[np.float64]  # (3,), whole metres amid the cloud
     colors: NDArray[np.uint8] | None  # (N, 3), sRGB; black where a point has none
     metres_per_unit: float
-    stated_up: str | None  # the axis that capture.toml or the file says is up, X, Y or Z with + or -; None: not said
+    stated_up: str | None  # the axis that capture.toml or the file states as up, X, Y or Z with + or -
     format_up: str | None  # the axis that is up in files of this format; None: none is usual
     total: int  # points in the file, with those left out
-    notes: tuple[str, ...]  # what was left out or assumed, in sentences for the user
-    warnings: tuple[str, ...] = ()  # what of it is not used, and why
+    remarks: tuple[Remark, ...]  # on what was left out, assumed or not used
 
 
 def read_cloud_input(
@@ -75,7 +75,7 @@ def read_cloud_input(
     more than max_points is thinned while it is read, so that memory does not grow with the file: one point a cell of a
     grid, the mean of those in it.
 
-    The unit is, in this order: the settings'; what capture.toml says, for a folder; what the file says; for LAS metres;
+    The unit is, in this order: the settings'; that of capture.toml, for a folder; the file's own; for LAS metres;
     a guess (see guess_unit).
 
     Args:
@@ -88,52 +88,52 @@ def read_cloud_input(
     """
     path = Path(path)
     metres_per_unit, stated_up = settings.metres_per_unit, None
-    notes: list[str] = []
+    remarks: list[Remark] = []
     if path.is_dir():
         toml_unit, stated_up = _read_stated(path)
         metres_per_unit = toml_unit if metres_per_unit is None else metres_per_unit
         path = find_cloud(path)
-        notes.append(f"the capture's cloud is {path.name}")
+        remarks.append(remark("cloud-file-chosen", f"the capture's cloud is {path.name}", subject=path.name))
     parts = _open_parts(path, metres_per_unit is not None)
-    notes += parts.notes
+    remarks += parts.remarks
     sampled = SampledColors()
     thinned, total, highest, left_out = _read_points(parts, settings.max_points, sampled, progress)
     _check_points(path, thinned.points, total, left_out)
     if parts.is_single and not fits_single(thinned.points):
         step = float(np.spacing(np.float32(np.abs(thinned.points).max())))
-        notes.append(
-            f"coordinates are float32 and {np.abs(thinned.points).max():,.0f} from the origin: they are in steps of "
-            f"{step:.2g}; export them as double, or with the offset subtracted"
+        text = (
+            f"coordinates are float32 and {np.abs(thinned.points).max():,.0f} from the origin, so that they are in "
+            f"steps of {step:.2g}"
         )
+        remedy = "export them as double, or with the offset subtracted"
+        remarks.append(remark("cloud-coordinates-coarse", text, remedy=remedy))
     if metres_per_unit is None:
-        metres_per_unit, unit_notes = _find_unit(parts, thinned.points)
-        notes += unit_notes
+        metres_per_unit, unit_remarks = _find_unit(parts, thinned.points)
+        remarks += unit_remarks
     elif parts.metres_per_unit is not None and abs(parts.metres_per_unit / metres_per_unit - 1) > 1e-4:
-        notes.append(f"the file states {parts.metres_per_unit:g} m a unit; {metres_per_unit:g} is used as given")
+        text = f"the file states {parts.metres_per_unit:g} m a unit; {metres_per_unit:g} is used as given"
+        remarks.append(remark("cloud-unit-overridden", text))
     if thinned.cell > 0:
-        notes.append(
-            f"{total:,} points thinned to {len(thinned.points):,}, "
-            f"one a {_length_text(thinned.cell * metres_per_unit)} cell"
-        )
+        cell = _length_text(thinned.cell * metres_per_unit)
+        text = f"{total:,} points thinned to {len(thinned.points):,}, one a {cell} cell"
+        remarks.append(remark("cloud-file-thinned", text))
     if thinned.duplicates:
         left_out["exact duplicates"] += thinned.duplicates
-    notes += [f"{count:,} {what} left out" for what, count in left_out.items()]
+    remarks += [remark("cloud-points-left-out", f"{count:,} {what} left out") for what, count in left_out.items()]
     colors = _as_srgb(thinned.colors, highest, parts.color_levels)
     if colors is None and thinned.colors is not None:
-        notes.append("its colours are all black and not used")
-    warnings = []
+        remarks.append(remark("cloud-colors-black", "its colours are all black and not used"))
     if colors is not None:
         some, of_some = sampled.finish()
-        problem = check_colors(some, np.asarray(_as_srgb(of_some, highest, parts.color_levels)))
-        if problem:
+        ramp = check_colors(some, np.asarray(_as_srgb(of_some, highest, parts.color_levels)))
+        if ramp:
             colors = None
-            warnings.append(
-                f"the cloud's colours are {problem}, and none of a plant: they are not used, as if it had none; export "
-                "it with those of photographs, or without any"
-            )
+            text = f"the cloud's colours are {ramp}, and none of a plant; they are not used, as if it had none"
+            remedy = "export it with those of photographs, or without any"
+            remarks.append(remark("cloud-colors-false", text, remedy=remedy))
 
     points_m = thinned.points * metres_per_unit
-    origin_m = np.round(np.median(points_m, axis=0)) + 0.0  # stray points do not move it; -0 is 0
+    origin_m = np.round(np.median(points_m, axis=0)) + 0.0  # outliers do not move it; -0 is 0
     points_m -= origin_m
     logger.info("%s: %d of %d points, %g m a unit", path, len(points_m), total, metres_per_unit)
     return CloudInput(
@@ -145,8 +145,7 @@ def read_cloud_input(
         stated_up=stated_up or parts.up_axis,
         format_up="+Z" if parts.is_survey else None,
         total=total,
-        notes=tuple(notes),
-        warnings=tuple(warnings),
+        remarks=tuple(remarks),
     )
 
 
@@ -178,7 +177,7 @@ def find_cloud(folder: Path) -> Path:
 def looks_like_cloud(path: Path) -> bool:
     """Whether a file, which need not be there, is a cloud by its suffix or its first bytes, or one that is not read.
 
-    What is wrong with it read_cloud_input says.
+    read_cloud_input raises what is wrong with it.
     """
     if path.is_dir():
         return False
@@ -193,7 +192,7 @@ def looks_like_cloud(path: Path) -> bool:
 
 
 def _read_stated(folder: Path) -> tuple[float | None, str | None]:
-    """The unit and the axis that is up, where capture.toml says them: its defaults say nothing of a scan."""
+    """The unit and the axis that is up, where capture.toml states them: its defaults mean nothing for a scan."""
     settings, _ = read_capture_settings(folder)
     file = folder / FILE_NAME
     stated = read_toml(file) if file.is_file() else {}
@@ -290,15 +289,15 @@ def _check_points(path: Path, points: NDArray[np.float64], total: int, left_out:
         raise CaptureError(f"the {len(points):,} points of {path} are on a line; check which columns or axes it has")
 
 
-def _find_unit(parts: CloudParts, points: NDArray[np.float64]) -> tuple[float, list[str]]:
-    """Metres per unit where the user says nothing, and notes on it."""
+def _find_unit(parts: CloudParts, points: NDArray[np.float64]) -> tuple[float, list[Remark]]:
+    """Metres per unit where the user gives none, and remarks on it."""
     if parts.metres_per_unit is not None:
         unit = parts.metres_per_unit
-        return unit, [] if unit == 1 else [f"the file's unit is {unit:.6g} m"]
+        return unit, [] if unit == 1 else [remark("cloud-unit-stated", f"the file's unit is {unit:.6g} m")]
     if parts.is_survey:
-        return 1.0, [f"the file states no unit: metres are assumed, as usual for LAS; {OVERRIDE}"]
+        return 1.0, [remark_unit_assumed("metres are assumed, as usual for LAS")]
     guessed = guess_unit(points)
-    return guessed.metres_per_unit, [guessed.note]
+    return guessed.metres_per_unit, [guessed.remark]
 
 
 def _as_srgb(colors: NDArray[np.float32] | None, highest: float, levels: tuple[float, ...]) -> NDArray[np.uint8] | None:

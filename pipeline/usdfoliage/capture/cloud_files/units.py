@@ -1,4 +1,4 @@
-"""The unit of a cloud's coordinates: as words say it, or guessed from how large the cloud is."""
+"""The unit of a cloud's coordinates: as words name it, or guessed from how large the cloud is."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage.remarks import Remark, Setting, remark
+
 UNITS: Mapping[str, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0, "ft": 0.3048}  # metres, by the names users give
-OVERRIDE = f"--unit {'|'.join(UNITS)} sets it"
 
 _WORDS: Mapping[str, float] = {
     **UNITS,
@@ -41,11 +42,11 @@ class GuessedUnit(NamedTuple):
     """A unit that no file states."""
 
     metres_per_unit: float
-    note: str  # what was assumed, and how to override it
+    remark: Remark  # on what is assumed
 
 
 def find_stated_unit(lines: Iterable[str]) -> float | None:
-    """Metres per unit as the comments of a file say it, the first that does; None where none does."""
+    """Metres per unit as the comments of a file state it, the first that does; None where none does."""
     for line in lines:
         for match in _UNIT.finditer(line.lower()):
             word = match[1] or match[2]
@@ -55,7 +56,7 @@ def find_stated_unit(lines: Iterable[str]) -> float | None:
 
 
 def find_stated_up(lines: Iterable[str]) -> str | None:
-    """The axis that points up as the comments of a file say it: X, Y or Z with + or -; None where none does."""
+    """The axis that points up as the comments of a file state it: X, Y or Z with + or -; None where none does."""
     for line in lines:
         match = _UP.search(line.lower())
         if match is not None:
@@ -77,7 +78,7 @@ def guess_unit(points: NDArray[np.float64]) -> GuessedUnit:
       fifth of its size.
 
     Sides are measured without the outermost 0.2 % of the points on each side. Centimetres, feet and inches look like
-    metres and are never guessed: a cloud wider than any plant is noted as such.
+    metres and are never guessed: the remark on a cloud wider than any plant has its width.
 
     Args:
         points: (N, 3) float, finite, in the file's unit and with the file's origin, in any order; N at least 2.
@@ -86,7 +87,6 @@ def guess_unit(points: NDArray[np.float64]) -> GuessedUnit:
     sides = np.sort(high - low)
     largest, flatness = float(sides[2]), float(sides[0] / sides[2]) if sides[2] > 0 else 0.0
     away = float(np.linalg.norm((low + high) / 2))
-    no_unit = "the file states no unit"
     if _MIN_MM < largest <= _MAX_MM:
         reason = None
         if away > _FAR * largest:
@@ -98,12 +98,21 @@ def guess_unit(points: NDArray[np.float64]) -> GuessedUnit:
             if not _FINEST_MM <= spacing <= _COARSEST * largest:
                 reason = f"are {spacing:.3g} apart"
         if reason is None:
-            return GuessedUnit(0.001, f"{no_unit}: millimetres are assumed, as it is {largest:,.0f} wide; {OVERRIDE}")
-        return GuessedUnit(1.0, f"{no_unit}: metres are assumed, though it is {largest:,.0f} wide, as its points "
-                                f"{reason}; {OVERRIDE}")  # fmt: skip
+            return _assume(0.001, f"millimetres are assumed, as it is {largest:,.0f} wide")
+        return _assume(1.0, f"metres are assumed, though it is {largest:,.0f} wide, as its points {reason}")
     if largest > _LARGEST_PLANT_M:
-        return GuessedUnit(1.0, f"{no_unit}: metres are assumed, though it is {largest:,.0f} wide; {OVERRIDE}")
-    return GuessedUnit(1.0, f"{no_unit}: metres are assumed, as it is {largest:.3g} wide; {OVERRIDE}")
+        return _assume(1.0, f"metres are assumed, though it is {largest:,.0f} wide")
+    return _assume(1.0, f"metres are assumed, as it is {largest:.3g} wide")
+
+
+def _assume(metres_per_unit: float, why: str) -> GuessedUnit:
+    return GuessedUnit(metres_per_unit, remark_unit_assumed(why))
+
+
+def remark_unit_assumed(why: str) -> Remark:
+    """On the unit that is assumed for a cloud whose file states none."""
+    remedy = "where that is wrong, set ", Setting(name="capture.toml:metres_per_unit")
+    return remark("cloud-unit-assumed", f"the file states no unit, and {why}", remedy=remedy)
 
 
 def _median_spacing(points: NDArray[np.float64]) -> float:

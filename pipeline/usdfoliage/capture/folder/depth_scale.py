@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.listing import named
 from usdfoliage.capture.view import View
+from usdfoliage.remarks import Remark, Remedy, Setting, remark
 
 _MIN_SAMPLES = 20  # 3-D points on depth that a median is worth
 _AGREEMENT = 1.25  # factor that occlusion and noise leave between the depth and the 3-D points
@@ -20,8 +21,10 @@ _QUANTILES = (0.1, 0.5)  # of depth: both are off where the unit is, one where a
 _STRIDE = 7  # of pixels whose median is taken
 
 
-def check_depth_scale(views: Sequence[View], points_m: NDArray[np.float64], metres_per_unit: float) -> tuple[str, ...]:
-    """Compare depth with what the cameras say of distance.
+def check_depth_scale(
+    views: Sequence[View], points_m: NDArray[np.float64], metres_per_unit: float
+) -> tuple[Remark, ...]:
+    """Compare depth with the distances that the cameras give.
 
     By the points of the cameras' model where it has them, seen in the depth maps; else by the place that the cameras
     look at; else, for cameras that look one way, by their spread. Our own.
@@ -29,17 +32,17 @@ def check_depth_scale(views: Sequence[View], points_m: NDArray[np.float64], metr
     Args:
         views: Those read, in metres.
         points_m: (N, 3), points of the model in the views' world; may be none.
-        metres_per_unit: By which poses and points were multiplied, to say which it should be.
+        metres_per_unit: By which poses and points were multiplied, to name what it should be.
 
     Returns:
-        A sentence for the user where they disagree, else nothing.
+        A remark where they disagree, else nothing.
     """
     with_depth = [view for view in views if view.has_depth]
     if not with_depth:
         return ()
     ratios = np.concatenate([_depth_over_points(view, points_m) for view in with_depth])
     if len(ratios) >= _MIN_SAMPLES:
-        return _sentence(
+        return _compare(
             float(np.median(ratios)),
             _AGREEMENT,
             "the distance of the points in the cameras' model",
@@ -53,12 +56,12 @@ def check_depth_scale(views: Sequence[View], points_m: NDArray[np.float64], metr
     ratios = ratios[np.isfinite(ratios) & (ratios > 0)]
     if not len(ratios):
         return ()
-    return _sentence(float(np.median(ratios)), plausible, what, metres_per_unit, False)
+    return _compare(float(np.median(ratios)), plausible, what, metres_per_unit, False)
 
 
 def leave_out_other_units(
     views: Sequence[View], points_m: NDArray[np.float64]
-) -> tuple[tuple[View, ...], tuple[str, ...]]:
+) -> tuple[tuple[View, ...], tuple[Remark, ...]]:
     """Take the depth from those views where it is in another unit than in most views.
 
     Two views are compared by the points of the cameras' model if both see enough of them, else by their depths. Our
@@ -69,7 +72,7 @@ def leave_out_other_units(
         points_m: (N, 3), points of the model in the views' world; may be none.
 
     Returns:
-        The views in their order, the depth of the odd ones 0 everywhere; and sentences for the user.
+        The views in their order, the depth of the odd ones 0 everywhere; and a remark on each unit.
     """
     places = [place for place, view in enumerate(views) if view.has_depth]
     factors = _factors_between([views[place] for place in places], points_m)  # log
@@ -78,8 +81,8 @@ def leave_out_other_units(
         return tuple(views), ()
     most = agree[agree.sum(axis=1).argmax()]
     if 2 * most.sum() <= len(places):
-        doubt = "the depth of the views is in different units, and no unit is that of most; give all depth in metres"
-        return tuple(views), (doubt,)
+        text = "the depth of the views is in different units, and no unit is that of most"
+        return tuple(views), (remark("depth-units-mixed", text, remedy="give all depth in metres"),)
 
     kept = list(views)
     odd: dict[tuple[int, bool], list[str]] = {}
@@ -88,15 +91,18 @@ def leave_out_other_units(
             if abs(factor) >= np.log(_PLAUSIBLE) and abs(abs(factor) - np.log(unit)) < np.log(_NEAR_UNIT):
                 odd.setdefault((unit, factor > 0), []).append(views[place].name)
                 kept[place] = replace(views[place], depth_m=np.zeros_like(views[place].depth_m))
-    notes = []
+    remarks = []
     for (unit, larger), names in odd.items():
         times = f"{unit}" if larger else f"1/{unit}"
         whose = "it is" if larger else "that of the others is"
-        notes.append(
+        text = (
             f"{named(names)}: the depth is about {times} times that of most views and is left out; "
-            f"{whose} probably in {_UNITS[unit]}: give all depth in metres"
+            f"{whose} probably in {_UNITS[unit]}"
         )
-    return tuple(kept), tuple(notes)
+        remarks.append(
+            remark("depth-of-other-unit-left-out", text, subject=named(names), remedy="give all depth in metres")
+        )
+    return tuple(kept), tuple(remarks)
 
 
 def _factors_between(views: Sequence[View], points_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -137,7 +143,7 @@ def _depth_over_points(view: View, points_m: NDArray[np.float64]) -> NDArray[np.
 
 
 def _expected_distance(views: Sequence[View], chosen: Sequence[View]) -> tuple[NDArray[np.float64], str, float]:
-    """How far away things should be in each chosen view (NaN: unknown), what says so, and how far off it may be."""
+    """How far away things should be in each chosen view (NaN: unknown), by what, and how far off that may be."""
     centers = np.array([view.camera.position_m for view in views])
     axes = np.array([view.camera.cam_from_world[2, :3] for view in views])
     # The place nearest to all optical axes: sum of (I - a aᵀ)(x - c) = 0.
@@ -158,20 +164,24 @@ def _expected_distance(views: Sequence[View], chosen: Sequence[View]) -> tuple[N
     return np.full(len(chosen), known), "the distance of the cameras from each other", _PLAUSIBLE_SPREAD
 
 
-def _sentence(ratio: float, plausible: float, what: str, metres_per_unit: float, exact: bool) -> tuple[str, ...]:
+def _compare(ratio: float, plausible: float, what: str, metres_per_unit: float, exact: bool) -> tuple[Remark, ...]:
+    """A remark where the ratio of depth to what the cameras give is not plausible."""
     if 1 / plausible < ratio < plausible:
         return ()
-    start = f"the depth is {ratio:.3g} times {what}"
+    likely = ""
+    remedy: Remedy
     if 1000 / _NEAR_THOUSAND < ratio < 1000 * _NEAR_THOUSAND:
-        likely = "the depth is probably in millimetres, or the poses are in kilometres: give the depth in metres"
+        likely = "; the depth is probably in millimetres, or the poses are in kilometres"
+        remedy = ("give the depth in metres",)
     elif 1000 / _NEAR_THOUSAND < 1 / ratio < 1000 * _NEAR_THOUSAND:
-        likely = (
-            f"the poses are probably in millimetres: set metres_per_unit = {metres_per_unit / 1000:g} in capture.toml"
-        )
+        likely = "; the poses are probably in millimetres"
+        remedy = "set ", Setting(name="capture.toml:metres_per_unit", value=f"{metres_per_unit / 1000:g}")
     elif exact:
-        likely = (
-            f"the poses probably have another unit: set metres_per_unit = {metres_per_unit * ratio:.4g} in capture.toml"
-        )
+        likely = "; the poses probably have another unit"
+        remedy = "set ", Setting(name="capture.toml:metres_per_unit", value=f"{metres_per_unit * ratio:.4g}")
     else:
-        likely = "depth must be in metres, and metres_per_unit in capture.toml must say the unit of the poses"
-    return (f"{start}; {likely}",)
+        remedy = (
+            "give the depth in metres, and the unit of the poses as ",
+            Setting(name="capture.toml:metres_per_unit"),
+        )
+    return (remark("depth-unit-differs", f"the depth is {ratio:.3g} times {what}{likely}", remedy=remedy),)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.raster import Raster, apply_orientation, read_raster
 from usdfoliage.errors import CaptureError
+from usdfoliage.remarks import Remark, remark
 
 logger = logging.getLogger(__name__)
 
@@ -37,7 +38,7 @@ class CleanMask:
 
     mask: NDArray[np.bool_]  # (H, W), one 8-connected component, holes filled: what the silhouette is of
     foliage: NDArray[np.bool_]  # (H, W), the same without what was filled: where the picture shows the plant
-    notes: tuple[str, ...]  # what was changed or is doubtful, in sentences for the report
+    remarks: tuple[Remark, ...]  # on what was changed, and where the crown is cut
 
 
 def read_mask(path: Path, photo_shape: tuple[int, ...], photo_orientation: int = 1) -> NDArray[np.bool_]:
@@ -90,14 +91,15 @@ def clean_mask(mask: NDArray[np.bool_], settings: CleanMaskSettings = CleanMaskS
     total = int(np.count_nonzero(mask))
     if total == 0:
         raise CaptureError("the mask is empty; at least one white region is needed")
-    notes = []
+    remarks: list[Remark] = []
 
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     crown = labels == largest
     area = int(stats[largest, cv2.CC_STAT_AREA])
     if count > 2:
-        notes.append(f"{count - 1} components; the largest, {area / total:.1%} of the area, was taken")
+        text = f"{count - 1} components; the largest, {area / total:.1%} of the area, was taken"
+        remarks.append(remark("mask-in-pieces", text))
 
     width, height = int(stats[largest, cv2.CC_STAT_WIDTH]), int(stats[largest, cv2.CC_STAT_HEIGHT])
     if min(width, height) < settings.min_width_px:
@@ -109,15 +111,18 @@ def clean_mask(mask: NDArray[np.bool_], settings: CleanMaskSettings = CleanMaskS
     foliage = crown
     crown, filled, filled_px, left = _fill_holes(crown, settings.fill_holes_up_to * area)
     if filled:
-        notes.append(f"{_counted(filled, 'hole')} filled, {filled_px / area:.1%} of the area")
+        text = f"{_counted(filled, 'hole')} filled, {filled_px / area:.1%} of the area"
+        remarks.append(remark("mask-holes-filled", text))
     if left:
-        notes.append(f"{_counted(left, 'hole')} kept, larger than {settings.fill_holes_up_to:.1%} of the area")
+        text = f"{_counted(left, 'hole')} kept, larger than {settings.fill_holes_up_to:.1%} of the area"
+        remarks.append(remark("mask-holes-kept", text))
 
     borders = {"left": crown[:, 0], "right": crown[:, -1], "top": crown[0], "bottom": crown[-1]}
     touched = [name for name, pixels in borders.items() if pixels.any()]
     if touched:
-        notes.append(f"the mask touches the image border ({', '.join(touched)}): the crown is cut there")
-    return CleanMask(mask=crown, foliage=foliage, notes=tuple(notes))
+        text = f"the mask touches the image border ({', '.join(touched)}): the crown is cut there"
+        remarks.append(remark("mask-at-border", text))
+    return CleanMask(mask=crown, foliage=foliage, remarks=tuple(remarks))
 
 
 def _threshold(raster: Raster) -> tuple[NDArray[np.bool_], float]:

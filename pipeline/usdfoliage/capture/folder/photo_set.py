@@ -1,4 +1,4 @@
-"""Which files of a folder are photographs that can be used, and what they say of the camera."""
+"""Which files of a folder are photographs that can be used, and what their EXIF holds of the camera."""
 
 import logging
 import math
@@ -20,6 +20,7 @@ from usdfoliage.files.hashing import hash_file
 from usdfoliage.files.threads import map_threaded, share_cores
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.progress import Progress
+from usdfoliage.remarks import Remark, remark
 
 logger = logging.getLogger(__name__)
 
@@ -29,7 +30,6 @@ _FILM_DIAGONAL_MM = math.hypot(36, 24)  # what the 35 mm equivalent of EXIF refe
 _UNDO_ORIENTATION = {6: 8, 8: 6}  # the others are their own inverses
 _SMOOTHING, _NOTHING = cv2.getGaussianKernel(7, 1.0), np.ones((1, 1))
 _SHARPNESS_SIDE_PX = 1600  # photographs of all sizes are compared at this one
-BLURRED = "far less sharp than the others; better photographs help"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ class PhotoSet:
     photos: tuple[PhotoFile, ...]  # by name
     dropped: tuple[DroppedFile, ...]  # by name
     blurred: tuple[str, ...]  # names of photographs far less sharp than the others; they are used
-    notes: tuple[str, ...]  # in sentences for the user
+    remarks: tuple[Remark, ...]
 
 
 def read_photo_set(
@@ -94,7 +94,7 @@ def read_photo_set(
         images: The folder, with any folders below.
         names: Only these, as files_below calls them; None for all.
         settings: What counts as blurred.
-        progress: Told of photographs done, and of all.
+        progress: Called with photographs done, and all.
 
     Raises:
         CaptureError: There is no folder, no photograph in it, or none can be read; only videos are there.
@@ -138,30 +138,58 @@ def read_photo_set(
     kept = tuple(photo for photo in photos if first[photo.digest] == photo.name)
     blurred = find_blurred([(photo.name, photo.sharpness) for photo in kept], settings)
     copies = dropped[unreadable:]
-    notes = [f"{named([item.name])} is left out: {item.reason}" for item in dropped[:unreadable]]
+    remarks = [remark_unusable([item.name], item.reason) for item in dropped[:unreadable]]
     if copies:
-        notes.append(
+        text = (
             f"{counted(len(copies), 'copy').replace('copys', 'copies')} left out: "
             + "; ".join(f"{item.name} is {item.reason}" for item in copies[:5])
             + ("; …" if len(copies) > 5 else "")
         )
-    if videos:
-        notes.append(f"{named(videos)}: {explain_video(videos[0])}")
-    if raws:
-        notes.append(f"{named(raws)} not used; convert to JPEG, PNG, TIFF or EXR")
+        remarks.append(remark("photograph-copies-left-out", text, subject=named([item.name for item in copies])))
+    remarks += remark_other_files(videos, raws)
     if blurred:
-        notes.append(f"{named(list(blurred))}: {BLURRED}")
+        remarks.append(remark_blurred(blurred))
     sizes = {(photo.width_px, photo.height_px) for photo in kept}
     if len(sizes) > 1:
-        told = ", ".join(f"{width}×{height}" for width, height in sorted(sizes)[:5])
-        notes.append(f"photographs of {len(sizes)} sizes ({told}{', …' if len(sizes) > 5 else ''}), a camera each")
+        listed = ", ".join(f"{width}×{height}" for width, height in sorted(sizes)[:5])
+        text = f"photographs of {len(sizes)} sizes ({listed}{', …' if len(sizes) > 5 else ''}), a camera each"
+        remarks.append(remark("photograph-sizes-differ", text))
     return PhotoSet(
         folder=images,
         photos=kept,
         dropped=tuple(sorted(dropped, key=lambda item: item.name)),
         blurred=blurred,
-        notes=tuple(notes),
+        remarks=tuple(remarks),
     )
+
+
+def remark_unusable(names: Sequence[str], reason: str) -> Remark:
+    """On photographs that cannot be read, or do not fit their camera; the reason is that of the first."""
+    text = (
+        f"{named(names)} is left out: {reason}"
+        if len(names) == 1
+        else (f"{named(names)} are left out; the first, as {reason}")
+    )
+    return remark("photographs-unusable", text, subject=named(names))
+
+
+def remark_blurred(names: Sequence[str]) -> Remark:
+    """On photographs that find_blurred has named."""
+    text = f"{named(names)} {'is' if len(names) == 1 else 'are'} far less sharp than the others"
+    return remark("photographs-blurred", text, subject=named(names), remedy="take better ones, or leave them out")
+
+
+def remark_other_files(videos: Sequence[str], raws: Sequence[str]) -> list[Remark]:
+    """On files that photographs can be made of, by their names."""
+    remarks = []
+    if videos:
+        text = f"{named(videos)} not used, as videos are not read"
+        remarks.append(remark("videos-not-used", text, subject=named(videos), remedy=explain_video(videos[0])))
+    if raws:
+        text = f"{named(raws)} not used"
+        remedy = "convert to JPEG, PNG, TIFF or EXR"
+        remarks.append(remark("raw-photographs-not-used", text, subject=named(raws), remedy=remedy))
+    return remarks
 
 
 def read_gray(path: Path, max_side_px: int = 0) -> NDArray[np.uint8]:
@@ -226,7 +254,7 @@ def _look_at(name: str, path: Path) -> PhotoFile | DroppedFile:
 
 
 def measure_sharpness(gray: NDArray[np.uint8]) -> float:
-    """Share of fine detail in what detail a picture (H, W) has: it tells blur, not how much the picture shows.
+    """Share of fine detail in what detail a picture (H, W) has: it measures blur, not how much the picture shows.
 
     Along the direction that has less of it, as a camera that shakes blurs but one.
     """
@@ -249,7 +277,7 @@ def find_blurred(
     """Names of photographs far less sharp than the others.
 
     Args:
-        sharpness: The name of each and what measure_sharpness says of it.
+        sharpness: The name of each and its measure_sharpness.
         settings: What counts as blurred.
     """
     if len(sharpness) < 3:

@@ -1,9 +1,8 @@
 """A capture folder: which photographs have cameras, depth and masks, and each of them as a view without distortion."""
 
 import logging
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +24,7 @@ from usdfoliage.capture.folder.listing import (
     parse_views,
 )
 from usdfoliage.capture.folder.masks import read_mask
+from usdfoliage.capture.folder.photo_set import remark_unusable
 from usdfoliage.capture.folder.raster import apply_orientation
 from usdfoliage.capture.folder.settings import CaptureSettings, read_capture_settings
 from usdfoliage.capture.lens import Lens, Undistortion, scale_lens, undistort
@@ -32,6 +32,7 @@ from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.progress import Progress
+from usdfoliage.remarks import Remark, as_plan_setting, remark
 
 logger = logging.getLogger(__name__)
 
@@ -64,7 +65,7 @@ class Capture:
     settings: CaptureSettings
     views: tuple[CaptureView, ...]  # those chosen, by name unless chosen in another order
     points_m: NDArray[np.float64]  # (N, 3), points of the cameras' model in the world; often none
-    notes: tuple[str, ...]  # what is missing or was not used, in sentences for the user
+    remarks: tuple[Remark, ...]  # on what is missing or was not used
 
     @property
     def asset_from_world(self) -> NDArray[np.float64]:
@@ -91,15 +92,14 @@ class CaptureViews:
     """The views of a capture that could be read."""
 
     views: tuple[View, ...]
-    notes: tuple[str, ...]  # what was dropped, ignored or is doubtful, in sentences for the user
+    remarks: tuple[Remark, ...]  # on what was left out, ignored or is improbable
 
 
-class _Remark(NamedTuple):
-    """What is odd about one view; alike ones become one note."""
+class _ViewRemark(NamedTuple):
+    """A remark on one view, whose name is its subject and not in its text; those of one text become one remark."""
 
-    view: str
-    text: str
-    detail: str = ""  # the first one is told
+    remark: Remark
+    detail: str = ""  # that of the first one follows the text
     pixels: int = 0  # added up and put before the text
 
 
@@ -121,7 +121,7 @@ def read_capture(
     folder = Path(folder)
     if not folder.is_dir():
         raise CaptureError(f"{folder} is no folder; give a capture folder with images/ and cameras/")
-    settings, notes = read_capture_settings(folder)
+    settings, toml_remarks = read_capture_settings(folder)
     photos = files_below(folder_below(folder, "images"))
     if not any(is_picture(name) for name in photos):
         raise CaptureError(f"{folder / 'images'} has no photographs; put them there as JPEG, PNG, TIFF or EXR")
@@ -140,20 +140,23 @@ def read_capture(
             f"none of the {len(model.images)} images in {model.folder} is in {folder / 'images'}: "
             f"the cameras know {named(without_photo)}, there are {named(without_camera)}; the names must be the same"
         )
-    remarks = list(notes)
+    remarks = list(toml_remarks)
     if without_photo:
-        remarks.append(f"{counted(len(without_photo), 'camera')} without a photograph: {named(without_photo)}")
+        text = f"{counted(len(without_photo), 'camera')} without a photograph: {named(without_photo)}"
+        remarks.append(remark("cameras-without-photograph", text, subject=named(without_photo)))
     if without_camera:
-        remarks.append(f"{counted(len(without_camera), 'photograph')} without a camera: {named(without_camera)}")
+        text = f"{counted(len(without_camera), 'photograph')} without a camera: {named(without_camera)}"
+        remarks.append(remark("photographs-without-camera", text, subject=named(without_camera)))
 
     depth_folder = folder_below(folder, depth)
     depths = files_below(depth_folder)
     if not any(path.suffix in DEPTH_SUFFIXES for path in depths.values()) and depth != "depth":
         raise CaptureError(f"{depth_folder} has no depth maps; there are {depth_folders(folder)}")
     belonging = {file_of(name, depths, DEPTH_SUFFIXES) for name in photos}
-    stray = [name for name, path in depths.items() if path.suffix in DEPTH_SUFFIXES and path not in belonging]
-    if stray:
-        remarks.append(f"{counted(len(stray), 'depth map')} without a photograph: {named(stray)}")
+    alone = [name for name, path in depths.items() if path.suffix in DEPTH_SUFFIXES and path not in belonging]
+    if alone:
+        text = f"{counted(len(alone), 'depth map')} without a photograph: {named(alone)}"
+        remarks.append(remark("depth-maps-without-photograph", text, subject=named(alone)))
 
     chosen = range(len(posed)) if views is None else parse_views(views, [image.name for image in posed])
     posed = [posed[index] for index in chosen]
@@ -172,26 +175,28 @@ def read_capture(
                 mask=file_of(image.name, masks, _MASK_SUFFIXES),
             )
         )
-    for what, place, found in (
-        ("depth map", depth_folder, [view.depth for view in capture_views]),
-        ("mask", folder / "masks", [view.mask for view in capture_views]),
-    ):
-        without = [view.name for view, path in zip(capture_views, found, strict=True) if path is None]
-        if without and (place.is_dir() or what == "depth map"):
-            remarks.append(f"{len(without)} of {counted(len(found), 'view')} without a {what}: {named(without)}")
+    count = counted(len(capture_views), "view")
+    without = [view.name for view in capture_views if view.depth is None]
+    if without:
+        text = f"{len(without)} of {count} without a depth map: {named(without)}"
+        remarks.append(remark("views-without-depth-map", text, subject=named(without)))
+    without = [view.name for view in capture_views if view.mask is None]
+    if without and (folder / "masks").is_dir():
+        text = f"{len(without)} of {count} without a mask: {named(without)}"
+        remarks.append(remark("views-without-mask", text, subject=named(without)))
 
     try:
         points_m = read_model_points(model.folder) * settings.metres_per_unit
     except CaptureError as error:  # they only help to check the scale
         points_m = np.zeros((0, 3))
-        remarks.append(f"the points of the cameras' model are not used: {error}")
+        remarks.append(remark("model-points-not-used", f"the points of the cameras' model are not used: {error}"))
     return Capture(
         folder=folder,
         name=settings.name or folder.resolve().name,
         settings=settings,
         views=tuple(capture_views),
         points_m=points_m,
-        notes=tuple(remarks),
+        remarks=tuple(remarks),
     )
 
 
@@ -202,8 +207,8 @@ def read_views(capture: Capture, progress: Progress | None = None) -> CaptureVie
         CaptureError: No view can be read; or there are depth maps and none can be used.
     """
     views: list[View] = []
-    remarks: list[_Remark] = []
-    unreadable: list[_Remark] = []
+    remarks: list[_ViewRemark] = []
+    unreadable: list[tuple[str, str]] = []
     with_depth_map = 0
     prepared: dict[Lens, Undistortion] = {}
     for done, chosen in enumerate(capture.views):
@@ -212,7 +217,7 @@ def read_views(capture: Capture, progress: Progress | None = None) -> CaptureVie
         try:
             view, about = _read_view(capture, chosen, prepared)
         except CaptureError as error:
-            unreadable.append(_Remark(chosen.name, "left out", str(error)))
+            unreadable.append((chosen.name, str(error)))
             continue
         views.append(view)
         remarks.extend(about)
@@ -220,19 +225,19 @@ def read_views(capture: Capture, progress: Progress | None = None) -> CaptureVie
     if progress is not None:
         progress(len(capture.views), len(capture.views))
     if not views:
-        raise CaptureError(f"none of {counted(len(unreadable), 'view')} can be read; the first: {unreadable[0].detail}")
+        raise CaptureError(f"none of {counted(len(unreadable), 'view')} can be read; the first: {unreadable[0][1]}")
 
-    ignored = [remark for remark in remarks if remark.text == _DEPTH_IGNORED]
+    ignored = [each for each in remarks if each.remark.code == "depth-map-ignored"]
     if ignored and len(ignored) == with_depth_map:
         raise CaptureError(f"none of {counted(len(ignored), 'depth map')} can be used; the first: {ignored[0].detail}")
     in_one_unit, units = leave_out_other_units(views, capture.points_m)
     scale = check_depth_scale(in_one_unit, capture.points_m, capture.settings.metres_per_unit)
-    notes = (*_merge(unreadable), *_merge(remarks), *units, *scale)
-    return CaptureViews(views=in_one_unit, notes=notes)
+    left_out = [remark_unusable([name for name, _ in unreadable], unreadable[0][1])] if unreadable else []
+    return CaptureViews(views=in_one_unit, remarks=(*left_out, *_merge(remarks), *units, *scale))
 
 
 def read_view(capture: Capture, index: int) -> View:
-    """Read one view; what is odd about it is logged (read_views returns it).
+    """Read one view; remarks on it are logged (read_views returns them).
 
     The photograph, its depth and its mask are without lens distortion, of the photograph's size. A camera whose
     pictures were of another size and the same proportions is scaled. EXIF orientation is ignored, as COLMAP does,
@@ -246,47 +251,58 @@ def read_view(capture: Capture, index: int) -> View:
         CaptureError: The photograph cannot be read, or its proportions are not its camera's.
     """
     view, remarks = _read_view(capture, capture.views[index], {})
-    for note in _merge(remarks):
-        logger.warning("%s", note)
+    for each in _merge(remarks):
+        logger.warning("%s", each.sentence(as_plan_setting))
     return view
 
 
-def read_view_noted(capture: Capture, index: int) -> tuple[View, tuple[str, ...]]:
-    """Read one view as read_view does, and say what is odd about it: texts to follow its name and a colon.
+def read_view_remarked(capture: Capture, index: int) -> tuple[View, tuple[Remark, ...]]:
+    """Read one view as read_view does, with remarks on it: merge_view_remarks puts the names of views before them.
 
     Raises:
         CaptureError: As read_view.
     """
     view, remarks = _read_view(capture, capture.views[index], {})
-    return view, tuple(f"{remark.text}{f'; {remark.detail}' if remark.detail else ''}" for remark in remarks)
+    return view, tuple(_with_detail(each) for each in remarks)
 
 
-_DEPTH_IGNORED = "the depth map is ignored"
-_MASK_IGNORED = "the mask is ignored"
+def merge_view_remarks(remarks: Sequence[Remark]) -> list[Remark]:
+    """One remark for all views of one text, in the order of the first ones, with the names of the views before it."""
+    by_text: dict[tuple[str, str], list[Remark]] = {}
+    for each in remarks:
+        by_text.setdefault((each.code, each.text), []).append(each)
+    merged = []
+    for alike in by_text.values():
+        names = named([each.subject for each in alike])
+        merged.append(replace(alike[0], subject=names, text=f"{names}: {alike[0].text}"))
+    return merged
 
 
-def _read_view(capture: Capture, chosen: CaptureView, prepared: dict[Lens, Undistortion]) -> tuple[View, list[_Remark]]:
-    """A view and what is odd about it; prepared keeps what the last lens took, as most captures have one."""
-    remarks: list[_Remark] = []
+def _read_view(
+    capture: Capture, chosen: CaptureView, prepared: dict[Lens, Undistortion]
+) -> tuple[View, list[_ViewRemark]]:
+    """A view and remarks on it; prepared keeps what the last lens took, as most captures have one."""
+    remarks: list[_ViewRemark] = []
 
-    def remark(text: str, detail: str = "", pixels: int = 0) -> None:
-        remarks.append(_Remark(chosen.name, text, detail, pixels))
+    def add(made: Remark, detail: str = "", pixels: int = 0) -> None:
+        remarks.append(_ViewRemark(replace(made, subject=chosen.name), detail, pixels))
 
     photo = read_photo(chosen.photo, capture.settings.color_space)
     lens, orientation = _fit_lens(chosen, photo)
     srgb = _turn_back(_encode(photo.linear), orientation)
     if orientation != 1:
-        remark(f"EXIF orientation {orientation} is ignored, as the cameras do")
+        add(remark("orientation-ignored", f"EXIF orientation {orientation} is ignored, as the cameras do"))
     if (lens.width_px, lens.height_px) != (chosen.lens.width_px, chosen.lens.height_px):
         old, new = (f"{size.width_px}×{size.height_px}" for size in (chosen.lens, lens))
-        remark(f"the camera is for pictures of {old} pixels and is scaled to the photograph's {new}")
+        text = f"the camera is for pictures of {old} pixels and is scaled to the photograph's {new}"
+        add(remark("camera-scaled", text))
 
     depth_m = np.zeros(srgb.shape[:2], np.float32)
     if chosen.depth is not None:
         try:
             depth = read_depth(chosen.depth, lens.width_px, lens.height_px)
         except CaptureError as error:
-            remark(_DEPTH_IGNORED, str(error))
+            add(remark("depth-map-ignored", "the depth map is ignored"), str(error))
         else:
             depth_m = depth.depth_m
             for count, kind in (
@@ -295,18 +311,19 @@ def _read_view(capture: Capture, chosen: CaptureView, prepared: dict[Lens, Undis
                 (depth.far, "too far for any photograph"),
             ):
                 if count:
-                    remark(f"depths are {kind} and taken as none", pixels=count)
+                    add(remark("depths-impossible", f"depths are {kind} and taken as none"), pixels=count)
             if depth.channel not in ("", DEPTH_CHANNEL):
-                remark(f"the channel {depth.channel} is taken for the depth, whose name is {DEPTH_CHANNEL}")
+                text = f"the channel {depth.channel} is taken for the depth, whose name is {DEPTH_CHANNEL}"
+                add(remark("depth-channel-assumed", text))
             if not depth_m.any():
-                remark("the depth map has no depth at all")
+                add(remark("depth-map-empty", "the depth map has no depth at all"))
     mask = None
     if chosen.mask is not None:
         try:
             mask = read_mask(chosen.mask, photo.linear.shape, photo.orientation)
             mask = _turn_back(mask, orientation)
         except CaptureError as error:
-            remark(_MASK_IGNORED, str(error))
+            add(remark("mask-ignored", "the mask is ignored"), str(error))
 
     if not lens.is_pinhole:
         if lens not in prepared:
@@ -354,16 +371,18 @@ def _encode(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.asarray(table.take(scaled.astype(np.uint16)))
 
 
-def _merge(remarks: Sequence[_Remark]) -> list[str]:
-    """One sentence for remarks alike, in the order of the first ones."""
-    counts: Counter[str] = Counter()
-    by_text: dict[str, list[_Remark]] = {}
-    for remark in remarks:
-        by_text.setdefault(remark.text, []).append(remark)
-        counts[remark.text] += remark.pixels
-    notes = []
-    for text, alike in by_text.items():
-        count = f"{counts[text]:,} " if counts[text] else ""
-        detail = f"; {alike[0].detail}" if alike[0].detail else ""
-        notes.append(f"{named([remark.view for remark in alike])}: {count}{text}{detail}")
-    return notes
+def _merge(remarks: Sequence[_ViewRemark]) -> list[Remark]:
+    """One remark for those of one text, in the order of the first ones."""
+    by_text: dict[tuple[str, str], list[_ViewRemark]] = {}
+    for each in remarks:
+        by_text.setdefault((each.remark.code, each.remark.text), []).append(each)
+    merged = []
+    for alike in by_text.values():
+        first, pixels = _with_detail(alike[0]), sum(each.pixels for each in alike)
+        names = named([each.remark.subject for each in alike])
+        merged.append(replace(first, subject=names, text=f"{names}: {f'{pixels:,} ' if pixels else ''}{first.text}"))
+    return merged
+
+
+def _with_detail(held: _ViewRemark) -> Remark:
+    return replace(held.remark, text=f"{held.remark.text}; {held.detail}") if held.detail else held.remark

@@ -1,4 +1,4 @@
-"""capture.toml: what the user says of a capture."""
+"""capture.toml: what the user states of a capture."""
 
 import json
 from collections.abc import Mapping
@@ -8,13 +8,14 @@ from typing import Any
 
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.toml import parse_toml, read_toml
+from usdfoliage.remarks import Remark, remark
 
 FILE_NAME = "capture.toml"
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureSettings:
-    """What capture.toml says, or leaves unsaid."""
+    """The values of capture.toml, defaults where it has none."""
 
     name: str = ""
     up_axis: str = "Y"  # or Z, of the poses and clouds
@@ -59,11 +60,11 @@ def complete_capture_settings(text: str, values: Mapping[str, str | float]) -> s
     return mark + completed
 
 
-def read_capture_settings(folder: Path) -> tuple[CaptureSettings, tuple[str, ...]]:
+def read_capture_settings(folder: Path) -> tuple[CaptureSettings, tuple[Remark, ...]]:
     """Read a capture's capture.toml; the defaults where there is none.
 
     Returns:
-        The settings, and sentences about keys that mean nothing here.
+        The settings, and a remark on keys that mean nothing here.
 
     Raises:
         CaptureError: The file is no TOML, or a value has a wrong type or is out of range.
@@ -79,15 +80,18 @@ def read_capture_settings(folder: Path) -> tuple[CaptureSettings, tuple[str, ...
             raise CaptureError(f"{path}: {key} must be {kind}, not {value!r}")
         known[key] = str(value).upper() if key == "up_axis" else value
     unknown = sorted(set(values) - {*_KINDS, *_TABLES})
-    notes = (f"{FILE_NAME}: {', '.join(unknown)} not known, and not used",) if unknown else ()
+    remarks: tuple[Remark, ...] = ()
+    if unknown:
+        text = f"{FILE_NAME}: {', '.join(unknown)} not known, and not used"
+        remarks = (remark("capture-keys-unknown", text, subject=FILE_NAME),)
     try:
-        return CaptureSettings(**known), notes
+        return CaptureSettings(**known), remarks
     except (ValueError, OverflowError) as error:
         raise CaptureError(f"{path}: {error}") from error
 
 
 def read_capture_tables(folder: Path) -> dict[str, Any]:
-    """What capture.toml says beyond CaptureSettings, unchecked: hints at the scale of poses that are not given.
+    """The tables of capture.toml beyond CaptureSettings, unchecked: hints at the scale of poses that are not given.
 
     Raises:
         CaptureError: The file is no TOML.

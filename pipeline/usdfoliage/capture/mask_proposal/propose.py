@@ -322,5 +322,5 @@ def _assess(mask: NDArray[np.bool_], envelope: NDArray[np.bool_], contrast: floa
     problems = [problem for problem, factor in factors.items() if factor < 0.8]
     if not problems:
         return confidence, "the crown stands out clearly"
-    lead = "doubtful" if confidence < _LOW_CONFIDENCE else "to be checked"
+    lead = "uncertain" if confidence < _LOW_CONFIDENCE else "to be checked"
     return confidence, f"{lead}: {'; '.join(problems)}"

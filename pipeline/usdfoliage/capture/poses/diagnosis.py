@@ -1,4 +1,4 @@
-"""What is told of a registration: why photographs have no camera, and why cameras may be wrong."""
+"""What is reported of a registration: why photographs have no camera, and why cameras may be wrong."""
 
 import math
 from collections import Counter
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.folder.listing import counted, named
 from usdfoliage.capture.folder.photo_set import PhotoFile, PhotoSet
 from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, Unregistered
+from usdfoliage.remarks import Remark, Setting, remark
 
 _STILL_SHARE = 0.35  # of matches that fit; fewer where things move, or repeat
 _FOCAL_SHARES = (0.35, 8.0)  # of the longer side: what cameras that photograph plants have
@@ -66,53 +67,55 @@ def list_failures(
     return tuple(sorted(failures, key=lambda failure: failure.name))
 
 
-def write_notes(
+def describe_registration(
     photos: Sequence[PhotoFile],
     images: NDArray[np.int64],
     found: PairMatches,
     registered: Sequence[RegisteredPhoto],
     least_matches: int,
-) -> tuple[str, ...]:
-    notes = []
+) -> tuple[Remark, ...]:
+    """Remarks on photographs without a camera, on matches that fit no motion, and on several cameras."""
+    remarks = []
     if len(images) < len(photos):
         missing = sorted({photo.name for photo in photos} - {photo.name for photo in registered})
-        notes.append(f"{len(missing)} of {counted(len(photos), 'photograph')} have no camera: {named(missing)}")
+        text = f"{len(missing)} of {counted(len(photos), 'photograph')} have no camera: {named(missing)}"
+        remarks.append(remark("photographs-not-registered", text, subject=named(missing)))
     inside = np.ix_(images, images)
     looked_at = found.verified[inside] >= least_matches
     if looked_at.any():
         share = float(np.median(found.verified[inside][looked_at] / np.maximum(found.alike[inside][looked_at], 1)))
         if share < _STILL_SHARE:
-            notes.append(
+            text = (
                 f"only {share:.0%} of what looks alike in two photographs fits one motion of the camera; "
                 f"leaves may have moved in the wind between them, or much repeats"
             )
+            remarks.append(remark("matches-fit-no-motion", text))
     models = Counter(photo.lens for photo in registered)
     if len(models) > 1 and len(models) < len(registered):
-        notes.append(f"{len(models)} cameras took {counted(len(registered), 'photograph')}")
-    return tuple(notes)
+        text = f"{len(models)} cameras took {counted(len(registered), 'photograph')}"
+        remarks.append(remark("several-cameras", text))
+    return tuple(remarks)
 
 
-def list_doubts(
+def check_cameras(
     registered: Sequence[RegisteredPhoto],
     track_photos: NDArray[np.int64],
     places_px: NDArray[np.float64],
     least_matches: int,
-) -> tuple[str, ...]:
-    """Why the cameras are probably wrong, however well the points fit them."""
-    doubts = []
+) -> tuple[Remark, ...]:
+    """Warnings by which the cameras are probably wrong, however well the points fit them."""
+    remarks = []
     focal = {round(photo.lens.focal_px[0] / max(photo.lens.width_px, photo.lens.height_px), 3) for photo in registered}
     odd = [share for share in focal if not _FOCAL_SHARES[0] <= share <= _FOCAL_SHARES[1]]
     if odd:
-        doubts.append(
-            f"a focal length of {odd[0]:g} of the longer side is improbable: "
-            f"give focal_px under [registration] with --settings"
-        )
+        text = f"a focal length of {odd[0]:g} of the longer side is improbable"
+        key = Setting(name="capture.registration.focal_px")
+        remarks.append(remark("focal-length-improbable", text, remedy=("give ", key)))
     sparse = [photo.name for photo in registered if photo.points < 4 * least_matches]
     if len(sparse) > len(registered) / 2:
-        doubts.append(
-            f"{len(sparse)} of {counted(len(registered), 'photograph')} see fewer than {4 * least_matches} "
-            f"points: take more photographs, nearer to each other"
-        )
+        text = f"{len(sparse)} of {counted(len(registered), 'photograph')} see fewer than {4 * least_matches} points"
+        remedy = "take more photographs, nearer to each other"
+        remarks.append(remark("few-points-seen", text, subject=named(sparse), remedy=remedy))
     narrow = []
     for number, photo in enumerate(registered):
         places = places_px[track_photos == number]
@@ -120,9 +123,13 @@ def list_doubts(
             thin = math.sqrt(max(float(np.linalg.eigvalsh(np.cov(places.T))[0]), 0))
             narrow.append(thin / max(photo.lens.width_px, photo.lens.height_px))
     if narrow and float(np.median(narrow)) < _LEAST_SPREAD:
-        doubts.append(
+        text = (
             f"the points of most photographs lie in a band {float(np.median(narrow)):.1%} of the longer side wide, as "
-            f"of a horizon behind the plant, and leave the cameras open: put something "
-            f"textured around the plant, take photographs nearer to each other, or give the poses in cameras/"
+            f"of a horizon behind the plant, which does not determine the cameras"
         )
-    return tuple(doubts)
+        remedy = (
+            "put something textured around the plant, take photographs nearer to each other, or give the poses in "
+            "cameras/"
+        )
+        remarks.append(remark("points-in-a-band", text, remedy=remedy))
+    return tuple(remarks)

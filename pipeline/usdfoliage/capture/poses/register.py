@@ -1,6 +1,6 @@
 """Cameras and sparse points of photographs: features, matches, and a mapper, each in child processes that may fail.
 
-COLMAP does the geometry; what it is given, and what of its results is told, is decided here.
+COLMAP does the geometry; what it is given, and what of its results is reported, is decided here.
 """
 
 import importlib.metadata
@@ -19,7 +19,7 @@ from usdfoliage.capture.folder.listing import counted
 from usdfoliage.capture.folder.photo_set import PhotoFile, PhotoSet, read_colors
 from usdfoliage.capture.lens import LENS_MODELS, Lens, scale_lens
 from usdfoliage.capture.poses.child_process import run_items
-from usdfoliage.capture.poses.diagnosis import list_doubts, list_failures, write_notes
+from usdfoliage.capture.poses.diagnosis import check_cameras, describe_registration, list_failures
 from usdfoliage.capture.poses.pairs import all_pairs, neighbours_in_order, retrieve_pairs
 from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, project_with
 from usdfoliage.capture.poses.result import Registered as Registered  # what callers get
@@ -454,7 +454,7 @@ def _registered(
     )
     seen_by = np.maximum(np.diff(model["track_starts"]), 1)
     track_photos = place_in[track[:, 0]]
-    doubts = list_doubts(registered, track_photos, places_px, settings.least_matches)
+    checks = check_cameras(registered, track_photos, places_px, settings.least_matches)
     return Registered(
         photos=registered,
         points=points,
@@ -466,8 +466,7 @@ def _registered(
         names=tuple(photo.name for photo in photos),
         matches=found.verified,
         failures=list_failures(photo_set, features, model["group"], found, failed, settings.least_matches),
-        notes=(*doubts, *write_notes(photos, images, found, registered, settings.least_matches)),
-        doubts=doubts,
+        remarks=(*checks, *describe_registration(photos, images, found, registered, settings.least_matches)),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.lens import LENS_MODELS, Lens
+from usdfoliage.remarks import Remark
 
 _PANORAMIC = (5, 6)  # COLMAP's configurations PANORAMIC and PLANAR_OR_PANORAMIC
 _CONFIGURED = (2, 3, 4, 5, 6)  # those that a motion or a plane explains
@@ -47,8 +48,7 @@ class Registered:
     names: tuple[str, ...]  # of all photographs, by name
     matches: NDArray[np.int64]  # (P, P), features of all photographs that one motion explains; symmetric
     failures: tuple[Unregistered, ...]  # by name
-    notes: tuple[str, ...]  # in sentences for the user
-    doubts: tuple[str, ...]  # those of the notes by which the cameras are probably wrong
+    remarks: tuple[Remark, ...]  # a warning among them: the cameras are probably wrong
 
     @property
     def mean_error_px(self) -> float:

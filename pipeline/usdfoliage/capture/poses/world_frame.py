@@ -15,6 +15,7 @@ from usdfoliage.capture.lens import LENS_MODELS, Lens
 from usdfoliage.capture.poses.result import Registered
 from usdfoliage.capture.poses.up_direction import UpDirection, find_ups
 from usdfoliage.errors import CaptureError
+from usdfoliage.remarks import Remark, Setting, remark
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ class ScaleBar:
 
 @dataclass(frozen=True, kw_only=True)
 class WorldSettings:
-    """What the user says of the world, and what is believed without."""
+    """What the user states of the world, and how far other evidence is used."""
 
     times: float = 1.0  # The world is made larger by this factor than it is without it. Range: 1e-9 to 1e9.
     # Two cameras stand this distance apart. The file capture.toml is the better place for it. Unit: metres. Range:
@@ -100,7 +101,7 @@ class WorldFrame:
     scale_from: str  # "scale", "distance", "scale bar", "gps" or "nothing"
     up_from: str  # "given" or one of UPS
     up_error_rad: float  # estimated
-    notes: tuple[str, ...]  # in sentences for the user
+    remarks: tuple[Remark, ...]
 
     @property
     def metres_per_unit(self) -> float:
@@ -156,25 +157,25 @@ def level_and_scale(
 ) -> WorldFrame:
     """Find a metric world with Y up for registered cameras.
 
-    Every way of finding up that the pictures allow is tried, and the one that is surest taken; where others disagree it
-    is told. What the user says as a factor or direction is said of the world as it is found without that, since that is
-    the one in which anything can be measured or looked at.
+    Every method of finding up that the pictures allow is tried, and the surest taken; there is a remark where others
+    disagree. A factor or direction that the user gives is one in the world as it is found without that, since that is
+    the one in which anything can be measured or viewed.
 
     Args:
         registered: Cameras and points, in any world.
-        photos: What files say of position and orientation, by name; more than are registered may be there.
-        settings: What the user says.
+        photos: Position and orientation by their files, by name; more than are registered may be there.
+        settings: What the user states.
 
     Raises:
         CaptureError: A photograph that the user names has no camera; a scale bar or distance of no length there; no up
-            is found the way that the user wants.
+            is found by the method that the user wants.
     """
     by_name = {photo.name: photo for photo in photos}
     files = [by_name.get(photo.name) for photo in registered.photos]
     poses = np.array([photo.cam_from_world for photo in registered.photos])
     centers = -np.einsum("nji,nj->ni", poses[:, :, :3], poses[:, :, 3])
     distance = _viewing_distance(registered, centers)
-    gps, notes = _fit_gps(centers, files, settings)
+    gps, remarks = _fit_gps(centers, files, settings)
 
     ups = find_ups(registered, poses, centers, files, _gps_up(gps, len(centers)), distance)
     if settings.up_vector is not None:
@@ -184,31 +185,35 @@ def level_and_scale(
     elif settings.up != "auto":
         of_kind = [up for up in ups if up.method == settings.up]
         if not of_kind:
-            ways = ", ".join(up.method for up in ups)
-            raise CaptureError(f"up cannot be found by {settings.up} in these photographs; it can by {ways}")
+            methods = ", ".join(up.method for up in ups)
+            raise CaptureError(f"up cannot be found by {settings.up} in these photographs; it can by {methods}")
         chosen = of_kind[0]
     else:
         chosen = min(ups, key=lambda up: up.error_rad)
-        notes += _disagreements(chosen, ups)
+        remarks += _disagreements(chosen, ups)
         if chosen.error_rad > math.radians(5):
-            notes.append(f"up is found by {chosen.method} and may be wrong by {math.degrees(chosen.error_rad):.0f}°")
+            text = f"up is found by {chosen.method} and may be wrong by {math.degrees(chosen.error_rad):.0f}°"
+            method = Setting(name="capture.world.up")
+            remarks.append(remark("up-uncertain", text, remedy=("where it is, choose another method with ", method)))
 
     scale, scale_from = _scale(registered, centers, gps, distance, settings)
     if settings.times != 1:
         scale, scale_from = settings.times * scale, "scale"
     if scale_from == "nothing":
-        notes.append(
-            "the scale is unknown: the median distance from the cameras to what they see is taken for 1 m; "
-            "measure something in the cloud and give --scale, its true length over that one; or say a known distance "
-            "between two cameras, or a scale bar, in capture.toml"
+        text = "the scale is unknown, and the median distance from the cameras to what they see is taken for 1 m"
+        remedy = (
+            "measure something in the cloud, and give its true length over that one as ",
+            Setting(name="capture.world.times"),
+            "; or put a known distance between two cameras, or a scale bar, into capture.toml",
         )
+        remarks.append(remark("scale-unknown", text, remedy=remedy))
     return WorldFrame(
         world_from_registered=_similarity(registered, poses, centers, chosen.direction, scale),
         scale_known=scale_from != "nothing",
         scale_from=scale_from,
         up_from=chosen.method,
         up_error_rad=chosen.error_rad,
-        notes=tuple(notes),
+        remarks=tuple(remarks),
     )
 
 
@@ -243,7 +248,7 @@ def _viewing_distance(registered: Registered, centers: Array) -> float:
 def _scale(
     registered: Registered, centers: Array, gps: _Gps | None, distance: float, settings: WorldSettings
 ) -> tuple[float, str]:
-    """Metres per unit, and what says so."""
+    """Metres per unit, and what it is taken from."""
     if settings.known_distance is not None:
         first, second = (
             centers[_number(registered, name, "known_distance")] for name in settings.known_distance.photographs
@@ -307,8 +312,8 @@ def _ray(lens: Lens, x: float, y: float) -> Array:
 
 def _fit_gps(
     centers: Array, files: Sequence[PhotoFile | None], settings: WorldSettings
-) -> tuple[_Gps | None, list[str]]:
-    """What positions by satellite say, where they lie far enough apart for how exact they are."""
+) -> tuple[_Gps | None, list[Remark]]:
+    """Scale and up by positions by satellite, where they lie far enough apart for how exact they are."""
     known = [number for number, file in enumerate(files) if file is not None and file.gps is not None]
     if len(known) < settings.least_gps:
         return None, []
@@ -321,7 +326,8 @@ def _fit_gps(
     own, places_m = own - own.mean(axis=0), places_m - places_m.mean(axis=0)
     spread_m = float(np.sqrt(np.square(places_m).sum(axis=1).mean()))
     if spread_m == 0 or not np.isfinite(degrees[:, 2]).all():
-        return None, ["positions by satellite are all one, or without altitude, and not used"]
+        text = "positions by satellite are all one, or without altitude, and not used"
+        return None, [remark("positions-not-usable", text)]
     # Umeyama 1991: places = scale turn own.
     u, sizes, vt = np.linalg.svd(places_m.T @ own / len(own))
     signs = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
@@ -329,10 +335,11 @@ def _fit_gps(
     scale = float((sizes * signs).sum() / np.square(own).sum(axis=1).mean())
     residual_m = float(np.sqrt(np.square(scale * own @ turn.T - places_m).sum(axis=1).mean()))
     if spread_m < settings.gps_spread * residual_m or not scale > 0:
-        return None, [
-            f"positions by satellite contradict the pictures by {residual_m:.2g} m over {spread_m:.2g} m, "
-            f"and are not used"
-        ]
+        text = (
+            f"positions by satellite contradict the pictures by {residual_m:.2g} m over {spread_m:.2g} m, and are not "
+            "used"
+        )
+        return None, [remark("positions-contradict-pictures", text)]
     along = np.linalg.svd(own, compute_uv=False)
     flat = float(along[1] / along[0])
     return _Gps(scale, turn[2], residual_m, spread_m, flat), []
@@ -346,16 +353,18 @@ def _gps_up(gps: _Gps | None, positions: int) -> UpDirection | None:
     return UpDirection("gps", gps.up, error_rad)
 
 
-def _disagreements(chosen: UpDirection, ups: Sequence[UpDirection]) -> list[str]:
-    notes = []
+def _disagreements(chosen: UpDirection, ups: Sequence[UpDirection]) -> list[Remark]:
+    remarks = []
     for up in ups:
         angle = math.acos(float(np.clip(chosen.direction @ up.direction, -1, 1)))
         if angle > max(_DISAGREE_RAD, 3 * (chosen.error_rad + up.error_rad)) and up.method != "photographs":
-            notes.append(
+            text = (
                 f"up by {chosen.method} and up by {up.method} are {math.degrees(angle):.0f}° apart; "
-                f"{chosen.method} is taken: say --up {up.method} for the other"
+                f"{chosen.method} is taken"
             )
-    return notes
+            remedy = "set ", Setting(name="capture.world.up", value=f'"{up.method}"'), " for the other"
+            remarks.append(remark("up-methods-disagree", text, remedy=remedy))
+    return remarks
 
 
 def _similarity(registered: Registered, poses: Array, centers: Array, up: Array, scale: float) -> Array:

@@ -115,7 +115,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         CloudInputSettings(metres_per_unit=None if request.unit is None else UNITS[request.unit]),
         progress_in_step("read", progress),
     )
-    remarks = read_remarks(source)
+    remarks = list(source.remarks)
     if request.up is not None:
         axis = axis_vector(request.up)
     else:
@@ -178,12 +178,6 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         ground=int(ground.points.sum()),
         remarks=(*remarks, *check_height(float(np.ptp(points_m[:, 1])), source.metres_per_unit)),
     )
-
-
-def read_remarks(source: CloudInput) -> list[Remark]:
-    """What reading the file has to remark."""
-    notes = [remark("cloud-file-note", text) for text in source.notes]
-    return [*notes, *(remark("cloud-file-warning", text) for text in source.warnings)]
 
 
 def _explain_few(

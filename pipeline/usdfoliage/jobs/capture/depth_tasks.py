@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from usdfoliage.capture.clear_sky import ClearSkySettings, elevations_deg, find_clear_sky
 from usdfoliage.capture.cloud.fusion import SeenSurface
 from usdfoliage.capture.folder.listing import counted, named
-from usdfoliage.capture.folder.photo_set import BLURRED, find_blurred, measure_sharpness
-from usdfoliage.capture.folder.read import Capture, CaptureView, read_view_noted
+from usdfoliage.capture.folder.photo_set import find_blurred, measure_sharpness, remark_blurred, remark_unusable
+from usdfoliage.capture.folder.read import Capture, CaptureView, merge_view_remarks, read_view_remarked
 from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.capture.mvs.agreement import AgreementSettings, DepthEstimate
 from usdfoliage.capture.mvs.colmap_stereo import read_stereo_planes, run_stereo, write_stereo_workspace
@@ -33,11 +33,12 @@ from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture.settings import DenseChoice
 from usdfoliage.jobs.work.results import explain, forget, has_result, read_result, task_key, write_result
 from usdfoliage.progress import Progress
+from usdfoliage.remarks import Remark, remark, remark_from_json
 
 logger = logging.getLogger(__name__)
 
 PHOTOS, PLANES, DEPTH, COLMAP = "photos", "planes", "depth", "colmap"  # folders in the work folder
-_ABOUT = ("size", "notes", "sharpness")  # what is kept of a photograph beside its pixels
+_ABOUT = ("size", "remarks", "sharpness")  # what is kept of a photograph beside its pixels
 _MOST_IN_MEMORY = 12 + 2 * MOST_AT_ONCE  # photographs, and planes of as many
 
 Arrays = dict[str, NDArray[np.generic]]
@@ -75,8 +76,8 @@ class PreparedViews:
 
     views: tuple[PreparedView, ...]
     dropped: tuple[tuple[str, str], ...]  # names of those that cannot be used, and why
-    notes: tuple[str, ...]
-    doubts: tuple[str, ...]  # about photographs that are used: what is told of them before poses are estimated
+    remarks: tuple[Remark, ...]
+    checks: tuple[Remark, ...]  # on blurred photographs and copies, which are reported before poses are estimated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,9 +141,9 @@ def prepare_views(
     )
     views: list[PreparedView] = []
     dropped: list[tuple[str, str]] = []
-    remarks: dict[str, list[str]] = {}
+    about: list[Remark] = []
     sharpness: list[tuple[str, float]] = []
-    alike: dict[str, list[str]] = {}
+    same: dict[str, list[str]] = {}
 
     def read(index: int) -> tuple[Path, str, Arrays] | CaptureError:
         """Its file, and what is to be known of it without its pixels; or why it cannot be used."""
@@ -168,14 +169,13 @@ def prepare_views(
             width_px, height_px = (int(side) for side in held["size"])
             key = task_key(path.stem, chosen.cam_from_world)
             views.append(PreparedView(chosen=chosen, pixels=path, width_px=width_px, height_px=height_px, key=key))
-            for text in json.loads(str(held["notes"])):
-                remarks.setdefault(text, []).append(chosen.name)
+            about += [replace(remark_from_json(each), subject=chosen.name) for each in json.loads(str(held["remarks"]))]
             sharpness.append((chosen.name, float(held["sharpness"])))
-            alike.setdefault(photo, []).append(chosen.name)
+            same.setdefault(photo, []).append(chosen.name)
         if progress is not None:
             progress(index + 1, len(bare.views))
-    notes = [f"{name} is left out: {reason}" for name, reason in dropped]
-    notes += [f"{named(names)}: {text}" for text, names in remarks.items()]
+    remarks = [remark_unusable([name], reason) for name, reason in dropped]
+    remarks += merge_view_remarks(about)
     if len(views) < 2:
         reason = f"; the first that cannot: {dropped[0][1]}" if dropped else ""
         raise CaptureError(
@@ -183,13 +183,14 @@ def prepare_views(
             f"takes two at least{reason}"
         )
     blurred = find_blurred(sharpness)
-    doubts = [f"{named(blurred)}: {BLURRED}"] if blurred else []
-    doubts += [
-        f"{named(names)} are one photograph: what has a copy for company is seen once; remove the copies"
-        for names in alike.values()
-        if len(names) > 1
-    ]
-    return PreparedViews(views=tuple(views), dropped=tuple(dropped), notes=tuple(notes), doubts=tuple(doubts))
+    checks = [remark_blurred(blurred)] if blurred else []
+    checks += [_remark_copies(names) for names in same.values() if len(names) > 1]
+    return PreparedViews(views=tuple(views), dropped=tuple(dropped), remarks=tuple(remarks), checks=tuple(checks))
+
+
+def _remark_copies(names: Sequence[str]) -> Remark:
+    text = f"{named(names)} are one photograph, and what has only a copy for company is seen once"
+    return remark("photograph-copies-used", text, subject=named(names), remedy="remove the copies")
 
 
 def _picture_key(
@@ -202,13 +203,13 @@ def _picture_key(
 
 def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkySettings | None) -> Arrays:
     """What is kept of a photograph."""
-    view, about = read_view_noted(capture, index)
+    view, remarks = read_view_remarked(capture, index)
     small = Picture.of(view, max_side_px, 0)
     held: Arrays = {
         "srgb": small.srgb,
         "size": np.array([view.camera.width_px, view.camera.height_px]),
         "sharpness": np.array(measure_sharpness(small.gray)),
-        "notes": np.array(json.dumps(about)),
+        "remarks": np.array(json.dumps([replace(each, subject="").as_json() for each in remarks])),
     }
     if small.mask is not None:
         held["mask"] = small.mask > 0

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.capture.folder.listing import counted, files_below, is_picture, named
-from usdfoliage.capture.folder.photo_set import RAW, explain_video, is_video
+from usdfoliage.capture.folder.photo_set import RAW, explain_video, is_video, remark_other_files
 from usdfoliage.capture.folder.settings import FILE_NAME
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.work.results import WORK, explain, write_whole
+from usdfoliage.remarks import Remark, Setting, remark
 
 logger = logging.getLogger(__name__)
 
@@ -34,7 +35,7 @@ class GivenPhotographs:
     photos: Mapping[str, Path]  # by their names below images/
     folder: Path  # the capture that is filled
     is_capture: bool  # whether source is a capture, else it is a folder of photographs
-    notes: tuple[str, ...]  # about files that are no photographs and are not used
+    remarks: tuple[Remark, ...]  # on files that are no photographs and are not used
 
     @property
     def in_place(self) -> bool:
@@ -71,20 +72,26 @@ def find_photographs(source: Path, output: Path | None) -> GivenPhotographs:
     if output is None:
         if not is_capture:
             raise CaptureError(
-                f"{source} is a folder of photographs; name the capture to be made of it with -o, as in: "
-                f"usdfoliage capture {source} -o {source.resolve().name}_capture"
+                f"{source} is a folder of photographs",
+                (
+                    "name the capture to be made of it, as in ",
+                    Setting(name="output", value=f"{source.resolve().name}_capture"),
+                ),
             )
         output = source
     if output.exists() and not output.is_dir():
         raise CaptureError(f"{output} is a file; name a folder for the capture")
     if not is_capture and _same(source, output):
-        raise CaptureError(f"{output} holds the photographs themselves; name another folder for the capture with -o")
+        raise CaptureError(
+            f"{output} holds the photographs themselves",
+            ("name another folder for the capture with ", Setting(name="output")),
+        )
     return GivenPhotographs(
         source=source,
         photos=photos,
         folder=output,
         is_capture=is_capture,
-        notes=_unused(images, photos, list(below), is_capture),
+        remarks=_remark_unused(images, photos, list(below), is_capture),
     )
 
 
@@ -95,24 +102,24 @@ def _files_in(folder: Path) -> dict[str, Path]:
         raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
 
 
-def _unused(images: Path, photos: Mapping[str, Path], every: Sequence[str], is_capture: bool) -> tuple[str, ...]:
-    """What is told of files beside the photographs."""
+def _remark_unused(
+    images: Path, photos: Mapping[str, Path], every: Sequence[str], is_capture: bool
+) -> tuple[Remark, ...]:
+    """Remarks on files beside the photographs."""
     videos = [name for name in every if is_video(name)]
     raws = [name for name in every if name not in photos and Path(name).suffix.lower() in RAW]
-    notes = [f"{named(videos)} not used: a video; {explain_video(videos[0])}"] if videos else []
-    if raws:
-        notes.append(f"{named(raws)} not used; convert to JPEG, PNG, TIFF or EXR")
+    remarks = remark_other_files(videos, raws)
     others = [name for name in every if name not in photos and name not in videos and name not in raws]
     if others:
-        notes.append(f"{named(others)} not used: no photographs")
+        text = f"{named(others)} not used: no photographs"
+        remarks.append(remark("other-files-not-used", text, subject=named(others)))
     deeper = [] if is_capture else _pictures_deeper(images)
     if deeper:
         folders = sorted({path.parent.name for path in deeper})
-        notes.append(
-            f"{counted(len(deeper), 'photograph')} in folders below ({named(folders)}) not used; put what belongs "
-            "together into one"
-        )
-    return tuple(notes)
+        text = f"{counted(len(deeper), 'photograph')} in folders below ({named(folders)}) not used"
+        remedy = "put what belongs together into one"
+        remarks.append(remark("photographs-in-folders-below", text, subject=named(folders), remedy=remedy))
+    return tuple(remarks)
 
 
 def _pictures_deeper(images: Path) -> list[Path]:
@@ -164,8 +171,8 @@ def lay_out(given: GivenPhotographs, record: "Record", *, cameras: bool = True, 
     foreign = [name for name in (*stray, *other) if not record.owns(given.folder, name)]
     if foreign and not force:
         raise CaptureError(
-            f"{given.folder} holds other files than {given.source}: {named(foreign)}; name another folder with -o, or "
-            "use --force to lose them"
+            f"{given.folder} holds other files than {given.source}: {named(foreign)}",
+            ("name another folder with ", Setting(name="output"), ", or use ", Setting(name="force"), " to lose them"),
         )
     missing = [name for name in wanted if name in other or not (given.folder / name).exists()]
     if not missing and not stray:

@@ -21,11 +21,15 @@ from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, GivenPhotographs, Re
 from usdfoliage.jobs.capture.settings import CaptureRunSettings, PosesChoice
 from usdfoliage.jobs.work.results import WORK
 from usdfoliage.progress import StepProgress, progress_in_step
+from usdfoliage.remarks import Remark, Setting, remark, warnings_of
 
 logger = logging.getLogger(__name__)
 
 REGISTRATION, REGISTERED = "registration", "registered"  # in the work folder: COLMAP's work, and the model of it
 _MOST_NAMED = 5  # files
+_ESTIMATE = Setting(name="capture.poses", value='"estimate"')
+_USE = Setting(name="capture.doubtful_poses", value='"use"')
+_ABOUT_DEPTH_MAPS = ("views-without-depth-map", "depth-maps-without-photograph")  # which are not used
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # (x, y, z) -> (x, -z, y)
 
 
@@ -35,8 +39,7 @@ class PosedCapture:
 
     capture: Capture  # its depth maps left out
     registered: Registered | None  # None where the poses were given
-    notes: tuple[str, ...]
-    doubts: tuple[str, ...] = ()  # those of the notes that put every length in doubt
+    remarks: tuple[Remark, ...]
 
 
 def poses_are_given(given: GivenPhotographs, record: Record, wanted: PosesChoice) -> bool:
@@ -53,13 +56,14 @@ def poses_are_given(given: GivenPhotographs, record: Record, wanted: PosesChoice
     if wanted == "known" and not there:
         raise CaptureError(
             f"{given.source} has no {CAMERAS}/ with known poses; put a COLMAP model there (cameras.txt and images.txt, "
-            f"or cameras.bin and images.bin), or let them be estimated with --poses estimate"
+            f"or cameras.bin and images.bin), or let them be estimated",
+            ("set ", _ESTIMATE, " for that"),
         )
     if wanted == "estimate":
         if there and given.in_place and not ours:
             raise CaptureError(
-                f"{cameras} holds poses that were given and are never replaced; name another capture with -o for "
-                "estimated ones"
+                f"{cameras} holds poses that were given and are never replaced",
+                ("name another capture for estimated ones with ", Setting(name="output")),
             )
         return False
     if not there or (ours and wanted == "auto"):
@@ -70,11 +74,11 @@ def poses_are_given(given: GivenPhotographs, record: Record, wanted: PosesChoice
 
 def check_world(settings: WorldSettings, *, given: bool) -> None:
     """Raises CaptureError for a scale or direction that poses which are given cannot take."""
-    said = (settings.known_distance, settings.scale_bar, settings.up_vector)
-    if given and (any(value is not None for value in said) or settings.up != "auto" or settings.times != 1):
+    stated = (settings.known_distance, settings.scale_bar, settings.up_vector)
+    if given and (any(value is not None for value in stated) or settings.up != "auto" or settings.times != 1):
         raise CaptureError(
-            f"the given poses keep their frame and unit; say what these are in {FILE_NAME} (up_axis, metres_per_unit) "
-            "and leave --scale and --up out"
+            f"the given poses keep their frame and unit; state what these are in {FILE_NAME} (up_axis, "
+            "metres_per_unit), and leave the settings of capture.world as they are"
         )
 
 
@@ -85,9 +89,8 @@ def read_posed(folder: Path, views: str | None) -> PosedCapture:
         CaptureError: As read_capture.
     """
     capture = _without_depth(read_capture(folder, views=views))
-    about_depth = ("without a depth map", "depth map without", "depth maps without")  # which is not looked at
-    notes = tuple(note for note in capture.notes if not any(words in note for words in about_depth))
-    return PosedCapture(capture=capture, registered=None, notes=notes)
+    remarks = tuple(each for each in capture.remarks if each.code not in _ABOUT_DEPTH_MAPS)
+    return PosedCapture(capture=capture, registered=None, remarks=remarks)
 
 
 def estimate_poses(
@@ -105,15 +108,15 @@ def estimate_poses(
         views: Which of them, as parse_views takes it; None for all.
         settings: How.
         threads: 0: one per core.
-        progress: Told of the steps.
+        progress: Called with the steps.
 
     Raises:
         CaptureError: The photographs give no poses, or probably wrong ones; or a hint at scale or up is wrong.
     """
     images = folder / IMAGES
-    stated, remarks = read_capture_settings(folder)
+    stated, toml_remarks = read_capture_settings(folder)
     photo_settings = PhotoSetSettings(threads=threads)
-    names = [name for name in files_below(images) if is_picture(name)]  # of other files find_photographs has told
+    names = [name for name in files_below(images) if is_picture(name)]  # find_photographs has remarks on other files
     if views is not None:
         every = read_photo_set(images, names, photo_settings)
         listed = [photo.name for photo in every.photos]
@@ -125,17 +128,17 @@ def estimate_poses(
     except CaptureError as error:
         left_out = "; ".join(f"{item.name} is left out: {item.reason}" for item in photo_set.dropped[:_MOST_NAMED])
         more = len(photo_set.dropped) - _MOST_NAMED
-        told = f"{left_out}; and {more} more" if more > 0 else left_out
-        raise CaptureError(f"{error} ({told})" if told else str(error)) from error
-    if registered.doubts and settings.doubtful_poses == "stop":
+        which = f"{left_out}; and {more} more" if more > 0 else left_out
+        raise CaptureError(f"{error} ({which})" if which else str(error)) from error
+    reasons = warnings_of(registered.remarks)
+    if reasons and settings.doubtful_poses == "stop":
         raise CaptureError(
             f"the cameras that were found for {images} are probably wrong, and nothing is made of them: "
-            f'{"; ".join(registered.doubts)} (doubtful_poses = "use" with --settings goes on with them)'
+            f"{'; '.join(each.text for each in reasons)}",
+            (*(part for each in reasons if each.remedy for part in (*each.remedy, "; ")), _USE, " goes on with them"),
         )
-    if registered.doubts:
-        logger.warning("the estimated poses are probably wrong, and so will be the cloud; the notes say why")
     world = _with_hints(settings.world, folder)
-    if world.up_vector is not None:  # said in the axes that are written
+    if world.up_vector is not None:  # stated in the axes that are written
         x, y, z = np.linalg.solve(stated_from_metric(stated)[:3, :3], world.up_vector)
         world = replace(world, up_vector=(float(x), float(y), float(z)))
     frame = level_and_scale(registered, photo_set.photos, world)
@@ -143,14 +146,17 @@ def estimate_poses(
     model = folder / WORK / REGISTERED
     write_colmap_model(model, registered)
     capture = _without_depth(read_capture(folder, cameras=f"{WORK}/{REGISTERED}"))
+    improbable = "the estimated poses are probably wrong, and so will be all that follows from them"
     found = f"poses are estimated: up by {frame.up_from}, scale by {frame.scale_from}"
-    notes = (*remarks, *photo_set.notes, *registered.notes, found, *frame.notes)
-    return PosedCapture(
-        capture=capture,
-        registered=registered,
-        notes=notes,
-        doubts=() if frame.scale_known else tuple(note for note in frame.notes if "scale" in note),
+    remarks = (
+        *([remark("poses-improbable", improbable)] if reasons else []),
+        *toml_remarks,
+        *photo_set.remarks,
+        *registered.remarks,
+        remark("poses-estimated", found),
+        *frame.remarks,
     )
+    return PosedCapture(capture=capture, registered=registered, remarks=remarks)
 
 
 def stated_from_metric(stated: CaptureSettings) -> NDArray[np.float64]:
@@ -178,7 +184,7 @@ def observation_errors_px(posed: PosedCapture) -> NDArray[np.float64] | None:
 
 
 def _with_hints(settings: WorldSettings, folder: Path) -> WorldSettings:
-    """What the user says with the command goes before what capture.toml says."""
+    """Hints of the settings go before those of capture.toml."""
     if settings.known_distance is not None or settings.scale_bar is not None:
         return settings
     distance, bar = read_scale_hints(read_capture_tables(folder), str(folder / FILE_NAME))

@@ -49,24 +49,25 @@ from usdfoliage.jobs.report.pictures import (
     write_picture,
 )
 from usdfoliage.jobs.report.table import Histogram, Row, list_seconds
+from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, list_sentences, remark
 
-__all__ = ["CapturePhotograph", "CaptureReport", "ShownMaps", "capture_rows", "doubts", "write_capture_report"]
+__all__ = ["CapturePhotograph", "CaptureReport", "ShownMaps", "capture_rows", "check_capture", "write_capture_report"]
 
 PICTURE_PX = 720  # longer side of a photograph and its maps
 CLOUD_PX = 1000  # longest side of the pictures of the cloud
 BINS = 40
 FRAMING_POINTS = 300_000  # that tell what is shown of the cloud
-HIGH_ERROR = 2.0  # times the median, from where a photograph's reprojection error is told
+HIGH_ERROR = 2.0  # times the median, from where there is a remark on a photograph's reprojection error
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CaptureReport:
-    """All that the report says."""
+    """All that the report shows."""
 
     name: str
     capture: str  # name of the input, without its folder
     generator: str
-    notes: Sequence[str]  # what the reader should know first
+    remarks: Sequence[Remark]  # what the reader should know first
     photographs: Sequence[CapturePhotograph]
     cloud: Cloud
     up: tuple[float, float, float]  # of the capture's world
@@ -77,6 +78,7 @@ class CaptureReport:
     shown: Sequence[int] = ()  # which photographs are shown with their maps
     seconds: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
+    render_setting: RenderSetting = as_plan_setting  # how remedies write a setting
 
     def __post_init__(self) -> None:
         count = len(self.photographs)
@@ -134,7 +136,7 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
         name=report.name,
         capture=report.capture,
         generator=report.generator,
-        notes=[*report.notes, *doubts(report)],
+        notes=list_sentences([*report.remarks, *check_capture(report)], report.render_setting),
         heading=_heading(report),
         measures=[*capture_rows(report), *report.measures],
         photographs=[_table_row(number, held) for number, held in enumerate(report.photographs)],
@@ -154,33 +156,35 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
     return index
 
 
-def doubts(report: CaptureReport) -> list[str]:
-    """What the numbers give reason to doubt, in sentences."""
-    said = []
+def check_capture(report: CaptureReport) -> list[Remark]:
+    """Remarks on what the report's own numbers show."""
+    remarks = []
     without = [held.name for held in report.photographs if held.camera is None]
-    if without:
-        said.append(
-            f"{counted(len(without), 'photograph')} of {len(report.photographs)} not registered: {named(without)}"
-        )
+    if without and not any(each.code == "photographs-not-registered" for each in report.remarks):
+        text = f"{len(without)} of {counted(len(report.photographs), 'photograph')} have no camera: {named(without)}"
+        remarks.append(remark("photographs-not-registered", text, subject=named(without)))
     errors = [(held.error_px, held.name) for held in report.photographs if held.error_px is not None]
     if len(errors) > 2:
         middle = float(np.median([error for error, _ in errors]))
         high = [name for error, name in errors if error > HIGH_ERROR * middle]
         if high:
-            said.append(
+            text = (
                 f"{counted(len(high), 'photograph')} with a reprojection error above {HIGH_ERROR * middle:.2f} px, "
-                f"twice the median: {named(high)}; did they move, or something in them?"
+                f"twice the median: {named(high)}; they may have moved, or something in them"
             )
+            remarks.append(remark("reprojection-errors-high", text, subject=named(high)))
     bare = [held.name for held in report.photographs if held.camera is not None and held.coverage == 0]
     if bare:
-        said.append(f"{counted(len(bare), 'photograph')} without any depth: {named(bare)}")
+        text = f"{counted(len(bare), 'photograph')} without any depth: {named(bare)}"
+        remarks.append(remark("photographs-without-depth", text, subject=named(bare)))
     groups = find_groups(report.photographs, find_links(report.photographs, report.shared))
     if len(groups) > 1:
-        said.append(
+        text = (
             f"the photographs fall into {len(groups)} groups that were not matched with each other, of "
-            f"{', '.join(str(len(group)) for group in groups[:6])} photographs: the cloud may not be connected"
+            f"{', '.join(str(len(group)) for group in groups[:6])} photographs; the cloud may not be connected"
         )
-    return said
+        remarks.append(remark("photographs-in-groups", text))
+    return remarks
 
 
 def capture_rows(report: CaptureReport) -> list[Row]:

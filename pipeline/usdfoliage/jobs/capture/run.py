@@ -1,6 +1,5 @@
 """From photographs to a capture: depth of every one of them, and one coloured cloud."""
 
-import argparse
 import logging
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -61,11 +60,12 @@ from usdfoliage.jobs.capture.results import (
     shared_matches,
     write_results,
 )
-from usdfoliage.jobs.capture.settings import CaptureRunSettings, read_capture_run_settings
+from usdfoliage.jobs.capture.settings import CaptureRunSettings
 from usdfoliage.jobs.report.table import choose_shown
 from usdfoliage.jobs.work.results import forget, lock_work
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.progress import StepProgress, follow_step
+from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
 
 logger = logging.getLogger(__name__)
 
@@ -91,33 +91,16 @@ class CaptureRequest:
     report_views: int = 12
     force: bool = False
     store: Path | None = None  # where results by hash are, if several runs share them: nothing there is removed
-    times: bool = True  # whether the report says how long each step took
+    times: bool = True  # whether the report has how long each step took
+    render_setting: RenderSetting = as_plan_setting  # how remedies in the report write a setting
 
-    @classmethod
-    def from_options(cls, options: argparse.Namespace) -> "CaptureRequest":
-        """The request that a command line makes; FoliageError for values that cannot be."""
-        if options.source is None:
-            raise FoliageError(
-                "no photographs are named; give their folder, as in: usdfoliage capture PHOTOS -o CAPTURE"
-            )
-        if options.resume and options.fresh:
-            raise FoliageError("--resume goes on with an earlier run and --fresh forgets it; use one of them")
-        if options.threads is not None and options.threads < 0:
-            raise FoliageError(f"--threads must be 0, for all cores, or more, not {options.threads}")
-        if options.report_views < 0:
-            raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
-        return cls(
-            source=options.source,
-            output=options.output,
-            settings=read_capture_run_settings(options),
-            views=options.views,
-            resume=options.resume,
-            fresh=options.fresh,
-            threads=options.threads or 0,
-            report=not options.no_report,
-            report_views=options.report_views,
-            force=options.force,
-        )
+    def __post_init__(self) -> None:
+        if self.resume and self.fresh:
+            raise FoliageError("resume goes on with an earlier run and fresh forgets it; use one of them")
+        if self.threads < 0:
+            raise FoliageError(f"threads must be 0, for all cores, or more, not {self.threads}")
+        if self.report_views < 0:
+            raise FoliageError(f"report_views must be 0 or more, not {self.report_views}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +115,7 @@ class MadeCapture:
     points: int
     coverage: float  # median share of a photograph, what is masked left out, that has depth
     seconds: Mapping[str, float]  # by step
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 def make_capture(request: CaptureRequest, progress: StepProgress | None = None) -> MadeCapture:
@@ -142,9 +125,9 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         FoliageError: The input is unusable, or the output cannot be written; results appear whole or not at all.
     """
     given = find_photographs(request.source, request.output)
-    read_capture_settings(given.source)  # what is wrong with it is said before anything is written
+    read_capture_settings(given.source)  # what is wrong with it is raised before anything is written
     if request.resume and not has_results(given.work):
-        raise CaptureError(f"{given.folder} has no earlier run to go on with; leave --resume out to begin one")
+        raise CaptureError(f"{given.folder} has no earlier run to go on with (resume); begin one")
     if request.settings.dense == "colmap":
         check_cuda()
     known = poses_are_given(given, Record(given.work), request.settings.poses)
@@ -157,8 +140,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         if request.fresh:
             forget_results(given.work)
         record = Record(given.work)
-        places, notes = choose_places(given.folder, record, cameras=not known, force=request.force)
-        notes += given.notes
+        places, remarks = choose_places(given.folder, record, cameras=not known, force=request.force)
+        remarks += given.remarks
         lay_out(given, record, cameras=known, force=request.force)
         with follow_step("poses", seconds, None):
             posed = (
@@ -183,7 +166,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
             prepared.views, capture.points_m, request.settings.depth, store, dense=request.settings.dense
         )
         missing = find_missing(tasks)
-        notes += [*posed.notes, *prepared.notes, *(prepared.doubts if known else ()), *task_notes(tasks, len(missing))]
+        remarks += [*posed.remarks, *prepared.remarks, *(prepared.checks if known else ())]
+        remarks += remark_tasks(tasks, len(missing))
         with follow_step("depth", seconds, progress) as tell:
             run_tasks(tasks, missing, threads=request.threads, progress=tell)
         with follow_step("maps", seconds, progress) as tell:
@@ -216,7 +200,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                     name=capture.name,
                     capture=request.source.resolve().name,
                     generator=f"usdfoliage {__version__}",
-                    notes=notes,
+                    remarks=remarks,
+                    render_setting=request.render_setting,
                     photographs=photographs,
                     cloud=cloud,
                     up=(0.0, 0.0, 1.0) if capture.settings.up_axis == "Z" else (0.0, 1.0, 0.0),
@@ -243,7 +228,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         points=len(cloud),
         coverage=float(np.median([held.coverage for held in maps])),
         seconds=seconds,
-        notes=tuple(notes),
+        remarks=tuple(remarks),
     )
 
 
@@ -255,10 +240,10 @@ def plan_capture(request: CaptureRequest) -> str:
     record = Record(given.work)
     known = poses_are_given(given, record, request.settings.poses)
     check_world(request.settings.world, given=known)
-    places, notes = choose_places(given.folder, record, cameras=not known, force=request.force)
-    notes += given.notes
+    places, remarks = choose_places(given.folder, record, cameras=not known, force=request.force)
+    remarks += given.remarks
     if not known:
-        return plan_estimate(request, given, [*places, CAMERAS], notes)
+        return plan_estimate(request, given, [*places, CAMERAS], remarks)
     posed = read_posed(given.source, request.views)
     capture = posed.capture
     depth = request.settings.depth
@@ -269,7 +254,7 @@ def plan_capture(request: CaptureRequest) -> str:
     tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work, dense=request.settings.dense)
     missing = 0 if request.fresh else len(find_missing(tasks))
     every = _count_tasks(tasks)
-    notes += [*posed.notes, *prepared.notes, *prepared.doubts, *task_notes(tasks, every)]
+    remarks += [*posed.remarks, *prepared.remarks, *prepared.checks, *remark_tasks(tasks, every)]
     sizes = Counter((view.width_px, view.height_px) for view in prepared.views)
     levels = ", ".join(f"1/{2**each.level}" for each in depth.rounds)
     lines = [
@@ -277,7 +262,7 @@ def plan_capture(request: CaptureRequest) -> str:
         f"sizes: {', '.join(f'{count} of {width} x {height} px' for (width, height), count in sorted(sizes.items()))}",
         f"poses: known, of {len(capture.views)} photographs",
         f"masks: of {sum(view.mask is not None for view in capture.views) if masks else 0}",
-        *(f"note: {note}" for note in notes),
+        *label_remarks(remarks, request.render_setting),
         f"depth: at {depth.max_side_px} px at most, in {len(depth.rounds)} rounds of {levels} of that, each photograph "
         f"with {depth.sources} others at most",
         f"tasks: {every}, {every - missing} of them done by an earlier run",
@@ -287,8 +272,10 @@ def plan_capture(request: CaptureRequest) -> str:
     return "\n".join(lines)
 
 
-def plan_estimate(request: CaptureRequest, given: GivenPhotographs, places: Sequence[str], notes: Sequence[str]) -> str:
-    """What plan_capture says where poses are to be estimated: what comes after them depends on them."""
+def plan_estimate(
+    request: CaptureRequest, given: GivenPhotographs, places: Sequence[str], remarks: Sequence[Remark]
+) -> str:
+    """What plan_capture returns where poses are to be estimated: what comes after them depends on them."""
     images = given.source / IMAGES if given.is_capture else given.source
     photo_set = read_photo_set(images, list(given.photos))
     sizes = Counter((photo.width_px, photo.height_px) for photo in photo_set.photos)
@@ -297,7 +284,7 @@ def plan_estimate(request: CaptureRequest, given: GivenPhotographs, places: Sequ
         f"photographs: {len(given.photos)} in {request.source}, {len(photo_set.photos)} to be used",
         f"sizes: {', '.join(f'{count} of {width} x {height} px' for (width, height), count in sorted(sizes.items()))}",
         "poses: to be estimated",
-        *(f"note: {note}" for note in (*notes, *photo_set.notes)),
+        *label_remarks((*remarks, *photo_set.remarks), request.render_setting),
         f"depth: at {depth.max_side_px} px at most, in {len(depth.rounds)} rounds",
         f"would write into {given.folder}: {', '.join([*(f'{place}/' for place in places), LAYER, CLOUD])}",
     ]
@@ -306,8 +293,8 @@ def plan_estimate(request: CaptureRequest, given: GivenPhotographs, places: Sequ
 
 def choose_places(
     folder: Path, record: Record, *, cameras: bool = False, force: bool = False
-) -> tuple[list[str], list[str]]:
-    """The folders of depth, normals and confidence, and sentences about those that are not where they would be.
+) -> tuple[list[str], list[Remark]]:
+    """The folders of depth, normals and confidence, and a remark on those that are not where they would be.
 
     Args:
         folder: The capture.
@@ -321,26 +308,28 @@ def choose_places(
     if cameras and not record.owns(folder, CAMERAS):
         raise CaptureError(
             f"{folder / CAMERAS} holds poses that usdfoliage did not estimate, or that were changed since, and they "
-            "are never replaced; name another capture with -o"
+            "are never replaced",
+            ("name another capture with ", Setting(name="output")),
         )
     single = [name for name in (CLOUD, LAYER, LAYER_CLOUD, REPORT) if not record.owns(folder, name)]
     if single and not force:
         raise CaptureError(
-            f"{folder} has {named(single)}, not made by usdfoliage or changed since; move them elsewhere, or use "
-            "--force to replace them"
+            f"{folder} has {named(single)}, not made by usdfoliage or changed since",
+            ("move them elsewhere, or use ", Setting(name="force"), " to replace them"),
         )
     if force or all(record.owns(folder, kind) for kind in KINDS):
         return list(KINDS), []
     beside = [f"{kind}{BESIDE}" for kind in KINDS]
     blocked = [name for name in beside if not record.owns(folder, name)]
     if blocked:
-        raise CaptureError(f"{folder} has {named(blocked)}, changed since usdfoliage made it; move it, or use --force")
+        raise CaptureError(
+            f"{folder} has {named(blocked)}, changed since usdfoliage made it",
+            ("move it, or use ", Setting(name="force")),
+        )
     kept = [kind for kind in KINDS if not record.owns(folder, kind)]
-    note = (
-        f"{named(kept)} was there and is kept; what is found here is in {', '.join(beside)} (usdfoliage leaves --depth "
-        f"{beside[0]} takes it), and --force would replace what was there"
-    )
-    return beside, [note]
+    text = f"{named(kept)} was there and is kept; what is found here is in {', '.join(beside)}"
+    remedy = f"find leaves with the depth in {beside[0]}, or replace what was there with ", Setting(name="force")
+    return beside, [remark("given-maps-kept", text, subject=named(kept), remedy=remedy)]
 
 
 def size_cells(settings: CloudSettings, maps: Sequence[ViewMaps]) -> CloudSettings:
@@ -363,16 +352,18 @@ def forget_results(work: Path) -> None:
             forget(below)
 
 
-def task_notes(tasks: DepthTasks, missing: int) -> list[str]:
-    """Photographs without companions, and what was found of an earlier run."""
+def remark_tasks(tasks: DepthTasks, missing: int) -> list[Remark]:
+    """On photographs without companions, and on what was found of an earlier run."""
     alone = [view.name for view, sources in zip(tasks.views, tasks.plan.sources, strict=True) if not sources]
-    notes = []
+    remarks = []
     if alone:
-        notes.append(f"{named(alone)}: no other photograph shows the same from a usable angle, no depth")
+        text = f"{named(alone)}: no other photograph shows the same from a usable angle, no depth"
+        remarks.append(remark("photographs-without-companion", text, subject=named(alone)))
     every = _count_tasks(tasks)
     if missing < every:
-        notes.append(f"{every - missing} of {every} tasks of depth were done by an earlier run")
-    return notes
+        text = f"{every - missing} of {every} tasks of depth were done by an earlier run"
+        remarks.append(remark("tasks-done-before", text))
+    return remarks
 
 
 def _count_tasks(tasks: DepthTasks) -> int:

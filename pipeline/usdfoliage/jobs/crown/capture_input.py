@@ -62,7 +62,7 @@ def read_crown_capture(
         FitError: The cloud shows no plant.
     """
     capture = None if looks_like_cloud(request.path) else read_capture(request.path)
-    remarks = [] if capture is None else [remark("capture-note", text) for text in capture.notes]
+    remarks = [] if capture is None else list(capture.remarks)
     if plant is None:
         plant, of_points = _read_points(request, asset_from_capture, progress)
         remarks.extend(of_points)

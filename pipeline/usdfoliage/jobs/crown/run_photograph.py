@@ -101,7 +101,7 @@ def read_crown_input(request: CrownRequest) -> CrownInput:
     except FoliageError as error:
         raise type(error)(f"{error} ({request.mask or request.photo})") from error
     proposed = request.mask is None and photo.alpha is None
-    remarks += [remark("capture-note", text) for text in crown.notes]
+    remarks += crown.remarks
     return CrownInput(photo=photo, mask=crown.mask, foliage=crown.foliage, proposed=proposed, remarks=tuple(remarks))
 
 

@@ -14,7 +14,6 @@ from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, 
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.asset.variants import REPRESENTATIONS
-from usdfoliage.capture.folder.depth_scale import check_depth_scale
 from usdfoliage.capture.folder.read import Capture, CaptureViews, read_capture, read_view, read_views
 from usdfoliage.capture.mvs.plane_sweep import sweep_depths
 from usdfoliage.capture.view import View
@@ -166,7 +165,7 @@ def plan_leaves_asset(request: LeavesRequest) -> str:
         f"capture: {request.capture}, {len(capture.views)} photographs, the first {first.width_px} x "
         f"{first.height_px} px",
         f"depth: {'from the photographs' if swept else f'of {depths} of them'}; masks: of {masks}",
-        *label_remarks(read_remarks(capture.notes), request.render_setting),
+        *label_remarks(capture.remarks, request.render_setting),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         f"steps: {', '.join(steps)}",
         would,
@@ -193,10 +192,7 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
         capture = _without_depth(capture)
     has_maps = any(view.depth is not None for view in capture.views)
     read = _read_what_can_be(capture, request, progress_in_step("capture", progress))
-    views = list(read.views)
-    of_scale = check_depth_scale(views, capture.points_m, capture.settings.metres_per_unit)  # among the notes
-    remarks = read_remarks([note for note in (*capture.notes, *read.notes) if note not in of_scale])
-    remarks += [remark("capture-warning", text) for text in of_scale]
+    views, remarks = list(read.views), [*capture.remarks, *read.remarks]
     if request.depth != SWEEP and has_maps and not any(view.has_depth for view in views):
         remedy = (Setting(name="leaves.depth", value='"estimated"'), " computes it from the photographs")
         remarks.append(remark("depth-maps-empty", "the depth maps hold no depth that can be used", remedy=remedy))
@@ -222,11 +218,6 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
     return LeavesInput(capture=capture, views=views, numbers=numbers, remarks=tuple(remarks))
 
 
-def read_remarks(notes: Sequence[str]) -> list[Remark]:
-    """What reading the capture has to remark."""
-    return [remark("capture-note", text) for text in notes]
-
-
 def _read_what_can_be(capture: Capture, request: LeavesRequest, progress: Progress | None) -> CaptureViews:
     """The views; without depth where all of its maps are damaged and none was asked for by its folder."""
     try:
@@ -235,7 +226,7 @@ def _read_what_can_be(capture: Capture, request: LeavesRequest, progress: Progre
         if request.depth != AUTO or all(view.depth is None for view in capture.views):
             raise
         bare = read_views(_without_depth(capture), progress)  # raises what is wrong with the photographs, if they are
-        return replace(bare, notes=(*bare.notes, str(error)))
+        return replace(bare, remarks=(*bare.remarks, remark("depth-maps-unusable", str(error))))
 
 
 def _without_depth(capture: Capture) -> Capture:

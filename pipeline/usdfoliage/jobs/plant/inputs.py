@@ -19,6 +19,7 @@ from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, MASKS, find_photogra
 from usdfoliage.jobs.plant.settings import LeafDepth
 from usdfoliage.jobs.plant.store import Store
 from usdfoliage.jobs.work.results import task_key, write_whole
+from usdfoliage.remarks import Remark
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +40,7 @@ class BuildInputs:
     files: Mapping[str, Path]  # by their names in the capture
     digests: tuple[tuple[str, str], ...]  # name and SHA-256 of each file
     megapixels: float  # of the first photograph
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
 
 def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Look = "bytes") -> BuildInputs:
@@ -104,7 +105,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         files=files,
         digests=_digest_files(source, files, store, look=look),
         megapixels=_megapixels(first),
-        notes=given.notes,
+        remarks=given.remarks,
     )
 
 

@@ -12,6 +12,7 @@ from usdfoliage.jobs.plant.run import ExecutorChoice, plan_plant
 from usdfoliage.jobs.plant.stages.parts import known_species
 from usdfoliage.jobs.plant.store import Stamp
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task, find_wanted
+from usdfoliage.remarks import as_plan_setting, label_remarks
 
 _SHOWN = ("stage", "tasks", "done", "to do", "seconds")
 
@@ -31,7 +32,7 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
     lines = [
         f"capture: {request.capture}, {photographs} photographs" if photographs else f"cloud: {request.capture}",
         *([_describe_photographs(inputs)] if photographs else []),
-        *(f"note: {note}" for note in inputs.notes),
+        *label_remarks(inputs.remarks, as_plan_setting),
         *_describe_species(request.settings.plant.species),
         *_table(plan, wanted, finished),
         f"estimate: {in_words(estimate_s(wanted, where))}, {where.describe()}",

@@ -17,6 +17,7 @@ from usdfoliage.isolation.plant import PointKind
 from usdfoliage.jobs.plant.settings import BuildSettings, IsolationStageSettings
 from usdfoliage.jobs.plant.stages.isolate import GIVEN_DEPTH, has_drawn_masks, is_floorless, isolate_capture
 from usdfoliage.jobs.plant.summary import read_summary
+from usdfoliage.remarks import warnings_of
 
 from tests.support.captures import look_at, write_depth, write_text_model
 from tests.support.isolated_plants import potted_plant
@@ -77,6 +78,7 @@ def run(result: Path, out: Path, given_depth: Path | None = None, **said: Any) -
         settings=settings,
         threads=2,
         progress=None,
+        report_parts=None,
         task=SimpleNamespace(name="isolation"),
         store=SimpleNamespace(folder=out.parent),
         request=SimpleNamespace(capture=given_depth),
@@ -106,7 +108,7 @@ def test_the_result_is_a_capture_of_the_plant_alone(result: Path, tmp_path: Path
         assert mask[plant].mean() > 0.9
         assert mask[(shown == 1) & ~around].mean() < 0.01
     summary = read_summary(out)
-    assert not summary.warnings
+    assert not warnings_of(summary.remarks)
     names = [row.name for row in summary.rows]
     assert names[:4] == ["points kept", "floor", "container", "strays"]
     assert len(summary.pictures) == 5
@@ -197,7 +199,7 @@ def test_where_nothing_is_left_out_everything_stays_as_it_was(result: Path, tmp_
     capture = out / "capture" / "fern"
     assert not (capture / "masks").exists()
     assert (capture / "cloud.ply").read_bytes() == (result / "capture" / "fern" / "cloud.ply").read_bytes()
-    assert any("next to nothing" in note for note in read_summary(out).notes)
+    assert "isolation-masks-unchanged" in [each.code for each in read_summary(out).remarks]
 
 
 def test_where_hardly_anything_is_left_everything_is_taken_and_that_is_a_warning(
@@ -213,7 +215,7 @@ def test_where_hardly_anything_is_left_everything_is_taken_and_that_is_a_warning
 
     monkeypatch.setattr(isolate, "isolate_plant", nothing)
     out = run(result, tmp_path / "out")
-    assert any("everything" in warning for warning in read_summary(out).warnings)
+    assert [each.code for each in warnings_of(read_summary(out).remarks)] == ["isolation-nothing-left"]
     assert len(read_cloud(out / "capture" / "fern" / "cloud.ply")) == len(potted_plant().points_m)
 
 
@@ -228,7 +230,7 @@ def test_a_capture_that_cannot_be_read_does_not_end_the_build(result: Path, tmp_
     copy(result, broken)
     (broken / "capture" / "fern" / "cloud.ply").write_bytes(b"ply\nno cloud")
     out = run(broken, tmp_path / "out")
-    assert any("everything" in warning for warning in read_summary(out).warnings)
+    assert [each.code for each in warnings_of(read_summary(out).remarks)] == ["isolation-failed"]
     assert len(read_capture(out / "capture" / "fern").views) == VIEWS
 
 

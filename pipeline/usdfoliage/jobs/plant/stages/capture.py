@@ -2,10 +2,10 @@
 
 import os
 import shutil
-from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
+from usdfoliage.capture.folder.listing import named
 from usdfoliage.capture.folder.read import Capture
 from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings
 from usdfoliage.jobs.capture.depth_tasks import (
@@ -34,6 +34,9 @@ from usdfoliage.jobs.plant.summary import StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import POSES
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import WORK, has_result, write_whole
+from usdfoliage.remarks import merge_remarks, remark
+
+_MOST_NAMED = 5  # photographs with the reason why they are left out
 
 
 def capture_folder(call: StageCall, task: str) -> Path:
@@ -69,27 +72,18 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
         write_whole(capture / FILE_NAME, completed.encode("utf-8"))
     prepared = _prepare(read_posed(capture, None).capture, store_of_views(call), settings, call.threads)
     failures = failures_of(posed, prepared.dropped)
-    warnings = [*posed.doubts, *(prepared.doubts if known else ())]
-    if posed.registered is not None and posed.registered.doubts:
-        wrong = "; ".join(posed.registered.doubts)
-        warnings.insert(0, f"the estimated poses are probably wrong, and so will be all that follows: {wrong}")
+    remarks = [*call.inputs.remarks, *posed.remarks, *prepared.remarks, *(prepared.checks if known else ())]
     if failures:
-        warnings.append(
+        remarks = [each for each in remarks if each.code != "photographs-unusable"]  # the next remark names them all
+        text = (
             f"{len(failures)} of {len(call.inputs.photographs)} photographs are left out: "
-            + "; ".join(f"{name}: {reason}" for name, reason in sorted(failures.items())[:5])
-            + (f"; and {len(failures) - 5} more" if len(failures) > 5 else "")
+            + "; ".join(f"{name}: {reason}" for name, reason in sorted(failures.items())[:_MOST_NAMED])
+            + (f"; and {len(failures) - _MOST_NAMED} more" if len(failures) > _MOST_NAMED else "")
         )
-    notes = [*call.inputs.notes, *(note for note in (*posed.notes, *prepared.notes) if _is_new(note, warnings))]
-    write_summary(
-        call.out,
-        StageSummary(rows=_pose_rows(call, posed, prepared, known=known), notes=notes, warnings=warnings),
-    )
+        remarks.append(remark("photographs-left-out", text, subject=named(sorted(failures))))
+    rows = _pose_rows(call, posed, prepared, known=known)
+    write_summary(call.out, StageSummary(rows=rows, remarks=merge_remarks(remarks)))
     return describe_files(call.store, [view.pixels for view in prepared.views])
-
-
-def _is_new(note: str, warnings: Sequence[str]) -> bool:
-    """Whether no warning says it already."""
-    return note not in warnings and "is left out" not in note
 
 
 def _pose_rows(call: StageCall, posed: PosedCapture, prepared: PreparedViews, *, known: bool) -> list[Row]:

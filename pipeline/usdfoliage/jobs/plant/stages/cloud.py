@@ -41,9 +41,9 @@ def make_cloud(call: StageCall) -> tuple[ResultFile, ...]:
         StagePicture(file=path.relative_to(call.out).as_posix(), caption=f"The cloud, {path.stem.split('_')[1]}")
         for path in sorted(report.glob("cloud_*_colour.jpg"))
     ]
-    notes = [note for note in made.notes if "by an earlier run" not in note]
+    remarks = [each for each in made.remarks if each.code != "tasks-done-before"]  # by other tasks of this build
     detail = (report / "index.html").relative_to(call.out).as_posix()
-    write_summary(call.out, StageSummary(rows=rows, notes=notes, pictures=pictures, detail=detail))
+    write_summary(call.out, StageSummary(rows=rows, remarks=remarks, pictures=pictures, detail=detail))
     if not (capture / CLOUD).is_file():
         raise CaptureError(f"{capture} has no cloud")
     return ()

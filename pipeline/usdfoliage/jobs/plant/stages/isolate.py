@@ -1,4 +1,4 @@
-"""The task that tells the plant of a capture from what is around it: a capture with masks, and a cloud of the plant."""
+"""The task that separates the plant of a capture from its surroundings: a capture with masks, and the plant's cloud."""
 
 import logging
 import shutil
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from usdfoliage import __version__
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import read_cloud, write_cloud
+from usdfoliage.capture.folder.listing import named
 from usdfoliage.capture.folder.raster import apply_orientation
 from usdfoliage.capture.folder.read import Capture, read_capture, read_view
 from usdfoliage.capture.folder.settings import FILE_NAME
@@ -37,6 +38,7 @@ from usdfoliage.jobs.plant.tasks import CLOUD, ISOLATION
 from usdfoliage.jobs.report.pictures import shrink_view, write_picture
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import write_whole
+from usdfoliage.remarks import Setting, remark
 
 logger = logging.getLogger(__name__)
 
@@ -56,22 +58,22 @@ _SHOWN = 3  # photographs with the plant's outline
 
 
 def isolate_capture(call: StageCall) -> tuple[ResultFile, ...]:
-    """The capture of the plant alone; where it cannot be told from what is around it, of everything."""
+    """The capture of the plant alone; where it cannot be separated from its surroundings, of everything."""
     source = capture_folder(call, CLOUD)
     try:
         _isolate(call, source)
     except FoliageError as error:
         if isinstance(error.__cause__, OSError):
             raise
-        logger.warning("the plant is not told from what is around it: %s", error)
+        logger.warning("the plant is not separated from its surroundings: %s", error)
         text = str(error).replace(str(call.store.folder), "…")
         target = call.out / "capture" / capture_name(call)
         shutil.rmtree(target, ignore_errors=True)  # what was laid out before it failed
         _lay_out(call, source, target)
         copy_tree(source / MASKS, target / MASKS, link=True)
         _link(source / CLOUD_FILE, target / CLOUD_FILE)
-        warning = f"everything in the photographs is taken for the plant: {text}"
-        write_summary(call.out, StageSummary(warnings=[warning]))
+        failed = remark("isolation-failed", f"everything in the photographs is taken for the plant: {text}")
+        write_summary(call.out, StageSummary(remarks=[failed]))
     return ()
 
 
@@ -113,27 +115,31 @@ def _isolate(call: StageCall, source: Path) -> None:
         isolation_settings(call.settings.isolation),
     )
     share = found.share(PointKind.PLANT)
-    notes, warnings = list(found.notes), []
+    remarks = list(found.remarks)
     plant = found.plant
     if share < _LEAST or int(plant.sum()) < _MIN_POINTS:
-        warnings.append(
-            f"everything in the photographs is taken for the plant: no more than {share:.2%} of the cloud's "
-            f"{len(cloud):,} points were left without floor and surroundings; give masks, or say isolation.make"
+        text = (
+            f"everything in the photographs is taken for the plant, as no more than {share:.2%} of the cloud's "
+            f"{len(cloud):,} points were left without floor and surroundings"
         )
+        off = Setting(name="isolation.make", value='"off"')
+        remarks.append(remark("isolation-nothing-left", text, remedy=("give masks, or set ", off)))
         plant = np.ones(len(cloud), bool)
     elif share < _LITTLE:
-        warnings.append(
-            f"only {share:.2%} of the cloud is taken for the plant: look at the outlines of the stage isolation"
-        )
+        text = f"only {share:.2%} of the cloud is taken for the plant"
+        remarks.append(remark("isolation-plant-small", text, remedy="check the outlines of the stage isolation"))
     elif share > _MUCH and found.focus is not None and not any((source / MASKS).glob("*")):
-        warnings.append(
-            f"{share:.0%} of the cloud is taken for the plant: look at the outlines of the stage isolation, and give "
-            "masks where the plant is not all that the photographs show"
+        text = f"{share:.0%} of the cloud is taken for the plant"
+        remedy = (
+            "check the outlines of the stage isolation, and give masks where the plant is not all that the "
+            "photographs show"
         )
+        remarks.append(remark("isolation-plant-large", text, remedy=remedy))
     _lay_out(call, source, target)
     masks: list[_DrawnMask] = []
     if 1 - float(plant.mean()) < _WORTH:
-        notes.append("next to nothing is left out, and photographs have no other masks than they came with")
+        text = "next to nothing is left out, and photographs have no other masks than they came with"
+        remarks.append(remark("isolation-masks-unchanged", text))
         copy_tree(source / MASKS, target / MASKS, link=True)
         plant = np.ones(len(cloud), bool)
     else:
@@ -142,7 +148,8 @@ def _isolate(call: StageCall, source: Path) -> None:
         for name in unseen:  # an empty mask would count as none
             (target / IMAGES / name).unlink()
         if unseen:
-            notes.append(f"{len(unseen)} of {len(masks)} photographs do not show the plant and are left out")
+            text = f"{len(unseen)} of {len(masks)} photographs do not show the plant and are left out"
+            remarks.append(remark("photographs-without-plant", text, subject=named(unseen)))
     if plant.all():
         _link(source / CLOUD_FILE, target / CLOUD_FILE)
     else:
@@ -155,11 +162,11 @@ def _isolate(call: StageCall, source: Path) -> None:
     rows = _rows(found, len(cloud), int(plant.sum()), masks)
     if masks:
         (call.out / _DRAWN).write_text("The masks of the photographs are drawn from the cloud.\n", encoding="utf-8")
-    write_summary(call.out, StageSummary(rows=rows, notes=notes, warnings=warnings, pictures=pictures))
+    write_summary(call.out, StageSummary(rows=rows, remarks=remarks, pictures=pictures))
 
 
 def isolation_settings(settings: IsolationStageSettings) -> IsolationSettings:
-    """What a user says, as the reconstruction takes it."""
+    """The settings of the stage, as the reconstruction takes them."""
     chosen = IsolationSettings(floor=settings.floor, container=settings.container, strays=settings.strays)
     return replace(
         chosen,
@@ -282,13 +289,13 @@ def _write_pictures(
 
 def _rows(found: IsolatedPlant, points: int, kept: int, masks: Sequence[_DrawnMask]) -> list[Row]:
     rows = [Row(name="points kept", value=f"{kept:,}", remark=f"{kept / max(points, 1):.1%} of the cloud")]
-    for kind, remark in (
+    for kind, what in (
         (PointKind.FLOOR, "what the plant stands on, and what is measured below"),
         (PointKind.CONTAINER, "and its soil"),
         (PointKind.STRAY, "not linked with the plant"),
     ):
         name = {PointKind.STRAY: "strays"}.get(kind, kind.name.lower())
-        rows.append(Row(name=name, value=f"{found.share(kind):.1%}", remark=f"of the cloud: {remark}"))
+        rows.append(Row(name=name, value=f"{found.share(kind):.1%}", remark=f"of the cloud: {what}"))
     if found.support is not None:
         slope_deg = float(np.degrees(np.arctan(np.hypot(*found.support.plane[:2]))))
         rows.append(Row(name="slope of the floor", value=f"{slope_deg:.1f}°"))
