@@ -25,7 +25,7 @@ HEAD = """\
 
 All are API schemas without code, of the library `usdFoliage`: the prim keeps its own type (Mesh, PointInstancer) and
 draws in an application that does not know them. `eval "$(usdfoliage env)"` makes them known to any USD program; an
-asset opens without that, with nothing lost. Lengths are in metres where the unit is not said, angles in degrees.
+asset opens without that, and loses nothing. Lengths are in metres where no unit is stated, angles in degrees.
 
 A default is a schema's fallback: it does not reach a shader, so usdfoliage writes every edit into the asset.
 """

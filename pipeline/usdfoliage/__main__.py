@@ -53,7 +53,7 @@ def build_parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         module.add_arguments(command)
-        command.add_argument("-v", "--verbose", action="store_true", help="say what each stage did")
+        command.add_argument("-v", "--verbose", action="store_true", help="print what each stage did")
         command.add_argument("--debug", action="store_true", help="show a traceback for any error")
         command.set_defaults(run=module.run)
     return parser

@@ -67,6 +67,11 @@ def test_words_are_counted():
     assert count_words("It is Told twice: told. `told` is code, [a page](told.md) a link.") == {"told": 2}
 
 
+@pytest.mark.parametrize(("name", "parser"), [*commands()], ids=lambda value: value if isinstance(value, str) else "")
+def test_a_help_has_none_of_them(name: str, parser: argparse.ArgumentParser):
+    assert count_words(parser.format_help()) == {}, f"usdfoliage {name} --help"
+
+
 @pytest.mark.parametrize(
     "page",
     [page for page in PAGES if page.name not in (*GENERATED, *NOT_YET)],

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="AXIS",
         help="of the cloud: X, Y, Z, or down as in --up=-Z (what the cloud shows)",
     )
-    parser.add_argument("--unit", default="auto", help="of the cloud: m, cm, mm or ft (what the file says)")
+    parser.add_argument("--unit", default="auto", help="unit of the cloud: m, cm, mm or ft (what the file states)")
     parser.add_argument(
         "--most-points",
         dest="max_points",
@@ -121,7 +121,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
     parser.add_argument("--no-preview", action="store_true", help="leave the pictures of the asset out of the report")
     parser.add_argument("--force", action="store_true", help="replace OUT though it is not an asset of ours")
-    parser.add_argument("--dry-run", action="store_true", help="check the input, say what would be done, write nothing")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="check the input, print what would be done, write nothing"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -50,7 +50,7 @@ def add_where(parser: argparse.ArgumentParser) -> None:
 def add_ending(parser: argparse.ArgumentParser) -> None:
     """What happens at the end, or does not."""
     parser.add_argument(
-        "--dry-run", action="store_true", help="say which tasks there are, what is done, how long it takes"
+        "--dry-run", action="store_true", help="print the tasks, what is done already, how long the rest takes"
     )
     add_publishing(parser)
 
@@ -85,7 +85,7 @@ def read_settings(options: argparse.Namespace) -> "BuildSettings":
 
 
 def read_where(options: argparse.Namespace) -> "ExecutorChoice":
-    """Where tasks run, as a command line says; FoliageError for what cannot be."""
+    """Where tasks run, by the options of a command; FoliageError for values that cannot be."""
     from usdfoliage.errors import FoliageError
     from usdfoliage.jobs.plant.run import ExecutorChoice
 

@@ -50,12 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--camera",
         choices=("auto", "one", "several"),
-        help="of estimated poses: whether one camera took all photographs of a size (auto: as EXIF says)",
+        help="of estimated poses: whether one camera took all photographs of a size (auto: as EXIF states)",
     )
     parser.add_argument(
         "--matching",
         choices=("auto", "exhaustive", "sequential", "retrieval"),
-        help="of estimated poses: which photographs are compared (auto: all, of many those beside and alike)",
+        help="of estimated poses: which photographs are compared (auto: all; of many, neighbours and similar ones)",
     )
     parser.add_argument(
         "--mask",

@@ -35,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=int, default=0, help="at most this many; the result is the same (all cores)")
     parser.add_argument("--no-preview", action="store_true", help="leave the pictures out of the report")
     parser.add_argument("--force", action="store_true", help="replace OUT though it is not an asset of ours")
-    parser.add_argument("--dry-run", action="store_true", help="check the input, say what would be done, write nothing")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="check the input, print what would be done, write nothing"
+    )
 
 
 def _add_photo_options(parser: argparse._ArgumentGroup) -> None:
@@ -57,7 +59,7 @@ def _add_photo_options(parser: argparse._ArgumentGroup) -> None:
     parser.add_argument(
         "--copies", type=int, default=1, help="1 to 4 turned copies of the surface, for flat crowns (%(default)s)"
     )
-    parser.add_argument("--color-space", help="of PHOTO, where the file does not say (sRGB; linear for floats)")
+    parser.add_argument("--color-space", help="of PHOTO, if the file does not state it (sRGB; linear for floats)")
 
 
 def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
@@ -68,7 +70,7 @@ def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
         help="where stems come out of the ground, as for branches: the first one is the asset's origin (%(default)s)",
     )
     parser.add_argument("--up", default="auto", metavar="AXIS", help="axis of the cloud that is up (%(default)s)")
-    parser.add_argument("--unit", default="auto", help="of the cloud, where its file does not say it (%(default)s)")
+    parser.add_argument("--unit", default="auto", help="unit of the cloud, if its file does not state it (%(default)s)")
     parser.add_argument(
         "--report-views",
         type=int,

@@ -1,4 +1,4 @@
-"""Write a look: a layer that edits all leaves of an asset alike. Nothing is baked and the asset is not touched.
+"""Write a look: a layer that edits all leaves of an asset. Nothing is baked and the asset is not touched.
 
 The look changes the asset wherever a scene refers to it, once it is sublayered into that scene; muted, it is as if it
 were not there. ASSET may itself be a look: every option acts on what ASSET shows, so with a look of --width 1.5 and

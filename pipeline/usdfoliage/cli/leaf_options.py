@@ -35,7 +35,9 @@ def add_resolution(parser: argparse.ArgumentParser) -> None:
 def add_writing(parser: argparse.ArgumentParser) -> None:
     """What every command has that writes."""
     parser.add_argument("--force", action="store_true", help="replace what is there though it is not ours")
-    parser.add_argument("--dry-run", action="store_true", help="check the input, say what would be done, write nothing")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="check the input, print what would be done, write nothing"
+    )
 
 
 def accept_negative_numbers(parser: argparse.ArgumentParser) -> None:

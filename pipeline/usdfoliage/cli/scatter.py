@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SHARE",
         type=float,
         default=1.0,
-        help="how much the leaves differ: 0 all alike, 1 as on a plant (%(default)s)",
+        help="how much the leaves differ: 0 not at all, 1 as on a plant (%(default)s)",
     )
     add_representation(parser, "all four up to 2000 leaves, beyond that bezier")
     add_resolution(parser)

@@ -1,4 +1,4 @@
-"""Say what the work folder of builds holds, and remove what no longer is needed.
+"""List the work folder of builds, and remove what is no longer needed.
 
 Needed is what the latest build of each plant (a capture and its output) needs, but the planes of matching whose depth
 is done. The rest are results of other settings, photographs or versions, and what killed runs left. What is removed is
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"of --work; builds without have .usdfoliage beside the asset (${WORK_VARIABLE})",
     )
     parser.add_argument("--prune", action="store_true", help="remove what is not needed")
-    parser.add_argument("--dry-run", action="store_true", help="with --prune: only say what would be removed")
+    parser.add_argument("--dry-run", action="store_true", help="with --prune: only print what would be removed")
     parser.add_argument(
         "--keep-days", type=float, default=0.0, metavar="N", help="keep what was used in so many days (%(default)g)"
     )
