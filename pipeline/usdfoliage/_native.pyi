@@ -5,18 +5,32 @@ import enum
 import numpy as np
 from numpy.typing import NDArray
 
+class RefinedMesh:
+    """A refined mesh of quads."""
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """(V, 3)."""
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """(V, 3) at the limit, else (0, 3)."""
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """(F, 4)."""
+
 def refine_catmull_clark(
     points: NDArray[np.float64],
     face_counts: NDArray[np.int32],
     face_indices: NDArray[np.int32],
+    *,
     crease_edges: NDArray[np.int32],
     crease_sharpness: NDArray[np.float32],
     corner_vertices: NDArray[np.int32],
     corner_sharpness: NDArray[np.float32],
     levels: int,
     limit: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
-    """Refined points (V, 3), normals (V, 3; (0, 3) unless limit), quads (F, 4).
+) -> RefinedMesh:
+    """A mesh refined by OpenSubdiv, at its limit or not.
 
     Raises:
         ValueError: counts and indices do not fit, or OpenSubdiv refuses the topology.

@@ -84,18 +84,18 @@ def random_tree(seed: int, most: int = 20, wild: bool = False) -> Skeleton:
 def limit(cage, levels: int = 3):
     """Limit points (V, 3) and quads (F, 4) of a cage; 4 ** levels quads a face, face after face."""
     none = np.zeros(0, np.int32)
-    points, _, quads = refine_catmull_clark(
+    refined = refine_catmull_clark(
         cage.points_m,
         np.full(len(cage.faces), 4, np.int32),
         cage.faces.reshape(-1),
-        none.reshape(0, 2),
-        none.astype(np.float32),
-        none,
-        none.astype(np.float32),
-        levels,
-        True,
+        crease_edges=none.reshape(0, 2),
+        crease_sharpness=none.astype(np.float32),
+        corner_vertices=none,
+        corner_sharpness=none.astype(np.float32),
+        levels=levels,
+        limit=True,
     )
-    return points, quads
+    return refined.points, refined.faces
 
 
 def volume(points, quads):

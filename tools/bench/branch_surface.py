@@ -29,10 +29,18 @@ def limit_surface(cage: BranchCage) -> tuple[NDArray[np.float64], NDArray[np.int
     none = np.zeros(0, np.int32)
     sharp = np.zeros(0, np.float32)
     counts = np.full(len(cage.faces), 4, np.int32)
-    points_m, _, quads = _native.refine_catmull_clark(
-        cage.points_m, counts, cage.faces.reshape(-1), none.reshape(0, 2), sharp, none, sharp, LEVELS, True
+    refined = _native.refine_catmull_clark(
+        cage.points_m,
+        counts,
+        cage.faces.reshape(-1),
+        crease_edges=none.reshape(0, 2),
+        crease_sharpness=sharp,
+        corner_vertices=none,
+        corner_sharpness=sharp,
+        levels=LEVELS,
+        limit=True,
     )
-    return points_m, quads
+    return refined.points, refined.faces
 
 
 def measure_surface(

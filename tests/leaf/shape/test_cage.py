@@ -41,18 +41,18 @@ def creases_of(cage):
 def limit_of(cage, values=None, levels=4):
     """Points on the limit surface and its quads, through OpenSubdiv."""
     creases = creases_of(cage).astype(np.int32)
-    points, _, quads = refine_catmull_clark(
+    refined = refine_catmull_clark(
         np.ascontiguousarray(cage.points_m if values is None else values, np.float64),
         cage.face_counts,
         cage.face_vertices,
-        creases,
-        np.full(len(creases), 10, np.float32),
-        cage.corner_indices,
-        cage.corner_sharpnesses,
-        levels,
-        True,
+        crease_edges=creases,
+        crease_sharpness=np.full(len(creases), 10, np.float32),
+        corner_vertices=cage.corner_indices,
+        corner_sharpness=cage.corner_sharpnesses,
+        levels=levels,
+        limit=True,
     )
-    return points, quads
+    return refined.points, refined.faces
 
 
 def to_segment(points, a, b):

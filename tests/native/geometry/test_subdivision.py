@@ -13,17 +13,18 @@ CUBE_FACES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 
 
 
 def refine(points, faces, levels=1, *, creases=(), sharpness=(), corners=(), corner_sharpness=(), limit=False):
-    return refine_catmull_clark(
+    mesh = refine_catmull_clark(
         np.asarray(points, np.float64),
         np.array([len(face) for face in faces], np.int32),
         np.array([i for face in faces for i in face], np.int32),
-        np.array(creases, np.int32).reshape(-1, 2),
-        np.array(sharpness, np.float32),
-        np.array(corners, np.int32),
-        np.array(corner_sharpness, np.float32),
-        levels,
-        limit,
+        crease_edges=np.array(creases, np.int32).reshape(-1, 2),
+        crease_sharpness=np.array(sharpness, np.float32),
+        corner_vertices=np.array(corners, np.int32),
+        corner_sharpness=np.array(corner_sharpness, np.float32),
+        levels=levels,
+        limit=limit,
     )
+    return mesh.points, mesh.normals, mesh.faces
 
 
 def reference(points, faces, sharp=frozenset()):
@@ -173,12 +174,12 @@ def test_counts_that_do_not_fit_the_indices_are_refused():
             CUBE_POINTS,
             np.array([4], np.int32),
             np.arange(3, dtype=np.int32),
-            none.reshape(0, 2),
-            none.astype(np.float32),
-            none,
-            none.astype(np.float32),
-            1,
-            False,
+            crease_edges=none.reshape(0, 2),
+            crease_sharpness=none.astype(np.float32),
+            corner_vertices=none,
+            corner_sharpness=none.astype(np.float32),
+            levels=1,
+            limit=False,
         )
 
 

@@ -197,14 +197,14 @@ def _refine(
             three,
             topology.face_counts,
             topology.face_vertices,
-            creases,
-            np.full(len(creases), SHARP, np.float32),
-            corners,
-            np.full(len(corners), SHARP, np.float32),
-            REFINEMENT,
-            True,
+            crease_edges=creases,
+            crease_sharpness=np.full(len(creases), SHARP, np.float32),
+            corner_vertices=corners,
+            corner_sharpness=np.full(len(corners), SHARP, np.float32),
+            levels=REFINEMENT,
+            limit=True,
         )
-        limits.append(refined[0])
+        limits.append(refined.points)
     return np.concatenate(limits, axis=1)[:, : values.shape[1]]
 
 
