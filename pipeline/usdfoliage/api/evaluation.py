@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from usdfoliage.asset.packages.leaf_package import LeafLook, leaf_jitter
+from usdfoliage.asset.parts.leaf_part import LeafLook, leaf_jitter
 from usdfoliage.asset.parts.leaves import edited_leaves
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits

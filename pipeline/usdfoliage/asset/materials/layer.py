@@ -1,15 +1,12 @@
 """The materials layer of an asset, and the shaders that it names."""
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from pxr import Sdf
+from pxr import Sdf, Usd
 
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
-from usdfoliage.asset.materials.bark import BarkMaterial, author_bark_material
-from usdfoliage.asset.materials.crown import CrownMaterial, author_crown_material
-from usdfoliage.asset.materials.leaf import LeafMaterial, author_leaf_material
 from usdfoliage.asset.resources import resource_folder
 
 MATERIALS = "mtl"  # below the root prim
@@ -18,24 +15,13 @@ LEAF_MATERIAL = f"{MATERIALS}/Leaf"
 BARK_MATERIAL = f"{MATERIALS}/Bark"
 
 
-def write_materials_layer(
-    path: Path,
-    name: str,
-    *,
-    crown: CrownMaterial | None = None,
-    leaf: LeafMaterial | None = None,
-    bark: BarkMaterial | None = None,
-) -> None:
-    """Write the materials of the asset alone, at /name/mtl: those of the parts that it has."""
+def write_materials_layer(path: Path, name: str, materials: Iterable[Callable[[Usd.Stage, Sdf.Path], None]]) -> None:
+    """Write the materials of the asset alone, at /name/mtl: each is authored below the path of the root prim."""
     stage = new_layer(path, name)
     root = Sdf.Path(f"/{name}")
     author_scopes(stage, root.AppendPath(MATERIALS))
-    if crown is not None:
-        author_crown_material(stage, root.AppendPath(CROWN_MATERIAL), crown)
-    if leaf is not None:
-        author_leaf_material(stage, root.AppendPath(LEAF_MATERIAL), leaf)
-    if bark is not None:
-        author_bark_material(stage, root.AppendPath(BARK_MATERIAL), bark)
+    for author in materials:
+        author(stage, root)
     export_layer(stage, path)
 
 

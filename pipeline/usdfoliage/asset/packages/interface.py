@@ -1,7 +1,8 @@
 """The two text layers that hold an asset together: its interface and its payload."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from pxr import Sdf, Usd
 
@@ -11,16 +12,25 @@ from usdfoliage.asset.provenance import author_provenance
 from usdfoliage.asset.variants import VariantSet, author_variant_references, author_variant_sets
 
 PAYLOAD = "./payload/payload.usda"  # from the interface layer
+NO_TIMES: Mapping[str, float] = MappingProxyType({})
 
 
-def write_interface_layer(path: Path, name: str, plant: Plant, variants: Sequence[VariantSet], frames: int = 0) -> None:
+def write_interface_layer(
+    path: Path,
+    name: str,
+    plant: Plant,
+    variants: Sequence[VariantSet],
+    frames: int = 0,
+    times: Mapping[str, float] = NO_TIMES,
+) -> None:
     """Write what an application reads before it loads the asset: the root prim and nothing below it.
 
-    frames is how many there are in variants that move.
+    frames is how many there are in variants that move; times, a range of time as metadata of a layer, goes before that.
     """
     stage = new_layer(path, name)
     if frames:
         author_frames(stage, frames)
+    author_times(stage, times)
     root = Sdf.Path(f"/{name}")
     author_plant(stage, root, plant)
     author_variant_sets(stage, root, variants)
@@ -31,13 +41,26 @@ def write_interface_layer(path: Path, name: str, plant: Plant, variants: Sequenc
     export_layer(stage, path)
 
 
-def write_payload_layer(path: Path, name: str, shared: Sequence[str], variants: Sequence[VariantSet]) -> None:
+def write_payload_layer(
+    path: Path,
+    name: str,
+    shared: Sequence[str],
+    variants: Sequence[VariantSet],
+    times: Mapping[str, float] = NO_TIMES,
+) -> None:
     """Write what the payload brings: layers that every variant shares, and those of each variant."""
     stage = new_layer(path, name)
+    author_times(stage, times)
     root = Sdf.Path(f"/{name}")
     author_references(stage, root, shared)
     author_variant_references(stage, root, variants)
     export_layer(stage, path)
+
+
+def author_times(stage: Usd.Stage, times: Mapping[str, float]) -> None:
+    """Give the stage's root layer a range of time, by the names of its metadata."""
+    for field, value in times.items():
+        stage.GetRootLayer().pseudoRoot.SetInfo(field, value)
 
 
 def author_payload(stage: Usd.Stage, path: Sdf.Path, layer: str) -> None:

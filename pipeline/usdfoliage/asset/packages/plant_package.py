@@ -12,19 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.asset.locate import open_layer
-from usdfoliage.asset.materials.layer import write_materials_layer
-from usdfoliage.asset.packages.branch_package import BranchLeaves
-from usdfoliage.asset.packages.interface import PAYLOAD
-from usdfoliage.asset.packages.leaf_package import (
-    CROWN_LAYER,
-    MATERIAL_LAYER,
-    begin_asset,
-    finish_asset,
-    leaf_jitter,
-    write_crown_layers,
-    write_leaf_layers,
-)
+from usdfoliage.asset.packages.assembly import Origin, begin_asset, close_asset, merge_collections
 from usdfoliage.asset.packages.lods import (
     AUTO_LAYER,
     BOTH_LAYER,
@@ -33,21 +21,21 @@ from usdfoliage.asset.packages.lods import (
     write_auto_layer,
     write_both_layer,
 )
-from usdfoliage.asset.packages.other_parts import OtherParts, copy_layers, fits_motion, keep_times, without_motion
-from usdfoliage.asset.parts.bare_branches import BARE_LAYER, write_bare_branches_layer
+from usdfoliage.asset.parts.bare_branches import CrownHull, copy_bare_part, write_bare_part
+from usdfoliage.asset.parts.branch_part import PlantBranches, write_branch_part
+from usdfoliage.asset.parts.copied_parts import OtherParts, copy_far_part, copy_near_part
 from usdfoliage.asset.parts.crown import read_crown_radius
-from usdfoliage.asset.parts.leaf_motion import DrawnLeaves
-from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES, CROWN, LEAVES, Plant, PurposeBoxes, box_around
-from usdfoliage.asset.provenance import Provenance, needs_file, write_provenance_file
+from usdfoliage.asset.parts.crown_part import CROWN_LAYER, write_crown_part
+from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER, BranchLeaves, drawn_leaves, write_leaf_part
+from usdfoliage.asset.parts.part import AssetPlace, Box, Part
+from usdfoliage.asset.plant import COLLECTIONS, Plant, PurposeBoxes, box_around
+from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 
 THUMBNAILS = "thumbnails"  # folder of the asset
-MOVING = ("rig", "growth")  # variant sets whose layers go over those of the others
-MOST_SIZE = 0.25  # of the picture's area: a plant that covers more is shown with its leaves, however small they are
-
-Box = NDArray[np.float64]  # (2, 3)
+MAX_SIZE = 0.25  # of the picture's area: a plant that covers more is shown with its leaves, however small they are
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +64,7 @@ def write_plant_asset(
     *,
     provenance: Provenance,
     asset_from_capture: NDArray[np.float64],
-    branches: OtherParts | None = None,
+    branches: PlantBranches | OtherParts | None = None,
     foliage: BranchLeaves | None = None,
     crown: CrownModel | None = None,
     settings: PlantAssetSettings = PlantAssetSettings(),
@@ -89,9 +77,9 @@ def write_plant_asset(
         name: Name of the root prim and of the interface layer, an identifier (usdfoliage.asset.plant.asset_name).
         provenance: The runs that made it.
         asset_from_capture: (4, 4) for column vectors.
-        branches: Of an asset of branches or of a whole plant (other_parts.read_other_parts), whose
-            layers are copied, those of a crown too. Its leaves are not among them: those that shall be in the plant
-            are foliage.
+        branches: Models, or the parts of an asset of branches or of a whole plant (other_parts.read_other_parts), whose
+            layers are copied, those of a crown too. Leaves are not among them: those that shall be in the plant are
+            foliage.
         foliage: Leaves in the plant's frame.
         crown: In the plant's frame; takes the place of the one that branches may have.
         settings: How it is written.
@@ -105,93 +93,78 @@ def write_plant_asset(
         CaptureError: The jitter map of the leaves cannot be used.
         AssetError: A layer or a picture cannot be read, or a file cannot be written.
     """
-    has_branches = branches is not None and branches.has_branches
-    has_crown = crown is not None or (branches is not None and branches.crown_m is not None)
+    copied = branches if isinstance(branches, OtherParts) else None
+    has_branches = copied.has_branches if copied is not None else branches is not None
+    has_crown = crown is not None or (copied is not None and copied.crown_m is not None)
     if not has_branches and foliage is None and not has_crown:
         raise ValueError("a plant has leaves, branches or a crown, and none of them was given")
     if foliage is not None and not len(foliage.leaves) and (has_branches or has_crown):
         foliage = None  # empty prims would have an extent all the same, which validators mistrust
-    payload = begin_asset(folder, name)
+    place = begin_asset(folder, name)
     lods = _lods(near=has_branches or foliage is not None, crown=has_crown)
     leafy = [lod for lod in lods if lod != "crown"]
-    crown_m, material = branches.crown_m if branches is not None else None, None
+    parts: list[Part] = []
+    if foliage is not None:
+        parts.append(write_leaf_part(place, foliage, leafy))
+    drawn = drawn_leaves(place, foliage) if foliage is not None else None
+    if isinstance(branches, PlantBranches):
+        parts.append(write_branch_part(place, branches, drawn))
+        if crown is not None:
+            parts.append(write_bare_part(place, _hull_of(crown), branches.surfaces.coarsest, branches.settings.color))
+    if copied is not None:
+        if crown is not None:
+            copied = replace(copied, crown_m=None, bare_m=None)
+        parts += [copy_near_part(copied, place, drawn), _bare_part(place, copied, crown), copy_far_part(copied, place)]
     if crown is not None:
-        layers = write_crown_layers(folder, name, crown, settings.crown_mesh_size)
-        crown_m, material = layers.extent_m, layers.material
-        branches = replace(branches, crown_m=None, bare_m=None) if branches is not None else None
-    leaf_layers = None
-    if foliage is None:
-        write_materials_layer(payload / MATERIAL_LAYER, name, crown=material)
-    else:
-        leaf_layers = write_leaf_layers(
-            folder, name, foliage.leaves, foliage.settings, foliage.edits, foliage.look, crown=material, lods=leafy
-        )
-    moving_m: Sequence[Box] = ()
-    if branches is not None:
-        branches, moving_m = _copy_branches(branches, payload, name, foliage)
-        surface = _coarse_surface(branches)
-        hull = _hull_to_pierce(branches, crown) if surface is not None else None
-        if surface is not None and hull is not None:
-            source = branches.interface.parent / "payload" / surface
-            bare_m = write_bare_branches_layer(payload / BARE_LAYER, name, source, branches.name, *hull)
-            branches = replace(branches, bare_m=bare_m)
-    bare_m = branches.bare_m if branches is not None else None
-    crown_m = box_around([crown_m, bare_m]) if crown_m is not None and bare_m is not None else crown_m
-    far = [*([f"./{BARE_LAYER}"] if bare_m is not None else []), f"./{CROWN_LAYER}"]
-    near_m: list[Box] = [*(branches.extents_m if branches is not None else ()), *moving_m]
-    if leaf_layers is not None:
-        near_m.append(leaf_layers.extent_m)
-    guides_m = [
-        *([leaf_layers.guide_extent_m] if leaf_layers is not None and leaf_layers.guide_extent_m is not None else []),
-        *(branches.guide_extents_m if branches is not None else ()),
-    ]
-    boxes = _lod_boxes(lods, near_m, guides_m, crown_m)
-    if "both" in lods:
-        write_both_layer(payload / BOTH_LAYER, name)
-        write_auto_layer(payload / AUTO_LAYER, name, _auto(boxes["auto"], foliage, settings))
+        parts.append(write_crown_part(place, crown, settings.crown_mesh_size))
+    origin = Origin(provenance=provenance, asset_from_capture=asset_from_capture, version=settings.version)
+    return _write_whole(place, parts, origin, lods, settings, _copy_thumbnail(folder, name, thumbnail))
 
-    guides = list(branches.shared) if branches is not None else []
-    shown = {
-        "leaves": guides,
-        "both": [f"./{BOTH_LAYER}", *far, *guides],
-        "crown": far,
-        "auto": [f"./{AUTO_LAYER}", *far],
-    }
-    # Of the sets inside a lod the first is strongest: what moves goes over what stands still.
-    moving = [held for held in branches.sets if held.name in MOVING] if branches is not None else []
-    still = [held for held in branches.sets if held.name not in (*MOVING, "lod")] if branches is not None else []
-    sets = [
-        VariantSet(name="lod", variants={lod: shown[lod] for lod in _selected_first(lods, branches, settings.lod)}),
-        *(replace(held, inside=leafy) for held in moving),
-        *([leaf_layers.variants] if leaf_layers is not None else []),
-        *(replace(held, inside=leafy) for held in still),
-    ]
-    collections = {
-        **({"leaves": [LEAVES]} if foliage is not None else {}),
-        **({"branches": [BRANCHES, *([BARE_BRANCHES] if bare_m is not None else [])]} if has_branches else {}),
-        **({"crown": [CROWN]} if has_crown else {}),
-    }
-    plant = Plant(
-        provenance=provenance,
-        asset_from_capture=asset_from_capture,
-        extent_m=box_around([*near_m, *([crown_m] if crown_m is not None else [])]),
-        parts=[
-            *(leaf_layers.parts if leaf_layers is not None else ()),
-            *(branches.parts if branches is not None else ()),
-            *((CROWN,) if has_crown else ()),
-        ],
-        version=settings.version,
-        lods=boxes,
-        collections=collections,
-        thumbnail=_copy_thumbnail(folder, name, thumbnail),
+
+def _write_whole(
+    place: AssetPlace,
+    parts: Sequence[Part],
+    origin: Origin,
+    lods: Sequence[str],
+    settings: PlantAssetSettings,
+    thumbnail: str,
+) -> Path:
+    """Put the parts of a plant together, each in the lods that show it; returns the interface layer."""
+    near_m = [box for part in parts for box in part.near_m]
+    far_m = [box for part in parts for box in part.far_m]
+    boxes = _lod_boxes(lods, near_m, [box for part in parts for box in part.guides_m], far_m)
+    if "both" in lods:
+        write_both_layer(place.payload / BOTH_LAYER, place.name)
+        write_auto_layer(place.payload / AUTO_LAYER, place.name, _auto(boxes["auto"], parts, settings))
+    near, guides, far = (
+        [layer for part in parts for layer in getattr(part, which)] for which in ("near", "guides", "far")
     )
-    interface = finish_asset(folder, name, plant, sets)
-    if needs_file(provenance):
-        write_provenance_file(folder, provenance)
-    if branches is not None:
-        for path in (interface, folder / PAYLOAD):
-            keep_times(open_layer(branches.interface), path)
-    return interface
+    shown = {
+        "leaves": [*near, *guides],
+        "both": [f"./{BOTH_LAYER}", *far, *near, *guides],
+        "crown": far,
+        "auto": [f"./{AUTO_LAYER}", *far, *near],
+    }
+    first = settings.lod if settings.lod in lods else next((part.lod for part in parts if part.lod), "")
+    leafy = [lod for lod in lods if lod != "crown"]
+    # Of the sets inside a lod the first is strongest: what moves goes over what stands still.
+    sets = [
+        VariantSet(name="lod", variants={lod: shown[lod] for lod in sorted(lods, key=lambda lod: lod != first)}),
+        *(replace(held, inside=leafy) for part in parts for held in part.moving),
+        *(held for part in parts for held in part.inside),
+        *(replace(held, inside=leafy) for part in parts for held in part.still),
+    ]
+    plant = Plant(
+        provenance=origin.provenance,
+        asset_from_capture=origin.matrix,
+        extent_m=box_around([*near_m, *far_m]),
+        parts=[prim for part in parts for prim in part.relationships],
+        version=origin.version,
+        lods=boxes,
+        collections=merge_collections(parts, COLLECTIONS),
+        thumbnail=thumbnail,
+    )
+    return close_asset(place, parts, plant, sets, [f"./{MATERIAL_LAYER}"])
 
 
 def _lods(near: bool, crown: bool) -> list[str]:
@@ -201,48 +174,30 @@ def _lods(near: bool, crown: bool) -> list[str]:
     return ["leaves"] if near else ["crown"]
 
 
-def _selected_first(lods: Sequence[str], branches: OtherParts | None, wanted: str | None) -> list[str]:
-    """The same lods, the one before the others that is wanted, or that the plant had of which the parts are."""
-    first = wanted if wanted in lods or branches is None else branches.lod
-    return sorted(lods, key=lambda lod: lod != first)
+def _hull_of(crown: CrownModel) -> CrownHull:
+    return CrownHull(radius_m=crown.radius_m, center_m=crown.center_m)
 
 
-def _copy_branches(
-    branches: OtherParts, payload: Path, name: str, foliage: BranchLeaves | None
-) -> tuple[OtherParts, list[Box]]:
-    """Copy what the branches are; returns them as they are in the new asset, and boxes around leaves that move."""
-    if foliage is None:
-        still = without_motion(branches)
-        return still, copy_layers(still, payload, name, None)
-    if not fits_motion(branches, payload, name, foliage.settings.representations):
-        branches = without_motion(branches)
-    drawn = DrawnLeaves(
-        payload=payload,
-        leaves=foliage.leaves,
-        representations=foliage.settings.representations,
-        edits=foliage.edits,
-        jitter=leaf_jitter(foliage.edits, foliage.look),
-    )
-    return branches, copy_layers(branches, payload, name, drawn)
-
-
-def _hull_to_pierce(
-    branches: OtherParts, crown: CrownModel | None
-) -> tuple[NDArray[np.floating], NDArray[np.float64]] | None:
-    """Radius and centre of the crown out of which branches are still to be found; None where there is none.
+def _bare_part(place: AssetPlace, copied: OtherParts, crown: CrownModel | None) -> Part:
+    """What of copied branches stands out of a crown, where that is still to be found.
 
     Earlier versions left out what stands out of a crown: it is made when such an asset is written anew.
     """
+    surface = _coarse_surface(copied)
+    payload = copied.interface.parent / "payload"
+    if surface is None or (crown is None and (copied.crown_m is None or copied.bare_m is not None)):
+        return Part()
     if crown is not None:
-        return crown.radius_m, crown.center_m
-    if branches.crown_m is None or branches.bare_m is not None:
-        return None
-    return read_crown_radius(branches.interface.parent / "payload" / CROWN_LAYER, branches.name)
+        hull = _hull_of(crown)
+    else:
+        radius_m, center_m = read_crown_radius(payload / CROWN_LAYER, copied.name)
+        hull = CrownHull(radius_m=radius_m, center_m=center_m)
+    return copy_bare_part(place, hull, payload / surface, copied.name)
 
 
-def _coarse_surface(branches: OtherParts) -> str | None:
+def _coarse_surface(copied: OtherParts) -> str | None:
     """The surface of the branches of order 1, or without such the first that there is, from the payload's folder."""
-    for held in branches.sets:
+    for held in copied.sets:
         if held.name == "branches":
             layers = held.variants.get("order1") or next(iter(held.variants.values()))
             return layers[0] if layers else None
@@ -250,27 +205,27 @@ def _coarse_surface(branches: OtherParts) -> str | None:
 
 
 def _lod_boxes(
-    lods: Sequence[str], near_m: Sequence[Box], guides_m: Sequence[Box], crown_m: Box | None
+    lods: Sequence[str], near_m: Sequence[Box], guides_m: Sequence[Box], far_m: Sequence[Box]
 ) -> dict[str, PurposeBoxes]:
     """What each lod holds, by purpose."""
     near = box_around(near_m) if near_m else None
+    far = box_around(far_m) if far_m else None
     guide = box_around(guides_m) if guides_m else None
-    everything = box_around([box for box in (near, crown_m) if box is not None])
     held = {
         "leaves": PurposeBoxes(default=near, guide=guide),
-        "both": PurposeBoxes(render=near, proxy=crown_m, guide=guide),
-        "crown": PurposeBoxes(default=crown_m),
-        "auto": PurposeBoxes(default=everything),
+        "both": PurposeBoxes(render=near, proxy=far, guide=guide),
+        "crown": PurposeBoxes(default=far),
+        "auto": PurposeBoxes(default=box_around([*near_m, *far_m])),
     }
     return {lod: held[lod] for lod in lods}
 
 
-def _auto(boxes: PurposeBoxes, foliage: BranchLeaves | None, settings: PlantAssetSettings) -> AutoLod:
+def _auto(boxes: PurposeBoxes, parts: Sequence[Part], settings: PlantAssetSettings) -> AutoLod:
     assert boxes.default is not None
     threshold = settings.switch_size
-    if foliage is not None and len(foliage.leaves):
-        leaf_m = float(np.median(foliage.leaves.length_m))
-        threshold = switch_threshold(boxes.default, leaf_m, settings.switch_leaf_px, settings.picture_px, MOST_SIZE)
+    detail_m = next((part.detail_m for part in parts if part.detail_m is not None), None)
+    if detail_m is not None:
+        threshold = switch_threshold(boxes.default, detail_m, settings.switch_leaf_px, settings.picture_px, MAX_SIZE)
     return AutoLod(extent_m=boxes.default, threshold=threshold)
 
 

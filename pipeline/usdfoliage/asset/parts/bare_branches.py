@@ -1,5 +1,6 @@
 """What a crown leaves bare of a plant's branches, as a mesh that is shown with it: a trunk, a limb below the crown."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,11 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.locate import open_copy
+from usdfoliage.asset.parts.branches import stage_of_branches
+from usdfoliage.asset.parts.part import AssetPlace, Part
 from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES
 from usdfoliage.asset.stored_numbers import stored_numbers
+from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.crown.bare_faces import find_bare_faces
 from usdfoliage.errors import AssetError
 
@@ -20,40 +24,62 @@ _REST = Usd.TimeCode.EarliestTime()
 _KINDS = (Vt.Vec3fArray, Vt.IntArray, Vt.IntArray)  # of points, of vertices of each face, and of their indices
 
 
-def write_bare_branches_layer(
-    path: Path,
-    name: str,
-    surface: Path,
-    surface_name: str,
-    radius_m: NDArray[np.floating],
-    center_m: NDArray[np.floating],
-) -> NDArray[np.float64] | None:
-    """Write the faces of branches that stand out of a crown, at /name/geo/proxy/Branches.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrownHull:
+    """The surface out of which branches stand."""
 
-    Of the surface, whoever worked on it, they keep points, st, one colour and the material.
+    radius_m: NDArray[np.floating]  # (6, N, N), its distance from its centre
+    center_m: NDArray[np.floating]  # (3,)
+
+
+def write_bare_part(place: AssetPlace, hull: CrownHull, cage: BranchCage, color: tuple[float, float, float]) -> Part:
+    """Write the faces of branches that stand out of a crown, at /name/geo/proxy/Branches of the asset at place.
 
     Args:
-        path: Layer to write.
-        name: Of its root prim.
-        surface: Layer of the branches (usdfoliage.asset.parts.branches.write_branches_layer), in the crown's frame.
-        surface_name: Of that layer's root prim.
-        radius_m: (6, N, N), the crown's distance from its centre.
-        center_m: (3,), its centre.
+        place: Where; the payload's folder exists.
+        hull: Of the crown.
+        cage: Surface of the branches, in the crown's frame.
+        color: Of the branches, linear Rec.709.
 
     Returns:
-        Bounds (2, 3) of what was written; None where nothing stands out, and nothing is written.
+        What was written; nothing where no face stands out.
+
+    Raises:
+        AssetError: The layer cannot be written.
+    """
+    path = place.payload / BARE_LAYER
+    return _write_bare(place, hull, stage_of_branches(path, place.name, cage, color), place.name, path)
+
+
+def copy_bare_part(place: AssetPlace, hull: CrownHull, surface: Path, name: str) -> Part:
+    """The same of the surface in another asset's layer, with points, st, one colour and material as somebody may have
+    changed them.
+
+    Args:
+        place: Where; the payload's folder exists.
+        hull: Of the crown.
+        surface: Layer of the branches (usdfoliage.asset.parts.branches.write_branches_layer), in the crown's frame.
+        name: Of that layer's root prim.
+
+    Returns:
+        What was written; nothing where no face stands out.
 
     Raises:
         AssetError: The one layer cannot be read, or is of a mesh that cannot be; or the other cannot be written.
     """
     source = Usd.Stage.Open(open_copy(surface), Usd.Stage.LoadNone)
-    whole = UsdGeom.Mesh(source.GetPrimAtPath(f"/{surface_name}/{BRANCHES}"))
+    return _write_bare(place, hull, source, name, surface)
+
+
+def _write_bare(place: AssetPlace, hull: CrownHull, source: Usd.Stage, source_name: str, surface: Path) -> Part:
+    path, name = place.payload / BARE_LAYER, place.name
+    whole = UsdGeom.Mesh(source.GetPrimAtPath(f"/{source_name}/{BRANCHES}"))
     if not whole:
-        return None
+        return Part()
     points_m, counts, vertices = _read_mesh(whole, surface)
-    kept = find_bare_faces(points_m, counts, vertices, radius_m, center_m)
+    kept = find_bare_faces(points_m, counts, vertices, hull.radius_m, hull.center_m)
     if not kept.any():
-        return None
+        return Part()
     stage = new_layer(path, name)
     target = Sdf.Path(f"/{name}/{BARE_BRANCHES}")
     author_scopes(stage, target.GetParentPath())
@@ -74,10 +100,14 @@ def write_bare_branches_layer(
     material = UsdShade.MaterialBindingAPI(whole).GetDirectBinding().GetMaterialPath()
     if material:
         binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
-        here = material.ReplacePrefix(Sdf.Path(f"/{surface_name}"), Sdf.Path(f"/{name}"))
+        here = material.ReplacePrefix(Sdf.Path(f"/{source_name}"), Sdf.Path(f"/{name}"))
         binding.Bind(UsdShade.Material(stage.OverridePrim(here)))
     export_layer(stage, path)
-    return np.array(mesh.GetExtentAttr().Get(), np.float64)
+    return Part(
+        collections={"branches": [BARE_BRANCHES]},
+        far=[f"./{BARE_LAYER}"],
+        far_m=[np.array(mesh.GetExtentAttr().Get(), np.float64)],
+    )
 
 
 def _read_mesh(mesh: UsdGeom.Mesh, surface: Path) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.int64]]:

@@ -116,14 +116,21 @@ def write_branches_layer(
     path: Path, name: str, cage: BranchCage, color: tuple[float, float, float]
 ) -> NDArray[np.float64]:
     """Write the surface alone, at /name/geo/render/Branches; returns its bounds (2, 3)."""
+    stage = stage_of_branches(path, name, cage, color)
+    export_layer(stage, path)
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/{name}/{BRANCHES}"))
+    return np.array(mesh.GetExtentAttr().Get(), np.float64)
+
+
+def stage_of_branches(path: Path, name: str, cage: BranchCage, color: tuple[float, float, float]) -> Usd.Stage:
+    """The stage whose layer write_branches_layer writes to path."""
     stage = new_layer(path, name)
     branches = Sdf.Path(f"/{name}/{BRANCHES}")
     author_scopes(stage, branches.GetParentPath())
     mesh = author_branches(stage, branches, cage, color)
     binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
     binding.Bind(UsdShade.Material(stage.OverridePrim(Sdf.Path(f"/{name}/{BARK_MATERIAL}"))))
-    export_layer(stage, path)
-    return np.array(mesh.GetExtentAttr().Get(), np.float64)
+    return stage
 
 
 def author_branches(

@@ -1,0 +1,221 @@
+"""What a plant's asset holds besides its leaves, copied into a new asset of the same plant.
+
+Layers are copied as they are, whatever wrote them: a surface that somebody worked on stays as it is.
+"""
+
+import os
+import shutil
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Usd
+
+from usdfoliage.asset.layer import save_layer
+from usdfoliage.asset.locate import open_copy, open_layer
+from usdfoliage.asset.materials.layer import LEAF_MATERIAL, MATERIALS
+from usdfoliage.asset.parts.bare_branches import BARE_LAYER
+from usdfoliage.asset.parts.crown_part import CROWN_LAYER
+from usdfoliage.asset.parts.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion, read_points
+from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
+from usdfoliage.asset.parts.part import AssetPlace, Box, Part
+from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES, CROWN, LEAVES
+from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
+from usdfoliage.errors import AssetError
+
+LOD = "lod"
+_MOVING = ("rig", "growth")  # variant sets whose layers go over those of the others
+_MOTION = frozenset({GROWTH_LEAVES, RIG_LEAVES})  # of leaves: copied where it fits
+_TIMES = ("startTimeCode", "endTimeCode", "timeCodesPerSecond", "framesPerSecond")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OtherParts:
+    """An asset's parts but for its leaves."""
+
+    interface: Path
+    name: str  # of its root prim
+    shared: Sequence[str]  # layers in every variant, from the payload's folder
+    sets: Sequence[VariantSet]  # but the one of the leaves; the selected variant first
+    parts: Sequence[str]
+    extents_m: Sequence[NDArray[np.float64]]  # (2, 3) each, of what is no guide
+    guide_extents_m: Sequence[NDArray[np.float64]]
+    crown_m: NDArray[np.float64] | None = None  # (2, 3) around its crown, None where it has none
+    bare_m: NDArray[np.float64] | None = None  # (2, 3) around what stands out of its crown, None where nothing does
+    is_whole: bool = False  # it is of a whole plant (usdfoliage.asset.packages.plant_package)
+    lod: str = ""  # the one that is selected, of a whole plant
+    thumbnail: Path | None = None
+
+    @property
+    def has_branches(self) -> bool:
+        return bool(self.parts)
+
+
+def copy_near_part(others: OtherParts, place: AssetPlace, drawn: DrawnLeaves | None) -> Part:
+    """Copy the branches and what else of other parts is no crown, with the materials of all.
+
+    Args:
+        others: What to copy.
+        place: Of the new asset; the payload's folder exists, with the layers of its leaves.
+        drawn: The new leaves, which move as the old ones did if they stand where these stood; None for none.
+
+    Raises:
+        AssetError: A layer or a picture cannot be read, or a file cannot be written.
+    """
+    if drawn is None or not _fits_motion(others, place, drawn.representations):
+        others = _without_motion(others)
+    layers = {*others.shared, *(layer for held in others.sets for each in held.variants.values() for layer in each)}
+    moving_m = _copy_layers(others, layers, place, drawn)
+    number = next((number for number, held in enumerate(others.sets) if held.name == LOD), None)
+    if number is None:
+        moving = [held for held in others.sets if held.name in _MOVING]
+        still = [held for held in others.sets if held.name not in _MOVING]
+    else:
+        moving, still = list(others.sets[:number]), list(others.sets[number + 1 :])
+    return Part(
+        relationships=others.parts,
+        collections={"branches": [BRANCHES]} if others.has_branches else {},
+        materials=[_MaterialCopy(others, place)],
+        guides=others.shared,
+        near_m=[*others.extents_m, *moving_m],
+        guides_m=others.guide_extents_m,
+        moving=moving,
+        still=still,
+        lods=None if number is None else others.sets[number],
+        times=_times(open_layer(others.interface)),
+        lod=others.lod,
+    )
+
+
+def copy_far_part(others: OtherParts, place: AssetPlace) -> Part:
+    """Copy the crown of other parts, and what stands out of it; nothing where they have none.
+
+    Raises:
+        AssetError: A layer or a picture cannot be read, or a file cannot be written.
+    """
+    held = {BARE_LAYER: others.bare_m, CROWN_LAYER: others.crown_m}
+    layers = {f"./{layer}": box for layer, box in held.items() if box is not None}
+    _copy_layers(others, layers.keys(), place, None)
+    return Part(
+        relationships=(CROWN,) if others.crown_m is not None else (),
+        collections={
+            **({"branches": [BARE_BRANCHES]} if others.bare_m is not None and others.has_branches else {}),
+            **({"crown": [CROWN]} if others.crown_m is not None else {}),
+        },
+        far=list(layers),
+        far_m=list(layers.values()),
+    )
+
+
+def lost_leaf_motion(others: OtherParts, folder: Path) -> bool:
+    """Whether leaves that followed their branches do not in the asset in folder, which copy_near_part was copied to."""
+    source = others.interface.parent / "payload"
+    return any((source / layer).is_file() and not (folder / "payload" / layer).exists() for layer in _MOTION)
+
+
+def _fits_motion(others: OtherParts, place: AssetPlace, representations: Sequence[str]) -> bool:
+    """Whether leaves that were written stand where the old ones did, and are divided alike: as those moved, they do."""
+    source, payload, name = others.interface.parent / "payload", place.payload, place.name
+    old, new = Sdf.Path(f"/{others.name}/{LEAVES}"), Sdf.Path(f"/{name}/{LEAVES}")
+    for representation in representations:
+        layer = REPRESENTATIONS[representation]
+        if not (source / layer).is_file():
+            return False
+        if representation in ("mesh", "subdiv") and len(read_points(source / layer, old)) != len(
+            read_points(payload / layer, new)
+        ):
+            return False
+    if "bezier" not in representations:
+        return False
+    before, after = (open_copy(path / REPRESENTATIONS["bezier"]) for path in (source, payload))
+    for field in ("positions", "scales", "orientationsf"):
+        was, now = (
+            layer.GetAttributeAtPath(path.AppendProperty(field)) for layer, path in ((before, old), (after, new))
+        )
+        if was is None or now is None or not np.array_equal(np.array(was.default), np.array(now.default)):
+            return False
+    return True
+
+
+def _without_motion(others: OtherParts) -> OtherParts:
+    """The same parts without the layers that move leaves."""
+    sets = [
+        replace(
+            held,
+            variants={
+                name: [layer for layer in layers if layer.removeprefix("./") not in _MOTION]
+                for name, layers in held.variants.items()
+            },
+        )
+        for held in others.sets
+    ]
+    return replace(others, sets=sets)
+
+
+def _copy_layers(others: OtherParts, layers: Iterable[str], place: AssetPlace, drawn: DrawnLeaves | None) -> list[Box]:
+    """Copy layers, and the pictures that they name; returns boxes around leaves where they move."""
+    boxes = []
+    source = others.interface.parent / "payload"
+    for layer in sorted(layers):
+        copied = _open_renamed(source / layer, others.name, place.name)
+        _copy_pictures(copied, Sdf.Path.absoluteRootPath, source, place.payload)
+        if drawn is not None and layer.removeprefix("./") in _MOTION:
+            boxes += adapt_leaf_motion(copied, place.name, drawn)
+        save_layer(copied, place.payload / layer)
+    return boxes
+
+
+@dataclass(frozen=True)
+class _MaterialCopy:
+    """Copies the materials of other parts, but that of leaves, beside those that there are."""
+
+    others: OtherParts
+    place: AssetPlace
+
+    def __call__(self, stage: Usd.Stage, root: Sdf.Path) -> None:
+        source = self.others.interface.parent / "payload"
+        old, new = _open_renamed(source / MATERIAL_LAYER, self.others.name, root.name), stage.GetRootLayer()
+        scope = old.GetPrimAtPath(root.AppendPath(MATERIALS))
+        for material in scope.nameChildren if scope else ():
+            if material.path != root.AppendPath(LEAF_MATERIAL) and not new.GetPrimAtPath(material.path):
+                Sdf.CopySpec(old, material.path, new, material.path)
+                _copy_pictures(old, material.path, source, self.place.payload)
+
+
+def _times(layer: Sdf.Layer) -> dict[str, float]:
+    """The range of time of a layer, as far as it has one."""
+    return {field: layer.pseudoRoot.GetInfo(field) for field in _TIMES if layer.pseudoRoot.HasInfo(field)}
+
+
+def _open_renamed(path: Path, old: str, new: str) -> Sdf.Layer:
+    """A copy of a layer, in memory, whose root prim has another name; what points into it follows."""
+    layer = open_copy(path)
+    if old != new and layer.GetPrimAtPath(f"/{old}"):
+        if old not in layer.rootPrims:
+            raise AssetError(f"{path} is damaged: it holds </{old}> and does not list it; write the asset again")
+        Sdf.CopySpec(layer, f"/{old}", layer, f"/{new}")
+        del layer.rootPrims[old]
+        layer.defaultPrim = new
+    return layer
+
+
+def _copy_pictures(layer: Sdf.Layer, root: Sdf.Path, source: Path, target: Path) -> None:
+    """Copy the files of the asset that attributes below root name; source and target are the payloads' folders."""
+    named: set[str] = set()
+
+    def look(path: Sdf.Path) -> None:
+        held = layer.GetObjectAtPath(path) if path.IsPropertyPath() else None
+        if isinstance(held, Sdf.AttributeSpec) and isinstance(held.default, Sdf.AssetPath):
+            named.add(held.default.path)
+
+    layer.Traverse(root, look)
+    for name in sorted(named):
+        inside = os.path.normpath(source / name).startswith(f"{os.path.normpath(source.parent)}{os.sep}")
+        if inside and (source / name).is_file() and not (target / name).exists():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            try:
+                shutil.copyfile(source / name, target / name)
+            except OSError as error:
+                raise AssetError(f"{source / name} cannot be copied into the asset: {error.strerror}") from error

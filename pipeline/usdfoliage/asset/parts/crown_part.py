@@ -1,0 +1,54 @@
+"""The crown as a part of an asset: its layer, its two maps, its shader and its material."""
+
+from functools import partial
+
+import numpy as np
+from pxr import Sdf, Usd
+
+from usdfoliage.asset.materials.crown import CROWN_SHADER, CrownMaterial, author_crown_material
+from usdfoliage.asset.materials.layer import CROWN_MATERIAL, copy_shaders
+from usdfoliage.asset.parts.crown import crown_prim, write_crown_layer, write_crown_maps
+from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Part
+from usdfoliage.asset.plant import CROWN
+from usdfoliage.crown.model import CrownModel
+
+CROWN_LAYER = "crown.usdc"
+
+
+def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int) -> Part:
+    """Write a crown into the asset at place.
+
+    Args:
+        place: Where; the payload's folder exists.
+        crown: In the plant's frame.
+        mesh_size: Vertices along a cube edge, at most as many as the map has texels.
+
+    Raises:
+        ValueError: The crown is not what CrownModel promises.
+        AssetError: A file cannot be written.
+    """
+    # A mesh finer than its map would show the map's texels as facets.
+    prim = crown_prim(place.name, crown, min(mesh_size, crown.radius_m.shape[1]))
+    write_crown_maps(place.folder, place.name, crown)
+    copy_shaders(place.folder / "shaders", (CROWN_SHADER,))
+    write_crown_layer(place.payload / CROWN_LAYER, place.name, prim)
+    material = CrownMaterial(
+        color_map=prim.color_map,
+        radius_map=prim.radius_map,
+        shader=f"{SHADERS}/{CROWN_SHADER}",
+        face_size=crown.color.shape[1],
+        center_m=(float(prim.center_m[0]), float(prim.center_m[1]), float(prim.center_m[2])),
+        radius_range_m=prim.radius_range_m,
+    )
+    extent_m = np.stack([prim.mesh.points_m.min(axis=0), prim.mesh.points_m.max(axis=0)]).astype(np.float64)
+    return Part(
+        relationships=(CROWN,),
+        collections={"crown": [CROWN]},
+        materials=[partial(_author_material, crown=material)],
+        far=[f"./{CROWN_LAYER}"],
+        far_m=[extent_m],
+    )
+
+
+def _author_material(stage: Usd.Stage, root: Sdf.Path, crown: CrownMaterial) -> None:
+    author_crown_material(stage, root.AppendPath(CROWN_MATERIAL), crown)

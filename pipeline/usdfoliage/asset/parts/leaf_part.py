@@ -1,0 +1,175 @@
+"""Leaves as a part of an asset: a layer for each representation, their pictures, shaders and material."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from pxr import Sdf, Usd
+
+from usdfoliage.asset.materials.jitter_map import read_jitter_map
+from usdfoliage.asset.materials.layer import LEAF_MATERIAL, copy_shaders
+from usdfoliage.asset.materials.leaf import LEAF_COLOR, LEAF_SHADERS, LeafMaterial, author_leaf_material
+from usdfoliage.asset.parts.leaf_fallbacks import write_cage_layer, write_mesh_layer, write_patches_layer
+from usdfoliage.asset.parts.leaf_motion import DrawnLeaves
+from usdfoliage.asset.parts.leaves import (
+    check_leaves,
+    edited_leaves,
+    leaves_prim,
+    write_leaves_guide_layer,
+    write_leaves_layer,
+)
+from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Box, Part, copy_map
+from usdfoliage.asset.plant import LEAVES, box_around
+from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.cage import LeafCageSettings, build_leaf_cage
+from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
+from usdfoliage.leaf.shape.jitter import Jitter
+from usdfoliage.leaf.shape.mesh import LeafMeshSettings, PrototypeSettings, build_leaf_mesh, silhouette_segments
+
+LEAVES_GUIDE = "leaves_guide.usda"
+MATERIAL_LAYER = "materials.usda"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafAssetSettings:
+    """How an asset of leaves is written."""
+
+    representations: Sequence[str] = tuple(REPRESENTATIONS)  # the first one is selected
+    prototype: PrototypeSettings = field(default_factory=PrototypeSettings)  # with a finer silhouette for fine jitter
+    cage: LeafCageSettings = field(default_factory=LeafCageSettings)
+    mesh: LeafMeshSettings = field(default_factory=LeafMeshSettings)
+    version: str = "1"  # assetInfo
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.representations if name not in REPRESENTATIONS]
+        if unknown or not self.representations or len(set(self.representations)) < len(self.representations):
+            raise ValueError(
+                f"representations must be one or more of {', '.join(REPRESENTATIONS)}, each once, "
+                f"not {', '.join(self.representations) or 'none'}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafLook:
+    """What all leaves of an asset have in common.
+
+    Attributes:
+        color: Linear Rec.709, of leaves that have no colour of their own.
+        texture: A picture of a leaf in its st, with opacity; it takes the place of the colour.
+        texture_color: The mean colour of the texture, linear; the leaves' own colours tint it. None: no tint.
+        jitter_map: An image whose first row is one cycle of the jitter. None: the built-in wave.
+    """
+
+    color: tuple[float, float, float] = LEAF_COLOR
+    texture: Path | None = None
+    texture_color: tuple[float, float, float] | None = None
+    jitter_map: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BranchLeaves:
+    """Leaves of a plant, and how they are written."""
+
+    leaves: Leaves
+    settings: LeafAssetSettings = field(default_factory=LeafAssetSettings)
+    edits: LeafEdits = NEUTRAL
+    look: LeafLook = field(default_factory=LeafLook)
+
+
+def write_leaf_part(place: AssetPlace, foliage: BranchLeaves, lods: Sequence[str] = ("leaves",)) -> Part:
+    """Write leaves into the asset at place.
+
+    Args:
+        place: Where; the payload's folder exists.
+        foliage: What to write; no leaf is a valid part, whose prims are at the origin.
+        lods: Variants of the set lod that show leaves.
+
+    Raises:
+        ValueError: The leaves have numbers that are no leaves.
+        CaptureError: The jitter map cannot be used.
+        AssetError: A picture cannot be copied, or a file cannot be written.
+    """
+    check_leaves(foliage.leaves)
+    representations, look = foliage.settings.representations, foliage.look
+    jitter = leaf_jitter(foliage.edits, look)  # whose map is read before it is copied
+    texture = copy_map(place, f"{place.name}_leaf", look.texture)
+    jitter_map = copy_map(place, f"{place.name}_leaf_jitter", look.jitter_map)
+    boxes = _write_representations(place, foliage, jitter, jitter_map)
+    has_guide = "bezier" in representations and len(representations) > 1
+    copy_shaders(place.folder / "shaders", LEAF_SHADERS)
+    material = LeafMaterial(
+        shaders=SHADERS,
+        texture=texture or None,
+        texture_color=look.texture_color,
+        jitter_map=jitter_map or None,
+    )
+    layers = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in representations}
+    if has_guide:
+        for representation in layers.keys() - {"bezier"}:
+            layers[representation].append(f"./{LEAVES_GUIDE}")
+    return Part(
+        relationships=(LEAVES,) if "bezier" in representations else (),  # of the others none has FoliageLeafAPI there
+        collections={"leaves": [LEAVES]},
+        materials=[partial(_author_material, leaf=material)],
+        near_m=[box_around(boxes)],
+        guides_m=[boxes[representations.index("bezier")]] if has_guide else [],
+        inside=[VariantSet(name="representation", variants=layers, inside=lods)],
+        detail_m=float(np.median(foliage.leaves.length_m)) if len(foliage.leaves) else None,
+        finish=partial(_write_guide, place) if has_guide else None,
+    )
+
+
+def drawn_leaves(place: AssetPlace, foliage: BranchLeaves) -> DrawnLeaves:
+    """What the layers of leaves at place show, for those that move them; CaptureError for a bad jitter map."""
+    return DrawnLeaves(
+        payload=place.payload,
+        leaves=foliage.leaves,
+        representations=foliage.settings.representations,
+        edits=foliage.edits,
+        jitter=leaf_jitter(foliage.edits, foliage.look),
+    )
+
+
+def leaf_jitter(edits: LeafEdits, look: LeafLook) -> Jitter:
+    """The jitter of edits, by the map of a look; CaptureError for a map that cannot be used."""
+    return Jitter(
+        amplitude=edits.jitter_amplitude,
+        frequency=edits.jitter_frequency,
+        map=read_jitter_map(look.jitter_map) if look.jitter_map is not None else None,
+    )
+
+
+def _write_guide(place: AssetPlace, _: Box) -> None:
+    """The layer of the guide brings whole layers, that of the materials too, which is there at last."""
+    layers = [f"./{REPRESENTATIONS['bezier']}", f"./{MATERIAL_LAYER}"]
+    write_leaves_guide_layer(place.payload / LEAVES_GUIDE, place.name, layers)
+
+
+def _author_material(stage: Usd.Stage, root: Sdf.Path, leaf: LeafMaterial) -> None:
+    author_leaf_material(stage, root.AppendPath(LEAF_MATERIAL), leaf)
+
+
+def _write_representations(place: AssetPlace, foliage: BranchLeaves, jitter: Jitter, jitter_map: str) -> list[Box]:
+    """The layers of the representations; returns the box of each."""
+    leaves, settings, color = foliage.leaves, foliage.settings, foliage.look.color
+    drawn = edited_leaves(leaves, foliage.edits)
+    boxes = []
+    for representation in settings.representations:
+        path = place.payload / REPRESENTATIONS[representation]
+        if representation == "bezier":
+            segments = silhouette_segments(settings.prototype.silhouette, jitter)
+            prototype = replace(settings.prototype, silhouette=segments)
+            prim = leaves_prim(leaves, foliage.edits, jitter, color, jitter_map, prototype)
+            boxes.append(write_leaves_layer(path, place.name, prim))
+        elif representation == "nurbs":
+            boxes.append(write_patches_layer(path, place.name, drawn, jitter, color, jitter_map))
+        elif representation == "subdiv":
+            cage = build_leaf_cage(drawn, settings.cage, jitter)
+            boxes.append(write_cage_layer(path, place.name, cage, drawn, color))
+        else:
+            mesh = build_leaf_mesh(drawn, settings.mesh, jitter)
+            boxes.append(write_mesh_layer(path, place.name, mesh, drawn, color))
+    return boxes
