@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+_UNIT = 1e-6  # a quaternion this near to length 1 is kept as it is
 # Rows of the parameters of a leaf, three numbers each. silhouette_i is (v, x, z): the parameter on the axis, the
 # distance from it, the height above the leaf's plane.
 PARAMETERS = ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "inner", "outer")
@@ -102,3 +103,9 @@ def mean_leaf(parameters: NDArray[np.floating], weights: NDArray[np.floating] | 
     if not total > 0:
         raise ValueError(f"the weights must sum to more than 0, not {total}")
     return np.asarray(np.average(np.asarray(parameters, np.float64), axis=0, weights=weights))
+
+
+def unit_quaternions(turns: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Quaternions (N, 4) made unit where they are not; the others keep their bits."""
+    length = np.linalg.norm(turns, axis=1, keepdims=True)
+    return np.where(np.abs(length - 1) <= _UNIT, turns, turns / length)

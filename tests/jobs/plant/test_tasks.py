@@ -62,6 +62,27 @@ def test_every_task_comes_after_those_that_it_needs() -> None:
     assert PLAN.last == ("report",)
 
 
+@pytest.mark.parametrize(
+    ("only", "last"),
+    [
+        (("leaves",), ("leaves", "leaves-asset")),
+        (("branches", "crown"), ("branches", "crown", "branches-asset", "crown-asset")),
+        (("cloud",), ("cloud",)),
+        (("leaves", "asset"), ("leaves", "leaves-asset", "asset")),
+    ],
+)
+def test_parts_after_which_a_build_stops_get_assets_of_their_own(only: tuple[str, ...], last: tuple[str, ...]) -> None:
+    plan = plan_build(make_inputs(), BuildSettings(), "fern", only)
+    assert plan.last == last
+    for name in last:
+        if name.endswith("-asset"):
+            assert plan.tasks[name].needs == (name.removesuffix("-asset"),)
+    others = {name: task for name, task in plan.tasks.items() if not name.endswith("-asset")}
+    assert others == dict(PLAN.tasks)  # which are the same whatever is asked for
+    renamed = plan_build(make_inputs(), BuildSettings(), "ivy", only)
+    assert all(renamed.tasks[name].key != plan.tasks[name].key for name in last if name.endswith("-asset"))
+
+
 def test_depth_is_cut_into_chunks_of_photographs() -> None:
     rounds = len(BuildSettings().capture.depth.rounds)
     assert sum(task.stage == "matching" for task in PLAN.tasks.values()) == rounds * 3  # of 9 photographs, 4 each
@@ -288,5 +309,5 @@ def test_what_only_finished_tasks_need_is_not_wanted(tmp_path: Path) -> None:
 def test_a_build_can_stop_at_a_stage(tmp_path: Path) -> None:
     plan = plan_build(make_inputs(), BuildSettings(), "fern", ["cloud", "branches"])
     wanted, _ = find_wanted(plan, Store(folder=tmp_path), thorough=True)
-    expected = {"poses", "matching", "depth", "cloud", "isolation", "branches"}
+    expected = {"poses", "matching", "depth", "cloud", "isolation", "branches", "part-asset"}
     assert {task.stage for task in wanted.values()} == expected

@@ -1,7 +1,6 @@
 """Branches as a part of an asset: their skeleton, their surfaces by order, bark, and what moves of them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from usdfoliage.asset.parts.leaf_motion import (
 from usdfoliage.asset.parts.part import AssetPlace, Part, copy_map
 from usdfoliage.asset.plant import BRANCHES, SKELETON
 from usdfoliage.asset.variants import VariantSet
-from usdfoliage.branch.cage.build import BranchCage
+from usdfoliage.branch.cage.surfaces import BranchSurfaces as BranchSurfaces
 
 ALL_ORDERS = "all"  # variant of the set branches
 _SKELETON, _SURFACE, _RIG, _GROWTH = "skeleton.usdc", "branches.usdc", "rig.usdc", "growth.usdc"
@@ -37,19 +36,6 @@ class BranchAssetSettings:
     texture: Path | None = None  # picture of bark that repeats
     texture_m: float = 0.5  # width of what it shows
     version: str = "1"  # assetInfo
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BranchSurfaces:
-    """The surface of all branches, and coarser ones, which have those up to an order alone."""
-
-    whole: BranchCage
-    by_order: Sequence[tuple[int, BranchCage]] = field(default_factory=tuple)
-
-    @property
-    def coarsest(self) -> BranchCage:
-        """That of the branches of order 1, or where there is none such the first that there is."""
-        return next((cage for order, cage in self.by_order if order == 1), self.whole)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -27,7 +27,7 @@ from usdfoliage.asset.parts.leaf_primvars import (
 from usdfoliage.asset.plant import LEAVES, LEAVES_GUIDE
 from usdfoliage.asset.schema import LEAF_API
 from usdfoliage.errors import AssetError
-from usdfoliage.leaf.model import Leaves, mean_leaf
+from usdfoliage.leaf.model import Leaves, mean_leaf, unit_quaternions
 from usdfoliage.leaf.shape.bounds import common_bounds, leaf_bounds_m
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, apply_edits
 from usdfoliage.leaf.shape.jitter import Jitter
@@ -36,7 +36,6 @@ from usdfoliage.leaf.shape.variation import default_leaf
 
 PROTOTYPE = "Prototypes/Leaf"  # below the instancer
 PLACE = ("base_m", "length_m", "orientation")  # fields of Leaves that say where a leaf is
-_UNIT = 1e-6  # a quaternion this near to length 1 is written as it is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -240,9 +239,3 @@ def check_leaves(leaves: Leaves) -> None:
     nothing = ~np.any(leaves.orientation, axis=1)
     if nothing.any():
         raise ValueError(f"{np.count_nonzero(nothing)} of {len(leaves)} orientations are (0, 0, 0, 0)")
-
-
-def unit_quaternions(turns: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Quaternions (N, 4) made unit where they are not; the others keep their bits."""
-    length = np.linalg.norm(turns, axis=1, keepdims=True)
-    return np.where(np.abs(length - 1) <= _UNIT, turns, turns / length)

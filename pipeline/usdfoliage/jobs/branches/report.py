@@ -49,7 +49,6 @@ class BranchesReport:
     remarks: Sequence[Remark]  # what the reader should know first
     render_setting: RenderSetting
     settings: Mapping[str, str]
-    preview: bool
     variations: Sequence[Path] = ()  # interfaces of plants alike
 
 
@@ -105,7 +104,7 @@ def branch_rows(
 
 def write_branches_report(
     folder: Path,
-    interface: Path,
+    interface: Path | None,
     report: BranchesReport,
     traced: TracedBranches,
     points_m: NDArray[np.float64],
@@ -117,7 +116,7 @@ def write_branches_report(
 
     Args:
         folder: An existing folder.
-        interface: The asset, for its pictures.
+        interface: The asset, which Storm draws; None for no such pictures.
         report: What to say.
         traced: The branches.
         points_m: (N, 3), the cloud in the asset's frame.
@@ -150,7 +149,7 @@ def write_branches_report(
             pictures.append(ReportView(name=f"{caption}, from the {direction}", file=file))
     remarks = list(report.remarks)
     views = []
-    if report.preview:
+    if interface is not None:
         try:
             render_views(
                 interface,

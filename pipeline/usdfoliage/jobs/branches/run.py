@@ -1,6 +1,7 @@
 """From a cloud on disk to an asset of branches."""
 
 import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -83,9 +84,79 @@ class MadeBranches:
     remarks: tuple[Remark, ...]
     measures: tuple[Row, ...]
     seconds: dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FoundBranches:
+    """The branches of a cloud, before anything is written."""
+
     plant: PlantCloud  # as it was traced
     traced: TracedBranches
-    lost: tuple[int, ...]  # branches that the surface lacks
+    shown: TracedBranches  # the same, or regrown
+    made: "PlantModel"
+    bark: BranchAssetSettings
+    remarks: tuple[Remark, ...]
+    rows: tuple[Row, ...]
+
+    @property
+    def lost(self) -> tuple[int, ...]:
+        """Branches that the surface lacks."""
+        return tuple(branch.curve for branch in self.made.surfaces.whole.dropped)
+
+
+def find_branches(
+    request: BranchesRequest,
+    fitted: FittedLeaves | None,
+    seconds: dict[str, float],
+    progress: StepProgress | None = None,
+) -> FoundBranches:
+    """Trace the branches of a cloud, with their surface, their leaves and what moves; nothing is written.
+
+    Args:
+        request: What was asked for.
+        fitted: Leaves to be drawn from; None for leaves of the species, if any.
+        seconds: What each step took is added.
+        progress: Told of each step.
+
+    Raises:
+        NoStemsError: The request needs stems, and the cloud shows none.
+        FoliageError: The input is unusable.
+    """
+    found = trace_cloud(request.cloud, request.settings, seconds, progress, needs_stems=request.needs_stems)
+    plant, traced = found.plant, found.traced
+    bark = request.asset
+    if request.color_of_cloud and plant.colors is not None and traced.wood.any():
+        of_stems = points_of_branches(plant.points_m, traced.skeleton.up_to_order(0), traced.spacing_m)
+        color = wood_color(plant.colors[of_stems & traced.wood if (of_stems & traced.wood).any() else traced.wood])
+        bark = replace(bark, color=color)
+    with follow_step("growth", seconds, progress) as tell:
+        shown, of_growth = regrow_branches(
+            traced,
+            plant,
+            request.regrowth,
+            request.foliage.species,
+            request.seed,
+            lambda share: tell(round(1000 * share), 1000),
+        )
+    made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
+    surface = made.surfaces.whole
+    remarks = merge_remarks(
+        found.remarks,
+        describe_leaves(traced, request.settings),
+        of_growth,
+        made.remarks,
+        check_surface(len(shown.skeleton), len(surface.dropped), len(surface.loose)),
+    )
+    rows = branch_rows(shown, surface, plant.points_m[shown.wood], grown=request.regrowth.method == GROW)
+    return FoundBranches(
+        plant=plant,
+        traced=traced,
+        shown=shown,
+        made=made,
+        bark=bark,
+        remarks=remarks,
+        rows=(*rows, *made.rows),
+    )
 
 
 def make_branches_asset(request: BranchesRequest, progress: StepProgress | None = None) -> MadeBranches:
@@ -98,26 +169,9 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
     seconds: dict[str, float] = {}
     with publish_folder(request.output, force=request.force) as folder:
         fitted = read_fitted_leaves(request.foliage, request.output)
-        found = trace_cloud(request.cloud, request.settings, seconds, progress, needs_stems=request.needs_stems)
-        plant, traced = found.plant, found.traced
-        if request.color_of_cloud and plant.colors is not None and traced.wood.any():
-            of_stems = points_of_branches(plant.points_m, traced.skeleton.up_to_order(0), traced.spacing_m)
-            color = wood_color(plant.colors[of_stems & traced.wood if (of_stems & traced.wood).any() else traced.wood])
-            request = replace(request, asset=replace(request.asset, color=color))
-        species = request.foliage.species
-        with follow_step("growth", seconds, progress) as tell:
-            shown, of_growth = regrow_branches(
-                traced, plant, request.regrowth, species, request.seed, lambda share: tell(round(1000 * share), 1000)
-            )
-        made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
-        surface = made.surfaces.whole
-        remarks = merge_remarks(
-            found.remarks,
-            describe_leaves(traced, request.settings),
-            of_growth,
-            made.remarks,
-            check_surface(len(shown.skeleton), len(surface.dropped), len(surface.loose)),
-        )
+        found = find_branches(request, fitted, seconds, progress)
+        plant = found.plant
+        request = replace(request, asset=found.bark)
         with follow_step("asset", seconds, progress):
             provenance = Provenance(
                 species=request.species,
@@ -127,47 +181,65 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 settings=describe_settings(request),
                 input_sha256=digest_file(plant.source.path),
             )
-            interface = _write_plant(folder, request.name, made, provenance, plant, request.asset)
+            interface = _write_plant(folder, request.name, found.made, provenance, plant, request.asset)
         variations: list[Path] = []
+        species = request.foliage.species
         with follow_step("variations", seconds, progress) as tell:
-            for varied, seed in vary_branches(traced, plant, request.regrowth, species, request.seed):
+            for varied, seed in vary_branches(found.traced, plant, request.regrowth, species, request.seed):
                 name = f"{request.name}_{len(variations) + 1:02d}"
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
                 alike = _make_plant(request, varied, fitted, seed, {}, None)
                 variations.append(_write_plant(own, name, alike, replace(provenance, seed=seed), plant, request.asset))
                 tell(len(variations), request.regrowth.variations)
-        report = BranchesReport(
-            name=request.name,
-            capture=plant.source.path.name,
-            generator=provenance.generator,
-            remarks=remarks,
-            render_setting=request.render_setting,
-            settings=provenance.settings,
-            preview=request.preview,
-            variations=variations,
-        )
         (folder / "report").mkdir(exist_ok=True)
-        wood_m = plant.points_m[shown.wood]
-        rows = branch_rows(shown, surface, wood_m, grown=request.regrowth.method == GROW)
-        rows.extend(made.rows)
-        times = seconds if request.times else {}
-        write_branches_report(folder / "report", interface, report, shown, plant.points_m, rows, times, progress)
+        drawn = interface if request.preview else None
+        write_report(folder / "report", request, found, seconds, drawn, variations, progress)
     return MadeBranches(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         variations=tuple(request.output / made.relative_to(folder) for made in variations),
-        remarks=remarks,
-        measures=tuple(rows),
+        remarks=found.remarks,
+        measures=found.rows,
         seconds=seconds,
-        plant=plant,
-        traced=shown,
-        lost=tuple(branch.curve for branch in surface.dropped),
     )
 
 
+def write_report(
+    folder: Path,
+    request: BranchesRequest,
+    found: FoundBranches,
+    seconds: Mapping[str, float],
+    interface: Path | None = None,
+    variations: Sequence[Path] = (),
+    progress: StepProgress | None = None,
+) -> None:
+    """Write the report of branches into an existing folder.
+
+    Args:
+        folder: Of the report.
+        request: What was asked for.
+        found: The branches.
+        seconds: By step.
+        interface: Their asset, which Storm draws; None for no such pictures.
+        variations: Interface layers of plants alike.
+        progress: Told of Storm's pictures.
+    """
+    report = BranchesReport(
+        name=request.name,
+        capture=found.plant.source.path.name,
+        generator=f"usdfoliage {__version__}",
+        remarks=found.remarks,
+        render_setting=request.render_setting,
+        settings=describe_settings(replace(request, asset=found.bark)),
+        variations=variations,
+    )
+    times = seconds if request.times else {}
+    write_branches_report(folder, interface, report, found.shown, found.plant.points_m, found.rows, times, progress)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _MadePlant:
+class PlantModel:
     """What an asset of branches is written from."""
 
     skeleton: SkeletonPrim
@@ -187,7 +259,7 @@ def _make_plant(
     seed: int,
     seconds: dict[str, float],
     progress: StepProgress | None,
-) -> _MadePlant:
+) -> PlantModel:
     """The surface of branches, their leaves, and what moves."""
     with follow_step("surface", seconds, progress):
         surfaces, remarks = build_surfaces(traced.skeleton)
@@ -201,7 +273,7 @@ def _make_plant(
     if rig is not None:
         text = f"the rig has {len(rig.rig)} joints"
         remarks.append(remark("rig-joints", text, remedy="select rig=skel to move it"))
-    return _MadePlant(
+    return PlantModel(
         skeleton=SkeletonPrim(skeleton=traced.skeleton, growth=growth_of(traced)),
         surfaces=surfaces,
         leaves=grown.foliage if grown else None,
@@ -216,7 +288,7 @@ def _make_plant(
 def _write_plant(
     folder: Path,
     name: str,
-    made: _MadePlant,
+    made: PlantModel,
     provenance: Provenance,
     plant: PlantCloud,
     settings: BranchAssetSettings,

@@ -53,23 +53,21 @@ class DrawnCrown:
 
 
 def draw_captured_crown(
-    interface: Path,
+    interface: Path | None,
     folder: Path,
     model: CrownModel,
     views: Sequence[CrownView],
     count: int,
-    preview: bool,
     progress: StepProgress | None = None,
 ) -> DrawnCrown:
     """Draw the crown into folder: by Storm from all sides and from the cameras of some photographs, and these.
 
     Args:
-        interface: The asset.
+        interface: The asset, which Storm draws; None for no such pictures.
         folder: Of the report.
         model: The crown of the asset.
         views: All photographs.
         count: How many of them are shown, evenly chosen.
-        preview: Whether Storm draws.
         progress: Told of Storm's pictures.
     """
     chosen = [views[len(views) * number // min(count, len(views))] for number in range(min(count, len(views)))]
@@ -89,7 +87,7 @@ def draw_captured_crown(
         drawn.append(PreviewView(output=folder / pair.drawn, pinhole=camera))
         pairs.append(pair)
     without = tuple(ReportPair(name=pair.name, photo=pair.photo, drawn="") for pair in pairs)
-    if not preview:
+    if interface is None:
         return DrawnCrown(views=(), pairs=without, complaint="")
     sides = [PreviewView(output=folder / file, direction=direction) for _, direction, file in SIDES]
     try:

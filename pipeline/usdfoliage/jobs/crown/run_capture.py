@@ -17,6 +17,7 @@ from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.crown.captured_measures import CapturedCrownMeasures
 from usdfoliage.crown.leaf_colors import find_green_points, have_color
 from usdfoliage.crown.model import CrownModel
+from usdfoliage.crown.model_file import MadeCrown
 from usdfoliage.crown.reconstruct import (
     CAPTURED_STEPS,
     CLOUD_STEPS,
@@ -29,7 +30,7 @@ from usdfoliage.files.hashing import digest_file, hash_each
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
-from usdfoliage.jobs.crown.capture_report import captured_rows, draw_captured_crown, write_captured_report
+from usdfoliage.jobs.crown.capture_report import DrawnCrown, captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.progress import StepProgress
@@ -64,18 +65,41 @@ class MadeCapturedCrown:
     preview: Path | None
     remarks: tuple[Remark, ...]
     measures: tuple[Row, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FoundCrown:
+    """The crown of a capture, before anything is written."""
+
+    read: CrownCapture
+    read_s: float  # that reading took
     model: CrownModel
-    overlap: float  # of its silhouettes with those of the points, median IoU
+    measures: CapturedCrownMeasures
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        return (*self.read.remarks, *self.measures.remarks)
+
+    @property
+    def made(self) -> MadeCrown:
+        """What a later stage needs of it."""
+        overlap = float(np.median([view.cloud_iou for view in self.measures.views]))
+        return MadeCrown(model=self.model, overlap=overlap)
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Its figures."""
+        return tuple(captured_rows(self.model, self.measures))
 
 
-def make_captured_crown_asset(
+def find_captured_crown(
     request: CapturedCrownRequest,
     progress: StepProgress | None = None,
     *,
     plant: PlantPoints | None = None,
     asset_from_capture: NDArray[np.float64] | None = None,
-) -> MadeCapturedCrown:
-    """Reconstruct the crown of a capture and publish its asset; the old asset stays until the new one is whole.
+) -> FoundCrown:
+    """Reconstruct the crown of a capture; nothing is written.
 
     Args:
         request: What to make of which capture.
@@ -84,50 +108,79 @@ def make_captured_crown_asset(
         asset_from_capture: (4, 4), the frame of other stages, where plant does not say it.
 
     Raises:
+        FoliageError: The input is unusable.
+    """
+    start = time.perf_counter()
+    read = read_crown_capture(request.cloud, plant, asset_from_capture, progress)
+    read_s = time.perf_counter() - start
+    model, measures = fit_captured_crown(request, read, progress)
+    return FoundCrown(read=read, read_s=read_s, model=model, measures=measures)
+
+
+def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgress | None = None) -> MadeCapturedCrown:
+    """Reconstruct the crown of a capture and publish its asset; the old asset stays until the new one is whole.
+
+    Raises:
         FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
     """
     with publish_folder(request.output, force=request.force) as folder:
-        start = time.perf_counter()
-        read = read_crown_capture(request.cloud, plant, asset_from_capture, progress)
-        read_s = time.perf_counter() - start
-        model, measures = fit_captured_crown(request, read, progress)
+        found = find_captured_crown(request, progress)
         provenance = Provenance(
             species=request.species,
-            capture=read.name,
+            capture=found.read.name,
             generator=f"usdfoliage {__version__}",
             seed=request.settings.seed,
             settings=describe_settings(request),
-            input_sha256=_fingerprint(read),
+            input_sha256=_fingerprint(found.read),
         )
-        interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings)
-        remarks = [*read.remarks, *measures.remarks]
+        interface = write_crown_asset(folder, request.name, found.model, provenance, request.asset_settings)
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
-        drawn = draw_captured_crown(
-            interface, report_folder, model, read.views, request.report_views, request.preview, progress
-        )
-        if drawn.complaint:
-            remarks.append(remark("report-without-pictures", f"no pictures of the asset: {drawn.complaint}"))
-        report = CrownReport(
-            name=request.name,
-            capture=read.name,
-            generator=provenance.generator,
-            remarks=remarks,
-            render_setting=request.render_setting,
-            settings=provenance.settings,
-            views=drawn.views,
-            seconds={"cloud": read_s, **measures.seconds} if request.times else {},
-        )
-        write_captured_report(report_folder, report, model, measures, drawn)
+        drawn, remarks = write_report(report_folder, request, found, interface if request.preview else None, progress)
     return MadeCapturedCrown(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         preview=request.output / "report" / drawn.views[0].file if drawn.views else None,
-        remarks=tuple(remarks),
-        measures=tuple(captured_rows(model, measures)),
-        model=model,
-        overlap=float(np.median([view.cloud_iou for view in measures.views])),
+        remarks=remarks,
+        measures=found.rows,
     )
+
+
+def write_report(
+    folder: Path,
+    request: CapturedCrownRequest,
+    found: FoundCrown,
+    interface: Path | None = None,
+    progress: StepProgress | None = None,
+) -> tuple[DrawnCrown, tuple[Remark, ...]]:
+    """Write the report of a crown into an existing folder.
+
+    Args:
+        folder: Of the report.
+        request: What was asked for.
+        found: The crown.
+        interface: Its asset, which Storm draws; None for no such pictures.
+        progress: Told of Storm's pictures.
+
+    Returns:
+        What was drawn, and all remarks on the crown.
+    """
+    drawn = draw_captured_crown(interface, folder, found.model, found.read.views, request.report_views, progress)
+    remarks = found.remarks
+    if drawn.complaint:
+        remarks += (remark("report-without-pictures", f"no pictures of the asset: {drawn.complaint}"),)
+    report = CrownReport(
+        name=request.name,
+        capture=found.read.name,
+        generator=f"usdfoliage {__version__}",
+        remarks=remarks,
+        render_setting=request.render_setting,
+        settings=describe_settings(request),
+        views=drawn.views,
+        seconds={"cloud": found.read_s, **found.measures.seconds} if request.times else {},
+    )
+    write_captured_report(folder, report, found.model, found.measures, drawn)
+    return drawn, remarks
 
 
 def fit_captured_crown(

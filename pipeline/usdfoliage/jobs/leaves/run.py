@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from usdfoliage.jobs.report.pictures import shrink_camera
 from usdfoliage.jobs.report.table import Row, choose_shown
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.model_file import LeavesModel
 from usdfoliage.leaf.photographs.average_texture import AverageTexture
 from usdfoliage.leaf.reconstruct import STEPS, Reconstruction, reconstruct_leaves
 from usdfoliage.leaf.segmentation.model import Step
@@ -87,6 +88,56 @@ class LeavesInput:
     remarks: tuple[Remark, ...]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FoundLeaves:
+    """The leaves of a capture, before anything is written."""
+
+    given: LeavesInput
+    found: Reconstruction
+    leaves: Leaves  # in the plant's frame
+    asset_from_world: NDArray[np.float64]  # (4, 4), to that frame
+    seconds: Mapping[str, float]  # by step
+
+    @property
+    def asset_from_capture(self) -> NDArray[np.float64]:
+        """(4, 4), column vectors, from the capture's own coordinates and unit to the plant's frame."""
+        unit = self.given.capture.settings.metres_per_unit
+        return np.asarray(self.asset_from_world @ np.diag([unit, unit, unit, 1.0]))
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        return (*self.found.remarks, *self.given.remarks)
+
+    @property
+    def model(self) -> LeavesModel:
+        """What a later stage needs of them."""
+        color, texture = self.leaves.color, self.found.texture
+        return LeavesModel(
+            leaves=self.leaves,
+            asset_from_capture=self.asset_from_capture,
+            plain_color=_three(np.median(color, axis=0)) if color is not None and len(color) else None,
+            texture_color=usual_color(texture) if texture is not None else None,
+        )
+
+
+def find_capture_leaves(request: LeavesRequest, progress: StepProgress | None = None) -> FoundLeaves:
+    """Find the leaves of a capture; nothing is written.
+
+    Raises:
+        FoliageError: The input is unusable.
+    """
+    start = time.perf_counter()
+    given = read_leaves_input(request, progress)
+    seconds = {"capture": time.perf_counter() - start}
+    found = reconstruct_leaves(given.views, request.settings, progress)
+    seconds.update(found.seconds)
+    if not len(found.leaves):
+        logger.warning("no leaf was found (%s)", request.capture)
+    asset_from_world = place_plant(found.leaves, given.capture.asset_from_world)
+    leaves = finish_leaves(found.leaves, asset_from_world, given.numbers)
+    return FoundLeaves(given=given, found=found, leaves=leaves, asset_from_world=asset_from_world, seconds=seconds)
+
+
 def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = None) -> MadeLeaves:
     """Find the leaves of a capture and publish their asset; the old asset stays until the new one is whole.
 
@@ -94,33 +145,25 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
         FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
     """
     with publish_folder(request.output, force=request.force) as folder:
-        start = time.perf_counter()
-        given = read_leaves_input(request, progress)
-        seconds = {"capture": time.perf_counter() - start}
-        found = reconstruct_leaves(given.views, request.settings, progress)
-        seconds.update(found.seconds)
-
-        if not len(found.leaves):
-            logger.warning("no leaf was found (%s)", request.capture)
+        made = find_capture_leaves(request, progress)
+        seconds = dict(made.seconds)
         start = time.perf_counter()
         if progress:
             progress("asset", 0.0)
-        asset_from_world = place_plant(found.leaves, given.capture.asset_from_world)
-        leaves = finish_leaves(found.leaves, asset_from_world, given.numbers)
-        settings = LeafAssetSettings(representations=choose_representations(request, len(leaves)))
-        check_memory(len(leaves), settings)
-        interface = write_asset(folder, request, given, found, leaves, asset_from_world, settings)
+        settings = LeafAssetSettings(representations=choose_representations(request, len(made.leaves)))
+        check_memory(len(made.leaves), settings)
+        interface = write_asset(folder, request, made, settings)
         seconds["asset"] = time.perf_counter() - start
 
         start = time.perf_counter()
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
-        shown = choose_shown(len(given.views), request.report_views)
+        shown = choose_shown(len(made.given.views), request.report_views)
         previews: dict[int, str] = {}
-        remarks = [*found.remarks, *given.remarks]
-        if request.preview and len(leaves) and shown:
+        remarks = list(made.remarks)
+        if request.preview and len(made.leaves) and shown:
             try:
-                previews = draw_previews(interface, report_folder, given, shown, asset_from_world, progress)
+                previews = draw_previews(interface, report_folder, made.given, shown, made.asset_from_world, progress)
             except PreviewError as error:
                 logger.warning("no pictures: %s", error)
                 remarks.append(remark("report-without-pictures", f"no pictures of the asset: {error}"))
@@ -128,28 +171,52 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
         if progress:
             progress("report", 0.0)
         texture = sorted((folder / "maps").glob(f"{request.name}_leaf.*"))
-        report = LeavesReport(
-            name=request.name,
-            capture=given.capture.name,
-            generator=f"usdfoliage {__version__}",
-            remarks=remarks,
-            render_setting=request.render_setting,
-            settings=describe_settings(request),
-            seconds=seconds if request.times else {},
-            shown=shown,
-            numbers=given.numbers.tolist(),
-            texture=f"../maps/{texture[0].name}" if texture else "",
-            previews=previews,
-        )
-        write_leaves_report(report_folder, report, found, given.views, threads=request.settings.threads)
+        picture = f"../maps/{texture[0].name}" if texture else ""
+        write_report(report_folder, request, made, remarks, picture, seconds, previews)
     return MadeLeaves(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         representations=settings.representations,
         remarks=tuple(remarks),
-        steps=found.steps,
-        measures=measure_rows(leaves),
+        steps=made.found.steps,
+        measures=measure_rows(made.leaves),
     )
+
+
+def write_report(
+    folder: Path,
+    request: LeavesRequest,
+    made: FoundLeaves,
+    remarks: Sequence[Remark],
+    texture: str,
+    seconds: Mapping[str, float],
+    previews: Mapping[int, str],
+) -> None:
+    """Write the report of leaves into an existing folder.
+
+    Args:
+        folder: Of the report.
+        request: What was asked for.
+        made: The leaves.
+        remarks: On them.
+        texture: File of the average leaf, as seen from the folder; empty where there is none.
+        seconds: By step.
+        previews: Storm's pictures in the folder, by the number of their view.
+    """
+    report = LeavesReport(
+        name=request.name,
+        capture=made.given.capture.name,
+        generator=f"usdfoliage {__version__}",
+        remarks=remarks,
+        render_setting=request.render_setting,
+        settings=describe_settings(request),
+        seconds=seconds if request.times else {},
+        shown=choose_shown(len(made.given.views), request.report_views),
+        numbers=made.given.numbers.tolist(),
+        texture=texture,
+        previews=previews,
+    )
+    write_leaves_report(folder, report, made.found, made.given.views, threads=request.settings.threads)
 
 
 def plan_leaves_asset(request: LeavesRequest) -> str:
@@ -259,41 +326,31 @@ def choose_representations(request: LeavesRequest, count: int) -> tuple[str, ...
     return tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)
 
 
-def write_asset(
-    folder: Path,
-    request: LeavesRequest,
-    given: LeavesInput,
-    found: Reconstruction,
-    leaves: Leaves,
-    asset_from_world: NDArray[np.float64],
-    settings: LeafAssetSettings,
-) -> Path:
+def write_asset(folder: Path, request: LeavesRequest, made: FoundLeaves, settings: LeafAssetSettings) -> Path:
     """Write the asset of leaves in its own frame into folder; returns its interface layer."""
-    unit = given.capture.settings.metres_per_unit
+    capture, model = made.given.capture, made.model
     provenance = Provenance(
         species=request.species,
-        capture=given.capture.folder.resolve().name,
+        capture=capture.folder.resolve().name,
         generator=f"usdfoliage {__version__}",
         seed=request.seed,
         settings=describe_settings(request),
-        input_sha256=fingerprint(list_inputs(given.capture)),
+        input_sha256=fingerprint(list_inputs(capture)),
     )
-    look = LeafLook()
-    if leaves.color is not None and len(leaves):
-        look = replace(look, color=_three(np.median(leaves.color, axis=0)))
+    look = LeafLook() if model.plain_color is None else LeafLook(color=model.plain_color)
     with temporary_folder("leaf") as work:
-        if found.texture is not None:
+        if made.found.texture is not None:
             texture = work / "leaf.png"
-            texture.write_bytes(encode_texture(found.texture))
-            look = replace(look, texture=texture, texture_color=usual_color(found.texture))
+            texture.write_bytes(encode_texture(made.found.texture))
+            look = replace(look, texture=texture, texture_color=model.texture_color)
         return write_leaf_asset(
             folder,
             request.name,
-            leaves,
+            made.leaves,
             provenance,
             settings,
             look=look,
-            asset_from_capture=asset_from_world @ np.diag([unit, unit, unit, 1.0]),
+            asset_from_capture=model.asset_from_capture,
         )
 
 

@@ -25,6 +25,7 @@ logger = logging.getLogger(__name__)
 POSES, MATCHING, DEPTH, CLOUD = "poses", "matching", "depth", "cloud"
 ISOLATION = "isolation"
 BRANCHES, LEAVES, CROWN, ASSET = "branches", "leaves", "crown", "asset"
+PART_ASSET = "part-asset"  # of one part, where a build stops after it
 TURNTABLE, COMPARISONS, VARIANTS, REPORT = "turntable", "comparisons", "variants", "report"
 STAGES = (
     POSES,
@@ -112,7 +113,7 @@ def plan_build(
         inputs: The files, with their digests.
         settings: Of every stage.
         name: Of the asset.
-        only: Stages after which to stop; none: all.
+        only: Stages after which to stop; none: all. Parts among them get an asset of their own.
         profile: Digest of the studio's profile that the asset is validated by.
     """
     tasks: dict[str, Task] = {}
@@ -196,6 +197,12 @@ def plan_build(
     if settings.crown.make:
         said_of_crown = (settings.seed, settings.crown, species, name, *([] if cloud else source))
         parts.append(add(CROWN, said_of_crown, [*plant, *parts], 40.0))
+    said_of_part = (name, inputs.name, source, replace(settings, tasks=TaskSettings()))
+    for part in parts:
+        if part in only:
+            full = f"{part}-asset"
+            key = task_key(build_code_version(PART_ASSET), full, said_of_part, [tasks[part].key])
+            tasks[full] = Task(name=full, stage=PART_ASSET, needs=(part,), key=key, estimate_s=2.0)
     draws = describe_interpreter() if settings.pictures.make else ()  # the thumbnail too
     said_of_asset = (replace(settings, tasks=TaskSettings()), name, inputs.name, source, draws)
     asset = add(ASSET, said_of_asset, [*plant, *parts], 20.0)
@@ -209,7 +216,8 @@ def plan_build(
         pictures.append(add(VARIANTS, said_of_pictures, [asset], 30.0))
     everything = [*([poses] if cloud else []), *dict.fromkeys([*has_cloud, *plant]), *parts, asset, *pictures]
     report = add(REPORT, (profile, describe_validators()), everything, 20.0)
-    last = tuple(task.name for task in tasks.values() if task.stage in only) if only else (report,)
+    stop_after = (*only, PART_ASSET)  # which there is for the parts among them alone
+    last = tuple(task.name for task in tasks.values() if task.stage in stop_after) if only else (report,)
     return BuildPlan(tasks=tasks, last=last)
 
 

@@ -20,6 +20,7 @@ from usdfoliage.jobs.plant.stages.assemble import assemble_asset
 from usdfoliage.jobs.plant.stages.capture import find_poses, finish_photographs, match_photographs
 from usdfoliage.jobs.plant.stages.cloud import make_cloud
 from usdfoliage.jobs.plant.stages.isolate import isolate_capture
+from usdfoliage.jobs.plant.stages.part_asset import write_part_asset
 from usdfoliage.jobs.plant.stages.parts import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.plant.stages.report import compare_plant, report_plant, show_variants, turn_plant
 from usdfoliage.jobs.plant.store import (
@@ -45,6 +46,7 @@ from usdfoliage.jobs.plant.tasks import (
     ISOLATION,
     LEAVES,
     MATCHING,
+    PART_ASSET,
     POSES,
     REPORT,
     TURNTABLE,
@@ -67,6 +69,7 @@ STAGES: Mapping[str, Stage] = {
     BRANCHES: trace_branches,
     LEAVES: find_leaves,
     CROWN: make_crown,
+    PART_ASSET: write_part_asset,
     ASSET: assemble_asset,
     TURNTABLE: turn_plant,
     COMPARISONS: compare_plant,

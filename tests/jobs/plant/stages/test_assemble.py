@@ -1,6 +1,6 @@
 """The stage that makes one asset of the parts: what it shows first, and what it warns of."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,19 +8,25 @@ import numpy as np
 import pytest
 from pxr import Usd
 from usdfoliage.asset.packages.contents import interface_of
+from usdfoliage.branch.cage.build import build_branch_cage
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
+from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branches_model, write_traced_plant
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
-from usdfoliage.crown.model import CrownModel
+from usdfoliage.crown.model_file import MadeCrown, write_crown_model
 from usdfoliage.jobs.plant.settings import BuildSettings, PictureStageSettings
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset
-from usdfoliage.jobs.plant.stages.captured_leaves import read_captured_leaves
+from usdfoliage.jobs.plant.stages.models import read_captured_leaves
 from usdfoliage.jobs.plant.summary import read_summary
 from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.model_file import LeavesModel, write_leaves_model
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 
 from tests.support.branch_shapes import fork
-from tests.support.leaves.assets import write_spray
-from tests.support.plant_assets import fork_branches, round_crown
+from tests.support.leaves.assets import two_leaves
+from tests.support.plant_assets import round_crown
+
+LEAVES_FROM_CAPTURE = np.array([[1.0, 0, 0, 2], [0, 0, 1, 0.5], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
 def points_on(leaves: Leaves) -> np.ndarray:
@@ -34,8 +40,10 @@ def points_on(leaves: Leaves) -> np.ndarray:
 )
 def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, away, with_crown, overlap, lod):
     results = {name: tmp_path / name for name in ("isolation", "leaves", "crown")}
-    write_spray(results["leaves"] / "asset")
-    captured = read_captured_leaves(results["leaves"] / "asset")
+    write_leaves_model(
+        results["leaves"] / "leaves.npz", LeavesModel(leaves=two_leaves(), asset_from_capture=LEAVES_FROM_CAPTURE)
+    )
+    captured = read_captured_leaves(results["leaves"])
     assert captured is not None
     # The leaves' own points, and `away` times as many that are of nothing found.
     on_m = points_on(captured.fitted.leaves)
@@ -52,9 +60,7 @@ def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_pa
         ),
     )  # fmt: skip
     if with_crown:
-        results["crown"].mkdir()
-        held = {field.name: getattr(round_crown(), field.name) for field in fields(CrownModel)}
-        np.savez(results["crown"] / "crown.npz", overlap=overlap, **held)
+        write_crown_model(results["crown"] / "crown.npz", MadeCrown(model=round_crown(), overlap=overlap))
     call = SimpleNamespace(
         out=tmp_path / "out",
         inputs=SimpleNamespace(name="fern", source=Path("fern"), digests=()),
@@ -80,23 +86,30 @@ def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_pa
 def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, width_m, lod):
     """A fork in a cloud as slim as it is, and in one that is much wider."""
     results = {name: tmp_path / name for name in ("branches", "crown")}
-    fork_branches(results["branches"] / "asset")
     rng = np.random.default_rng(0)
     around_m = rng.uniform([-width_m, 0, -width_m], [width_m, 2, width_m], (3000, 3))
     skeleton = fork()
-    np.savez(
-        results["branches"] / "plant.npz",
-        points_m=np.concatenate([skeleton.points_m, around_m]),
-        wood=np.zeros(len(skeleton.points_m) + 3000, bool),
-        knows_leaves=True,
-        colors=np.zeros((0, 3)),
-        plant_from_capture=np.eye(4),
-        lost=np.zeros(0, np.int32),
-        **{f"skeleton_{field.name}": getattr(skeleton, field.name) for field in fields(skeleton)},
+    write_branches_model(
+        results["branches"] / "branches.npz",
+        BranchesModel(
+            skeleton=skeleton,
+            surfaces=BranchSurfaces(whole=build_branch_cage(skeleton)),
+            color=(0.2, 0.1, 0.05),
+        ),
     )
-    results["crown"].mkdir()
-    held = {field.name: getattr(round_crown(), field.name) for field in fields(CrownModel)}
-    np.savez(results["crown"] / "crown.npz", overlap=0.8, **held)
+    write_traced_plant(
+        results["branches"] / "plant.npz",
+        TracedPlant(
+            points_m=np.concatenate([skeleton.points_m, around_m]),
+            wood=np.zeros(len(skeleton.points_m) + 3000, bool),
+            knows_leaves=True,
+            colors=None,
+            plant_from_capture=np.eye(4),
+            skeleton=skeleton,
+            lost=np.zeros(0, np.int32),
+        ),
+    )
+    write_crown_model(results["crown"] / "crown.npz", MadeCrown(model=round_crown(), overlap=0.8))
     settings = BuildSettings()
     call = SimpleNamespace(
         out=tmp_path / "out",

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from usdfoliage.asset.packages.leaf_package import LeafLook
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import FittedLeaves
 from usdfoliage.jobs.plant.settings import BuildSettings, FoliageSettings
-from usdfoliage.jobs.plant.stages.captured_leaves import CapturedLeaves
 from usdfoliage.jobs.plant.stages.foliage import choose_foliage, leaf_cover
-from usdfoliage.jobs.plant.stages.parts import TracedPlant, known_species
+from usdfoliage.jobs.plant.stages.models import CapturedLeaves
+from usdfoliage.jobs.plant.stages.parts import known_species
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL
 from usdfoliage.leaf.shape.measures import leaf_width

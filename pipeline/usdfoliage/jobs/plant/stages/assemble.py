@@ -10,21 +10,24 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage import __version__
-from usdfoliage.asset.looks.look import open_asset
-from usdfoliage.asset.packages.contents import interface_of, require_plant
-from usdfoliage.asset.packages.other_parts import OtherParts, find_other_parts
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
+from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.errors import FitError, PreviewError
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.pictures import draw_thumbnail
 from usdfoliage.jobs.plant.settings import STAGE_SETTINGS
-from usdfoliage.jobs.plant.stages.captured_leaves import CapturedLeaves, read_captured_leaves
 from usdfoliage.jobs.plant.stages.foliage import choose_foliage, leaf_cover
 from usdfoliage.jobs.plant.stages.isolate import plant_capture
-from usdfoliage.jobs.plant.stages.parts import ASSET_FOLDER, TracedPlant, read_crown, read_traced_plant
+from usdfoliage.jobs.plant.stages.models import (
+    CapturedLeaves,
+    read_captured_leaves,
+    read_crown,
+    read_plant_branches,
+    read_traced,
+)
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES
@@ -42,6 +45,8 @@ _MOST_POINTS = 50_000  # that this is told by
 _MOST_TOLD = 400  # characters of why a part could not be made
 _LEFT_OUT = ("branches-left-out", "crown-of-no-leaves")  # codes of what says why a plant has no such part
 
+ASSET_FOLDER = "asset"  # in the result of a stage that writes one
+
 logger = logging.getLogger(__name__)
 
 
@@ -52,13 +57,13 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         FitError: None was; the message says why, as there is no report that could.
         FoliageError: Leaves are wanted that there are none of.
     """
-    traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
-    captured = read_captured_leaves(call.result_of(LEAVES) / ASSET_FOLDER) if call.has(LEAVES) else None
+    traced = read_traced(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
+    captured = read_captured_leaves(call.result_of(LEAVES)) if call.has(LEAVES) else None
     made = read_crown(call.result_of(CROWN)) if call.has(CROWN) else None
     crown = made.model if made is not None else None
     plant_from_capture = plant_frame(traced, captured, crown.asset_from_photo if crown is not None else None)
     chosen = choose_foliage(captured, traced, call.settings, plant_from_capture)
-    branches = _branches_of(call) if traced is not None else None
+    branches = read_plant_branches(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
     cover = None
     if traced is None and chosen.leaves is not None and call.has(CLOUD):
         cover = _cover(call, chosen.leaves.leaves, plant_from_capture)
@@ -208,10 +213,3 @@ def provenance_of(call: StageCall) -> Provenance:
 def _decides(key: str) -> bool:
     """Whether a setting decides anything: how many threads there are does not, and seeds are said once."""
     return key.rsplit(".", 1)[-1] not in ("threads", "seed")
-
-
-def _branches_of(call: StageCall) -> OtherParts | None:
-    asset = call.result_of(BRANCHES) / ASSET_FOLDER
-    interface, _ = interface_of(asset)
-    stage = open_asset(asset)  # which prims do not keep
-    return find_other_parts(require_plant(stage, asset), interface)

@@ -12,6 +12,7 @@ from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.foliage.place import FoliageSettings as GrownSettings
 from usdfoliage.branch.foliage.species import GENERIC, load_species
+from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import (
     DRAWN_ALIKE,
@@ -23,8 +24,8 @@ from usdfoliage.jobs.branches.foliage import (
 from usdfoliage.jobs.edits.change import move_leaves
 from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL
 from usdfoliage.jobs.plant.settings import BuildSettings
-from usdfoliage.jobs.plant.stages.captured_leaves import CapturedLeaves
-from usdfoliage.jobs.plant.stages.parts import TracedPlant, known_species
+from usdfoliage.jobs.plant.stages.models import CapturedLeaves
+from usdfoliage.jobs.plant.stages.parts import known_species
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.leaf.fill import FillSettings, fill_places
 from usdfoliage.leaf.model import Leaves

@@ -1,50 +1,58 @@
 """The tasks that turn a capture, or a cloud, into parts of a plant: branches, leaves, crown."""
 
 import logging
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usdfoliage.asset.packages.leaf_package import AssetSettings
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.foliage.species import Species, load_species
-from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branches_model, write_traced_plant
 from usdfoliage.branch.tracing.radii import RadiusSettings
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.crown.hull import HullSettings
-from usdfoliage.crown.model import CrownModel
+from usdfoliage.crown.model_file import write_crown_model
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import AssetError, CaptureError, FoliageError
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots
-from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset
+from usdfoliage.jobs.branches.run import BranchesRequest, find_branches
+from usdfoliage.jobs.branches.run import write_report as write_report_of_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.capture.folder import MASKS
 from usdfoliage.jobs.crown.capture_input import PlantPoints
-from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, make_captured_crown_asset
-from usdfoliage.jobs.leaves.run import LeavesRequest, make_leaves_asset
+from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_captured_crown
+from usdfoliage.jobs.crown.run_capture import write_report as write_report_of_crown
+from usdfoliage.jobs.leaves.report import measure_rows
+from usdfoliage.jobs.leaves.run import LeavesRequest, encode_texture, find_capture_leaves
+from usdfoliage.jobs.leaves.run import write_report as write_report_of_leaves
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.plant.call import StageCall
-from usdfoliage.jobs.plant.stages.captured_leaves import read_leaf_frame
 from usdfoliage.jobs.plant.stages.isolate import GIVEN_DEPTH, is_floorless, plant_capture
+from usdfoliage.jobs.plant.stages.models import (
+    AVERAGE_LEAF,
+    BRANCHES_MODEL,
+    CROWN_MODEL,
+    LEAVES_MODEL,
+    PLANT_POINTS,
+    REPORT_FOLDER,
+    read_leaf_frame,
+    read_traced,
+)
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
 from usdfoliage.jobs.work.settings_file import set_everywhere
+from usdfoliage.leaf.model_file import write_leaves_model
 from usdfoliage.remarks import Setting, as_plan_setting, explain_error, remark
 
 logger = logging.getLogger(__name__)
 
-ASSET_FOLDER = "asset"  # in the result of a part
-CROWN_MODEL = "crown.npz"  # likewise
-LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
-PLANT_POINTS = "plant.npz"  # likewise: the cloud as branches were traced through it
-
 
 def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
-    """The branches of the cloud, in an asset of their own; where none can be traced, the plant has none."""
+    """The branches of the cloud, as models; where none can be traced, the plant has none."""
     settings = call.settings.branches
     species = call.settings.plant.species
     roots, given_roots = read_roots(settings.roots)
@@ -59,20 +67,20 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             internode_m=settings.internode_m,
             has_ground=not is_floorless(call),
         ),
-        output=call.out / ASSET_FOLDER,
+        output=call.out,
         name=call.request.name,
         settings=BranchSettings(
             internode_m=settings.internode_m, leaves=settings.cloud_leaves, radii=RadiusSettings(allometry=allometry)
         ),
         species=known.name if known else "",
         seed=call.settings.seed,
-        preview=False,
         times=False,
         needs_stems=settings.make == "auto",
         color_of_cloud=call.has(CLOUD),  # a scan may be coloured by height or intensity
     )
+    seconds: dict[str, float] = {}
     try:
-        made = make_branches_asset(request, call.progress)
+        found = find_branches(request, None, seconds, call.progress)
     except NoStemsError:
         left_out = remark(
             "branches-left-out",
@@ -88,32 +96,42 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         return ()
     except FoliageError as error:
         return _go_without(call, "branches", error)
-    skeleton = made.traced.skeleton
-    np.savez(
-        call.out / PLANT_POINTS,
-        points_m=made.plant.points_m,
-        wood=made.traced.wood,
-        knows_leaves=made.traced.knows_leaves,
-        colors=np.zeros((0, 3), np.float32) if made.plant.colors is None else made.plant.colors.astype(np.float32),
-        plant_from_capture=made.plant.asset_from_cloud,
-        lost=np.array(made.lost, np.int32),
-        **{f"skeleton_{field.name}": getattr(skeleton, field.name) for field in fields(Skeleton)},
+    report = _report_folder(call)
+    write_report_of_branches(report, request, found, seconds)
+    skeleton = found.made.skeleton
+    model = BranchesModel(
+        skeleton=skeleton.skeleton,
+        surfaces=found.made.surfaces,
+        color=found.bark.color,
+        growth=skeleton.growth,
     )
-    report = call.out / ASSET_FOLDER / "report"
+    write_branches_model(call.out / BRANCHES_MODEL, model)
+    write_traced_plant(
+        call.out / PLANT_POINTS,
+        TracedPlant(
+            points_m=found.plant.points_m,
+            wood=found.shown.wood,
+            knows_leaves=found.shown.knows_leaves,
+            colors=found.plant.colors,
+            plant_from_capture=found.plant.asset_from_cloud,
+            skeleton=found.shown.skeleton,
+            lost=np.array(found.lost, np.int32),
+        ),
+    )
     pictures = [
         StagePicture(file=path.relative_to(call.out).as_posix(), caption=caption)
         for kind, caption in (("weights", "Importance of the points"), ("distance", "Distance from cloud to surface"))
         for path in sorted(report.glob(f"*{kind}*.png"))
     ]
-    remarks = list(made.remarks)
+    remarks = list(found.remarks)
     if species and known is None:
         text = f"nothing is known of the species {species}; its twigs are those of any tree"
         remarks.append(remark("species-unknown", text))
     summary = StageSummary(
-        rows=made.measures,
+        rows=found.rows,
         remarks=remarks,
         pictures=pictures,
-        detail=f"{ASSET_FOLDER}/report/index.html",
+        detail=f"{REPORT_FOLDER}/index.html",
     )
     write_summary(call.out, summary)
     return ()
@@ -128,7 +146,7 @@ def known_species(name: str) -> Species | None:
 
 
 def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
-    """The leaves that photographs show, in an asset of their own; where none can be looked for, the plant has none."""
+    """The leaves that photographs show, as a model; where none can be looked for, the plant has none."""
     settings = call.settings.leaves
     given = call.inputs.has_depth and settings.depth != "estimated" and call.inputs.has_cameras
     # Masks of the plant lie beside the depth that was found, and beside that which was given.
@@ -140,7 +158,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
     chosen = set_everywhere(set_everywhere(LeavesSettings(**held), "threads", call.threads), "seed", call.settings.seed)
     request = LeavesRequest(
         capture=capture,
-        output=call.out / ASSET_FOLDER,
+        output=call.out,
         name=call.request.name,
         settings=chosen,
         depth=GIVEN_DEPTH if given and isolated else "depth",
@@ -148,28 +166,32 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
         species=call.settings.plant.species,
         seed=call.settings.seed,
         report_views=6,
-        preview=False,
         times=False,
     )
     try:
-        made = make_leaves_asset(request, call.progress)
+        found = find_capture_leaves(request, call.progress)
     except FoliageError as error:
         return _go_without(call, "leaves", error)
-    report = call.out / ASSET_FOLDER / "report"
+    report = _report_folder(call)
+    texture = ""
+    if found.found.texture is not None:
+        texture = AVERAGE_LEAF
+        for folder in (call.out, report):
+            (folder / texture).write_bytes(encode_texture(found.found.texture))
+    write_report_of_leaves(report, request, found, found.remarks, texture, found.seconds, {})
+    write_leaves_model(call.out / LEAVES_MODEL, found.model)
     pictures = [
         StagePicture(file=path.relative_to(call.out).as_posix(), caption=f"{caption}, photograph {path.stem[5:8]}")
         for kind, caption in (("fit", "Fitted leaves over the photograph"),)
         for path in sorted(report.glob(f"view_*_{kind}*"))
     ]
-    texture = sorted((call.out / ASSET_FOLDER / "maps").glob("*_leaf.png"))
-    pictures += [
-        StagePicture(file=path.relative_to(call.out).as_posix(), caption="The average leaf") for path in texture
-    ]
+    if texture:
+        pictures.append(StagePicture(file=texture, caption="The average leaf"))
     summary = StageSummary(
-        rows=made.measures,
-        remarks=made.remarks,
+        rows=measure_rows(found.leaves),
+        remarks=found.remarks,
         pictures=pictures,
-        detail=f"{ASSET_FOLDER}/report/index.html",
+        detail=f"{REPORT_FOLDER}/index.html",
     )
     write_summary(call.out, summary)
     return ()
@@ -178,7 +200,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
 def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     """The crown of the cloud and of photographs, if any, in the plant's frame; where none can be made, it has none."""
     settings = call.settings.crown
-    traced = read_traced_plant(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
+    traced = read_traced(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
     plant = None
     if traced is not None and traced.is_leafless:
         bare = remark("crown-of-no-leaves", "the plant has no crown: it has no leaves")
@@ -191,10 +213,10 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
             colors=traced.colors,
             asset_from_capture=traced.plant_from_capture,
         )
-    frame = read_leaf_frame(call.result_of(LEAVES) / ASSET_FOLDER) if call.has(LEAVES) and traced is None else None
+    frame = read_leaf_frame(call.result_of(LEAVES)) if call.has(LEAVES) and traced is None else None
     request = CapturedCrownRequest(
         cloud=PlantCloudRequest(path=_cloud_of(call), roots=RootSettings(), has_ground=not is_floorless(call)),
-        output=call.out / ASSET_FOLDER,
+        output=call.out,
         name=call.request.name,
         settings=CapturedCrownSettings(
             size=settings.size,
@@ -204,87 +226,34 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
         ),
         asset_settings=AssetSettings(crown_mesh_size=settings.mesh_size),
         species=call.settings.plant.species,
-        preview=False,
         times=False,
     )
     try:
-        made = make_captured_crown_asset(request, call.progress, plant=plant, asset_from_capture=frame)
+        found = find_captured_crown(request, call.progress, plant=plant, asset_from_capture=frame)
     except FoliageError as error:
         return _go_without(call, "crown", error)
-    model = {field.name: getattr(made.model, field.name) for field in fields(CrownModel)}
-    np.savez(call.out / CROWN_MODEL, overlap=made.overlap, **model)
-    report = call.out / ASSET_FOLDER / "report"
+    report = _report_folder(call)
+    write_report_of_crown(report, request, found)
+    write_crown_model(call.out / CROWN_MODEL, found.made)
     pictures = [
         StagePicture(file=path.relative_to(call.out).as_posix(), caption=path.stem.replace("_", " "))
         for path in sorted(report.glob("*.png"))
     ]
     summary = StageSummary(
-        rows=made.measures,
-        remarks=made.remarks,
+        rows=found.rows,
+        remarks=found.remarks,
         pictures=pictures,
-        detail=f"{ASSET_FOLDER}/report/index.html",
+        detail=f"{REPORT_FOLDER}/index.html",
     )
     write_summary(call.out, summary)
     return ()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MadeCrown:
-    """A crown, and how well it stands for the plant."""
-
-    model: CrownModel
-    overlap: float  # of its silhouettes with those of the points, median IoU
-
-
-def read_crown(folder: Path) -> MadeCrown | None:
-    """The crown that make_crown left in its folder; None where none could be made."""
-    path = folder / CROWN_MODEL
-    if not path.is_file():
-        return None
-    with np.load(path, allow_pickle=False) as held:
-        model = CrownModel(
-            radius_m=held["radius_m"],
-            color=held["color"],
-            center_m=held["center_m"],
-            relief_weight=float(held["relief_weight"]),
-            asset_from_photo=held["asset_from_photo"],
-        )
-        return MadeCrown(model=model, overlap=float(held["overlap"]))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TracedPlant:
-    """What the other parts must know of the branches. The plant's frame: metres, Y up, the first root at the origin."""
-
-    points_m: NDArray[np.float64]  # (N, 3), the cloud without its ground
-    wood: NDArray[np.bool_]  # (N,), points of branches; the others are of leaves
-    knows_leaves: bool  # whether the cloud is dense enough to tell them apart
-    colors: NDArray[np.float64] | None  # (N, 3), red, green and blue, 0 to 255
-    plant_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
-    skeleton: Skeleton
-    lost: NDArray[np.int32]  # branches that the surface lacks
-
-    @property
-    def is_leafless(self) -> bool:
-        """Whether the cloud surely shows a plant without leaves."""
-        return self.knows_leaves and float((~self.wood).mean()) < LEAFLESS
-
-
-def read_traced_plant(folder: Path) -> TracedPlant | None:
-    """What trace_branches left in its folder; None where no branches could be traced."""
-    path = folder / PLANT_POINTS
-    if not path.is_file():
-        return None
-    with np.load(path, allow_pickle=False) as held:
-        return TracedPlant(
-            points_m=held["points_m"],
-            wood=held["wood"],
-            knows_leaves=bool(held["knows_leaves"]),
-            colors=held["colors"].astype(np.float64) if len(held["colors"]) else None,
-            plant_from_capture=held["plant_from_capture"],
-            skeleton=Skeleton(**{field.name: held[f"skeleton_{field.name}"] for field in fields(Skeleton)}),
-            lost=held["lost"],
-        )
+def _report_folder(call: StageCall) -> Path:
+    """A new folder for the report of the stage alone."""
+    folder = call.out / REPORT_FOLDER
+    folder.mkdir()
+    return folder
 
 
 def _cloud_of(call: StageCall) -> Path:

@@ -30,8 +30,8 @@ from usdfoliage.jobs.plant.pages.report import (
 )
 from usdfoliage.jobs.plant.pages.report_html import write_plant_report
 from usdfoliage.jobs.plant.settings import STAGE_SETTINGS, BuildSettings
+from usdfoliage.jobs.plant.stages.assemble import ASSET_FOLDER
 from usdfoliage.jobs.plant.stages.isolate import has_drawn_masks, plant_capture
-from usdfoliage.jobs.plant.stages.parts import ASSET_FOLDER
 from usdfoliage.jobs.plant.store import ResultFile, copy_tree
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
 from usdfoliage.jobs.plant.tasks import (
@@ -218,9 +218,6 @@ def _copy_details(call: StageCall, folder: Path) -> None:
         detail = read_summary(call.result_of(name)).detail if call.has(name) else ""
         if detail:
             copy_tree((call.result_of(name) / detail).parent, folder / name, link=True)
-    for texture in (call.result_of(LEAVES) / ASSET_FOLDER / "maps").glob("*") if call.has(LEAVES) else ():
-        copy_tree(texture.parent, folder / "maps", link=True)  # where the leaves' report looks for it
-        break
 
 
 def _stage(call: StageCall, name: str, summary: StageSummary) -> StageReport:
