@@ -80,7 +80,7 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
             _take_place(new, target)
             made = []
         except AssetError as error:  # a file's name as the user knows it
-            raise AssetError(str(error).replace(str(new), str(out))) from error
+            raise AssetError(str(error).replace(str(new), str(out)), error.remedy) from error
         finally:
             _end(lock, new)
     except OSError as error:

@@ -18,6 +18,7 @@ from usdfoliage.capture.mask_proposal.envelope import Candidate, fit_crown_envel
 from usdfoliage.capture.sky import segment_sky
 from usdfoliage.errors import CaptureError, FitError
 from usdfoliage.geometry.color import encode_srgb, luminance
+from usdfoliage.remarks import Setting
 
 logger = logging.getLogger(__name__)
 
@@ -25,6 +26,7 @@ _CLUSTERS = 24
 _WORTH_FOLIAGE = 0.15  # colours of foliage instead of walls and roads
 _WORTH_LIKENESS = 0.12  # colours seen before the sky rather than beside the envelope
 _LOW_CONFIDENCE = 0.5
+_GIVE_MASK = ("give its mask with ", Setting(name="crown.mask"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +81,7 @@ def propose_mask(
     texture = _local_std(lab[..., 0], 1.5)
     sky = segment_sky(lab, texture, sky_seed)
     if np.count_nonzero(~sky) < 0.02 * sky.size:
-        raise FitError("no crown was found in the photograph, nearly all of it is sky; give its mask with --mask")
+        raise FitError("no crown was found in the photograph, nearly all of it is sky", _GIVE_MASK)
     clusters = _cluster(lab, texture, ~sky, cluster_seed)
     liking = _WORTH_FOLIAGE * _foliage(coarse, lab, texture, clusters)
     candidates = fit_crown_envelopes(clusters, sky, liking, 4, rng)
@@ -89,7 +91,8 @@ def propose_mask(
     if contrast < settings.min_contrast:
         raise FitError(
             f"no crown was found in the photograph: the best candidate differs from what is around it by "
-            f"{contrast:.2f}, {settings.min_contrast:.2f} needed; give its mask with --mask"
+            f"{contrast:.2f}, {settings.min_contrast:.2f} needed",
+            _GIVE_MASK,
         )
     crown = _classify(coarse, texture, clusters, sky, candidates)
     crown = _draw_silhouette(_shrink(full, settings.fine_px), crown, sky, candidates, cut_seed)
@@ -97,7 +100,7 @@ def propose_mask(
     try:
         mask = clean_mask(mask, CleanMaskSettings()).mask
     except CaptureError as error:
-        raise FitError(f"no crown was found in the photograph ({error}); give its mask with --mask") from error
+        raise FitError(f"no crown was found in the photograph ({error})", _GIVE_MASK) from error
 
     confidence, remark = _assess(mask, _belief(candidates, clusters.shape) > 0.5, contrast, bool(sky.any()))
     logger.info("mask proposed, confidence %.2f: %s", confidence, remark)
@@ -232,7 +235,7 @@ def _one_crown(crown: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The largest component with its gaps closed and the trunk taken off."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(crown)
     if count < 2:
-        raise FitError("no crown was found in the photograph; give its mask with --mask")
+        raise FitError("no crown was found in the photograph", _GIVE_MASK)
     largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     size_px = float(np.sqrt(stats[largest, cv2.CC_STAT_AREA]))
     crown = _morph((labels == largest).astype(np.uint8), cv2.MORPH_CLOSE, max(1, round(0.025 * size_px)))

@@ -18,6 +18,7 @@ from usdfoliage.capture.mvs.rounds import DepthPlan
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.remarks import Setting
 
 _HEADER_BYTES = 64
 
@@ -26,8 +27,8 @@ def check_cuda() -> None:
     """Raises CaptureError where COLMAP's PatchMatch cannot run."""
     if not pycolmap.has_cuda:
         raise CaptureError(
-            f"pycolmap {pycolmap.__version__} here is built without CUDA, which COLMAP's PatchMatch needs; install a "
-            "build with it, or leave --dense colmap out"
+            f"pycolmap {pycolmap.__version__} here is built without CUDA, which COLMAP's PatchMatch needs",
+            ("install a build with it, or set ", Setting(name="capture.dense", value='"own"')),
         )
 
 
