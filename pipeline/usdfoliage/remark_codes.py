@@ -85,9 +85,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "orientation-ignored": RemarkKind(
                 severity="info",
-                meaning=(
-                    "Given poses belong to the pixels as the file stores them, whatever EXIF says of their orientation."
-                ),
+                meaning=("Given poses belong to the pixels as the file stores them, whatever orientation EXIF states."),
                 action="Nothing, if the poses are COLMAP's.",
             ),
             "camera-scaled": RemarkKind(
@@ -274,7 +272,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning=(
                     "The capture has depth, normals or confidence of its own. What was computed is written beside them."
                 ),
-                action="Nothing, or replace them as the remark says.",
+                action="Nothing, or replace them as the remark describes.",
             ),
             "views-without-depth-map": RemarkKind(
                 severity="info",
@@ -558,7 +556,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "cloud-leaves-unknown": RemarkKind(
                 severity="info",
-                meaning="The points are too far apart to tell leaves from wood. All are taken for wood.",
+                meaning="The points are too far apart to separate leaves from wood. All are taken for wood.",
                 action='Set `branches.cloud_leaves` to `"on"` if the plant has leaves.',
             ),
             "branches-in-skeleton-alone": RemarkKind(
@@ -852,7 +850,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "part-failed": RemarkKind(
                 severity="warning",
                 meaning="A stage could not make its part, and the plant goes without it.",
-                action="Read the text, which says why.",
+                action="Read the text, which gives the reason.",
             ),
             "leaves-cover-little": RemarkKind(
                 severity="warning",

@@ -21,7 +21,7 @@ _BESIDE = [step for step in product((-1, 0, 1), repeat=3) if step > (0, 0, 0)]  
 
 @dataclass(frozen=True, kw_only=True)
 class CleaningSettings:
-    """Which points are strays, and how far apart the others may be."""
+    """Which points are outliers, and how far apart the others may be."""
 
     # A point with fewer neighbours within reach is an outlier and dropped; 0 keeps outliers. Range: 0 or more.
     neighbors: int = 6

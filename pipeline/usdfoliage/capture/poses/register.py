@@ -45,7 +45,7 @@ class RegistrationSettings:
     # places too few photographs.
     mapper: str = "auto"
     # exhaustive compares all pairs of photographs, sequential those that follow each other, retrieval those that look
-    # alike; auto chooses by the number of photographs.
+    # similar; auto chooses by the number of photographs.
     matching: str = "auto"
     # Features are searched in photographs reduced to this longer side. Unit: pixels. Range: 64 or more.
     max_side_px: int = 1600

@@ -50,7 +50,7 @@ class PlantSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class IsolationStageSettings:
-    """How the plant is told from what is around it; what is left out is in no mask, and in no cloud."""
+    """How the plant is separated from what is around it; what is left out is in no mask, and in no cloud."""
 
     # auto separates the plant from its surroundings; off takes everything in the photographs for the plant.
     make: MakeIsolation = "auto"

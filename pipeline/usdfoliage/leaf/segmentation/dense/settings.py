@@ -32,7 +32,7 @@ class PassSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class DenseSegmentationSettings:
-    """How leaves are found. Distances are in pixel footprints, noises of the depth and usual leaf lengths."""
+    """How leaves are found. Distances are in pixel footprints, noises of the depth and median leaf lengths."""
 
     # A point lies on a leaf up to this distance; auto derives it from noise and footprints. Unit: metres. Range:
     # above 0.
