@@ -8,6 +8,7 @@ is replaced.
 import argparse
 from pathlib import Path
 
+from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.leaf_options import add_representation, add_resolution, add_writing
 
 
@@ -25,11 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the leaves come from: nurbs fits them to patches that a modeller changed (%(default)s)",
     )
     add_writing(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.bake_settings import read_bake_request
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks, render_for
     from usdfoliage.jobs.edits.bake import bake_asset, plan_bake
@@ -41,6 +44,9 @@ def run(options: argparse.Namespace) -> int:
         return 0
     with StepBar() as bar:
         made = bake_asset(request, bar.show)
+    if options.json:
+        print(format_made(asset=made.asset, report=None, facts=(), remarks=made.remarks))
+        return 0
     print_remarks(made.remarks, "bake")
     for line in made.lines:
         print(line)

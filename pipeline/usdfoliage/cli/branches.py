@@ -8,6 +8,7 @@ leaves on its twigs too, to be edited as those of any asset of leaves.
 import argparse
 from pathlib import Path
 
+from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.leaf_options import add_representation, add_resolution
 
 
@@ -124,11 +125,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dry-run", action="store_true", help="check the input, print what would be done, write nothing"
     )
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.branches_settings import read_branches_request
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
     from usdfoliage.jobs.branches.run import make_branches_asset, plan_branches_asset
@@ -140,6 +143,18 @@ def run(options: argparse.Namespace) -> int:
         return 0
     with StepBar() as bar:
         made = make_branches_asset(request, bar.show)
+    if options.json:
+        variations = [str(each) for each in made.variations]
+        print(
+            format_made(
+                asset=made.asset,
+                report=made.report,
+                facts=made.measures,
+                remarks=made.remarks,
+                variations=variations,
+            )
+        )
+        return 0
     print_remarks(made.remarks, "branches")
     for row in made.measures:
         print(f"{row.name}: {row.value}")

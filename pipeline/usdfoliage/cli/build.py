@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 
 from usdfoliage.cli.build_options import add_ending, add_plan, add_where
+from usdfoliage.cli.json_output import add_json
 
 logger = logging.getLogger(__name__)
 
@@ -41,13 +42,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_plan(parser)
     add_where(parser)
     add_ending(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.build_options import read_request, read_settings, read_where
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.plant_progress import PlantBar
-    from usdfoliage.cli.plant_results import EXIT_CODES, print_plant
+    from usdfoliage.cli.plant_results import EXIT_CODES, format_plant, print_plant
     from usdfoliage.errors import FoliageError
     from usdfoliage.jobs.plant.plan_text import describe_plan
     from usdfoliage.jobs.plant.run import build_plants
@@ -70,5 +72,8 @@ def run(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("error: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    print_plant(made, debug=options.debug)
+    if options.json:
+        print(format_plant(made))
+    else:
+        print_plant(made, debug=options.debug)
     return EXIT_CODES[made.verdict]

@@ -12,6 +12,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from usdfoliage.cli.json_output import add_json
+
 if TYPE_CHECKING:
     from usdfoliage.jobs.crown.run_capture import MadeCapturedCrown
     from usdfoliage.jobs.crown.run_photograph import MadeCrown
@@ -38,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dry-run", action="store_true", help="check the input, print what would be done, write nothing"
     )
+    add_json(parser)
 
 
 def _add_photo_options(parser: argparse._ArgumentGroup) -> None:
@@ -84,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.capture.cloud_files.read import looks_like_cloud
     from usdfoliage.cli.crown_settings import read_captured_crown_request, read_crown_request
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
 
@@ -111,6 +115,9 @@ def run(options: argparse.Namespace) -> int:
             return 0
         with StepBar() as bar:
             made = make_crown_asset(request, bar.show)
+    if options.json:
+        print(format_made(asset=made.asset, report=made.report, facts=made.measures, remarks=made.remarks))
+        return 0
     print_remarks(made.remarks, "crown")
     for row in made.measures:
         print(f"{row.name}: {row.value}")

@@ -10,8 +10,10 @@ are under every edit.
 
 import argparse
 import shlex
+from dataclasses import asdict
 from pathlib import Path
 
+from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.leaf_options import accept_negative_numbers, add_writing
 
 
@@ -62,17 +64,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--prim", metavar="PATH", help="edit only the asset that stands at this prim of the scene (all of them)"
     )
     add_writing(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.edit_settings import read_edit_request
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.remarks import print_remarks
     from usdfoliage.jobs.edits.edit import plan_look, write_look
 
     handle_interrupts()
     request = read_edit_request(options)
     planned = plan_look(request) if options.dry_run else write_look(request)
+    if options.json:
+        asset = None if options.dry_run else request.output
+        changes = [asdict(change) for change in planned.changes]
+        print(format_made(asset=asset, report=None, facts=(), remarks=planned.remarks, changes=changes))
+        return 0
     print_remarks(planned.remarks, "edit")
     for change in planned.changes:
         print(change)

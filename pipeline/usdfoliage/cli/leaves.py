@@ -8,6 +8,7 @@ colours, an average leaf texture, and a report that shows every step over the ph
 import argparse
 from pathlib import Path
 
+from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.leaf_options import add_representation, add_writing
 
 
@@ -58,10 +59,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-preview", action="store_true", help="leave Storm's pictures out of the report")
     add_writing(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.leaves_settings import read_leaves_request, read_leaves_settings
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
@@ -78,6 +81,9 @@ def run(options: argparse.Namespace) -> int:
         return 0
     with StepBar() as bar:
         made = make_leaves_asset(request, bar.show)
+    if options.json:
+        print(format_made(asset=made.asset, report=made.report, facts=made.measures, remarks=made.remarks))
+        return 0
     print_remarks(made.remarks, "leaves")
     for step in made.steps:
         print(f"{step.name}: {step.count:,}")

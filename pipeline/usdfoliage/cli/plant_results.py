@@ -4,6 +4,8 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from usdfoliage.cli.json_output import format_made
+
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.finish import BuiltPlant
 
@@ -45,6 +47,23 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
     if thumbnail.is_file():  # without Storm there is none
         print(f"preview: {thumbnail}")
     print(f"report: {made.request.output / 'report' / 'index.html'}")
+
+
+def format_plant(made: "BuiltPlant") -> str:
+    """What became of a plant, as JSON."""
+    page = None if made.result is None else made.result / "report" / "index.html"
+    if made.asset is not None:
+        page = made.request.output / "report" / "index.html"
+    return format_made(
+        asset=made.asset,
+        report=page,
+        facts=made.facts,
+        remarks=made.remarks,
+        verdict=made.verdict,
+        error=made.error,
+        errors=made.errors,
+        seconds=dict(made.seconds or {}),
+    )
 
 
 def tell_fault(trace: str, where: str, *, debug: bool) -> str:

@@ -7,6 +7,7 @@ same bytes.
 import argparse
 from pathlib import Path
 
+from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.leaf_options import add_representation, add_resolution, add_writing
 
 
@@ -31,10 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--color", metavar=("R", "G", "B"), type=float, nargs=3, help="of a leaf, linear, 0 to 1")
     add_writing(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks, render_for
     from usdfoliage.cli.scatter_settings import read_scatter_request
@@ -47,6 +50,9 @@ def run(options: argparse.Namespace) -> int:
         return 0
     with StepBar() as bar:
         made = scatter_asset(request, bar.show)
+    if options.json:
+        print(format_made(asset=made.asset, report=None, facts=(), remarks=made.remarks))
+        return 0
     print_remarks(made.remarks, "scatter")
     print(f"leaves: {made.count:,}")
     print(f"representations: {', '.join(made.representations) or 'none'}")

@@ -1,0 +1,39 @@
+"""The one JSON object that a command prints of what it made, in place of its lines."""
+
+import argparse
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from usdfoliage.remarks import Remark
+
+if TYPE_CHECKING:
+    from usdfoliage.jobs.report.table import Row
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
+
+
+def format_made(
+    *, asset: Path | None, report: Path | None, facts: "Iterable[Row]", remarks: Iterable[Remark], **more: object
+) -> str:
+    """What a command made, as JSON.
+
+    Args:
+        asset: What was written; None where nothing was.
+        report: Its page; None where there is none.
+        facts: Figures.
+        remarks: With their codes and remedies.
+        more: What this command alone has.
+    """
+    held: Mapping[str, object] = {
+        "asset": None if asset is None else str(asset),
+        "report": None if report is None else str(report),
+        "facts": [asdict(row) for row in facts],
+        "remarks": [each.as_json() for each in remarks],
+        **more,
+    }
+    return json.dumps(held, indent=2, ensure_ascii=False)
