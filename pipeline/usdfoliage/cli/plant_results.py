@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import format_made
+from usdfoliage.remarks import as_plan_setting, warnings_of
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.finish import BuiltPlant
@@ -24,8 +25,8 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
         else:
             print(f"error: {made.error}", file=sys.stderr)
         return
-    for warning in made.warnings:
-        print(f"warning: {warning}")
+    for warning in warnings_of(made.remarks):
+        print(f"warning: {warning.sentence(as_plan_setting)}")
     for row in made.facts:
         print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
     ran = len(made.seconds or {})

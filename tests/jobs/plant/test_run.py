@@ -18,6 +18,7 @@ from usdfoliage.jobs.plant.run import ExecutorChoice, build_plants
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.worker import run_named_task
 from usdfoliage.jobs.work.settings_file import read_settings_file
+from usdfoliage.remarks import warnings_of
 
 from tests.support.dask_clusters import dask_cluster
 from tests.support.fake_builds import is_alive, wait_until
@@ -266,7 +267,7 @@ def test_what_is_said_of_photographs_names_them_as_the_capture_does(given, tmp_p
     capture = write_small_capture(tmp_path / "oak")
     (capture / "images" / "000.jpg").write_bytes(b"no photograph")
     made = build(replace(request_of(given, tmp_path), capture=capture))
-    (warning,) = [text for text in made.warnings if "left out" in text]
+    (warning,) = [each.text for each in warnings_of(made.remarks) if "left out" in each.text]
     assert "1 of 4 photographs are left out: 000.jpg: oak/images/000.jpg is not an image" in warning
     page = (tmp_path / "plant" / "report" / "index.html").read_text()
     assert "000.jpg" in page

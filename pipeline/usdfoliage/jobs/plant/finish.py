@@ -36,7 +36,6 @@ class BuiltPlant:
     cached: int = 0  # of them, that had been done before
     seconds: Mapping[str, float] | None = None  # by task that was run
     wall_s: float = 0.0  # of the run
-    warnings: tuple[str, ...] = ()
     remarks: tuple[Remark, ...] = ()  # of all stages, warnings first
     facts: tuple[Row, ...] = ()
 
@@ -84,7 +83,6 @@ def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
         made,
         result=result / FINISHED,
         errors=int(held["errors"]),
-        warnings=tuple(held["warnings"]),
         remarks=tuple(remark_from_json(each) for each in held["remarks"]),
         facts=tuple(Row(**row) for row in held["facts"]),
     )

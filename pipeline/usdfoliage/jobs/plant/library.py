@@ -14,6 +14,7 @@ from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.capture.folder import IMAGES
 from usdfoliage.jobs.plant.finish import BuiltPlant
 from usdfoliage.jobs.plant.pages.library_page import Library, LibraryPlant, PlantState, write_library_page
+from usdfoliage.remarks import as_plan_setting, warnings_of
 
 COLUMNS = ("capture", "name", "plan")
 _PAGE_SHARE = 0.05  # of the time, that writing the page may take while plants are built
@@ -197,8 +198,9 @@ def describe_built(made: BuiltPlant, folder: Path) -> LibraryPlant:
         text = made.error.strip().splitlines()[-1] if made.is_fault else made.error
         return describe_failed(request.name, capture, text, request.settings.plant.species)
     facts = {row.name: row.value for row in made.facts}
-    state: PlantState = "warnings" if made.warnings or made.errors else "built"
-    message = made.warnings[0] if made.warnings else ""
+    warnings = warnings_of(made.remarks)
+    state: PlantState = "warnings" if warnings or made.errors else "built"
+    message = warnings[0].sentence(as_plan_setting) if warnings else ""
     report = made.result / "report" / "index.html" if made.result is not None and made.asset is None else None
     if made.errors and made.asset is None:
         state = "failed"
@@ -219,7 +221,7 @@ def describe_built(made: BuiltPlant, folder: Path) -> LibraryPlant:
         if is_there
         else None,
         message=message,
-        warnings=len(made.warnings),
+        warnings=len(warnings),
         report=f"{inside}report/index.html" if is_there else "",
         asset=f"{inside}{request.name}.usda" if is_there else "",
     )

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.json import read_json
-from usdfoliage.jobs.plant.plan_words import in_words_of_the_plan
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.remarks import Remark, as_plan_setting, infos_of, remark_from_json, rename_in, warnings_of
 
@@ -28,8 +27,6 @@ class StageSummary:
 
     rows: Sequence[Row] = ()
     remarks: Sequence[Remark] = ()
-    notes: Sequence[str] = ()  # of stages that make no remarks yet, as the next
-    warnings: Sequence[str] = ()  # what puts the result in doubt
     pictures: Sequence[StagePicture] = ()
     detail: str = ""  # a page of the stage's own, from the result's folder
     failure: str = ""  # why there is no result; the plant goes without
@@ -37,22 +34,16 @@ class StageSummary:
 
     def warning_texts(self) -> list[str]:
         """What puts the result in doubt, with the settings of a plan."""
-        return [*self.warnings, *(each.sentence(as_plan_setting) for each in warnings_of(self.remarks))]
+        return [each.sentence(as_plan_setting) for each in warnings_of(self.remarks)]
 
     def info_texts(self) -> list[str]:
         """Its other remarks, likewise."""
-        return [*self.notes, *(each.sentence(as_plan_setting) for each in infos_of(self.remarks))]
+        return [each.sentence(as_plan_setting) for each in infos_of(self.remarks)]
 
 
 def write_summary(folder: Path, summary: StageSummary) -> None:
-    """Put it into the folder of the result, in the words of a plan."""
-    said = replace(
-        summary,
-        notes=[in_words_of_the_plan(note) for note in summary.notes],
-        warnings=[in_words_of_the_plan(warning) for warning in summary.warnings],
-        failure=in_words_of_the_plan(summary.failure),
-    )
-    held = asdict(said) | {"remarks": [each.as_json() for each in said.remarks]}
+    """Put it into the folder of the result."""
+    held = asdict(summary) | {"remarks": [each.as_json() for each in summary.remarks]}
     text = json.dumps(held, indent=1, ensure_ascii=True)
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
 
@@ -64,8 +55,6 @@ def read_summary(folder: Path) -> StageSummary:
         return StageSummary(
             rows=tuple(Row(**row) for row in held["rows"]),
             remarks=tuple(remark_from_json(each) for each in held["remarks"]),
-            notes=tuple(held["notes"]),
-            warnings=tuple(held["warnings"]),
             pictures=tuple(StagePicture(**picture) for picture in held["pictures"]),
             detail=held["detail"],
             failure=held["failure"],
@@ -82,8 +71,6 @@ def rename_paths(folder: Path, rename: Callable[[str], str]) -> None:
         held,
         rows=[replace(row, value=rename(row.value), remark=rename(row.remark)) for row in held.rows],
         remarks=[rename_in(each, rename) for each in held.remarks],
-        notes=[rename(note) for note in held.notes],
-        warnings=[rename(warning) for warning in held.warnings],
         failure=rename(held.failure),
     )
     write_summary(folder, renamed)

@@ -53,7 +53,6 @@ CODE_OF_DEPTH = (
     "jobs/capture/**/*",
     "jobs/work/**/*",
     "jobs/plant/stages/capture.py",
-    "jobs/plant/plan_words.py",
     "jobs/plant/summary.py",
     "jobs/report/table.py",
 )

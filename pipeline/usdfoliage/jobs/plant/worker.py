@@ -14,7 +14,6 @@ from usdfoliage.jobs.capture.folder import IMAGES
 from usdfoliage.jobs.plant.call import BuildRequest, Stage, StageCall, digest_profile
 from usdfoliage.jobs.plant.executors import Done, TaskOrder
 from usdfoliage.jobs.plant.inputs import BuildInputs, find_inputs
-from usdfoliage.jobs.plant.plan_words import in_words_of_the_plan
 from usdfoliage.jobs.plant.record import note_task, use_plant
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset
 from usdfoliage.jobs.plant.stages.capture import find_poses, finish_photographs, match_photographs
@@ -101,7 +100,7 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
             return _run(order, inputs, plan, task, progress)
     except FoliageError as error:
         text = _as_given(explain_error(error, as_plan_setting), order.request, str(order.request.capture))
-        return Done(name=order.name, seconds=0.0, was_run=True, error=in_words_of_the_plan(text))
+        return Done(name=order.name, seconds=0.0, was_run=True, error=text)
     except Exception:  # noqa: BLE001 (a farm must hear of any)
         return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
 

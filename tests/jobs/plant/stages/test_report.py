@@ -40,6 +40,7 @@ def test_the_plant_is_compared_by_the_masks_that_it_is_made_by(
         inputs=SimpleNamespace(name="fern"),
         settings=BuildSettings(),
         progress=None,
+        report_parts=None,
         store=SimpleNamespace(folder=tmp_path),
         has=lambda name: name in results,
         result_of=lambda name: results[name],

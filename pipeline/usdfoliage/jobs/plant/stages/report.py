@@ -127,7 +127,6 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
     errors = validated.open_errors
     verdict = {
         "errors": errors,
-        "warnings": [warning.text for warning in report.warnings],
         "remarks": [each.as_json() for each in _collect_remarks(call)],
         "facts": [asdict(row) for row in (*report.facts, _validation_row(validated))],
     }
@@ -137,9 +136,10 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
 
 
 def _collect_remarks(call: StageCall) -> tuple[Remark, ...]:
-    """What every stage remarked, each once, warnings first."""
+    """The remarks of every stage, each once, warnings first, and of these what says that a part could not be made."""
     names = [name for name in (*TITLES, TURNTABLE, COMPARISONS, VARIANTS) if call.has(name)]
-    remarks = merge_remarks(*(read_summary(call.result_of(name)).remarks for name in names))
+    summaries = sorted((read_summary(call.result_of(name)) for name in names), key=lambda each: not each.failure)
+    remarks = merge_remarks(*(summary.remarks for summary in summaries))
     return (*warnings_of(remarks), *infos_of(remarks))
 
 
