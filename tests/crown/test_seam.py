@@ -143,7 +143,7 @@ def test_what_cannot_be_cut_is_refused():
         cut_seam(image, image, none, keep_second)
     with pytest.raises(ValueError, match="kept of the second image"):
         cut_seam(image, image, keep_first, none)
-    with pytest.raises(ValueError, match="alike"):
+    with pytest.raises(ValueError, match="must both be"):
         cut_seam(image, image[:3], keep_first, keep_second)
     with pytest.raises(ValueError, match="keep_first must be bool"):
         cut_seam(image, image, keep_first[:3], keep_second)

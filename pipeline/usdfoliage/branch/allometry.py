@@ -31,7 +31,7 @@ def carried_lengths(tree: RootedTree, step_m: NDArray[np.float64], min_m: float 
     Args:
         tree: Of the nodes.
         step_m: (S,), internode to each node from its parent.
-        min_m: What a tip carries at least; half of the usual internode by default.
+        min_m: What a tip carries at least; half of the typical internode by default.
     """
     if min_m is None:
         min_m = min_carried(step_m)
@@ -39,7 +39,7 @@ def carried_lengths(tree: RootedTree, step_m: NDArray[np.float64], min_m: float 
 
 
 def min_carried(step_m: NDArray[np.float64]) -> float:
-    """Half of the usual internode, of those (S,) that have a length."""
+    """Half of the median internode, of those (S,) that have a length."""
     return 0.5 * float(np.median(step_m[step_m > 0])) if (step_m > 0).any() else 1.0
 
 

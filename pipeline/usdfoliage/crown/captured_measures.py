@@ -18,7 +18,7 @@ from usdfoliage.remarks import Remark
 # Gaps between points that a silhouette of them does not show: of the median radius, as between leaves, and distances to
 # the sixth neighbour, as between the points of a sparse cloud.
 _GAP, _SPACINGS = 0.06, 1.6
-_NEIGHBOR, _ASKED = 6, 5000  # points that tell how far they are apart
+_NEIGHBOR, _ASKED = 6, 5000  # points that the spacing is measured from
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ class CrownPointSettings:
     gap: float = 0.05  # of the plant's height: parts that are farther from each other are apart
     min_part: float = 0.02  # of the points of the largest part, that others must have
     outlier_neighbors: int = 8
-    outlier_distance: float = 5.0  # usual distances to that neighbour, beyond which a point stands alone
+    outlier_distance: float = 5.0  # median distances to that neighbour, beyond which a point stands alone
     flat: float = 0.02  # third spread over the second, below which points are a plane and have no inside
     center_faces: int = 16  # texels a side of the cubemap on which centres are compared
     center_gain: float = 0.03  # of the volume, that a centre must save to be better than the middle
@@ -96,7 +96,7 @@ def _refuse_plane(points_m: Array, flat: float) -> None:
 
 
 def _stand_alone(points_m: Array, settings: CrownPointSettings) -> NDArray[np.bool_]:
-    """(N,) points whose neighbours are much farther away than usual."""
+    """(N,) points whose neighbours are much farther away than the median."""
     k = min(settings.outlier_neighbors + 1, len(points_m))
     away_m = np.asarray(cKDTree(points_m).query(points_m, k=[k], workers=-1)[0])[:, 0]
     return np.asarray(away_m > settings.outlier_distance * np.median(away_m))

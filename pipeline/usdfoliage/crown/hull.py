@@ -199,7 +199,7 @@ class _OpenView:
 
     view: ReducedView
     open_m: NDArray[np.float32]  # (h, w), depth up to which nothing stands; infinite past the silhouette
-    weight: int  # of what it says; of 2 one is enough
+    weight: int  # of its evidence; of 2 one is enough
 
     def passes(self, places_m: Array) -> NDArray[np.int64]:
         """(N,) the weight where places (N, 3) are seen through, else 0."""

@@ -8,7 +8,7 @@ from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
 
 _MIN_SHARE = 0.1  # share of the points that must be green, and of the plant's height that these must span
 _MIN_HEIGHT = 0.3
-_ASKED = 5  # coloured points that tell whether one without colour is a leaf
+_ASKED = 5  # coloured points that decide whether one without colour is a leaf
 
 
 def find_green_points(points_m: NDArray[np.floating], colors: NDArray[np.number]) -> NDArray[np.bool_] | None:

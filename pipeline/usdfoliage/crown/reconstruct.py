@@ -35,7 +35,7 @@ MIN_SIZE, MAX_SIZE = 32, 4096  # texels a side, as for a crown of one photograph
 _MAX_BYTES = 1 << 30  # of all reduced photographs together
 _COVERED = 1.0  # distances to the sixth neighbour: what is between points closer than that is the plant as well
 _PIXEL_BYTES = 9  # colour, depth, mask, sky
-_MIN_KNOWN, _FEW_KNOWN = 0.1, 0.3  # share of the directions with points: refused below, and doubted
+_MIN_KNOWN, _FEW_KNOWN = 0.1, 0.3  # share of the directions with points: refused below, and a warning
 _AROUND, _AROUND_PX = 5.0, 256  # distance in reaches of the crown, and picture, of cameras that measure a cloud's
 
 
@@ -79,9 +79,9 @@ def reconstruct_captured_crown(
         points_m: (N, 3), of the plant without ground, in the asset's frame: metres, Y up.
         views: Photographs with cameras in that frame.
         settings: What to make.
-        foliage: (N,), which points are leaves; None: told from the plant's widths.
+        foliage: (N,), which points are leaves; None: found from the plant's widths.
         asset_from_capture: (4, 4), kept in the model; the identity where None.
-        progress: Told of each step.
+        progress: Called at each step.
 
     Raises:
         ValueError: Shapes do not fit each other, or points are not finite.
@@ -163,7 +163,7 @@ def reconstruct_cloud_crown(
         colors: (N, 3), the same, of the points; NaN where one has none.
         foliage: As reconstruct_captured_crown.
         asset_from_capture: Likewise.
-        progress: Told of each step.
+        progress: Called at each step.
 
     Returns:
         The crown, and its measures: their views are of four cameras around it.

@@ -24,7 +24,7 @@ def cut_seam(
     """Choose for every pixel of an overlap the image it comes from, so that the seam shows least.
 
     Args:
-        first: (H, W, C) float, about 0..1, in the encoding in which differences are to be judged (sRGB, say).
+        first: (H, W, C) float, about 0..1, in the encoding in which differences are to be judged (such as sRGB).
         second: (H, W, C) float, laid over first.
         keep_first: (H, W) pixels that must come from first.
         keep_second: (H, W) pixels that must come from second.
@@ -107,7 +107,7 @@ def _check_overlap(
     part: NDArray[np.bool_],
 ) -> None:
     if first.ndim != 3 or first.shape != second.shape:
-        raise ValueError(f"first and second must be (H, W, C) alike, not {first.shape} and {second.shape}")
+        raise ValueError(f"first and second must both be (H, W, C), not {first.shape} and {second.shape}")
     for name, mask in (("keep_first", keep_first), ("keep_second", keep_second), ("allowed", part)):
         if mask.shape != first.shape[:2] or mask.dtype != np.bool_:
             raise ValueError(f"{name} must be bool {first.shape[:2]}, not {mask.dtype} {mask.shape}")

@@ -125,7 +125,7 @@ def gather_colors(
 
 def _lay_surface(radius_m: NDArray[np.floating], center_m: NDArray[np.floating]) -> _Surface:
     size = radius_m.shape[1]
-    # Relief of a texel or two turns normals every way and says nothing of who sees the place.
+    # Relief of a texel or two turns normals in every direction and does not decide who sees the place.
     smooth = blur_colors(np.asarray(radius_m, np.float32)[..., None], 2.0)[..., 0]
     out = face_directions(size)
     rounded = out * smooth[..., None]
@@ -169,7 +169,7 @@ def _sample_view(
     is_seen = depth_m[index] <= nearest_m[low_row, low_column] + (settings.hidden + slant) * surface.median_m
     is_seen &= leaves[row, column]
     if view.depth_m is not None:
-        # Where nothing was measured, the crown's own surface says what hides what.
+        # Where nothing was measured, the crown's own surface decides what hides what.
         ahead_m = view.depth_m[row, column] - depth_m[index]
         measured = view.depth_m[row, column] > 0
         is_seen &= ~measured | (

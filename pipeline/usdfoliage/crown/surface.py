@@ -234,7 +234,7 @@ def _fit_tangent(
 ) -> NDArray[np.float64]:
     """The tangent at each node, (B,), that makes level cross-sections of the crown as deep as they are wide.
 
-    One photograph says nothing of depth, and a round cross-section is what stands against it least. For a disc k = 2
+    One photograph has no depth, and a round cross-section is what stands against it least. For a disc k = 2
     comes out at every height.
 
     Args:
@@ -275,7 +275,7 @@ def _depth_share(silhouette: StarSilhouette, settings: SurfaceSettings) -> float
     radius = silhouette.radius_px
     mean = gaussian_filter1d(radius, 8 / 360 * len(radius), mode="wrap")
     roughness = float(np.std(radius / mean))
-    stairs = 0.5 / float(np.median(radius))  # half a pixel says nothing of the crown
+    stairs = 0.5 / float(np.median(radius))  # half a pixel means nothing for the crown
     excess = np.clip(8 * (roughness - stairs - 0.002), 0, settings.outline_excess)
     width, height = np.ptp(silhouette.curve_px(), axis=0)
     return float((1 - excess) * np.sqrt(min(1, height / width)))

@@ -93,7 +93,7 @@ def synthesize_texture(
         shape: (H, W) of the result.
         rng: the choice of patches.
         exemplar_mask: (h, w) pixels that may be copied; all where None.
-        known: (H, W, 3) in [0, 1], what the result must be where known_mask says so.
+        known: (H, W, 3) in [0, 1], what the result must be where known_mask is true.
         known_mask: (H, W); None with known.
         settings: sizes and efforts.
         progress: called with (done, total) steps.

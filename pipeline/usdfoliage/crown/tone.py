@@ -92,14 +92,14 @@ def match_statistics(
     """Linear colours of a cubemap with the target's mean and nearly its contrast.
 
     A texel averages many pixels of the photograph, which takes contrast from its finest detail. Detail gets it back by
-    one gain a channel, alike in photograph and synthesis so that no border appears between them, on values as
-    log(v / (1 − v)), where no gain leaves (0, 1) and dark and bright gain alike. What is missing of the mean is added
+    one gain a channel, the same in photograph and synthesis so that no border appears between them, on values as
+    log(v / (1 − v)), where no gain leaves (0, 1) and dark and bright gain equally. What is missing of the mean is added
     where the photograph does not see.
 
     Args:
         encoded: (6, N, N, 3), sRGB-encoded, in [0, 1].
         unseen: (6, N, N), from 0 where texels are the photograph's to 1 where it sees nothing.
-        target: what all texels alike shall have; where contrast is within settings.std_ratio it stays.
+        target: what all texels shall have; where contrast is within settings.std_ratio it stays.
         peak: the linear value that is encoded as 1.
         settings: how much contrast, and what counts as detail.
 

@@ -1,8 +1,8 @@
-"""Leaves at the points of a cloud that are of leaves, but of which no single leaf could be told.
+"""Leaves at the points of a cloud that are of leaves, but in which no single leaf was recognised.
 
 Every place gets one leaf: in the plane that the points around it lie in, pointing away from the branch that it grows
-on, of a usual length. Where the points end sooner on both sides they are the leaf: it begins and ends with them, and a
-slim one points where they do. Our own idea: the leaves of a plant seen from afar are known by where they are.
+on, of the median length. Where the points end sooner on both sides they are the leaf: it begins and ends with them,
+and a slim one points where they do. Our own idea: the leaves of a plant seen from afar are known by where they are.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -18,15 +18,15 @@ class FillSettings:
     """How closely leaves stand, and what decides how they lie. Lengths are in those of a leaf."""
 
     apart: float = 0.5  # middles of leaves at least: a leaf's own points are no place for another
-    around: float = 0.35  # of a leaf's middle, points that tell its plane
+    around: float = 0.35  # of a leaf's middle, points that its plane is fitted to
     min_points: int = 4  # around it: fewer are no leaf
-    flat: float = 0.5  # spread across the plane over that along it, above which it is no plane and tells nothing
+    flat: float = 0.5  # spread across the plane over that along it, above which it is no plane
     slim: float = 0.35  # spread across the longest direction over that along it, below which it is the leaf's own
     tilt: float = 0.7  # of a leaf there, from level: standard deviation of its normal's parts, whose upward one is 1
-    wide: float = 0.25  # from a leaf's axis, and half of that from its plane, points that tell how long it is
-    gap: float = 0.1  # between points along the axis, where they end; points half as far apart as that tell no end
+    wide: float = 0.25  # from a leaf's axis, and half of that from its plane, points that its length is measured from
+    gap: float = 0.1  # between points along the axis, where they end; points half as far apart as that mark no end
     unseen: float = 0.25  # between where they end and a twig there, at which the leaf begins then
-    shortest: float = 0.3  # of leaves whose points end sooner; 1: all have the usual length
+    shortest: float = 0.3  # of leaves whose points end sooner; 1: all have the median length
     farthest: float = 3.5  # from what leaves grow from: beyond it are no leaves of the plant
     max_leaves: int = 200_000
 
@@ -49,8 +49,8 @@ class FilledPlaces:
 
     base_m: NDArray[np.float64]  # (N, 3)
     orientation: NDArray[np.float64]  # (N, 4), unit quaternions (x, y, z, w), from leaf space
-    length_m: NDArray[np.float64]  # (N,), at most the usual one
-    width_m: NDArray[np.float64]  # (N,), of slim ones, as their points tell it; not a number: a usual one
+    length_m: NDArray[np.float64]  # (N,), at most the median one
+    width_m: NDArray[np.float64]  # (N,), of slim ones, measured from their points; not a number: the median one
     point: NDArray[np.int64]  # (N,), of the cloud, amid each leaf
 
 
@@ -82,10 +82,10 @@ def fill_places(
     Args:
         points_m: (N, 3), of leaves, Y up.
         origins_m: (M, 3), places that leaves grow from: points of twigs and branches; at least one.
-        length_m: Of a usual leaf, which is the longest.
+        length_m: Of a median leaf, which is the longest.
         rng: Of the order in which places are tried.
         settings: How closely.
-        plant_m: (P, 3), all points of the plant, which tell where a leaf ends better than those that are surely of
+        plant_m: (P, 3), all points of the plant, which show where a leaf ends better than those that are surely of
             leaves; None: points_m.
 
     Raises:
@@ -182,7 +182,7 @@ def _find_axes(pieces: _Pieces, origins: cKDTree, short_m: float) -> NDArray[np.
     """(N, 3), unit: in the plane of each piece, away from what is nearest of origins, or as a slim piece goes."""
     away = pieces.middle_m - origins.data[origins.query(pieces.middle_m)[1]]
     axis = _in_plane(away, pieces.normal)
-    # Where a leaf stands right over its twig its points tell which way it goes.
+    # Where a leaf stands right over its twig its points show its direction.
     own = pieces.is_slim | (np.linalg.norm(axis, axis=1) < short_m)
     along = _in_plane(pieces.along, pieces.normal)
     along = np.where(((along * away).sum(axis=1) < 0)[:, None], -along, along)
@@ -220,7 +220,7 @@ def _find_ends(
     """Where along its axis each leaf begins, from its middle, its length, and its width.
 
     Both ends are where the points beside the axis end, or the leaf begins at its foot. Where they go on for more than
-    a usual length they are of other leaves too, and tell nothing.
+    a median length they are of other leaves too, and do not count.
     """
     begin_m, own_m = np.full(len(middle_m), -0.5 * length_m), np.full(len(middle_m), length_m)
     width_m = np.full(len(middle_m), np.nan)
@@ -263,7 +263,7 @@ def _reach(along_m: NDArray[np.float64], gap_m: float) -> float:
 def _drop_repeated(
     center_m: NDArray[np.float64], axis: NDArray[np.float64], is_measured: NDArray[np.bool_], near_m: float
 ) -> NDArray[np.int64]:
-    """The leaves without those that are one of the others again: their points tell of one centre, along one axis."""
+    """The leaves without those that are one of the others again: their points have one centre, along one axis."""
     dropped = np.zeros(len(center_m), bool)
     for first, second in sorted(cKDTree(center_m).query_pairs(near_m)):
         if not dropped[first] and is_measured[first] and is_measured[second]:

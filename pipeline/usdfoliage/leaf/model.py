@@ -92,7 +92,7 @@ class Leaves:
 
 
 def mean_leaf(parameters: NDArray[np.floating], weights: NDArray[np.floating] | None = None) -> NDArray[np.float64]:
-    """The average leaf of a set: (7, 3) float64 from (N, 7, 3) and weights (N,), all alike by default.
+    """The average leaf of a set: (7, 3) float64 from (N, 7, 3) and weights (N,), equal by default.
 
     Raises:
         ValueError: There is no leaf, or the weights do not sum to more than 0.

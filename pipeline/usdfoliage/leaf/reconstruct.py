@@ -87,7 +87,7 @@ def reconstruct_leaves(
     Args:
         views: Of one world; those without depth add colours only.
         settings: How.
-        progress: Told of each step.
+        progress: Called at each step.
 
     Raises:
         ValueError: There are no views.

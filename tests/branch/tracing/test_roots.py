@@ -88,7 +88,7 @@ def test_one_place_is_a_root(points_m):
 def test_a_flat_cloud_has_roots_somewhere_in_it():
     points_m = np.random.default_rng(0).uniform(-1, 1, (2000, 3)) * [1, 0, 1]
     roots_m = find_roots(points_m)
-    assert 1 <= len(roots_m) <= RootSettings().most
+    assert 1 <= len(roots_m) <= RootSettings().max_count
     assert (np.abs(roots_m) <= 1).all()
 
 

@@ -1,4 +1,4 @@
-"""What colours tell of wood: much where bark and leaves differ, nothing where they do not."""
+"""What colours show of wood: much where bark and leaves differ, nothing where they do not."""
 
 import numpy as np
 import pytest

@@ -179,7 +179,7 @@ def test_ascii_ply_that_ends_early_tells_how_many_rows_there_are(tmp_path, monke
     path = write_ply(tmp_path / "a.ply", some_points(), order="")
     np.testing.assert_allclose(len(read_cloud_input(path, METRES).points_m), 200)
     path.write_text("\n".join(path.read_text().split("\n")[:-60]) + "\n")
-    with pytest.raises(CaptureError, match="tells of 200 rows of vertex, there are at most 1"):
+    with pytest.raises(CaptureError, match="states 200 rows of vertex, there are at most 1"):
         read_cloud_input(path)
 
 

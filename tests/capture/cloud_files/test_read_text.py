@@ -70,7 +70,7 @@ def test_lines_that_are_no_points_are_counted_and_many_are_refused(tmp_path):
 
 def test_pts_that_end_early_and_of_two_scans(tmp_path):
     path = write_text(tmp_path / "a.pts", some_points(), head="201\n")
-    with pytest.raises(CaptureError, match="tells of 201 points, there are 200"):
+    with pytest.raises(CaptureError, match="states 201 points, there are 200"):
         read_cloud_input(path)
     rows = write_text(path, some_points()).read_text().splitlines()
     path.write_text("\n".join(["120", *rows[:120], "80", *rows[120:]]))

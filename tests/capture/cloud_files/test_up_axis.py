@@ -106,7 +106,7 @@ def test_without_evidence_z_is_up_and_not_sure(shape):
         assert name_of(found.axis) == "+Z", (axis, found.how)
         assert not found.sure
         assert "assumed" in found.how or "by" in found.how
-    usual = find_cloud_up(UNTOLD[shape], usual="Y")
+    usual = find_cloud_up(UNTOLD[shape], format_up="Y")
     assert name_of(usual.axis) == "+Y"
     assert usual.sure
 
@@ -116,7 +116,7 @@ def test_what_is_stated_is_followed_and_doubted():
     doubted = find_cloud_up(LOLLIPOP, "y")
     assert name_of(doubted.axis) == "+Y"
     assert not doubted.sure
-    assert doubted.how.startswith("+Y as stated, but a trunk says +Z")
+    assert doubted.how.startswith("+Y as stated, but a trunk indicates +Z")
     upside_down = find_cloud_up(LOLLIPOP @ TURNS["-Z"].T, "+Z")
     assert not upside_down.sure
     assert "-Z: it may lie or stand upside down" in upside_down.how
@@ -124,8 +124,8 @@ def test_what_is_stated_is_followed_and_doubted():
 
 
 def test_what_is_usual_needs_more_to_be_believed_against():
-    assert name_of(find_cloud_up(LOLLIPOP @ TURNS["+Y"].T, usual="+Z").axis) == "+Y"
-    assert find_cloud_up(LOLLIPOP, usual="+Z").sure
+    assert name_of(find_cloud_up(LOLLIPOP @ TURNS["+Y"].T, format_up="+Z").axis) == "+Y"
+    assert find_cloud_up(LOLLIPOP, format_up="+Z").sure
 
 
 @settings(max_examples=20)

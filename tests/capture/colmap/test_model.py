@@ -48,7 +48,7 @@ def test_what_is_written_is_read(tmp_path, write):
         np.testing.assert_allclose(image.cam_from_world, poses[image.name], atol=1e-14)
     assert [image.camera_id for image in model.images] == [*range(1, len(LENSES) + 1), 1]
     np.testing.assert_array_equal(read_model_points(tmp_path), POINTS)
-    np.testing.assert_array_equal(read_model_points(tmp_path, most=1), POINTS[:1])
+    np.testing.assert_array_equal(read_model_points(tmp_path, max_points=1), POINTS[:1])
 
 
 @pytest.mark.parametrize("observations", ["", "10.5 20.5 -1", "10.5 20.5 -1 1 2 3 4 5 6 7 8 9 10 11 12"])

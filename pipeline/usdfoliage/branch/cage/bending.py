@@ -73,7 +73,7 @@ def _bend(path: Path, step: Floats, held_m: float, fade_m: float) -> _Moved:
 
 
 def _at(arc_m: Floats, values: Floats, at_m: float) -> Floats:
-    """(3,) of values (n, 3) given by arc (n,), held at the ends."""
+    """(3,) of values (n, 3) given by arc (n,), constant beyond the ends."""
     after = min(max(int(np.searchsorted(arc_m, at_m, side="right")), 1), len(arc_m) - 1)
     share = min(max((at_m - arc_m[after - 1]) / (arc_m[after] - arc_m[after - 1]), 0.0), 1.0)
     return values[after - 1] + share * (values[after] - values[after - 1])

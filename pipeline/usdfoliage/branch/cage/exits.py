@@ -156,7 +156,7 @@ def _walk(
     """Walk on until the axis (thickest None), or the whole disc of the cage, is outside the parent.
 
     Returns:
-        Arcs (C,), held at the tip, and whether they were reached.
+        Arcs (C,), not beyond the tip, and whether they were reached.
     """
     exits = _native.walk_out(
         tubes.axes,

@@ -54,7 +54,7 @@ class Path:
 class Tubes:
     """The axes of T tubes, one after another; parents before children. Metres."""
 
-    points_m: Floats  # (V, 3), no two neighbours alike
+    points_m: Floats  # (V, 3), no two neighbours equal
     radius_m: Floats  # (V,)
     arc_m: Floats  # (V,), from the start of the tube
     direction: Floats  # (V, 3), unit, of the segment that starts there; the last of a tube repeats
@@ -111,7 +111,7 @@ class Tubes:
         return np.clip(at, self.first[tube], self.first[tube] + self.counts[tube] - 2)
 
     def axis(self, tube: Ints, arc_m: Floats) -> tuple[Floats, Floats]:
-        """Points (N, 3) and radii (N,) of the axis, held at the ends."""
+        """Points (N, 3) and radii (N,) of the axis, constant beyond the ends."""
         places = _native.tube_axis(self.axes, tube, arc_m, threads=0)
         return places.points_m, places.radius_m
 

@@ -71,7 +71,7 @@ def load_species(name: str, extra_file: Path | None = None) -> Species:
     """The species of this name, in any case of letters, from the library as a user's file changes it.
 
     Raises:
-        FoliageError: There is no such species, the file cannot be read, or it says what cannot be of any species.
+        FoliageError: There is no such species, the file cannot be read, or it has values that no species can have.
     """
     library = load_library(extra_file)
     found = library.get(_key_of(name))
@@ -87,7 +87,7 @@ def load_library(extra_file: Path | None = None) -> dict[str, Species]:
     """Every species by its name: those of the package, those of a user's file over them.
 
     Raises:
-        FoliageError: The file cannot be read, or it says what cannot be of any species.
+        FoliageError: The file cannot be read, or it has values that no species can have.
     """
     tables = _read_tables(LIBRARY)
     common = tables[GENERIC]

@@ -62,7 +62,7 @@ def grow_branches(
         weights: (M,), importance of each point (usdfoliage.branch.growth.importance), above 0.
         settings: How.
         seed: Of the turn at which each branch's phyllotaxy begins.
-        progress: Told how far growth is, 0 to 1.
+        progress: Called with how far growth is, 0 to 1.
 
     Raises:
         ValueError: Points and weights are not as many.

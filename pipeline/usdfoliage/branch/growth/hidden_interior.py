@@ -89,7 +89,7 @@ def blocked_share(
         places_m: (M, 3).
         points_m: (N, 3).
         cell_m: Of the grid.
-        min_share: Where the share cannot come to this, it is only said to be less.
+        min_share: Where the share cannot come to this, the share is only known to be less.
     """
     both_m = np.concatenate([points_m, places_m])
     low_m = both_m.min(axis=0) - cell_m

@@ -1,4 +1,4 @@
-"""Importance of points: many alike around a point on a branch, few around one on a leaf.
+"""Importance of points: many similar ones around a point on a branch, few around one on a leaf.
 
 J. Guo et al., Realistic procedural plant modeling from multiple view images, 2020, section 5.2, equation 8.
 """
@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-_CHUNK = 100_000  # points whose neighbours are held at once
+_CHUNK = 100_000  # points whose neighbours are in memory at once
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportanceSettings:
-    """What is alike."""
+    """What counts as similar."""
 
     reach_internodes: float = 0.6  # epsilon_D: 3 cm where an internode has 5
     least_cosine: float = 0.9  # epsilon_A, between principal directions, whichever way they point
@@ -33,7 +33,7 @@ def weigh_points(
     Args:
         points_m: (N, 3).
         internode_m: Of the plant, by which the paper's lengths are scaled.
-        settings: What is alike.
+        settings: What counts as similar.
     """
     tree = cKDTree(points_m)
     reach_m = settings.reach_internodes * internode_m

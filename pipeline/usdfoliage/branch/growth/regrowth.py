@@ -63,7 +63,7 @@ def regrow(
         growth: The plant's parameters; the longest way is taken from the cloud.
         settings: How the cloud is thinned.
         seed: Of phyllotaxy, and of which points stay.
-        progress: Told how far it is, 0 to 1.
+        progress: Called with how far it is, 0 to 1.
         stems: Branches that were seen: of thick ones it is the axis that is grown along, and not the bark.
     """
     internode_m = growth.internode_m
@@ -101,7 +101,7 @@ def fill_hidden(
         growth: The plant's parameters; the longest way is taken from the cloud.
         settings: What is hidden.
         seed: Of phyllotaxy and of the points in the crown.
-        progress: Told how far it is, 0 to 1.
+        progress: Called with how far it is, 0 to 1.
     """
     hidden_m = find_hidden(points_m, growth.internode_m, spacing_m, settings.hidden, seed)
     if not len(hidden_m) or not len(skeleton):

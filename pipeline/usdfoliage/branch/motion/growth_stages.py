@@ -116,7 +116,7 @@ def logistic_lengths(
 ) -> NDArray[np.float64]:
     """(T,) longest ways H_t from the first time, with H_0, to the last, with all, in internodes (eq. 6).
 
-    rho_0 says how many iterations that takes, and these are stretched over the T times whatever they are.
+    rho_0 gives the number of iterations, and these are stretched over the T times whatever they are.
     """
     start = min(settings.initial_internodes, 0.5 * longest)
     surplus = longest / start - 1

@@ -13,7 +13,7 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.motion.rig import Rig
 
 _SIDEWAYS = 0.4  # of a swing, across it: tips go round on ellipses
-_LOW, _HIGH = 0.4, 2.0  # times the usual swing
+_LOW, _HIGH = 0.4, 2.0  # times the typical swing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class SwaySettings:
     frames: int = 96  # of the loop
     swing_rad: float = 0.035  # amplitude of a branch that is as slender as most of its order: 2 degrees
     trunk_share: float = 0.25  # of it, for a trunk, which carries all
-    cycles: int = 2  # of the usual branch in a loop
+    cycles: int = 2  # of the typical branch in a loop
     max_cycles: int = 4  # of the shortest
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ from usdfoliage.branch.tracing.axes import Axes
 
 _FIXED = 1e9  # weight of what must stay where it is
 _TURNS = 5  # of holding what moves too far
-_HARDER = 1.5  # power of how much too far, by which it is held more
+_HARDER = 1.5  # power of how much too far, by which it is pulled back more
 
 
 def fair_axes(
@@ -21,8 +21,8 @@ def fair_axes(
 ) -> NDArray[np.float64]:
     """Nodes (S, 3) moved so that their axes bend little: least squares of the way moved and of second differences.
 
-    Axes are made fair after their parents, whose node they keep to. Nodes that would move too far are held the more,
-    turn by turn: a few may still end a little farther than they should.
+    Axes are made fair after their parents, whose node they keep to. Nodes that would move too far are pulled back the
+    more, turn by turn: a few may still end a little farther than they should.
 
     Args:
         center_m: (S, 3).

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.geometry.point_cells import cell_means, number_cells
 
-_AT_ONCE = 4000  # places whose surroundings are held
+_AT_ONCE = 4000  # places whose surroundings are in memory at once
 
 
 @dataclass(frozen=True, kw_only=True)

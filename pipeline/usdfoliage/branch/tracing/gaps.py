@@ -1,4 +1,4 @@
-"""Parts of a cloud that lie apart from the plant: too far to say that a branch leads there."""
+"""Parts of a cloud that lie apart from the plant: too far for a branch to lead there."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 from usdfoliage.branch.tracing.sections import SectionTree
 
-_GAP = 3.0  # usual steps, from which on there is a gap between a section and its parent
+_GAP = 3.0  # typical steps, from which on there is a gap between a section and its parent
 
 
 def find_beyond_gaps(

@@ -1,6 +1,6 @@
 """What of a cloud lies far beside its plant: bits of the ground and of what is behind, that captures come with.
 
-A stray is linked with the plant in the end, as branches are that are seen with gaps, and then its way is a branch.
+An outlier is linked with the plant in the end, as branches with gaps are, and then its path is a branch.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class OutlierSettings:
     """What is far from a plant."""
 
     gap_of_height: float = 0.1  # without any points, around what is a piece of its own
-    max_points: float = 0.05  # of those of the largest piece, that a stray has
+    max_points: float = 0.05  # of those of the largest piece, that a piece of outliers has
     low: float = 0.25  # of the height, below which points may be remains of the ground
     wide: float = (
         1.5  # of the reach of what is higher, beyond which they are: the lowest branches reach farther than it

@@ -1,4 +1,4 @@
-"""Radii of branches: what circles tell where they can be believed, and allometry in between and for thin twigs."""
+"""Radii of branches: those of circles where they can be believed, and allometry in between and for thin twigs."""
 
 import logging
 from dataclasses import dataclass, field

@@ -26,23 +26,23 @@ from usdfoliage.progress import StepProgress
 
 logger = logging.getLogger(__name__)
 
-_SIXTH = 6  # neighbour whose distance says how far apart points are
+_SIXTH = 6  # neighbour whose distance is taken for the spacing of points
 _SAMPLE = 20_000  # points of which it is taken
 _HANGS_TOGETHER = 1.6  # distances to the sixth neighbour, that a slice of a thick stem must be thick
 _FOOT = 1.6  # distances to the sixth neighbour, height of the foot of a stem
-_FOOT_POINTS = 20  # that tell how wide it is
+_FOOT_POINTS = 20  # that its width is measured from
 _FOOT_GAP = 4.0  # distances to the sixth neighbour, beyond which points beside a foot are of something else
 _WITHIN = 1.2  # radii of a thick branch from its axis, where all points are of it
 _FLARE = 0.7  # of its radius, that a stem may be thicker at its foot on one side,
 _FLARES = 4.0  # radii of it, up to which that fades
 _NEAR_BELIEVED = 3  # nodes from a believed circle, that are as thick as is thought
 
-CloudLeaves = Literal["auto", "on", "off"]  # whether a cloud has leaves: told by it, yes, no
+CloudLeaves = Literal["auto", "on", "off"]  # whether a cloud has leaves: found from the cloud, yes, no
 
 
 @dataclass(frozen=True, kw_only=True)
 class BranchSettings:
-    """How a cloud becomes a skeleton. Lengths without a unit are internodes, or what they say."""
+    """How a cloud becomes a skeleton. Lengths without a unit are internodes, or what their comment states."""
 
     internode_m: float | None = None  # without it from the height
     internode_of_height: float = 0.005  # table 2: 5 cm in a box of 10 m
@@ -85,7 +85,7 @@ class TracedBranches:
     thickness_m: float  # of a slice of a thin branch
     pieces: int  # that the cloud's graph was in
     wood: NDArray[np.bool_]  # (N,), points that are of branches; the others are of leaves, and nothing was made of them
-    knows_leaves: bool  # whether points are close enough together to tell wood and leaves apart
+    knows_leaves: bool  # whether points are close enough together to distinguish wood from leaves
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,8 +111,8 @@ def reconstruct_branches(
         points_m: (N, 3), of wood, or of wood and leaves, Y up, without ground.
         roots_m: (R, 3), where its stems come out of the ground; the nearest points are taken.
         settings: How.
-        progress: Told of what is done, and how far it is.
-        colors: (N, 3), red, green and blue of the points, 0 to 255, where they have any: wood is told by them as well.
+        progress: Called with what is done, and how far it is.
+        colors: (N, 3), red, green and blue of the points, 0 to 255, where they have any: they help to recognise wood.
 
     Raises:
         ValueError: Fewer than two points, all of them at one place, or no root.
@@ -213,14 +213,16 @@ def _find_wood(
             by_color = cell_means(color_odds(colors, taken)[wood, None], cut.sections.section)[:, 0]
             found = choose_wood(cut.sections, odds + by_color, _on_stems(cut), cut.spacing_m)
             logger.info("with colours %.0f %%", 100 * found.share)
-            # What geometry alone doubts of a noisy cloud's wood is thin: long ways of few points, that colours spared.
+            # What geometry alone would drop of a noisy cloud's wood is thin: long paths of few points, that colours
+            # spared.
             if turn and found.sections[cut.sections.section].mean() >= settings.wood.settled:
                 break
         kept = found.sections[cut.sections.section] | sure[wood]
         if kept.sum() < 2:
             break
         wood = wood[kept]
-        # Without the leaves slices are other ones, and wood is easier to tell from the leaves that are still there.
+        # Without the leaves slices are other ones, and wood is easier to distinguish from the leaves that are still
+        # there.
         cut = _cut(points_m[wood], roots_m, internode_m, point_spacing(points_m[wood]) or spacing_m, settings)
         if found.share >= settings.wood.settled:
             break

@@ -55,7 +55,7 @@ def find_paths(
     """The cheapest way from every point to a root, where a link costs a power of its length.
 
     With 1 ways are the shortest and leap from point to point; above it they keep to where points are close together,
-    and so to the branch that they are on, but stray on the surface of a thick stem.
+    and so to the branch that they are on, but wander on the surface of a thick stem.
 
     Args:
         lengths_m: (N, N), symmetric, of a graph in which every point is linked with a root.

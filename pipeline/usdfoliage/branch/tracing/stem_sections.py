@@ -1,4 +1,4 @@
-"""Circles through the points around an axis: how thick a branch is, and where its middle is, as far as points tell."""
+"""Circles through the points around an axis: how thick a branch is, and where its middle is, as far as points show."""
 
 from dataclasses import dataclass, fields
 

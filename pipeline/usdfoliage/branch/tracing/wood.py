@@ -1,6 +1,6 @@
 """Wood and leaves: which sections of a cloud are of branches, where the plant was captured with its leaves on.
 
-A slice of a leaf is a section like one of a twig. But the way through a leaf strays from point to point, where a twig
+A slice of a leaf is a section like one of a twig. But the path through a leaf wanders from point to point, where a twig
 goes straight on; a leaf holds many points for its length; and more of the space around is filled. These are weighed
 together, and what is kept is the tree that has most for it as a whole: a section that looks like a leaf stays where
 enough wood is beyond it. The features and the tree are our own; the idea of a path that is followed is that of
@@ -21,7 +21,7 @@ from usdfoliage.geometry.point_cells import cell_means, number_cells
 _WINDOWS = (10.0, 20.0)  # of a way, to both sides, over which it is straight or not
 _CELL = 1.0  # of which filled ones are counted
 _AROUND = 1.5  # of a section, where they are counted
-_BLUR = 0.1  # that a way strays in any case
+_BLUR = 0.1  # that a path wanders in any case
 _MAX_SECTIONS = 250  # of a way within a window
 # Logarithm of the odds for wood: constant; straightness in both windows, fewness of points, emptiness around. Logistic
 # regression, rounded, on a simulated tree with leaves of several sizes, scanned and sampled at several spacings and
@@ -35,7 +35,7 @@ _STEM_SURE = 3.0  # of what is on a thick stem
 class WoodSettings:
     """What is wood, and when a plant has leaves."""
 
-    leaf_m: float = 0.1  # length of a usual leaf
+    leaf_m: float = 0.1  # length of a typical leaf
     leaf_spacings: float = 3.0  # distances to the sixth neighbour in it, fewer of which do not show what it is
     leafless: float = 0.75  # share of the sections' length that is wood, from which on a plant has no leaves
     caution: float = 0.5  # added to the logarithm of the odds for wood: among leaves it looks less like it
@@ -62,7 +62,7 @@ class Wood:
 
 
 def shows_leaves(spacing_m: float, settings: WoodSettings = WoodSettings()) -> bool:
-    """Whether points that are spacing_m from their sixth neighbour are close enough together to tell leaves by them."""
+    """Whether points that are spacing_m from their sixth neighbour are close enough together to recognise leaves."""
     return settings.leaf_spacings * spacing_m <= settings.leaf_m
 
 
@@ -105,7 +105,8 @@ def best_rooted_part(tree: RootedTree, gain: NDArray[np.float64]) -> NDArray[np.
 
 
 def wood_features(points_m: NDArray[np.float64], sections: SectionTree, spacing_m: float) -> NDArray[np.float64]:
-    """(S, 4) what tells wood, the more the likelier: straightness in two windows, fewness of points, emptiness around.
+    """(S, 4) what speaks for wood, the more the likelier: straightness in two windows, fewness of points, emptiness
+    around.
 
     All four are logarithms of ratios, so that they do not depend on the size of the plant.
 

@@ -1,8 +1,8 @@
-"""What colours tell of wood, learnt from the plant itself: no colour is that of leaves at all seasons.
+"""What colours show of wood, learnt from the plant itself: no colour is that of leaves at all seasons.
 
-What geometry takes for wood and for leaves are samples of both, with faults. The faults make their colours more alike
+What geometry takes for wood and for leaves are samples of both, with faults. The faults make their colours more similar
 than they are, so that what is learnt is never bolder than it should be; where bark and leaves do not differ in colour,
-or geometry tells nothing, it is nothing.
+or geometry decides nothing, it is nothing.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ def color_odds(colors: NDArray[np.number], is_wood: NDArray[np.bool_]) -> NDArra
     """(N,) logarithm of how much more often a point's colour is found in wood than in leaves.
 
     Args:
-        colors: (N, 3), red, green and blue, 0 to 255; black ones are no colours and tell nothing.
+        colors: (N, 3), red, green and blue, 0 to 255; black ones are no colours and do not count.
         is_wood: (N,), what is taken for wood so far; the others are taken for leaves.
     """
     has = np.asarray(np.asarray(colors).any(axis=1))

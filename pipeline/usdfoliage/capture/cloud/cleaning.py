@@ -1,4 +1,4 @@
-"""What a merged cloud loses before it is used: stray points, floating pieces, points that lie too close together."""
+"""What a merged cloud loses before it is used: outliers, floating pieces, points that lie too close together."""
 
 from dataclasses import dataclass
 from itertools import product

@@ -1,4 +1,4 @@
-"""What all views say of the points of a cloud: which have them, and which see through them.
+"""What all views show of the points of a cloud: which have them, and which see through them.
 
 Section 4 of J. Guo et al., Realistic procedural plant modeling from multiple view images, 2020, asks the views that a
 photograph is matched with; here every depth map is asked about every point, one map at a time.

@@ -15,7 +15,7 @@ PART_POINTS = 1 << 20  # that are read at once
 class CloudPart(NamedTuple):
     """Some points of a file, in its order, its axes and its unit."""
 
-    points: NDArray[np.float64]  # (N, 3), not finite where the file says so
+    points: NDArray[np.float64]  # (N, 3), not finite where the file has it so
     colors: NDArray[np.float32] | None  # (N, 3), red, green, blue as the file has them; all parts of a file, or none
     work: int  # how much of the file's work this part was
     left_out: tuple[tuple[int, str], ...] = ()  # of the file, not among these: how many, and what they are

@@ -59,7 +59,7 @@ class SampledColors:
     def __init__(self) -> None:
         self._points: list[Array] = []
         self._colors: list[NDArray[np.float32]] = []
-        self._step = 1  # one in so many points is held
+        self._step = 1  # one in so many points is kept
         self._skip = 0  # points that come before the next one to hold
 
     def add(self, points: NDArray[np.float64], colors: NDArray[np.float32]) -> None:
@@ -91,7 +91,7 @@ def _follow(chroma: Array, along: Array) -> bool:
 
 
 def _lie_on_curve(shade: Array) -> bool:
-    """Whether colours (N, 3), 0 to 255, lie on a thin curve, as lines through the colours about some of them tell."""
+    """Whether colours (N, 3), 0 to 255, lie on a thin curve, as lines through the colours about some of them show."""
     different = np.unique(np.rint(shade), axis=0)
     if len(different) < _MIN_COLORS:
         return False

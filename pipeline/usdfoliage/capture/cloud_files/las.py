@@ -20,7 +20,7 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.remarks import Remark, remark
 
 _NOISE = (7, 18)  # classes of points, low and high
-_VARIABLE = 2**32 - 1  # size of a LAZ file's chunks, where its table tells that of each
+_VARIABLE = 2**32 - 1  # size of a LAZ file's chunks, where its table has that of each
 _MAX_IN_CHUNK = 10_000_000  # points; writers put 50,000 into one
 _DEGREES_WIDE = 0.05  # what is wider is no plant in degrees: 5 km
 _SAME_UNIT = 1e-4  # relative: feet are of two sizes, which differ by less
@@ -38,7 +38,7 @@ def open_las_parts(path: Path, unit_is_given: bool = False) -> CloudParts:
 
     Args:
         path: The file.
-        unit_is_given: The user gives the unit: what the file says of it does not matter.
+        unit_is_given: The user gives the unit: what the file states does not matter.
 
     Raises:
         CaptureError: The file is damaged or truncated, in degrees, or its heights have another unit than its plan;
@@ -59,7 +59,7 @@ def open_las_parts(path: Path, unit_is_given: bool = False) -> CloudParts:
     present = (path.stat().st_size - start) // max(point_size, 1)
     if not compressed and count > present:
         raise CaptureError(
-            f"{path} is truncated: its header tells of {count:,} points, there are at most {max(present, 0):,}; "
+            f"{path} is truncated: its header states {count:,} points, there are at most {max(present, 0):,}; "
             f"copy it again"
         )
     if compressed and count:
@@ -78,20 +78,20 @@ def open_las_parts(path: Path, unit_is_given: bool = False) -> CloudParts:
 
 
 def _check_records(path: Path) -> None:
-    """Refuse a header that tells of more records than fit into the file: laspy would read on behind its end."""
+    """Refuse a header that states more records than fit into the file: laspy would read on behind its end."""
     with path.open("rb") as file:
         head = file.read(247)
         size = file.seek(0, 2)
     counts = [struct.unpack_from("<I", head, at)[0] for at in (100, 243) if len(head) >= at + 4]
     is_long = len(head) > 25 and head[25] >= 4  # LAS 1.4 has records behind the points
     if any(count * 54 > size for count in counts[: 2 if is_long else 1]):  # bytes that one has at least
-        raise CaptureError(f"{path} is damaged: it tells of more records than it has bytes for; copy it again")
+        raise CaptureError(f"{path} is damaged: it states more records than it has bytes for; copy it again")
 
 
 def _check_chunk_table(path: Path, start: int, count: int, packing: bytes) -> None:
-    """Refuse a LAZ file whose table of chunks cannot be: lazrs would ask for as much memory as it tells, and abort.
+    """Refuse a LAZ file whose table of chunks cannot be: lazrs would ask for as much memory as it states, and abort.
 
-    Packing is the record that tells how points are packed, with the number of points in a chunk.
+    Packing is the record of how points are packed, with the number of points in a chunk.
 
     Source: M. Isenburg, LASzip: lossless compression of LiDAR data, 2013, with the offset of the table before the
     points or, from writers that could not go back, at the end of the file.
@@ -110,12 +110,12 @@ def _check_chunk_table(path: Path, start: int, count: int, packing: bytes) -> No
             )
         file.seek(table)
         _, chunks = struct.unpack("<II", file.read(8))
-        (in_chunk,) = struct.unpack_from("<I", packing, 12)  # all bits set: as the table tells of each
+        (in_chunk,) = struct.unpack_from("<I", packing, 12)  # all bits set: as the table has it of each
         is_fixed = in_chunk != _VARIABLE
         if is_fixed and in_chunk > max(count, _MAX_IN_CHUNK):  # lazrs asks for the memory of a whole one
-            raise CaptureError(f"{path} is damaged: it tells of {in_chunk:,} points in a chunk; copy it again")
+            raise CaptureError(f"{path} is damaged: it states {in_chunk:,} points in a chunk; copy it again")
         if chunks > table - start or count > chunks * in_chunk:  # none is empty
-            raise CaptureError(f"{path} is damaged: it tells of {count:,} points in {chunks:,} chunks; copy it again")
+            raise CaptureError(f"{path} is damaged: it states {count:,} points in {chunks:,} chunks; copy it again")
 
 
 @contextmanager
@@ -148,7 +148,7 @@ def _read_parts(path: Path, count: int, has_colors: bool) -> Iterator[CloudPart]
             yield _as_part(part, has_colors)
     if done < count:
         raise CaptureError(
-            f"{path} is truncated: its header tells of {count:,} points, there are {done:,}; copy it again"
+            f"{path} is truncated: its header states {count:,} points, there are {done:,}; copy it again"
         )
 
 

@@ -1,4 +1,4 @@
-"""The unit of the coordinates in a LAS file: what its coordinate system says, without a table of such systems.
+"""The unit of the coordinates in a LAS file: from its coordinate system, without a table of such systems.
 
 Source: OGC 01-009, Coordinate Transformation Services, section 7 (WKT); OGC 18-010r7, WKT representation of coordinate
 reference systems; OGC 19-008r4, GeoTIFF, sections 7.5 and 7.6 (keys); ASPRS, LAS Specification 1.4-R15, section 3.
@@ -25,12 +25,12 @@ _MAX_NODES = 10_000
 
 
 class LasUnit(NamedTuple):
-    """What a coordinate system says."""
+    """What a coordinate system states."""
 
-    metres_per_unit: float | None = None  # across; None: not said
-    metres_per_height: float | None = None  # None: not said, which means as across
+    metres_per_unit: float | None = None  # across; None: not stated
+    metres_per_height: float | None = None  # None: not stated, which means as across
     is_degrees: bool = False  # across, x and y are longitude and latitude
-    epsg: int | None = None  # of a system that only its number tells of
+    epsg: int | None = None  # of a system that is known by its number alone
 
 
 @dataclass

@@ -34,7 +34,7 @@ _TYPES: Mapping[str, str] = {
     **{"int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8"},
 }
 _ORDERS: Mapping[str, str] = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
-# What programs call the same, the usual name first.
+# What programs call the same, the most common name first.
 _PLACE = (("x",), ("y",), ("z",))
 _NORMAL = (("nx", "normal_x"), ("ny", "normal_y"), ("nz", "normal_z"))
 _COLOR = (("red", "r", "diffuse_red"), ("green", "g", "diffuse_green"), ("blue", "b", "diffuse_blue"))
@@ -125,7 +125,7 @@ def fits_single(points_m: NDArray[np.float64]) -> bool:
     if not len(points_m):
         return True
     extent_m = float(np.linalg.norm(np.ptp(points_m, axis=0)))
-    if extent_m == 0:  # of points in one place nothing tells how exact it must be
+    if extent_m == 0:  # of points in one place it is not known how exact it must be
         return bool((points_m == points_m.astype(np.float32)).all())
     rounding_m = float(np.abs(points_m).max()) * _ROUNDING
     return rounding_m <= _OF_SPACING * extent_m / np.sqrt(len(points_m))
@@ -199,7 +199,7 @@ def open_cloud_parts(path: Path) -> CloudParts:
 
 
 def _open_vertices(path: Path) -> tuple[_Header, _Element]:
-    """The header, and of its elements the vertices, which are complete as far as the file's size tells."""
+    """The header, and of its elements the vertices, which are complete as far as the file's size shows."""
     if not path.is_file():
         raise CaptureError(f"{path} does not exist or is no file; give a cloud in PLY")
     try:
@@ -241,7 +241,7 @@ def _read_element_parts(
         for first in range(0, element.rows if wanted else 0, PART_POINTS):
             yield first, {name: column[first : first + PART_POINTS] for name, column in columns.items()}
         return
-    if order:  # told before anything is read
+    if order:  # reported before anything is read
         size = _row_type(element.properties, order, {}).itemsize
         if element.rows * size > _bytes_left(file):
             raise _truncated(path, element, _bytes_left(file) // size)
@@ -278,7 +278,7 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
         if sum(len(properties) for _, _, properties in elements) > MAX_PROPERTIES:
             raise CaptureError(f"{path} has more than {MAX_PROPERTIES} properties; write it again with fewer")
     if order is None:
-        raise CaptureError(f"{path} does not say its format; write it again as binary_little_endian")
+        raise CaptureError(f"{path} does not state its format; write it again as binary_little_endian")
     named = tuple(_Element(name, count, tuple(properties)) for name, count, properties in elements)
     return _Header(order, named, tuple(comments))
 
@@ -362,7 +362,7 @@ def _read_rows(
 def _read_lists(
     path: Path, file: BinaryIO, element: _Element, order: str, wanted: bool
 ) -> dict[str, NDArray[np.generic]]:
-    """Rows with lists in them: at once where all lists are as long as those of the first row, as is usual."""
+    """Rows with lists in them: at once where all lists are as long as those of the first row, as in most files."""
     start = file.tell()
     data = file.read()
     if not element.rows:
@@ -496,14 +496,14 @@ def _bytes_left(file: BinaryIO) -> int:
 
 
 class _TruncatedError(CaptureError):
-    """There are fewer rows than the header tells."""
+    """There are fewer rows than the header states."""
 
     found: int
 
 
 def _truncated(path: Path, element: _Element, found: int) -> _TruncatedError:
     error = _TruncatedError(
-        f"{path} is truncated: its header tells of {element.rows:,} rows of {element.name}, there are at most "
+        f"{path} is truncated: its header states {element.rows:,} rows of {element.name}, there are at most "
         f"{found:,}; copy it again"
     )
     error.found = found

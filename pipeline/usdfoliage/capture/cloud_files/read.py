@@ -24,7 +24,7 @@ from usdfoliage.remarks import Remark, remark
 
 logger = logging.getLogger(__name__)
 
-MIN_POINTS = 50  # in different places; with fewer nothing can be said of a plant
+MIN_POINTS = 50  # in different places; with fewer nothing is known of a plant
 _PLY, _LAS, _TEXT = (".ply",), (".las", ".laz"), (".xyz", ".txt", ".pts", ".csv", ".asc")
 CLOUD_SUFFIXES = (*_PLY, *_LAS, *_TEXT)
 _SURELY_CLOUDS = (*_PLY, *_LAS, ".xyz", ".pts")  # a capture's other text files are no clouds
@@ -58,7 +58,7 @@ class CloudInput:
     colors: NDArray[np.uint8] | None  # (N, 3), sRGB; black where a point has none
     metres_per_unit: float
     stated_up: str | None  # the axis that capture.toml or the file states as up, X, Y or Z with + or -
-    format_up: str | None  # the axis that is up in files of this format; None: none is usual
+    format_up: str | None  # the axis that is up in files of this format; None: there is none
     total: int  # points in the file, with those left out
     remarks: tuple[Remark, ...]  # on what was left out, assumed or not used
 
@@ -70,10 +70,10 @@ def read_cloud_input(
 ) -> CloudInput:
     """Read the cloud in a file, or that of a capture folder.
 
-    Files are told apart by their first bytes, then by their suffix: PLY, LAS, LAZ, and text with a point a line. Points
-    that are not finite, those that a LAS file marks as withheld or noise, and exact duplicates are left out. A cloud of
-    more than max_points is thinned while it is read, so that memory does not grow with the file: one point a cell of a
-    grid, the mean of those in it.
+    Files are distinguished by their first bytes, then by their suffix: PLY, LAS, LAZ, and text with a point a line.
+    Points that are not finite, those that a LAS file marks as withheld or noise, and exact duplicates are left out. A
+    cloud of more than max_points is thinned while it is read, so that memory does not grow with the file: one point a
+    cell of a grid, the mean of those in it.
 
     The unit is, in this order: the settings'; that of capture.toml, for a folder; the file's own; for LAS metres;
     a guess (see guess_unit).
@@ -295,7 +295,7 @@ def _find_unit(parts: CloudParts, points: NDArray[np.float64]) -> tuple[float, l
         unit = parts.metres_per_unit
         return unit, [] if unit == 1 else [remark("cloud-unit-stated", f"the file's unit is {unit:.6g} m")]
     if parts.is_survey:
-        return 1.0, [remark_unit_assumed("metres are assumed, as usual for LAS")]
+        return 1.0, [remark_unit_assumed("metres are assumed, as in most LAS files")]
     guessed = guess_unit(points)
     return guessed.metres_per_unit, [guessed.remark]
 

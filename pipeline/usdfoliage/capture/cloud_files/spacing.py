@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.geometry.pinhole import Pinhole
 
-_FEW = 20_000  # points that tell how dense a cloud is
+_FEW = 20_000  # points that the density of a cloud is measured from
 _NEIGHBOURS = 4  # of a point on a surface
 _CLOSE = 0.25  # share of the points that lie close together
 _ALONE_M = 0.001  # between points of which nothing is known

@@ -15,7 +15,7 @@ from usdfoliage.capture.cloud_files.units import find_stated_unit, find_stated_u
 from usdfoliage.errors import CaptureError
 
 _BLOCK = 1 << 25  # bytes that are read at once
-_HEAD = 1 << 16  # bytes that tell the layout
+_HEAD = 1 << 16  # bytes that the layout is found from
 _HEAD_LINES = 400
 _LONGEST_LINE = 1 << 20
 _MAX_BAD = 0.1  # share of the lines that may be no points; beyond, the file is something else
@@ -35,7 +35,7 @@ class _Layout(NamedTuple):
     color: tuple[int, ...] | None
     levels: tuple[float, ...]  # of the colours
     start: int  # of the first line with a point, in bytes
-    declared: int | None  # how many points there are, as the line before them says
+    declared: int | None  # how many points there are, as the line before them states
     comments: tuple[str, ...]  # comments and names of columns
 
 
@@ -49,7 +49,7 @@ def open_text_parts(path: Path) -> CloudParts:
 
     Raises:
         CaptureError: The file is not text, or has no line with three numbers; later, when too many lines are no points,
-            or fewer come than a line at the top says.
+            or fewer come than a line at the top states.
     """
     try:
         with path.open("rb") as file:
@@ -184,7 +184,7 @@ def _read_parts(path: Path, layout: _Layout) -> Iterator[CloudPart]:
         raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
     if layout.declared is not None and found + bad < layout.declared:
         raise CaptureError(
-            f"{path} is truncated: its first line tells of {layout.declared:,} points, there are {found + bad:,}; "
+            f"{path} is truncated: its first line states {layout.declared:,} points, there are {found + bad:,}; "
             f"copy it again"
         )
 

@@ -10,7 +10,7 @@ _FIRST_CELLS = 1 << 16  # across the points that there are when thinning begins:
 _MIN_EXTENT = 1e-3  # in units: what is smaller is one point; and cells of one 1e11 units away still have numbers
 _GROWTH = 2.0**0.25  # of the cells, the least
 _SMALLER = 3  # such steps in a doubling, without the last
-_TAILS = 0.002  # share of the points on each side that do not count for the size: strays
+_TAILS = 0.002  # share of the points on each side that do not count for the size: outliers
 _MIXERS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)  # odd, of random bits
 
 
@@ -51,7 +51,7 @@ class PointThinner:
             raise ValueError(f"max_points must be at least 1, not {max_points}")
         self._max_points = max_points
         self._parts: list[tuple[NDArray[np.float64], NDArray[np.float32] | None]] = []
-        self._count = 0  # of the points held as they are
+        self._count = 0  # of the points kept as they are
         self._pending: list[_Cells] = []
         self._origin = np.zeros(3)
         self._cell = 0.0

@@ -34,7 +34,7 @@ _TILE_FLATNESS = 0.05  # the same beyond _PLANT_SIZED: land is kilometres wide t
 _FAR = 20.0  # of its size: a cloud that far from the origin has coordinates of a map, which are in metres
 _FINEST_MM, _COARSEST = 0.05, 0.2  # spacing of points in a scan of a plant: no finer, and no coarser for its size
 _LARGEST_PLANT_M = 60.0
-_TAILS = 0.002  # share of the points on each side that may be strays
+_TAILS = 0.002  # share of the points on each side that may be outliers
 _SAMPLE = 5000
 
 

@@ -1,4 +1,4 @@
-"""Which way is up in the cloud of one plant: by its trunk and the ground it stands on, else as is usual.
+"""Which way is up in the cloud of one plant: by its trunk and the ground it stands on, else as in most files.
 
 Our own rules. The cloud is looked at as cells of a grid, so that neither the order of the points counts, nor how
 densely a scanner saw the plant's parts.
@@ -15,9 +15,9 @@ Grid = NDArray[np.bool_]  # (A, B, H), cells with points; the last axis goes up
 
 _CELLS = 64  # along the mean side
 _MAX_CELLS = 256  # along the largest
-_TAIL = 0.0005  # share of the points on each side that may be strays
+_TAIL = 0.0005  # share of the points on each side that may be outliers
 _AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
-# Evidence that is believed, of a direction by how usual it is.
+# Evidence that is believed, of a direction by how common it is.
 _CLEAR_EXPECTED, _CLEAR_Y, _CLEAR_OTHER, _CLEAR_AGAINST_FORMAT = 0.3, 0.4, 0.45, 0.6
 _LEAD = 0.15  # of it over the next best
 _SURE = 0.5
@@ -81,8 +81,8 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, form
 
     Args:
         points_m: (N, 3) float, finite, of a single plant, in any order; N at least 1.
-        stated: The axis that the user or the file says is up, X, Y or Z with or without + or -. It is followed; where
-            the evidence is clearly against it, that is told.
+        stated: The axis that the user or the file states is up, X, Y or Z with or without + or -. It is followed; where
+            the evidence is clearly against it, there is a warning.
         format_up: The axis that is up in files of this kind; evidence must be clearer to be believed against it.
 
     Raises:
@@ -109,16 +109,16 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, form
         if is_clear and best != axis:
             return CloudUp(
                 axis=axis_vector(axis),
-                how=f"{axis} as stated, but {evidence[best].text} says {best}: it may lie or stand upside down",
+                how=f"{axis} as stated, but {evidence[best].text} indicates {best}: it may lie or stand upside down",
                 sure=False,
             )
         return CloudUp(axis=axis_vector(axis), how=f"{axis} as stated", sure=True)
     if is_clear:
         return CloudUp(axis=axis_vector(best), how=f"{best} by {evidence[best].text}", sure=is_sure)
-    reason = "as is usual for such files" if format_up is not None else "assumed"
+    reason = "as in most such files" if format_up is not None else "assumed"
     return CloudUp(
         axis=axis_vector(prior),
-        how=f"{prior} {reason}; neither a trunk nor the ground says so clearly",
+        how=f"{prior} {reason}; neither a trunk nor the ground shows it clearly",
         sure=format_up is not None,
     )
 

@@ -1,4 +1,4 @@
-"""What a COLMAP model says of images and cameras, checked, whichever form it is written in."""
+"""What a COLMAP model states of images and cameras, checked, whichever form it is written in."""
 
 import math
 import re
@@ -23,7 +23,7 @@ class PosedImage:
     name: str  # below the folder of images, "/" between folders
     camera_id: int
     cam_from_world: NDArray[np.float64]  # (3, 4), camera axes x right, y down, z forward; in the model's unit
-    source: str  # file and line, or byte, that say so
+    source: str  # file and line, or byte, of it
 
 
 def checked_lens(where: str, model: str, width: int, height: int, parameters: Sequence[float]) -> Lens:

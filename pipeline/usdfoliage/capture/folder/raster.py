@@ -134,7 +134,7 @@ def _png_header_damage(header: bytes) -> str:
     width, height, bits, kind, *others = struct.unpack(">IIBBBBB", header)
     known = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}  # bits by kind of colour
     if not (0 < width < 2**31 and 0 < height < 2**31) or bits not in known.get(kind, ()):
-        return f"damaged: its header tells of {width}×{height} pixels of {bits} bits, colour {kind}"
+        return f"damaged: its header states {width}×{height} pixels of {bits} bits, colour {kind}"
     if others[:2] != [0, 0] or others[2] > 1:
         return "damaged: its header tells of compression, filter or interlacing that no PNG has"
     return ""

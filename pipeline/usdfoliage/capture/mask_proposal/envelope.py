@@ -1,6 +1,7 @@
 """The envelope of a crown: an egg or a cone, placed where it parts the picture best.
 
-It tells the tree that was meant from its neighbours, the lawn and the hedge behind, which colour alone cannot. Our own.
+It distinguishes the tree that was meant from its neighbours, the lawn and the hedge behind, which colour alone cannot.
+Our own.
 """
 
 from dataclasses import dataclass
@@ -71,7 +72,7 @@ def fit_crown_envelopes(
     """Find the envelopes whose inside differs most from the ring around them.
 
     The difference is the Jensen-Shannon divergence of the two histograms of clusters, sky being one of them. Several
-    searches, each from its own start, tell whether there is one answer or several.
+    searches, each from its own start, show whether there is one answer or several.
 
     Args:
         clusters: (H, W), what each pixel looks like, 0 to K - 1.

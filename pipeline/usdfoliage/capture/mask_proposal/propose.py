@@ -1,7 +1,8 @@
 """A mask proposed for a photograph that came without one: the crown of the tree in the middle.
 
-The sky is found first; then an envelope tells the crown from its neighbours and from the ground; clusters of colour and
-texture, learnt inside and around it, say which pixels belong to it; GrabCut and a guided filter draw the silhouette.
+The sky is found first; then an envelope distinguishes the crown from its neighbours and from the ground; clusters of
+colour and texture, learnt inside and around it, decide which pixels belong to it; GrabCut and a guided filter draw the
+silhouette.
 
 Source: C. Rother et al., GrabCut, 2004; K. He and J. Sun, Fast Guided Filter, 2015. The priors and the order: our own.
 """
@@ -187,7 +188,7 @@ def _classify(
     prior = np.where(exposed, np.maximum(prior, 0.7), prior)
     prior += np.clip(cv2.GaussianBlur(texture, (0, 0), 4) - 2.5, -2, 0.3)
 
-    weight = np.where(sky, 0.0, 0.1 + reach)  # what is far away says little
+    weight = np.where(sky, 0.0, 0.1 + reach)  # what is far away counts little
     crown = np.where(sky, 0, 1 / (1 + np.exp(-2 * prior)))
     for _ in range(5):
         seen_in = np.bincount(clusters.ravel(), (weight * crown).ravel())

@@ -92,7 +92,7 @@ def confirm_depth(
     """The depth of one view that fits and that its sources agree with.
 
     A pixel is seen in a source and, by the depth there, back again; it agrees if it comes back near to where it
-    started and both depths are alike. Small pieces that are left are dropped.
+    started and both depths agree. Small pieces that are left are dropped.
 
     Args:
         matched: The planes of the view.

@@ -1,4 +1,4 @@
-"""What several views' depth maps say of each other: depth that others confirm is kept and made more exact."""
+"""How several views' depth maps confirm each other: depth that others confirm is kept and made more exact."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,8 +35,8 @@ def keep_consistent(
 ) -> list[NDArray[np.float32]]:
     """Depth maps without what other views contradict or do not confirm; kept depth is the median of all that agree.
 
-    A pixel's point is looked up in another view's depth map. Alike depth there confirms it; larger depth contradicts
-    it, because that view looks through it; smaller depth says nothing, it is hidden there. A pixel stays if at least
+    A pixel's point is looked up in another view's depth map. Similar depth there confirms it; larger depth contradicts
+    it, because that view looks through it; smaller depth decides nothing, it is hidden there. A pixel stays if at least
     min_confirmed views agree and not more contradict.
 
     Args:
@@ -97,7 +97,7 @@ def _median(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _nearest(cameras: Sequence[Pinhole], index: int, count: int) -> list[int]:
-    """Views that look the most alike: nearest positions, the earlier one first where equal."""
+    """Views that are most similar: nearest positions, the earlier one first where equal."""
     away = [float(np.linalg.norm(other.position_m - cameras[index].position_m)) for other in cameras]
     return [k for k in np.argsort(away, kind="stable").tolist() if k != index][:count]
 

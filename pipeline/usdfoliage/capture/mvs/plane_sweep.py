@@ -88,7 +88,7 @@ def sweep_depths(
 ) -> list[NDArray[np.float32]]:
     """Depth of every view, (H, W) in metres at its photograph's size, 0 where it is not known.
 
-    Every view is swept, then every depth is held against those of the other views. Views with too few neighbours, and
+    Every view is swept, then every depth is compared with those of the other views. Views with too few neighbours, and
     pixels outside a view's mask, get no depth.
 
     Args:
@@ -240,7 +240,7 @@ def depth_range_m(
             return 1 / (near + margin + nearer * near), 1 / max(far - margin - 0.02 * near, 0.5 * far)
     depth = float(_looked_at_m(cameras) @ camera.cam_from_world[2, :3] + camera.cam_from_world[2, 3])
     if not depth > 0:
-        raise CaptureError("the range of depths cannot be told: the cameras do not look at one place; give points3D")
+        raise CaptureError("the range of depths cannot be found: the cameras do not look at one place; give points3D")
     return depth / 2, depth * 2
 
 

@@ -98,7 +98,7 @@ def fit_segment_planes(
         sums = [np.bincount(label, part * factor, count) for factor in (one, x, y, x * x, x * y, y * y)]
         right = [np.bincount(label, part * factor * value, count) for factor in (one, x, y)]
         normal = np.stack([sums[k] for k in (0, 1, 2, 1, 3, 4, 2, 4, 5)], -1).reshape(-1, 3, 3).astype(np.float64)
-        # Thin segments do not tell how they tilt across.
+        # Thin segments do not show how they tilt across.
         normal += np.einsum("n,ij->nij", 0.5 + 1e-3 * sums[0], np.diag([0.0, 1.0, 1.0])) + np.diag([1e-9, 0, 0])
         planes = np.asarray(np.linalg.solve(normal, np.stack(right, -1)[..., None])[..., 0], np.float64)
     believed = (with_depth >= settings.min_px) & (counts >= settings.min_share * size) & (planes[:, 0] > 0)

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from usdfoliage.capture.mvs.agreement import DepthEstimate
 from usdfoliage.geometry.pinhole import Pinhole
 
-_MAX_CHANGE = 1.25  # of depth inside a pixel; beyond it a plane is seen so much from its side that it tells nothing
+# of depth inside a pixel; beyond it a plane is seen so much from its side that its depth means nothing
+_MAX_CHANGE = 1.25
 
 
 def enlarge_depth(estimate: DepthEstimate, camera: Pinhole) -> DepthEstimate:

@@ -1,4 +1,4 @@
-"""Which photographs to match with one: those that see the same places from an angle that tells depth."""
+"""Which photographs to match with one: those that see the same places from an angle that determines depth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -64,7 +64,7 @@ def regrow_branches(
         request: What grows.
         species: Whose angles growth has.
         seed: Of growth.
-        progress: Told how far it is, 0 to 1.
+        progress: Called with how far it is, 0 to 1.
     """
     remarks: list[Remark] = []
     growth = growth_settings(traced, species)

@@ -101,7 +101,7 @@ def reconstruct_crown(
         mask: (H, W), True inside the crown; one component without holes.
         settings: What to make.
         tangent_map: see inflate_silhouette.
-        progress: Told of each step.
+        progress: Called at each step.
         foliage: (H, W), where the picture shows foliage and not sky through a gap; None: wherever mask is.
 
     Raises:

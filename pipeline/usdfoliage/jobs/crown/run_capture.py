@@ -103,7 +103,7 @@ def find_captured_crown(
 
     Args:
         request: What to make of which capture.
-        progress: Told of each step.
+        progress: Called at each step.
         plant: Points that were read already, with leaves and frame; the cloud is not read then.
         asset_from_capture: (4, 4), the frame of other stages, where plant does not say it.
 

@@ -11,7 +11,7 @@ from usdfoliage.leaf.model import Leaves
 def flip_leaves(leaves: Leaves, mask: NDArray[np.bool_]) -> Leaves:
     """Turn the chosen leaves end for end: what was the apex is the base, and the surface stays where it is.
 
-    L'(u, v) = L(-u, 1 - v) exactly, since the leaf is turned by half a turn about its z and both halves are alike. Only
+    L'(u, v) = L(-u, 1 - v) exactly, since the leaf is turned by half a turn about its z and both halves are equal. Only
     jitter is not kept: its wave runs from the base.
 
     Args:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 NUMBERS = 22  # the parameters of a leaf, row after row, and the logarithm of its length
 LENGTH_SPREAD = 0.35  # standard deviation of the logarithm of the length, before leaves were seen
-MIN_SPREAD = 0.01  # of any number, so that many leaves alike do not forbid another
+MIN_SPREAD = 0.01  # of any number, so that many similar leaves do not exclude another
 
 # Rows of the parameters, as in leaf.model.PARAMETERS.
 _ENDS_EXCHANGED = [1, 0, 4, 3, 2, 5, 6]
@@ -98,7 +98,7 @@ def learn_prior(leaves: NDArray[np.float64], before: LeafPrior, strength: float 
 
 
 def align_leaves(leaves: NDArray[np.float64], prior: LeafPrior) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Leaves (N, 22) in the version in which they are most alike, and the version (N,) of each.
+    """Leaves (N, 22) in the version in which they are most similar, and the version (N,) of each.
 
     The first is the version nearest to the prior; then mean and versions in turns.
     """
@@ -148,6 +148,6 @@ def _robust_mean(leaves: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDAr
     """Mean (22,) and weights (N,) of leaves (N, 22): those far from the others count little."""
     mean = np.median(leaves, axis=0)
     deviations = np.maximum(1.4826 * np.median(np.abs(leaves - mean), axis=0), 1e-3)
-    far = np.square((leaves - mean) / deviations).mean(axis=1)  # 1 for a usual leaf
+    far = np.square((leaves - mean) / deviations).mean(axis=1)  # 1 for a typical leaf
     weights = np.minimum(1.0, 2.0 / np.maximum(far, 1e-9))
     return np.average(leaves, axis=0, weights=weights), weights

@@ -9,7 +9,7 @@ from usdfoliage import _native
 from usdfoliage.leaf.points import FREE_EDGE, LeafPoints
 
 BEFORE_SPREAD = 4  # times as many points are looked at as are wanted
-APART = 3.0  # usual distances to a near neighbour, beyond which a point lies apart from its leaf
+APART = 3.0  # typical distances to a near neighbour, beyond which a point lies apart from its leaf
 POSE_POINTS = 96  # of a leaf, for its pose
 POSE_ROUNDS = 4  # of leaving out what is far from the others
 
@@ -20,7 +20,7 @@ class LeafSamples:
 
     points_m: NDArray[np.float64]  # (P, 3)
     edge: NDArray[np.uint8]  # (P,), 1 where the leaf ends, else 0
-    weights: NDArray[np.float64]  # (P,), 0 for points that lie apart, the others of a leaf alike
+    weights: NDArray[np.float64]  # (P,), 0 for points that lie apart, equal for the others of a leaf
     offsets: NDArray[np.int64]  # (N + 1,)
 
     def take(self, leaves: NDArray[np.integer]) -> "LeafSamples":
@@ -55,8 +55,9 @@ class LeafPoses:
 def sample_points(points: LeafPoints, interior: int, edge: int, evidence: float, *, threads: int = 0) -> LeafSamples:
     """At most so many points of either kind of each leaf, spread evenly, always the same ones.
 
-    Points whose neighbours are far, measured by what is usual in the leaf, get no weight. The weights of a leaf sum to
-    evidence: points beside each other err alike. No point that is not finite is taken.
+    Points whose neighbours are far, measured by the typical distance in the leaf, get no weight. The weights of a leaf
+    sum to
+    evidence: points beside each other have the same error. No point that is not finite is taken.
     """
     is_edge = np.equal(points.kind, FREE_EDGE).astype(np.uint8)
     sampled = _native.sample_leaf_points(

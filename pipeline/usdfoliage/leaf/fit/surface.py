@@ -1,9 +1,9 @@
 """Leaves fitted to their points by the closest places of the surface; what is hidden of a leaf as its siblings have it.
 
-First every leaf is fitted under a prior that knows nothing but the usual length and width; from the leaves that show
+First every leaf is fitted under a prior that knows only the median length and width; from the leaves that show
 most of their silhouette a prior of the set is learned; then every leaf is fitted under that, either way round and left-
 or right-handed, and keeps what explains it best. So a leaf that is half hidden gets the half of its siblings. A leaf
-that is about as wide as long is tried along its width too: its halves and its siblings tell where the midrib is, which
+that is about as wide as long is tried along its width too: its halves and its siblings show where the midrib is, which
 its extents do not. Our own idea.
 """
 
@@ -32,7 +32,7 @@ from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_area_elements, grid_places
 from usdfoliage.progress import Progress
 
-CELLS_U, CELLS_V = 6, 8  # of a leaf's surface, to tell how much of it has points
+CELLS_U, CELLS_V = 6, 8  # of a leaf's surface, to measure how much of it has points
 EDGE_CELLS = 12  # of either silhouette
 STRONGER = 100.0  # how much more folds cost where leaves fold still
 MIN_SINGLE = 0.1  # confidence that leaves keep whose edges are nowhere near one silhouette
@@ -101,7 +101,7 @@ class FitQuality:
     supported: NDArray[np.float64]  # (N,), share of the silhouette that has points of the edge
     outlined: NDArray[np.float64]  # (N,), share of the points of the edge that lie on the silhouette; 1 without any
     unlikely: NDArray[np.float64]  # (N,), cost of the prior a number; about 0.5 for a leaf like its siblings
-    ends_gap: NDArray[np.float64]  # (N,), how much more the leaf costs with base and apex exchanged; 0 not told
+    ends_gap: NDArray[np.float64]  # (N,), how much more the leaf costs with base and apex exchanged; 0: not known
     residual_m: NDArray[np.float64]  # (N,), robust root mean square distance of the points
 
 
@@ -260,7 +260,7 @@ def _refit(
     settings: SurfaceFitSettings,
     threads: int,
 ) -> tuple[PosedLeaves, NDArray[np.float64]]:
-    """Fits under the prior in the version that suits each, ends as in the prior, and how surely they are told."""
+    """Fits under the prior in the version that suits each, ends as in the prior, and how sure they are."""
     count = len(leaf)
     every = np.arange(count)
     likely = _likely_versions(state, prior)
@@ -320,7 +320,7 @@ def _well_seen(quality: FitQuality) -> NDArray[np.bool_]:
 
 
 def _noise(residual_m: NDArray[np.float64], leaves: PosedLeaves, settings: SurfaceFitSettings) -> NDArray[np.float64]:
-    """Noise (N,) of the points of each leaf, not far from what is usual, nor below what the model misses."""
+    """Noise (N,) of the points of each leaf, not far from the median, nor below what the model misses."""
     median_m = np.median(residual_m)
     size_m = _size(leaves.length_m, leaf_width(leaves.parameters) * leaves.length_m)
     return np.asarray(np.maximum(np.clip(residual_m, median_m / 2, median_m * 2), settings.misfit * size_m))

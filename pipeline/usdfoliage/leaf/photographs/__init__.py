@@ -1,1 +1,1 @@
-"""What photographs say of leaves: colours, an average texture, visibility, base and apex."""
+"""What photographs show of leaves: colours, an average texture, visibility, base and apex."""

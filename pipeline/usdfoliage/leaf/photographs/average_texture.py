@@ -2,7 +2,7 @@
 
 Colours are those that leaves have on average. Averaged veins are a blur, since no two leaves have theirs at the same
 places; they come from the leaves that are most like the average one, brought into register: a few, or many where
-leaves are alike. Medians leave out shadows and what stands before leaves, as long as most leaves have none there. Our
+leaves are similar. Medians leave out shadows and what stands before leaves, as long as most leaves have none there. Our
 own.
 """
 
@@ -40,7 +40,7 @@ MIXED_PX = 1.5  # how far from a leaf's silhouette, or from what stands before i
 MIN_SEEN = 0.2  # of a leaf; showing less, a photograph adds more seams than leaf
 ACROSS = 0.5  # places at which is looked what is seen, across a leaf for one along it: one of these for each pixel
 MIN_ROWS = 24
-TYPICAL_STEP = 3  # of so many texels along and across, one tells the usual colour
+TYPICAL_STEP = 3  # of so many texels along and across, one is enough for the typical colour
 REDUCED = 4  # texels a side that share a low frequency
 MIN_SHARE = 0.25  # of the pictures: where fewer show leaf, colours come from around
 VEIN = 0.02  # of the height: standard deviation that parts single veins from what is wider
@@ -114,11 +114,11 @@ def average_leaf_texture(
 ) -> AverageTexture:
     """Unwrap the leaves that are seen best and average them.
 
-    The opacity tells how far real leaves fill the surfaces that were fitted to them. Where no leaf was seen, colours
+    The opacity is how far real leaves fill the surfaces that were fitted to them. Where no leaf was seen, colours
     come from around. Without any leaf seen the picture is plain grey.
 
     Args:
-        leaves: In the world of the views, base and apex told from each other.
+        leaves: In the world of the views, base and apex distinguished.
         threads: 0: one per core. The result is the same.
     """
     spread = estimate_spread(leaves, views, settings.visibility)

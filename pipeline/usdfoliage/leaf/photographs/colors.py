@@ -60,7 +60,7 @@ def sample_leaf_colors(
 ) -> LeafColors:
     """Read the colour of every leaf: the median of what all photographs show of it, frontal places counting more.
 
-    Photographs differ in exposure; what several of them show tells by how much. Leaves that none shows get the median
+    Photographs differ in exposure; what several of them show gives the factor. Leaves that none shows get the median
     colour of the others, all of them mid grey where none is seen at all.
 
     Args:

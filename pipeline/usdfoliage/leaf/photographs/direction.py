@@ -1,8 +1,8 @@
 """Which end of a fitted leaf is its base.
 
 What stands near either end, how bases and apices lie among other leaves, and how leaves taper and bend: each is a
-number that changes its sign when the leaf is turned end for end. Stalks say which sign the first ones have; the others
-are learnt from the leaves at hand, by expectation maximisation. Nothing is known of species. Our own.
+number that changes its sign when the leaf is turned end for end. Stalks give the sign that the first ones have; the
+others are learnt from the leaves at hand, by expectation maximisation. Nothing is known of species. Our own.
 """
 
 import logging
@@ -23,9 +23,9 @@ logger = logging.getLogger(__name__)
 
 NEIGHBOURS = 20  # leaves among which one leaf points inwards or outwards
 NEAREST_ENDS = 4  # other bases and apices to which the distance is taken
-FINEST = 0.03  # leaf lengths; nearer, distances are alike
-THINNEST = 0.02  # leaf lengths; narrower, widths are alike
-LIMIT = 2.5  # beyond so many root mean squares, a number says no more than at that
+FINEST = 0.03  # leaf lengths; nearer, distances count as equal
+THINNEST = 0.02  # leaf lengths; narrower, widths count as equal
+LIMIT = 2.5  # beyond so many root mean squares, a number counts no more than at that
 CLEAREST = 0.95  # of the variance: that much at most may direction explain
 
 
@@ -65,7 +65,7 @@ class DirectionResult:
 def distinguish_base_from_apex(
     leaves: Leaves, views: Sequence[View], settings: DirectionSettings = DirectionSettings(), *, threads: int = 0
 ) -> DirectionResult:
-    """Tell which end of each leaf is the one at its stalk.
+    """Find which end of each leaf is the one at its stalk.
 
     Args:
         leaves: In the world of the views, base and apex as they came.

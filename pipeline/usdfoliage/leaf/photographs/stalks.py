@@ -21,7 +21,7 @@ BOTH_ENDS = np.array([[0.0, 0.0], [0.0, 1.0]])
 DECODED = decode_srgb(np.arange(256) / 255.0)  # (256,), linear
 DARKEST = 1 / 255  # linear; darker, noise decides what the ratio of two channels is
 NOISE_BINS = 16  # of depth, in which noise is measured
-SAMPLE_STEP = 7  # one pixel of so many tells of noise, and of the colour of leaves
+SAMPLE_STEP = 7  # one pixel of so many is enough for noise, and for the colour of leaves
 NOISE_QUANTILE = 0.8  # of what a median filter changes: of pure noise a standard deviation, or a little more
 NOISE_WIDTHS = 5.0
 FOREIGN = 3.0  # standard deviations of the leaves' colour; beyond, a colour is not theirs
@@ -175,7 +175,7 @@ def _noise_by_depth(
 def _near_ends(
     ends_m: NDArray[np.float64], length_m: NDArray[np.float64], view: View, reach: float
 ) -> NDArray[np.bool_]:
-    """(H, W), pixels within reach of a base or apex, as far as the picture tells."""
+    """(H, W), pixels within reach of a base or apex, as far as the picture shows."""
     places, depth_m = view.camera.project(ends_m)
     radius_px = reach * np.repeat(length_m, 2) * max(view.camera.focal_px) / np.maximum(depth_m, 1e-12)
     size = np.array([view.camera.width_px, view.camera.height_px])

@@ -1,6 +1,6 @@
 """Which places of which leaf a photograph shows.
 
-A place is seen where the photograph's depth is that of the leaf; where there is no depth, the leaves themselves tell
+A place is seen where the photograph's depth is that of the leaf; where there is no depth, the leaves themselves decide
 which of them stands before the others. What is tolerated follows from the data: how far leaves and depth differ where
 they meet, and how much the depth changes within a pixel. Our own.
 """
@@ -96,11 +96,11 @@ def find_sights(
     settings: VisibilitySettings = VisibilitySettings(),
     drawn: DrawnLeaves | None = None,
 ) -> Sights:
-    """Tell which places of leaves a photograph shows.
+    """Find which places of leaves a photograph shows.
 
     Args:
         leaves: In the world of the view.
-        uv: (P, 2), all leaves alike.
+        uv: (P, 2), the same for all leaves.
         spread: As estimate_spread gives it.
         drawn: All leaves of the scene as this camera sees them, those asked for or more; drawn here where depth is
             missing and it is not given.

@@ -1,4 +1,4 @@
-"""Collective edits: what an artist does to all leaves alike.
+"""Collective edits: what an artist does to all leaves at once.
 
 Edits are affine in the parameters and clamp nothing: a silhouette point may be moved past the base, the apex or its
 neighbour. Only so do edits undo each other and agree with the shader; a leaf that folds by it is drawn as it is.
@@ -22,7 +22,7 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class LeafEdits:
-    """Edits of all leaves alike, in leaf lengths, neutral by default: the attributes primvars:leaf:edit:*.
+    """Edits of all leaves at once, in leaf lengths, neutral by default: the attributes primvars:leaf:edit:*.
 
     Attributes:
         width: A factor on the distances of the silhouettes from the axis, 0 or more.
@@ -140,7 +140,7 @@ def invert_edits(edits: LeafEdits) -> LeafEdits:
         ValueError: The width is 0, which makes all leaves lines, or so near to it that its inverse overflows.
     """
     if not edits.width >= np.finfo(np.float64).tiny:
-        raise ValueError(f"width {edits.width:g} makes every leaf a line: nothing tells how wide it was, no inverse")
+        raise ValueError(f"width {edits.width:g} makes every leaf a line: its width is lost, there is no inverse")
     width = 1 / edits.width
     return LeafEdits(
         width=width,
@@ -154,7 +154,7 @@ def invert_edits(edits: LeafEdits) -> LeafEdits:
 
 
 def is_neutral(edits: LeafEdits) -> bool:
-    """Whether leaves stay as they are; the frequency of a jitter without amplitude says nothing."""
+    """Whether leaves stay as they are; the frequency of a jitter without amplitude has no effect."""
     return replace(edits, jitter_frequency=NEUTRAL.jitter_frequency) == NEUTRAL
 
 

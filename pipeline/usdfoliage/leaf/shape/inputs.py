@@ -33,14 +33,14 @@ def checked_placements(
 
 
 def checked_places(leaves: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
-    """uv as (N, P, 2), or as (1, P, 2) for all leaves alike."""
+    """uv as (N, P, 2), or as (1, P, 2) for all leaves."""
     if uv.ndim not in (2, 3) or uv.shape[-1] != 2 or (uv.ndim == 3 and len(uv) != len(leaves)):
         raise ValueError(f"uv must be (P, 2) or ({len(leaves)}, P, 2), not {uv.shape}")
     return np.ascontiguousarray(uv if uv.ndim == 3 else uv[None])
 
 
 def checked_axis_places(parameters: NDArray[np.floating], v: ArrayLike) -> NDArray[np.float64]:
-    """v as (N, P), or as (1, P) for all leaves alike."""
+    """v as (N, P), or as (1, P) for all leaves."""
     places = np.asarray(v, np.float64)
     if places.ndim not in (1, 2) or (places.ndim == 2 and len(places) != len(parameters)):
         raise ValueError(f"v must be (P,) or ({len(parameters)}, P), not {places.shape}")

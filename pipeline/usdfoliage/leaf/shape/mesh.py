@@ -119,7 +119,7 @@ def build_leaf_mesh(
 
 
 def build_prototype(parameters: NDArray[np.floating], settings: PrototypeSettings = PrototypeSettings()) -> LeafMesh:
-    """One leaf (7, 3), in leaf space, for an instancer; st says where each vertex lies on any leaf.
+    """One leaf (7, 3), in leaf space, for an instancer; st is where each vertex lies on any leaf.
 
     Raises:
         ValueError: parameters are not (7, 3).

@@ -22,7 +22,7 @@ APEX = np.array([0.0, 1.0, 0.0])  # in leaf space; the base is the origin
 SAMPLES = grid_places(np.linspace(-1, 1, 13), np.linspace(0, 1, 9))  # (P, 2), where patch and leaf are compared
 REACH = (-0.25, 1.25)  # where on the axis silhouettes may be anchored
 MIN_LENGTH = 1e-6  # of the patch's extent: shorter, base and apex are one point
-MIN_WIDTH = 1e-6  # of the length: narrower, nothing says which side is up
+MIN_WIDTH = 1e-6  # of the length: narrower, no side is up
 FOLD_RESIDUAL = 1e-3  # of the length: a leaf this near to the patch is what it was drawn as, folded or not
 
 
@@ -47,8 +47,8 @@ def net_weights(uv: NDArray[np.float64]) -> NDArray[np.float64]:
 def fit_leaf(net: NDArray[np.floating]) -> FittedLeaf:
     """The leaf, anywhere and of any size, that is nearest to a patch in the mean square over (u, v).
 
-    A net of a leaf, moved, turned and scaled alike along all axes, gives that leaf exactly. Base and apex are those of
-    the patch, the means of its first and its last row.
+    A net of a leaf, moved, turned and scaled equally along all axes, gives that leaf exactly. Base and apex are those
+    of the patch, the means of its first and its last row.
 
     Args:
         net: (5, 7, 3), rows from base to apex, columns from left to right.

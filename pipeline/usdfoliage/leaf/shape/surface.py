@@ -130,7 +130,7 @@ def evaluate_points(
     threads: int = 0,
     dtype: type[np.floating] = np.float64,
 ) -> NDArray[Any]:
-    """Points (N, P, 3) of leaves (N, 7, 3) at uv (P, 2), all leaves alike, or (N, P, 2).
+    """Points (N, P, 3) of leaves (N, 7, 3) at uv (P, 2), the same for all leaves, or (N, P, 2).
 
     Places that follow each other at one v cost less. The arithmetic is in double precision for either dtype.
 
@@ -214,10 +214,10 @@ def evaluate_jacobian(
     """Points (N, P, 3) and their derivatives (N, P, 3, 21) by the parameters.
 
     The last axis is parameters.reshape(N, 21): row after row of usdfoliage.leaf.model.PARAMETERS. Where the axis stands
-    upright its normal has no derivative and is held.
+    upright its normal has no derivative and is kept fixed.
 
     Args:
-        uv: (P, 2), all leaves alike, or (N, P, 2).
+        uv: (P, 2), the same for all leaves, or (N, P, 2).
 
     Raises:
         ValueError: A shape is wrong.

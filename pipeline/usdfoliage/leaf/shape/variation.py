@@ -170,7 +170,7 @@ def _lift_halves(
 
 
 def _is_unusual(settings: VariationSettings) -> bool:
-    """Whether leaves may fold elsewhere than at base and apex: not with the usual settings, as the tests show."""
+    """Whether leaves may fold elsewhere than at base and apex: not with the default settings, as the tests show."""
     defaults = VariationSettings()
     scales = [name for name in defaults.__dataclass_fields__ if name != "amount"]
     return any(settings.amount * getattr(settings, name) > getattr(defaults, name) for name in scales)

@@ -194,7 +194,7 @@ def _front_pixels(depth: NDArray[np.float32], focal_px: float) -> NDArray[np.int
     """Indices of pixels beside the edge of a surface that stands before others: there the leaves are.
 
     Walls and ground behind them, often most of the picture, may be much noisier, or so coarsely rounded that the noise
-    does not show. So pixels whose neighbours are all as deep as they are tell nothing either. All pixels with depth if
+    does not show. So pixels whose neighbours are all as deep as they are do not count either. All pixels with depth if
     too few are left.
     """
     known = depth > 0

@@ -1,4 +1,4 @@
-"""What the views say of fitted leaves: seen in their place, looked through, and ending where they end. Our own."""
+"""What the views show of fitted leaves: seen in their place, looked through, and ending where they end. Our own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

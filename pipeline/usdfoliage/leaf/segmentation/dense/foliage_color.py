@@ -12,7 +12,7 @@ from usdfoliage.leaf.segmentation.dense.evidence import Evidence
 
 BINS, STEP = 32, 3  # of a* and b*, and their width in 8-bit units
 FLOOR = 1e-4  # probability of a bin that nobody has
-NEUTRAL, SPAN = -0.6, 0.5  # log ratio at which a leaf is doubted wholly, and up to where the doubt fades
+NEUTRAL, SPAN = -0.6, 0.5  # log ratio at which a leaf has no trust, and up to where trust rises to 1
 
 
 def index_colors(views: Sequence[View]) -> list[NDArray[np.int32]]:
@@ -35,12 +35,12 @@ def judge_colors(
     *,
     threads: int = 0,
 ) -> NDArray[np.float64]:
-    """(N,), 0 to 1: whether each leaf has the colours of the best ones. Where all has one colour nothing is doubted.
+    """(N,), 0 to 1: whether each leaf has the colours of the best ones. Where all has one colour all are 1.
 
     Args:
         indices: What index_colors gives.
         tolerance_m: Between a probe and what is seen there.
-        quality: (N,), of the leaves by their shape; the best fourth says what colour leaves have.
+        quality: (N,), of the leaves by their shape; the best fourth gives the colour of leaves.
         threads: At most so many, 0 for one per core; the result is the same.
     """
     count = len(quality)

@@ -8,7 +8,7 @@ from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.segmentation.dense.proposals import Proposals
 
 MAX_POINTS = 150  # of a piece, to measure gaps with
-GAP, LENGTH, SHORT = 0.12, 1.6, 1.2  # usual lengths: between pieces, of both together, of the shorter piece
+GAP, LENGTH, SHORT = 0.12, 1.6, 1.2  # median leaf lengths: between pieces, of both together, of the shorter piece
 
 
 def pair_fragments(proposals: Proposals, points: LeafPoints, median_m: float) -> NDArray[np.int64]:
@@ -17,7 +17,7 @@ def pair_fragments(proposals: Proposals, points: LeafPoints, median_m: float) ->
     Args:
         proposals: N.
         points: Of the N proposals.
-        median_m: The usual length of a leaf.
+        median_m: The median length of a leaf.
     """
     count = len(proposals)
     few = [_few(points, leaf) for leaf in range(count)]

@@ -10,7 +10,7 @@ from usdfoliage.leaf.segmentation.dense.evidence import Evidence
 from usdfoliage.leaf.segmentation.dense.proposals import Proposals
 from usdfoliage.leaf.shape.measures import leaf_width
 
-ENOUGH = 100  # leaves that tell how different leaves of a set are
+ENOUGH = 100  # leaves that show how different leaves of a set are
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class MedianLeaf:
 
 
 def measure_median_leaf(proposals: Proposals, evidence: Evidence, trust: NDArray[np.float64]) -> MedianLeaf:
-    """The usual leaf of those that stand free, are seen whole and explain their points; of all, where none does.
+    """The median leaf of those that stand free, are seen whole and explain their points; of all, where none does.
 
     Args:
         trust: (N,), 0 to 1, what else is known; leaves below a half do not count.
@@ -70,6 +70,6 @@ def judge_likeness(proposals: Proposals, prior: LeafPrior) -> NDArray[np.float64
     offsets = proposals.numbers() - means[:, None]
     distance = np.einsum("gni,gij,gnj->gn", offsets, precisions, offsets, optimize=True).min(axis=0)
     # Of 22 numbers of a normal distribution the sum of squares is below 34 in 95 of 100; what was learned is wide.
-    # Few leaves do not tell how different leaves may be.
+    # Few leaves do not show how different leaves may be.
     learned_share = min(1.0, prior.learned / ENOUGH)
     return np.asarray(np.exp(-learned_share * np.maximum(distance - 14.0, 0) / 10.0))

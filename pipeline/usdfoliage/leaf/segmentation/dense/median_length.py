@@ -1,4 +1,4 @@
-"""How long the usual leaf of a scene is, before any leaf is known: from patches that look like whole leaves."""
+"""How long the median leaf of a scene is, before any leaf is known: from patches that look like whole leaves."""
 
 from collections.abc import Sequence
 
@@ -9,8 +9,8 @@ from usdfoliage.leaf.segmentation.dense.overlap import Overlaps
 from usdfoliage.leaf.segmentation.dense.patches import Patches
 
 SMALLEST_RADIUS, LARGEST_RADIUS = 3.0, 1 / 12  # in pixels, and in the longer side of a picture
-MIN_PARTS = 10  # of one radius, that say anything
-MAX_OF_PICTURE = 0.2  # share of a picture that one leaf takes, at most, to say what is usual
+MIN_PARTS = 10  # of one radius, that count
+MAX_OF_PICTURE = 0.2  # share of a picture that one leaf takes, at most, to count for the median
 
 
 def gather_measure(patches: Sequence[Patches], name: str) -> NDArray[np.float64]:
@@ -25,7 +25,8 @@ def free_share(patches: Sequence[Patches]) -> NDArray[np.float64]:
 
 
 def measure_median_length(patches: Sequence[Patches], overlaps: Overlaps) -> float:
-    """Length that half of the area of patches lies below that stand free, are flat ellipses and seen alike by views."""
+    """Length that half of the area of patches lies below that stand free, are flat ellipses and seen equally by
+    views."""
     length_m, width_m, area_m2, fill = (
         gather_measure(patches, name) for name in ("length_m", "width_m", "area_m2", "fill")
     )

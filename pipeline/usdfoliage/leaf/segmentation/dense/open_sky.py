@@ -13,7 +13,7 @@ FAR = 4.0  # times the greatest depth, where the sky is put
 def put_sky_far(depths_m: Sequence[NDArray[np.float32]]) -> list[NDArray[np.float32]]:
     """Depth maps (H, W) in which large areas without depth lie far behind all else: leaves end before them.
 
-    Small ones are holes, which say nothing.
+    Small ones are holes, which do not count.
     """
     far_m = FAR * max(float(depth_m.max(initial=0.0)) for depth_m in depths_m)
     filled = []

@@ -87,7 +87,7 @@ class Patches:
         return len(self.pixels)
 
     def pixel_keys(self) -> list[tuple[int, int]]:
-        """K of the number of pixels and the sum of their indices: alike for patches that are the same."""
+        """K of the number of pixels and the sum of their indices: equal for patches that are the same."""
         flat = self.labels.ravel()
         sums = np.bincount(flat, np.arange(len(flat), dtype=np.float64), minlength=len(self) + 1)[1:]
         return list(zip(self.pixels.tolist(), sums.astype(np.int64).tolist(), strict=True))

@@ -21,7 +21,7 @@ from usdfoliage.leaf.points import LeafPoints
 EVIDENCE = 100.0  # independent points that all points of a leaf are worth at most
 START, AGAIN = DescentSettings(iterations=12, edge_noise=2.0), DescentSettings(iterations=10, edge_noise=2.0)
 START_NOISE, NOISE = 0.02, 0.015  # leaf lengths by which a leaf of the model may miss its points, at first and later
-LENGTHS = (0.5, 1.5)  # of the usual length, within which fits begin
+LENGTHS = (0.5, 1.5)  # of the median length, within which fits begin
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,12 +58,12 @@ def join_proposals(first: Proposals, second: Proposals) -> Proposals:
 def propose_leaves(
     points: LeafPoints, length_m: float, width: float, tolerance_m: float, *, threads: int = 0
 ) -> Proposals:
-    """A leaf for each set of points, fitted from its principal axes under a prior that knows the usual size alone.
+    """A leaf for each set of points, fitted from its principal axes under a prior that knows the median size alone.
 
     Args:
         points: Of M leaves.
-        length_m: The usual length.
-        width: The usual width, in lengths.
+        length_m: The median length.
+        width: The median width, in lengths.
         tolerance_m: Within it a point lies on a leaf.
     """
     samples = sample_points(points, 150, 80, EVIDENCE)

@@ -37,7 +37,7 @@ from usdfoliage.leaf.segmentation.dense.rims import fill_rims
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings
 
 FEW_POINTS = PointSettings(max_per_leaf=1000)  # enough for a proposal
-MEASURED_VIEWS = 8  # that the usual length is told by
+MEASURED_VIEWS = 8  # that the median length is measured in
 LENGTHS_AGREE = 1.7  # factor by which patches are longer than their parts, beyond which these are the leaves
 
 
@@ -48,14 +48,14 @@ class Scene:
     views: Sequence[View]  # those with depth
     numbers: NDArray[np.int64]  # of each among all views
     depths_m: Sequence[NDArray[np.float32]]
-    noise_m: float  # usual
-    footprint_m: float  # usual, of a pixel
+    noise_m: float  # median
+    footprint_m: float  # median, of a pixel
     tolerance_m: float  # between a leaf and its points
     planes: Sequence[LocalPlanes]
     patches: Sequence[Patches]
     colors: Sequence[NDArray[np.int32]]
     median_m: float = 0.0  # how long a leaf is, as far as is known
-    large: bool = False  # whether leaves are that many pixels long that details tell them apart
+    large: bool = False  # whether leaves are that many pixels long that details distinguish them
     misfit_m: float = 0.0  # that the surface of a leaf may be off its model
 
 
@@ -117,7 +117,7 @@ def fill_scene_rims(scene: Scene, settings: DenseSegmentationSettings, threads: 
 
 
 def _footprint(view: View, depth_m: NDArray[np.float32]) -> float:
-    """Metres that a pixel of usual depth spans."""
+    """Metres that a pixel of median depth spans."""
     known = depth_m[depth_m > 0]
     return float(np.median(known)) / view.camera.focal_px[0] if len(known) else 0.0
 
@@ -144,7 +144,7 @@ def overlap_patches(scene: Scene, settings: DenseSegmentationSettings, threads: 
 
 
 def measure_length(scene: Scene, overlaps: Overlaps, settings: DenseSegmentationSettings, threads: int) -> float:
-    """How long the usual leaf is: of the patches, unless parts of them tell otherwise."""
+    """How long the median leaf is: of the patches, unless their parts give another length."""
     of_patches_m = measure_median_length(scene.patches, overlaps)
     if not scene.footprint_m > 0:
         return of_patches_m
@@ -171,7 +171,7 @@ def measure_length(scene: Scene, overlaps: Overlaps, settings: DenseSegmentation
 
 
 def expect_length(scene: Scene, median_m: float, settings: DenseSegmentationSettings) -> Scene:
-    """The scene, in which leaves are usually so long."""
+    """The scene, in which leaves are about so long."""
     misfit_m = settings.misfit * median_m
     return replace(
         scene, median_m=median_m, misfit_m=misfit_m, tolerance_m=max(scene.tolerance_m, settings.tolerance * misfit_m)
@@ -198,7 +198,7 @@ def find_within(scene: Scene, number: int, allowed: NDArray[np.bool_], settings:
 def points_of_patches(
     scene: Scene, patches: Sequence[Patches], number: NDArray[np.integer], count: int, threads: int
 ) -> LeafPoints:
-    """The points of count leaves, where number (P,) says whose each patch of all views is, from 1, or 0 for none."""
+    """The points of count leaves, where number (P,) is whose each patch of all views is, from 1, or 0 for none."""
     first = np.concatenate([[0], np.cumsum([len(found.pixels) for found in patches])])
     labels = [
         np.concatenate([[0], number[first[index] : first[index + 1]]]).astype(np.int32)[found.labels]

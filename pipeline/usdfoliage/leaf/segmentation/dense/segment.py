@@ -58,7 +58,7 @@ from usdfoliage.progress import PartCounter, Progress
 PatchKey = tuple[int, int, int]  # view; how many pixels, and the sum of their indices
 
 ASSUMED_WIDTH = 0.5  # in lengths, before any leaf was seen
-SIZE_SPREAD = 2.0  # factor by which patches that show a leaf differ from the usual size
+SIZE_SPREAD = 2.0  # factor by which patches that show a leaf differ from the median size
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +86,7 @@ def segment_dense(
     Args:
         views: Of one world; those without depth are not used.
         settings: How.
-        progress: Told of steps done, and how many there are.
+        progress: Called with the steps done and their number.
         threads: At most so many, 0 for one per core; the result is the same.
     """
     used = [index for index, view in enumerate(views) if view.has_depth]
@@ -131,7 +131,7 @@ def segment_dense(
         proposals, pairs, keys = _propose_more(scene, state, settings, hopeless, threads)
         if not len(proposals):
             break
-        # The first fits say of size, and the second of form, what the next are judged by.
+        # The first fits give the size, and the second the form, that the next are judged by.
         median_leaf = state.median_leaf if name == "second" else None
         prior = None if name == "second" else state.prior
         scene = expect_length(scene, state.median_leaf.length_m, settings)
@@ -159,7 +159,7 @@ def _propose_more(
 ) -> tuple[Proposals, NDArray[np.int64], list[PatchKey]]:
     """What was found, leaves of patches nobody claims, and pieces as one leaf.
 
-    Pairs (K, 2) tell of which leaves the last ones are, keys of which patches those before are. The hopeless patches
+    Pairs (K, 2) are the leaves that the last ones are of, keys the patches of those before. The hopeless patches
     are not tried again.
     """
     median_m = state.median_leaf.length_m
@@ -188,7 +188,7 @@ def _weigh(scene: Scene, proposals: Proposals, settings: DenseSegmentationSettin
 
 
 def _near_expected(median_leaf: MedianLeaf, expected_m: float, settings: DenseSegmentationSettings) -> MedianLeaf:
-    """The usual leaf, not far from what was expected: what is measured of few leaves drifts to pieces, or stems."""
+    """The median leaf, not far from what was expected: what is measured of few leaves drifts to pieces, or stems."""
     length_m = float(np.clip(median_leaf.length_m, expected_m / settings.shorter, expected_m * settings.longer))
     scale = length_m / median_leaf.length_m
     width_m = max(median_leaf.width_m * scale, settings.slender * length_m)
@@ -207,7 +207,7 @@ def _judge(
     settings: DenseSegmentationSettings,
     threads: int,
 ) -> tuple[NDArray[np.float64], MedianLeaf]:
-    """(N,), 0 to 1, of each proposal, and the usual leaf, measured where it is not known."""
+    """(N,), 0 to 1, of each proposal, and the median leaf, measured where it is not known."""
     everything = np.ones(len(proposals))
     by_shape = judge_leaves(
         proposals, evidence, median_leaf or measure_median_leaf(proposals, evidence, everything), violation_weight
@@ -338,7 +338,7 @@ def _finish(
     apart = np.zeros(len(quality), bool)
     apart[select_leaves(evidence, quality * sure, _surface_apart(scene, state.median_leaf), settings.shared)] = True
     dropped = {
-        "that the views doubt in the end": int(np.count_nonzero(~sure)),
+        "rejected by the views in the end": int(np.count_nonzero(~sure)),
         "that a better one covers in part": int(np.count_nonzero(sure & ~apart)),
     }
     kept = np.flatnonzero(apart)
@@ -355,7 +355,7 @@ def _finish(
 def _candidates(
     views: Sequence[View], used: Sequence[int], patches: Sequence[Patches], median_m: float
 ) -> list[Candidates]:
-    """The patches of each view, for the report: how full of itself each is, and how far of the usual size."""
+    """The patches of each view, for the report: how full of itself each is, and how far of the median size."""
     found = dict(zip(used, patches, strict=True))
     candidates = []
     for index, view in enumerate(views):

@@ -18,7 +18,7 @@ from usdfoliage.leaf.segmentation.paper.affinity import AffinitySettings, join_s
 from usdfoliage.leaf.segmentation.paper.planes import PlaneSettings, SuperpixelPlanes, fit_planes
 from usdfoliage.leaf.segmentation.paper.superpixels import SuperpixelSettings, segment_superpixels
 
-_GRAZING = 0.1  # cosine below which a surface is seen too flat for its area to be told
+_GRAZING = 0.1  # cosine below which a surface is seen too flat for its area to be measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,7 @@ def segment_view(
     component[found] = number[component[found]]
 
     shapes = measure_shapes(points_m, labels, component, fitted, view.camera)
-    # Pixels without depth inside a superpixel of a leaf are that leaf's: its colour says so.
+    # Pixels without depth inside a superpixel of a leaf are that leaf's: its colour shows it.
     of_leaf = fitted.inliers | ((labels >= 0) & ~(view.depth_m > 0))
     pixel_component = np.append(component, np.int32(-1))[labels]
     return ViewCandidates(

@@ -1,8 +1,8 @@
 """Leaves of the whole scene: the template laid on every candidate, and the points of all views near it.
 
 Source: G. Chaurasia, P. Beardsley, Editable Parametric Dense Foliage from 3D Capture, 2017, section 4.2. The paper
-does not say how its template, which has no scale, gets one in a rigid ICP; here it is scaled once a candidate, before
-ICP, to the longest ellipse of the template's proportions that is neither longer nor wider than the candidate's
+does not explain how its template, which has no scale, gets one in a rigid ICP; here it is scaled once a candidate,
+before ICP, to the longest ellipse of the template's proportions that is neither longer nor wider than the candidate's
 enclosing ellipse. A candidate of two leaves end to end or side by side so gets a template of one leaf, which is then
 started at either end or side as well as in the middle, and stays where it covers most.
 """
