@@ -35,7 +35,7 @@ that name the setting and the file. A changed setting does again only the stages
 and `usdfoliage leaves` have the same tables, without the name of the stage, in `--print-settings` and `--settings`.
 
 Few are worth changing for one plant: `plant.species`, `branches.roots`, `branches.cloud_leaves`, `foliage.kind`,
-`capture.registration.focal_px`, `capture.depth.max_side_px`, and `make` of a stage that is not wanted.
+`capture.pose_estimation.focal_px`, `capture.depth.max_side_px`, and `make` of a stage that is not wanted.
 
 """
 

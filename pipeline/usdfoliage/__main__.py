@@ -33,7 +33,7 @@ COMMANDS = (
     "validate",
     "env",
 )
-MOST_CHARACTERS = 1000  # of a message
+MAX_CHARACTERS = 1000  # of a message
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -107,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _one_line(message: str) -> str:
     """A message without line breaks and, as files hold texts of any length, without its middle where it is long."""
     line = " ".join(message.split())
-    return line if len(line) <= MOST_CHARACTERS else f"{line[: MOST_CHARACTERS // 2]} … {line[-MOST_CHARACTERS // 2 :]}"
+    return line if len(line) <= MAX_CHARACTERS else f"{line[: MAX_CHARACTERS // 2]} … {line[-MAX_CHARACTERS // 2 :]}"
 
 
 def _discard_stdout() -> None:

@@ -1424,12 +1424,12 @@ def round_rings(rings: RingCircles, *, at_vertices: float, threads: int) -> Roun
 class StartBendSettings:
     """How the start of an axis is moved."""
 
-    held_m: float  # arc up to which all is moved by the same step
+    kept_m: float  # arc up to which all is moved by the same step
     fade_m: float  # length over which that fades
     samples: int  # stretches that the fading is cut into
     min_apart: float  # of fade_m, between added points and those that are there
 
-    def __init__(self, *, held_m: float, fade_m: float, samples: int, min_apart: float) -> None: ...
+    def __init__(self, *, kept_m: float, fade_m: float, samples: int, min_apart: float) -> None: ...
 
 class BentAxis:
     """An axis of N points whose start is moved."""

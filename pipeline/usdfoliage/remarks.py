@@ -36,7 +36,7 @@ class Remark:
 
     Attributes:
         code: One of remark_codes.REMARK_KINDS.
-        severity: "warning": it puts the result in doubt; "info": it does not.
+        severity: "warning": it puts the result in question; "info": it does not.
         subject: A photograph, a file, a part of the plant; empty where the remark is about the whole.
         text: One sentence without a full stop, with measured values.
         remedy: What to do about it, as the parts of a sentence; empty where there is nothing to do.
@@ -76,17 +76,18 @@ def remark(code: str, text: str, *, subject: str = "", remedy: str | Remedy = ()
     return Remark(code=code, severity=REMARK_KINDS[code].severity, subject=subject, text=text, remedy=parts)
 
 
-def remark_from_json(held: Mapping[str, Any]) -> Remark:
+def remark_from_json(stored: Mapping[str, Any]) -> Remark:
     """A remark as as_json has written it.
 
     Raises:
         KeyError, TypeError: It is none.
     """
     remedy = tuple(
-        part if isinstance(part, str) else Setting(name=part["setting"], value=part["value"]) for part in held["remedy"]
+        part if isinstance(part, str) else Setting(name=part["setting"], value=part["value"])
+        for part in stored["remedy"]
     )
     return Remark(
-        code=held["code"], severity=held["severity"], subject=held["subject"], text=held["text"], remedy=remedy
+        code=stored["code"], severity=stored["severity"], subject=stored["subject"], text=stored["text"], remedy=remedy
     )
 
 
@@ -105,24 +106,24 @@ def merge_remarks(*groups: Sequence[Remark]) -> tuple[Remark, ...]:
     return tuple(dict.fromkeys(each for group in groups for each in group))
 
 
-def rename_in(held: Remark, rename: Callable[[str], str]) -> Remark:
+def rename_in(renamed: Remark, rename: Callable[[str], str]) -> Remark:
     """The same remark with files named otherwise, in its subject, text and remedy."""
-    remedy = tuple(rename(part) if isinstance(part, str) else part for part in held.remedy)
-    return replace(held, subject=rename(held.subject), text=rename(held.text), remedy=remedy)
+    remedy = tuple(rename(part) if isinstance(part, str) else part for part in renamed.remedy)
+    return replace(renamed, subject=rename(renamed.subject), text=rename(renamed.text), remedy=remedy)
 
 
 def list_sentences(remarks: Iterable[Remark], render: RenderSetting) -> list[str]:
     """Each as a sentence, the warnings first."""
-    held = tuple(remarks)
-    return [each.sentence(render) for each in (*warnings_of(held), *infos_of(held))]
+    all_remarks = tuple(remarks)
+    return [each.sentence(render) for each in (*warnings_of(all_remarks), *infos_of(all_remarks))]
 
 
 def label_remarks(remarks: Iterable[Remark], render: RenderSetting) -> list[str]:
     """Lines of a terminal, the warnings first: warning: …, and note: … for what is less than that."""
-    held = tuple(remarks)
+    all_remarks = tuple(remarks)
     return [
-        *(f"warning: {each.sentence(render)}" for each in warnings_of(held)),
-        *(f"note: {each.sentence(render)}" for each in infos_of(held)),
+        *(f"warning: {each.sentence(render)}" for each in warnings_of(all_remarks)),
+        *(f"note: {each.sentence(render)}" for each in infos_of(all_remarks)),
     ]
 
 

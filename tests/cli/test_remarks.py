@@ -37,11 +37,11 @@ def test_every_option_is_one_of_the_command_and_every_setting_one_of_a_build(com
     [
         ("capture", Setting(name="capture.world.up", value='"gps"'), "--up gps"),
         ("capture", Setting(name="capture.world.times"), "--scale"),
-        ("capture", Setting(name="capture.registration.one_camera", value='"yes"'), "--camera one"),
+        ("capture", Setting(name="capture.pose_estimation.one_camera", value='"yes"'), "--camera one"),
         (
             "capture",
-            Setting(name="capture.doubtful_poses", value='"use"'),
-            'doubtful_poses = "use" in the settings file',
+            Setting(name="capture.uncertain_poses", value='"use"'),
+            'uncertain_poses = "use" in the settings file',
         ),
         ("capture", Setting(name="isolation.make", value='"off"'), 'isolation.make = "off"'),
         ("build", Setting(name="capture.world.up", value='"gps"'), 'capture.world.up = "gps"'),

@@ -59,9 +59,9 @@ def test_the_silhouette_is_that_of_the_mask() -> None:
     assert view.mask is not None
     assert view.sky is not None
     view.sky[30, 40] = True
-    assert view.shown[30, 40]
+    assert view.plant[30, 40]
     assert not view.leaves[30, 40]
-    assert not picture({}, with_mask=False).shown[:, :20].any()
+    assert not picture({}, with_mask=False).plant[:, :20].any()
 
 
 def test_before_a_dark_wall_bright_leaves_stay() -> None:

@@ -5,6 +5,7 @@ The glossary's last table is the one list of these words.
 
 import argparse
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,6 +23,12 @@ PAGES = (
         for path in sorted((ROOT / folder).rglob("*.md"))
     ),
 )
+PACKAGE = ROOT / "pipeline" / "usdfoliage"
+OF_OTHERS = {  # names of libraries and of Python
+    "least_squares": "scipy.optimize",
+    "most_common": "collections.Counter",
+    "tell": "files of Python",
+}
 _HEADING = "## Words that are not used"
 _CODE = re.compile(r"^```.*?^```$|`[^`]*`|\]\([^)]*\)", re.MULTILINE | re.DOTALL)
 
@@ -76,3 +83,37 @@ def test_a_help_has_none_of_them(name: str, parser: argparse.ArgumentParser):
 def test_a_page_has_none_of_them(page: Path):
     text, _, _ = page.read_text(encoding="utf-8").partition(_HEADING if page == GLOSSARY else "\0")
     assert count_words(text) == {}
+
+
+def names_of(path: Path) -> Iterator[str]:
+    """Every identifier in a module, and the words of its file's name."""
+    yield path.stem
+    with path.open("rb") as file:
+        yield from (token.string for token in tokenize.tokenize(file.readline) if token.type == tokenize.NAME)
+
+
+def words_in_name(name: str) -> set[str]:
+    """The words of an identifier that names give up."""
+    snake = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name).lower().strip("_")
+    given_up = words_not_used("names")
+    return {word for word in given_up if f"_{word}_" in f"_{snake}_"}
+
+
+def test_words_in_a_name_are_found():
+    assert words_in_name("least_views") == {"least"}
+    assert words_in_name("_MOST_SURE") == {"most"}
+    assert words_in_name("UsualLeaf") == {"usual"}
+    assert words_in_name("unusual") == words_in_name("always") == set()
+
+
+@pytest.mark.parametrize(
+    "folder", sorted(path for path in PACKAGE.iterdir() if path.is_dir()), ids=lambda path: path.name
+)
+def test_no_name_in_the_package_has_one_of_them(folder: Path):
+    found = {
+        f"{path.relative_to(PACKAGE)}: {name}"
+        for path in (*folder.rglob("*.py"), *folder.glob("*.pyi"))
+        for name in set(names_of(path)) - set(OF_OTHERS)
+        if words_in_name(name)
+    }
+    assert found == set()

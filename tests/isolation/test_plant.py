@@ -132,7 +132,7 @@ def test_a_wall_behind_a_plant_is_left_out() -> None:
 
 def test_what_is_not_wanted_is_not_done() -> None:
     scene = potted_plant()
-    found = isolate(scene, floor=False, container=False, strays=False)
+    found = isolate(scene, floor=False, container=False, outliers=False)
     assert found.plant.all()
     found = isolate(scene, container=False)
     assert kept(scene, found, "pot") > 0.8

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_array
-from usdfoliage.branch.cage.exits import CAGE_FACTOR, MOST_STEPS, SKIN, THICKEST, _disc, _Nearest
-from usdfoliage.branch.cage.holes import LEAST_COLUMN, RELAXED, TIGHTEST
+from usdfoliage.branch.cage.exits import CAGE_FACTOR, MAX_STEPS, SKIN, THICKEST, _disc, _Nearest
+from usdfoliage.branch.cage.holes import MIN_COLUMN, RELAXED, TIGHTEST
 from usdfoliage.branch.cage.sectors import SIDES, TURN
 from usdfoliage.branch.cage.tubes import rotate_between
 
@@ -49,7 +49,7 @@ def has_room(members: list[Want], want: Want) -> bool:
 
 def _fits(gaps: list[float]) -> bool:
     """Whether the other columns have room between the sectors."""
-    return min(gaps) >= 0 and sum(int(gap / LEAST_COLUMN) for gap in gaps) >= SIDES - len(gaps)
+    return min(gaps) >= 0 and sum(int(gap / MIN_COLUMN) for gap in gaps) >= SIDES - len(gaps)
 
 
 def _gaps(members: list[Want], halves: list[float]) -> list[float]:
@@ -376,7 +376,7 @@ def walk(tubes, at, start_m, clearance, thickest):
     arc = start_m.copy()
     done = np.zeros(len(arc), bool)
     moving = np.arange(len(arc))
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         some = _Nearest(tubes=tubes, tube=at.tube[moving], parent=at.parent[moving], at=at.at[moving])
         disc = _disc(tubes, some, arc[moving], thickest or THICKEST)
         at.at[moving] = some.at

@@ -1,7 +1,7 @@
 """What the native functions of tubes compute, plainly: for comparison."""
 
 import numpy as np
-from usdfoliage.branch.cage.rings import GROWTH, LONG, MOST_SAMPLES, PER_INTERVAL, STEADY
+from usdfoliage.branch.cage.rings import GROWTH, LONG, MAX_SAMPLES, PER_INTERVAL, STEADY
 from usdfoliage.branch.cage.tubes import arcs_along, rotate_between
 
 SIDES = 6
@@ -65,7 +65,7 @@ def fill_gaps(tubes, tube, gaps, tolerance, longest):
     for number, (of, (low, length, below, above)) in enumerate(zip(tube.tolist(), gaps.tolist(), strict=True)):
         own = np.full(2, of)
         thinnest = axis(tubes, own, np.array([low, low + length]))[1].min()
-        count = int(np.clip(np.ceil(length / thinnest), PER_INTERVAL, MOST_SAMPLES))
+        count = int(np.clip(np.ceil(length / thinnest), PER_INTERVAL, MAX_SAMPLES))
         arc = low + (np.arange(count) + 0.5) / count * length
         of = np.full(count, of)
         local = axis(tubes, of, arc)[1]

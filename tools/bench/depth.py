@@ -34,7 +34,7 @@ from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.capture.folder.read import Capture, read_capture, read_view
 from usdfoliage.capture.mvs.agreement import AgreementSettings, DepthEstimate
 from usdfoliage.capture.mvs.patch_match import MatchedPlanes
-from usdfoliage.capture.mvs.rounds import DenseDepthSettings, Round, finish_depth, match_views, plan_depths
+from usdfoliage.capture.mvs.rounds import MvsSettings, Round, finish_depth, match_views, plan_depths
 from usdfoliage.capture.mvs.upsampling import enlarge_depth
 from usdfoliage.capture.view import View
 from usdfoliage.jobs.capture.settings import PRESETS, QUALITIES
@@ -54,13 +54,13 @@ PLAIN_ITERATIONS = 6
 class Variant:
     """The method with something switched off."""
 
-    depth: DenseDepthSettings
+    depth: MvsSettings
     sky: bool = True
     cleaning: CleaningSettings = field(default_factory=CleaningSettings)
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 
 
-def variants_of(depth: DenseDepthSettings) -> Mapping[str, Variant]:
+def variants_of(depth: MvsSettings) -> Mapping[str, Variant]:
     """By the name of what is off."""
     matching, agreement = depth.matching, depth.agreement
     fine = tuple(replace(each, segments=False) for each in depth.rounds)
@@ -281,7 +281,7 @@ def main() -> int:
         bare = replace(capture, views=tuple(replace(view, depth=None, mask=None) for view in capture.views))
         truth = read_truth(capture)
         print(f"{folder.name}: {len(capture.views)} views, truth of {len(truth.depths)}")
-        matched: dict[tuple[DenseDepthSettings, bool], Matched] = {}
+        matched: dict[tuple[MvsSettings, bool], Matched] = {}
         print(
             "variant | F 2/5/10 mm | accuracy | leaf | wood | twigs of it | depth maps: leaf, wood | points | "
             "cpu s a view, wall s"

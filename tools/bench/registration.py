@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.colmap.model import find_camera_model, read_camera_model
 from usdfoliage.capture.folder.photo_set import read_photo_set
 from usdfoliage.capture.folder.settings import read_capture_settings
-from usdfoliage.capture.poses.register import RegistrationSettings, register_photos
+from usdfoliage.capture.poses.register import PoseEstimationSettings, register_photos
 from usdfoliage.capture.poses.result import Registered
 from usdfoliage.capture.poses.world_frame import level_and_scale, move_registered
 from usdfoliage.errors import FoliageError
@@ -70,7 +70,7 @@ def pose_errors(registered: Registered, model_folder: Path, up: Array) -> str:
     )
 
 
-def measure(capture: Path, work: Path, reference: str, settings: RegistrationSettings) -> None:
+def measure(capture: Path, work: Path, reference: str, settings: PoseEstimationSettings) -> None:
     wall_s, cpu_s = time.perf_counter(), _processor_s()
     photo_set = read_photo_set(capture / "images")
     steps: dict[str, tuple[float, float]] = {}
@@ -117,7 +117,7 @@ def main() -> int:
     parser.add_argument("--reference", default="cameras", help="folder of the capture with the true cameras")
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="settings of the registration")
     arguments = parser.parse_args()
-    settings = RegistrationSettings()
+    settings = PoseEstimationSettings()
     kinds = {field.name: type(getattr(settings, field.name)) for field in fields(settings)} | {"focal_px": float}
     settings = replace(
         settings, **{name: kinds[name](value) for name, value in (text.split("=") for text in arguments.set)}

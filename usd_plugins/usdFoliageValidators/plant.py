@@ -15,7 +15,7 @@ PARTS = {
     "foliage:skeleton": ("FoliageSkeletonAPI",),
     "foliage:crown": ("FoliageCrownAPI",),
 }
-MOST_SELECTIONS = 64
+MAX_SELECTIONS = 64
 
 
 def check_plant(prim: Usd.Prim, _time: object) -> Findings:
@@ -87,7 +87,7 @@ def _applied_in_variants(prim: Usd.Prim, target: Sdf.Path) -> Iterator[list[str]
     sets = prim.GetVariantSets()
     names = sets.GetNames()
     selections = itertools.product(*(sets.GetVariantSet(name).GetVariantNames() for name in names))
-    for selection in itertools.islice(selections, MOST_SELECTIONS if names else 0):
+    for selection in itertools.islice(selections, MAX_SELECTIONS if names else 0):
         session = Sdf.Layer.CreateAnonymous(".usda")
         for path in prim.GetPath().GetPrefixes():  # what is in an instance cannot select for itself
             Sdf.CreatePrimInLayer(session, path).instanceable = False

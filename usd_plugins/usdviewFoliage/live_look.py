@@ -14,8 +14,8 @@ from usdviewFoliage.look_layer import (
     build_look,
     find_class,
     leafy_lods,
+    path_between,
     select_lod,
-    way_between,
     widen_extents,
 )
 from usdviewFoliage.reach import box_among_leaves, box_in_leaf_space, read_range
@@ -103,7 +103,7 @@ class LiveLook:
         """Write the edits as a look, with no more than USD; its extents are wider than those of usdfoliage."""
         if not path.endswith(".usda"):
             raise ValueError(f"{path}: the name of a look ends with .usda")
-        layer = self._build(edits, way_between(self.interface, str(Path(path).absolute().parent)))
+        layer = self._build(edits, path_between(self.interface, str(Path(path).absolute().parent)))
         if not layer.Export(path):
             raise ValueError(f"{path} cannot be written")
         opened = Sdf.Layer.Find(path)

@@ -40,5 +40,5 @@ build_look = _module.build_look
 find_class = _module.find_class
 leafy_lods = _module.leafy_lods
 select_lod = _module.select_lod
-way_between = _module.way_between
+path_between = _module.path_between
 widen_extents = _module.widen_extents

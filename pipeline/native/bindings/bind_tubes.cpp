@@ -224,7 +224,7 @@ void bind_tube_settings(nb::module_& m) {
                   field("min_samples", &Spacing::min_samples, "Of the spacing in a gap."),
                   field("max_samples", &Spacing::max_samples, "Of the spacing in a gap."));
     bind_settings(m, "StartBendSettings", "How the start of an axis is moved.",
-                  field("held_m", &Bend::held_m, "Arc up to which all is moved by the same step."),
+                  field("kept_m", &Bend::kept_m, "Arc up to which all is moved by the same step."),
                   field("fade_m", &Bend::fade_m, "Length over which that fades."),
                   field("samples", &Bend::samples, "Stretches that the fading is cut into."),
                   field("min_apart", &Bend::min_apart, "Of fade_m, between added points and those that are there."));

@@ -27,7 +27,7 @@ BentAxis bend_start(const double* points, const double* radius, std::size_t n, c
     BentAxis bent;
     bent.old_arc = arc;
     for (int k = 0; k <= settings.samples; ++k) {
-        const double added = settings.held_m + settings.fade_m * (k / static_cast<double>(settings.samples));
+        const double added = settings.kept_m + settings.fade_m * (k / static_cast<double>(settings.samples));
         // No new point next to an old one: its segment would have no direction.
         const bool apart = std::none_of(arc.begin(), arc.end(), [&](double old) {
             return std::abs(added - old) <= settings.min_apart * settings.fade_m;
@@ -44,7 +44,7 @@ BentAxis bend_start(const double* points, const double* radius, std::size_t n, c
         const double here = bent.old_arc[k];
         while (at + 2 < n && arc[at + 1] <= here) ++at;
         const double along = (here - arc[at]) / (arc[at + 1] - arc[at]);
-        const double share = std::clamp((here - settings.held_m) / settings.fade_m, 0.0, 1.0), weight = 1 - share * share * (3 - 2 * share);
+        const double share = std::clamp((here - settings.kept_m) / settings.fade_m, 0.0, 1.0), weight = 1 - share * share * (3 - 2 * share);
         const auto mix = [&](double low, double high) {
             return along <= 0 ? low : along >= 1 ? high : low + along * (high - low);
         };

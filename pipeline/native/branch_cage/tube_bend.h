@@ -16,7 +16,7 @@ struct BentAxis {
 };
 
 struct StartBendSettings {
-    double held_m, fade_m;  // arc up to which all is moved by the same step, and length over which that fades
+    double kept_m, fade_m;  // arc up to which all is moved by the same step, and length over which that fades
     int samples;            // stretches that the fading is cut into
     double min_apart;       // of fade_m, between points that are added and those that are there
 };

@@ -9,10 +9,10 @@ namespace {
 
 constexpr std::size_t kBlock = 64;  // gaps or tubes of one task
 constexpr std::size_t kSides = 6;
-constexpr double kLeastSpacing = 0.9;  // radii
-constexpr int kMostTurns = 8;  // of making rings smaller that cross
+constexpr double kMinSpacing = 0.9;  // radii
+constexpr int kMaxTurns = 8;  // of making rings smaller that cross
 constexpr double kThinner = 0.8;
-constexpr double kLeastForward = 0.2;  // of the way between two rings, twice, that each vertex must go on by
+constexpr double kMinForward = 0.2;  // of the way between two rings, twice, that each vertex must go on by
 
 double turned_at(const TubeAxes& axes, const double* turned, std::int64_t tube, double arc) {
     const std::int64_t at = tube_segment(axes, tube, arc);
@@ -44,7 +44,7 @@ void fill_gap(const TubeAxes& axes, const double* turned, const RingGap& gap, co
         double wanted = std::min(gap.below + settings.growth * (arc - gap.low),
                                  gap.above + settings.growth * (gap.low + gap.length - arc));
         wanted = std::min({wanted, settings.longest * local, bend_spacing(axes, turned, gap.tube, arc, local, settings)});
-        walked[k + 1] = walked[k] + gap.length / samples / std::max(wanted, kLeastSpacing * local);
+        walked[k + 1] = walked[k] + gap.length / samples / std::max(wanted, kMinSpacing * local);
     }
     // Where the spacing asks for little more than none, one row is stretched rather than two pressed.
     const double rows = std::max(std::nearbyint(walked[count]), 1.0);
@@ -65,7 +65,7 @@ class Rounding {
 
     void run() {
         std::vector<std::uint8_t> changed(end_ - first_, 1), thin(end_ - first_);
-        for (int turn = 0; turn < kMostTurns; ++turn) {
+        for (int turn = 0; turn < kMaxTurns; ++turn) {
             for (std::size_t k = first_; k < end_; ++k)
                 if (changed[k - first_]) place(k);
             bool any = false;
@@ -99,7 +99,7 @@ class Rounding {
         const auto at = static_cast<std::int64_t>(k);
         const TubeVector low = vector_at(rings_.tangent, at), high = vector_at(rings_.tangent, at + 1),
                          way{low[0] + high[0], low[1] + high[1], low[2] + high[2]};
-        const double least = kLeastForward * length(between(vector_at(rings_.center, at), vector_at(rings_.center, at + 1)));
+        const double least = kMinForward * length(between(vector_at(rings_.center, at), vector_at(rings_.center, at + 1)));
         const auto vertex = static_cast<std::int64_t>(kSides);
         for (std::int64_t side = 0; side < vertex; ++side)
             if (dot(between(vector_at(points_, vertex * at + side), vector_at(points_, vertex * (at + 1) + side)), way) < least)

@@ -50,7 +50,7 @@ public:
     }
 
     // From what is in piece, which boxes are in one piece.
-    void tell_boxes() {
+    void find_boxes() {
         for (std::size_t b = boxes.size(); b-- > 0;) {  // halves come after the whole
             Box& box = boxes[b];
             if (box.far_half) {
@@ -148,7 +148,7 @@ std::vector<std::int64_t> bridge_pieces(const double* points, const std::int32_t
             tree.piece[i] = root_of(joined, piece_of[tree.order[i]]);
             ++size[tree.piece[i]];
         }
-        tree.tell_boxes();
+        tree.find_boxes();
         // The largest does not look: the others find it.
         const auto largest = static_cast<std::int32_t>(std::max_element(size.begin(), size.end()) - size.begin());
         std::vector<Found> best(pieces);

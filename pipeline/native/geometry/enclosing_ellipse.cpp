@@ -11,7 +11,7 @@ namespace usdfoliage {
 namespace {
 
 constexpr double kFlat = 1e-9;      // points closer to a line than this share of their reach lie on it
-constexpr int kMostSteps = 100000;  // never reached by the linear convergence of steps towards and away
+constexpr int kMaxSteps = 100000;  // never reached by the linear convergence of steps towards and away
 constexpr double kPi = 3.14159265358979323846;
 
 // Principal axes of a symmetric 2 x 2 matrix (xx, xy, yy): the larger value first, the angle of its direction.
@@ -78,7 +78,7 @@ std::vector<double> khachiyan_weights(const std::vector<double>& points, double 
         direction[0] = -y;
         direction[1] = x;
     }
-    for (int step = 0; step < kMostSteps; ++step) {
+    for (int step = 0; step < kMaxSteps; ++step) {
         double x = 0, y = 0, xx = 0, xy = 0, yy = 0;
         for (std::size_t i = 0; i < h; ++i) {
             x += weights[i] * points[2 * i];

@@ -104,9 +104,9 @@ void slide_over(const LeafCurves& given, const double* __restrict px, const doub
         const double product = a * c - b * b, determinant = product < 1e-15 ? 1e-15 : product;
         const double free_u = (c * e - b * f) / determinant, free_v = (a * f - b * e) / determinant;
         const double along_u = e / a, along_v = f / c;
-        const bool held_u = ((old_u >= 1) & (free_u > 0)) | ((old_u <= -1) & (free_u < 0));
-        const bool held_v = ((old_v >= 1) & (free_v > 0)) | ((old_v <= 0) & (free_v < 0));
-        const double du = held_u ? 0.0 : held_v ? along_u : free_u, dv = held_v ? 0.0 : held_u ? along_v : free_v;
+        const bool fixed_u = ((old_u >= 1) & (free_u > 0)) | ((old_u <= -1) & (free_u < 0));
+        const bool fixed_v = ((old_v >= 1) & (free_v > 0)) | ((old_v <= 0) & (free_v < 0));
+        const double du = fixed_u ? 0.0 : fixed_v ? along_u : free_u, dv = fixed_v ? 0.0 : fixed_u ? along_v : free_v;
         const double u = clamped(old_u + clamped(du, -0.3, 0.3), -1.0, 1.0);
         const bool crossed = (u * old_u < 0) & (std::abs(old_u) > kMidrib);
         us[i] = crossed ? (u < 0 ? -kMidrib : kMidrib) : u;

@@ -18,7 +18,7 @@ constexpr double kDeviation = 1.482602218505602;  // standard deviations a media
 constexpr double kTukey = 4.685, kHuber = 1.345;  // 95 % as good as least squares where there are no outliers
 constexpr double kExact = 1e-5;                   // leaf lengths; what is closer to the surface is no outlier
 constexpr int kWeightTurns = 4;                   // then the weights are held, or they and the mapping may chase each other
-constexpr std::size_t kLeastLines = 8;
+constexpr std::size_t kMinLines = 8;
 constexpr int kNearestSteps = 6;
 
 // Weights of the points by their height over the surface; what moves in the leaf's plane is the UV mapping's.
@@ -160,7 +160,7 @@ Alternation alternate(const std::vector<double>& points, const std::vector<unsig
 
 std::size_t scanline_count(std::size_t points, std::size_t most) {
     const auto wanted = static_cast<std::size_t>(0.8 * std::sqrt(static_cast<double>(points)));
-    return std::min(std::max(wanted, std::min(kLeastLines, most)), most);
+    return std::min(std::max(wanted, std::min(kMinLines, most)), most);
 }
 
 void ellipse_leaf(double half_width, double* leaf) {

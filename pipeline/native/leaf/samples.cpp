@@ -58,7 +58,7 @@ void order_by_curve(const double* points, std::vector<std::int64_t>& indices) {
 }
 
 // Which points have their fourth neighbour farther than is usual.
-void tell_apart(const double* points, const std::int64_t* indices, std::size_t count, double factor, std::uint8_t* apart) {
+void distinguish(const double* points, const std::int64_t* indices, std::size_t count, double factor, std::uint8_t* apart) {
     std::fill(apart, apart + count, std::uint8_t{0});
     if (count <= kNeighbor) return;
     std::vector<double> x(count), y(count), z(count), square(count), distance(count);
@@ -129,7 +129,7 @@ SampledPoints sample_leaf_points(const LeafCloud& cloud, const SampleSettings& s
             if (now != before[kind]) sampled.index[next++] = i;
             before[kind] = now;
         }
-        tell_apart(cloud.points, sampled.index.data() + first, next - first, settings.apart, sampled.apart.data() + first);
+        distinguish(cloud.points, sampled.index.data() + first, next - first, settings.apart, sampled.apart.data() + first);
     });
     return sampled;
 }

@@ -9,7 +9,7 @@ namespace {
 constexpr int kFootSteps = 12;
 constexpr double kFootExact = 1e-9;
 constexpr double kFewest = 4.0;     // points, from which the silhouette is guessed
-constexpr double kMostRatio = 2.0;  // of two half widths within one strip; near base and apex they have none
+constexpr double kMaxRatio = 2.0;  // of two half widths within one strip; near base and apex they have none
 
 // v of the foot of the perpendicular from a point to the axis, seen from above.
 double axis_foot(const double* leaf, const double* point, double v) {
@@ -67,7 +67,7 @@ void map_points(const double* leaf, const LeafEllipse& ellipse, const double* po
         const std::size_t line = std::min(static_cast<std::size_t>(place.v * static_cast<double>(lines)), lines - 1);
         place.line = static_cast<int>(line);
         const double here = half_width_at(leaf, curves, place.v);
-        if (here > 0 && width[line] > 0) distance *= std::clamp(width[line] / here, 1 / kMostRatio, kMostRatio);
+        if (here > 0 && width[line] > 0) distance *= std::clamp(width[line] / here, 1 / kMaxRatio, kMaxRatio);
         place.u = distance;
         if (!kept[i]) continue;
         double& reach = (*scanlines)[line].reach[distance < 0];

@@ -11,7 +11,7 @@ namespace usdfoliage {
 namespace {
 
 constexpr int kN = static_cast<int>(kLeafNumbers);
-constexpr int kMostSteps = 20, kMostTries = 8;
+constexpr int kMaxSteps = 20, kMaxTries = 8;
 constexpr double kFirstDamping = 1e-4;
 constexpr double kDone = 1e-6;      // share by which the cost falls in the last step
 // What points of the leaf's plane hardly tell and turns of mapping and fitting would drift in: at which pace the axis runs
@@ -216,14 +216,14 @@ void minimise(const std::vector<LineMoments>& lines, const double* start, double
     const double total = total_weight(lines);
     double cost = fit_cost(lines, start, prior, leaf), damping = kFirstDamping;
     double hessian[kN][kN], gradient[kN], matrix[kN][kN], step[kN], trial[kN];
-    for (int round = 0; round < kMostSteps; ++round) {
+    for (int round = 0; round < kMaxSteps; ++round) {
         normal_equations(lines, total, start, prior, leaf, hessian, gradient);
         bool held[kN];  // at a bound and pushed against it
         for (int k = 0; k < kN; ++k)
             held[k] = (leaf[k] <= bounds.low[k] && gradient[k] > 0) || (leaf[k] >= bounds.high[k] && gradient[k] < 0);
         double fall = 0;
         bool better = false;
-        for (int attempt = 0; attempt < kMostTries && !better; ++attempt) {
+        for (int attempt = 0; attempt < kMaxTries && !better; ++attempt) {
             for (int k = 0; k < kN; ++k) {
                 for (int m = 0; m <= k; ++m) matrix[k][m] = held[k] || held[m] ? 0.0 : hessian[k][m];
                 matrix[k][k] = held[k] ? 1.0 : hessian[k][k] * (1 + damping);

@@ -21,7 +21,7 @@ namespace {
 constexpr int kSteps = 2;              // towards the closest place after a search; one else
 constexpr int kSearchEvery = 5;        // iterations between searches among all places
 constexpr double kSettled = 1e-4;      // share of the cost; less gain ends the iterations
-constexpr double kMostTurn = 0.3;      // of any unknown in one step
+constexpr double kMaxTurn = 0.3;      // of any unknown in one step
 
 // Points of the world, 3 arrays of n one after the other, in leaf space.
 USDFOLIAGE_VECTOR_CLONES
@@ -211,7 +211,7 @@ void Fit::run(LeafPose& pose, double* costs) {
             double* step = damped.right;
             double most = 0;
             for (std::size_t k = 0; k < kLeafUnknowns; ++k) most = std::max(most, std::abs(step[k]));
-            const double shorter = most > kMostTurn ? kMostTurn / most : 1.0;
+            const double shorter = most > kMaxTurn ? kMaxTurn / most : 1.0;
             for (std::size_t k = 0; k < kLeafUnknowns; ++k) step[k] *= shorter;
             const LeafPose next = moved_pose(pose, step, step + kLeafTurn, step + kLeafShift, step[kLeafGrowth]);
             tried_.begin_at(places_);

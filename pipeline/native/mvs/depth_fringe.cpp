@@ -10,7 +10,7 @@ namespace usdfoliage {
 
 namespace {
 
-constexpr int kLeastShare = 10;  // a part in so many of the square, that must lie behind
+constexpr int kMinShare = 10;  // a part in so many of the square, that must lie behind
 
 struct Sum {
     int count = 0;
@@ -48,7 +48,7 @@ bool is_fringe(const float* depth_m, const std::uint8_t* srgb, int width, int he
             }
         }
     }
-    if (behind.count * kLeastShare < (right - left + 1) * (bottom - top + 1)) return false;
+    if (behind.count * kMinShare < (right - left + 1) * (bottom - top + 1)) return false;
     float contrast = 0, from_surface = 0, from_behind = 0;
     for (int i = 0; i < 3; ++i) {
         const float own = srgb[3 * pixel + static_cast<std::size_t>(i)];

@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kRegions = 8;
 constexpr int kProposedIterations = 1;  // in which suggestions are tried; then they have spread or not
-constexpr std::size_t kLeastSeeing = 2;  // photographs that count at least
+constexpr std::size_t kMinSeeing = 2;  // photographs that count at least
 constexpr float kSamePlane = 0.04f;  // in pixels of the most moving photograph: another plane as near is the same
 
 // Places whose planes a pixel tries, one of each region: near ones in a V on each side, far ones along a line. All are of
@@ -70,7 +70,7 @@ struct Warps {
     Lanes epipole[3];
 };
 
-constexpr std::size_t kGroups = (kMostSources + kLanes - 1) / kLanes;
+constexpr std::size_t kGroups = (kMaxSources + kLanes - 1) / kLanes;
 
 // What all pixels share.
 struct Match {
@@ -195,7 +195,7 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
         to.depth = z - match.pattern.reach_px * change > 0.2f * z ? z : Lanes{};
     }
     const std::uint8_t* own_tint = match.reference.tint + 3 * pixel;
-    std::array<float, kMostSources> best;
+    std::array<float, kMaxSources> best;
     const std::size_t wanted = std::min(count, static_cast<std::size_t>(match.settings.best_sources));
     const std::size_t enough = count - wanted;
     best.fill(2 * kWorstCost);
@@ -224,11 +224,11 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
             cost = std::max(best[i], cost);
             best[i] = low;
         }
-        const bool asked = enough > 0 && n + 1 >= enough && seeing >= std::min(enough, kLeastSeeing);
+        const bool asked = enough > 0 && n + 1 >= enough && seeing >= std::min(enough, kMinSeeing);
         if (asked && best[0] >= bound) return 2 * kWorstCost;
     }
     // What lies outside a photograph says nothing against the plane; one alone says too little for it.
-    const std::size_t counted = std::clamp(seeing, std::min(wanted, kLeastSeeing), wanted);
+    const std::size_t counted = std::clamp(seeing, std::min(wanted, kMinSeeing), wanted);
     float sum = 0;
     for (std::size_t i = 0; i < counted; ++i) sum += best[i];
     return sum / static_cast<float>(counted) + apart_cost + match.settings.open_weight * static_cast<float>(open);
@@ -399,7 +399,7 @@ float movement_px(const MatchReference& reference, const std::vector<MatchSource
 
 void match_planes(const MatchReference& reference, const std::vector<MatchSource>& sources, const int* offsets,
                   std::size_t samples, const PatchMatchSettings& settings, int threads, float* planes, float* cost) {
-    assert(!sources.empty() && sources.size() <= kMostSources && samples >= 1 && samples <= kMostSamples);
+    assert(!sources.empty() && sources.size() <= kMaxSources && samples >= 1 && samples <= kMaxSamples);
     std::vector<PackedPicture> pictures;
     for (const MatchSource& source : sources) pictures.emplace_back(source.gray, source.width, source.height);
     const WindowPattern pattern(offsets, samples, settings);

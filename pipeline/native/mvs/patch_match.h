@@ -14,8 +14,8 @@
 
 namespace usdfoliage {
 
-constexpr int kMostSamples = 64;   // of a matching window
-constexpr int kMostSources = 16;   // photographs that one is matched with
+constexpr int kMaxSamples = 64;   // of a matching window
+constexpr int kMaxSources = 16;   // photographs that one is matched with
 constexpr float kWorstCost = 3.0f;  // of what a photograph does not see
 
 // The photograph that gets depth.

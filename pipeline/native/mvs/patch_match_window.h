@@ -75,18 +75,18 @@ struct WindowPattern {
     float tint_weight;
     float tint_rate;
     float reach_px = 0;
-    int columns[kMostSamples];
-    int rows[kMostSamples];
-    alignas(32) float right[kMostSamples];
-    alignas(32) float down[kMostSamples];
-    float nearness[kMostSamples];
+    int columns[kMaxSamples];
+    int rows[kMaxSamples];
+    alignas(32) float right[kMaxSamples];
+    alignas(32) float down[kMaxSamples];
+    float nearness[kMaxSamples];
     float likeness[kColorLevels];
 };
 
 // A pixel's window in its own photograph.
 struct Window {
-    alignas(32) float weight[kMostSamples];    // sum 1
-    alignas(32) float weighted[kMostSamples];  // weight times brightness without the mean
+    alignas(32) float weight[kMaxSamples];    // sum 1
+    alignas(32) float weighted[kMaxSamples];  // weight times brightness without the mean
     float variance;
     float mean;
 };
@@ -94,7 +94,7 @@ struct Window {
 inline void cut_window(const WindowPattern& pattern, const std::uint8_t* srgb, int width, int height, int column, int row,
                        Window& window) {
     const std::uint8_t* center = srgb + (static_cast<std::size_t>(row) * width + column) * 3;
-    float gray[kMostSamples];
+    float gray[kMaxSamples];
     float sum = 0;
     float mean = 0;
     for (int k = 0; k < pattern.count; ++k) {

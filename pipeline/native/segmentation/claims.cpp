@@ -42,7 +42,7 @@ double cosine_to_axis(const double* cam_from_world, const double* a, const doubl
 
 }  // namespace
 
-void claim_pixels(const LeafGrids& grids, const DepthView& view, const Tolerance& tolerance, double least_cosine, int threads,
+void claim_pixels(const LeafGrids& grids, const DepthView& view, const Tolerance& tolerance, double min_cosine, int threads,
                   std::int32_t* labels) {
     const std::size_t per_leaf = static_cast<std::size_t>(grids.rows) * static_cast<std::size_t>(grids.columns);
     std::vector<Corner> corners(grids.count * per_leaf);
@@ -84,7 +84,7 @@ void claim_pixels(const LeafGrids& grids, const DepthView& view, const Tolerance
             if (first > last || across.first > across.last) return;
             const double* points = grids.points_m + 3 * leaf * per_leaf;
             const double cosine = std::max(
-                least_cosine, cosine_to_axis(view.cam_from_world, points + 3 * ia, points + 3 * ib, points + 3 * ic));
+                min_cosine, cosine_to_axis(view.cam_from_world, points + 3 * ia, points + 3 * ib, points + 3 * ic));
             for (int row = first; row <= last; ++row) {
                 for (int column = across.first; column <= across.last; ++column) {
                     const double x = column + 0.5, y = row + 0.5;

@@ -27,10 +27,10 @@ struct LeafGrids {
 
 // The leaf whose surface is nearest to what the view sees along each pixel's ray, within the tolerance.
 //
-// Distances along the ray count as often as the surface's normal allows, cosines below least_cosine as that.
+// Distances along the ray count as often as the surface's normal allows, cosines below min_cosine as that.
 //
 // @param labels  height x width written: 0 for none, k for the leaf k - 1.
-void claim_pixels(const LeafGrids& grids, const DepthView& view, const Tolerance& tolerance, double least_cosine, int threads,
+void claim_pixels(const LeafGrids& grids, const DepthView& view, const Tolerance& tolerance, double min_cosine, int threads,
                   std::int32_t* labels);
 
 // How a point lies to the surface that a view sees there.

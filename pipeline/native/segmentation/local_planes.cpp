@@ -15,11 +15,11 @@ namespace {
 constexpr std::size_t kBlock = 128;     // pixels worked on side by side
 constexpr std::size_t kChunk = 8192;    // pixels that a thread takes at once
 constexpr double kOneSided = 0.5;       // of the sum of the directions to other pixels, at which a pixel has an outer side
-constexpr float kLeastSupport = 4;      // neighbours that a plane needs
+constexpr float kMinSupport = 4;      // neighbours that a plane needs
 constexpr float kReach = 0.75f;         // of the first tolerance: a surface this part of the steepest slope off counts
 constexpr float kNoises = 3;            // standard deviations that count as near
 constexpr float kSlopePrior = 1e-3f;    // holds the slope of neighbours in a line
-constexpr float kLeastSpread = 1e-6f;   // of the neighbours over the window, that tells a slope
+constexpr float kMinSpread = 1e-6f;   // of the neighbours over the window, that tells a slope
 
 struct Neighbour {
     float right;
@@ -110,7 +110,7 @@ void solve(Lanes& lanes) {
         const float w = lanes.w[k], some = w > 0 ? w : 1.0f, x = lanes.x[k] / some, y = lanes.y[k] / some, q = lanes.q[k] / some;
         const float m00 = lanes.xx[k] - lanes.x[k] * x, m01 = lanes.xy[k] - lanes.x[k] * y, m11 = lanes.yy[k] - lanes.y[k] * y;
         const float r0 = lanes.qx[k] - lanes.x[k] * q, r1 = lanes.qy[k] - lanes.y[k] * q, determinant = m00 * m11 - m01 * m01;
-        const bool good = (w >= kLeastSupport) & (determinant > kLeastSpread * w * w);
+        const bool good = (w >= kMinSupport) & (determinant > kMinSpread * w * w);
         const float divisor = good ? determinant : 1.0f;
         const float a = (m11 * r0 - m01 * r1) / divisor, b = (m00 * r1 - m01 * r0) / divisor;
         lanes.right[k] = good ? a : 0.0f;
@@ -375,7 +375,7 @@ std::vector<double> sum_points(const DepthView& view, const std::int32_t* labels
 }
 
 std::vector<double> measure_extents(const DepthView& view, const std::int32_t* labels, std::size_t count,
-                                    const double* axes, double least_cosine) {
+                                    const double* axes, double min_cosine) {
     constexpr double inf = std::numeric_limits<double>::infinity();
     std::vector<double> low(count * 2, inf), high(count * 2, -inf), result(count * 3, 0.0);
     const double focal_square = view.focal[0] * view.focal[1];
@@ -391,7 +391,7 @@ std::vector<double> measure_extents(const DepthView& view, const std::int32_t* l
         }
         // the ray to where z is 1 crosses an area of depth² / focal² / |normal · ray|
         const double slant = std::fabs(axis[6] * p[0] + axis[7] * p[1] + axis[8] * p[2]) / p[2];
-        result[3 * label + 2] += p[2] * p[2] / focal_square / std::max(slant, least_cosine);
+        result[3 * label + 2] += p[2] * p[2] / focal_square / std::max(slant, min_cosine);
     }
     for (std::size_t label = 0; label < count; ++label) {
         for (std::size_t k = 0; k < 2; ++k) {

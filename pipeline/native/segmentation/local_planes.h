@@ -96,8 +96,8 @@ std::vector<double> sum_points(const DepthView& view, const std::int32_t* labels
 //
 // @param axes  count x 9: rows the axes, the last the normal.
 // @return      count x 3: extents along the first and second axis, area with every pixel lying on a plane of this normal,
-//              seen at no less than least_cosine.
+//              seen at no less than min_cosine.
 std::vector<double> measure_extents(const DepthView& view, const std::int32_t* labels, std::size_t count,
-                                    const double* axes, double least_cosine);
+                                    const double* axes, double min_cosine);
 
 }  // namespace usdfoliage

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from usdfoliage.asset.parts.leaf_part import LeafLook, leaf_jitter
+from usdfoliage.asset.parts.leaf_part import LeafAppearance, leaf_jitter
 from usdfoliage.asset.parts.leaves import edited_leaves
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
@@ -89,5 +89,5 @@ def leaf_mesh(
     return build_leaf_mesh(edited_leaves(leaves, edits), settings, leaf_jitter(edits, _with_map(jitter_map)))
 
 
-def _with_map(jitter_map: str | Path | None) -> LeafLook:
-    return LeafLook(jitter_map=None if jitter_map is None else Path(jitter_map))
+def _with_map(jitter_map: str | Path | None) -> LeafAppearance:
+    return LeafAppearance(jitter_map=None if jitter_map is None else Path(jitter_map))

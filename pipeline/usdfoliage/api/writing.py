@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from usdfoliage import __version__
 from usdfoliage.asset.looks.look import write_look_layer
 from usdfoliage.asset.packages.branch_package import BranchAssetSettings, BranchLeaves, write_branch_asset
-from usdfoliage.asset.packages.leaf_package import LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import LeafAppearance, write_leaf_asset
 from usdfoliage.asset.packages.other_parts import OtherParts, read_other_parts
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.parts.branches import SkeletonPrim
@@ -49,7 +49,7 @@ def write_asset(
     skeleton: Skeleton | None = None,
     crown: CrownModel | None = None,
     edits: LeafEdits = NEUTRAL,
-    appearance: LeafLook = LeafLook(),
+    appearance: LeafAppearance = LeafAppearance(),
     representations: Sequence[str] = ("bezier", "nurbs", "subdiv", "mesh"),
     asset_from_capture: NDArray[np.float64] | None = None,
     provenance: Provenance | None = None,
@@ -100,7 +100,7 @@ def write_asset(
     settings = replace(read_settings(read_representations(representations), None), version=version)
     foliage = None
     if leaves is not None:
-        foliage = BranchLeaves(leaves=leaves, settings=settings, edits=edits, look=appearance)
+        foliage = BranchLeaves(leaves=leaves, settings=settings, edits=edits, appearance=appearance)
     remarks: list[Remark] = []
     with publish_folder(folder, force=force) as new:
         if crown is not None:

@@ -30,7 +30,7 @@ _FILM_M = 0.036  # longer side of a film frame: only its ratio to the focal leng
 _TENTHS = 10.0  # USD counts film and focal length in tenths of the stage's unit
 _BEHIND = 1.05  # how far behind the farthest point an image plane stands
 _NEAR = 0.5  # of the nearest point's depth, where the picture begins
-_LEAST_NEAR = 1e-4  # of the farthest depth: the depth buffer cannot tell more
+_MIN_NEAR = 1e-4  # of the farthest depth: the depth buffer cannot tell more
 _PLANE_CELLS = 48  # along the longer side of an image plane whose lens distorts
 _WIDEST = 10.0  # tangent of the angle from the axis up to which there is a plane
 _FEW = 20_000  # points that tell how far the cloud is from a camera
@@ -86,15 +86,15 @@ def write_capture_layer(
     """
     if not Sdf.Path.IsValidIdentifier(name):
         raise ValueError(f"name must be the name of a prim, not {name!r}")
-    for held in cameras:
-        if Path(held.photo).is_absolute():
-            raise ValueError(f"photographs are named as seen from the layer's folder, not {held.photo}")
+    for captured in cameras:
+        if Path(captured.photo).is_absolute():
+            raise ValueError(f"photographs are named as seen from the layer's folder, not {captured.photo}")
     payload = path.with_name(f"{path.stem}_cloud.usdc")
     stage = _new_stage(payload, name, settings)
     bounds = None
     if len(cloud):
         if settings.point_width_m is None:
-            widths_m = point_widths(cloud.points_m, [held.camera for held in cameras])
+            widths_m = point_widths(cloud.points_m, [captured.camera for captured in cameras])
         else:
             # One a point, though all are equal: with a single one neither USD nor its validators compute the extent.
             widths_m = np.full(len(cloud), settings.point_width_m, np.float32)
@@ -110,9 +110,9 @@ def write_capture_layer(
     author_scopes(stage, Sdf.Path(f"/{name}/{MATERIALS}"))
     some = cloud.points_m[:: max(1, len(cloud) // _FEW)]
     taken: set[str] = set()
-    for held in cameras:
-        prim_path = Sdf.Path(f"/{name}/{CAMERAS}").AppendChild(_prim_name(held.name, taken))
-        author_camera(stage, prim_path, held, depth_range(held.camera, some, [c.camera for c in cameras]))
+    for captured in cameras:
+        prim_path = Sdf.Path(f"/{name}/{CAMERAS}").AppendChild(_prim_name(captured.name, taken))
+        author_camera(stage, prim_path, captured, depth_range(captured.camera, some, [c.camera for c in cameras]))
     if bounds is not None:
         prim = stage.OverridePrim(f"/{name}/{CLOUD}")
         prim.GetPayloads().AddPayload(f"./{payload.name}", prim.GetPath())
@@ -125,17 +125,17 @@ def write_capture_layer(
 
 
 def author_camera(
-    stage: Usd.Stage, path: Sdf.Path, held: CaptureCamera, depths_m: tuple[float, float, float]
+    stage: Usd.Stage, path: Sdf.Path, captured: CaptureCamera, depths_m: tuple[float, float, float]
 ) -> UsdGeom.Camera:
     """Define the camera of a photograph at path, and below it the photograph, off until the variant is chosen.
 
     Args:
         depths_m: Of what it shows: the nearest, the middle and the farthest.
     """
-    pinhole = held.camera
+    pinhole = captured.camera
     camera = UsdGeom.Camera.Define(stage, path)
     prim = camera.GetPrim()
-    prim.SetDisplayName(held.name)
+    prim.SetDisplayName(captured.name)
     camera.AddTransformOp(UsdGeom.XformOp.PrecisionDouble).Set(world_from_camera(pinhole))
     camera.CreateProjectionAttr(UsdGeom.Tokens.perspective)
     # A pixel is as wide as makes the longer side of the picture that of a film frame; its height follows the lens.
@@ -152,29 +152,29 @@ def author_camera(
     nearest_m, middle_m, farthest_m = depths_m
     plane_m = _BEHIND * farthest_m
     far_m = _BEHIND * plane_m
-    camera.CreateClippingRangeAttr(Gf.Vec2f(max(_NEAR * nearest_m, _LEAST_NEAR * far_m), far_m))
+    camera.CreateClippingRangeAttr(Gf.Vec2f(max(_NEAR * nearest_m, _MIN_NEAR * far_m), far_m))
     camera.CreateFocusDistanceAttr(middle_m)
     camera.CreateFStopAttr(0.0)  # all is sharp
 
     plate = UsdGeom.BackPlateAPI.Apply(prim, "photograph")
-    plate.CreateImageAttr(Sdf.AssetPath(_anchored(held.photo)))
+    plate.CreateImageAttr(Sdf.AssetPath(_anchored(captured.photo)))
     plate.CreatePlateVisibilityAttr("mute")  # as it would stand amid the plant, at the focus
     variants = prim.GetVariantSets().AddVariantSet("imagePlane")
     for variant in ("off", "on"):
         variants.AddVariant(variant)
     variants.SetVariantSelection("on")
     with variants.GetVariantEditContext():
-        author_image_plane(stage, path.AppendChild(IMAGE_PLANE), held, plane_m)
+        author_image_plane(stage, path.AppendChild(IMAGE_PLANE), captured, plane_m)
     variants.SetVariantSelection("off")
     return camera
 
 
-def author_image_plane(stage: Usd.Stage, path: Sdf.Path, held: CaptureCamera, depth_m: float) -> UsdGeom.Mesh:
+def author_image_plane(stage: Usd.Stage, path: Sdf.Path, captured: CaptureCamera, depth_m: float) -> UsdGeom.Mesh:
     """Define the photograph as a mesh at path, in the axes of its camera, at a depth, and its material below.
 
     Of a lens that distorts, the mesh is a grid: its corners stand where the camera without distortion sees them.
     """
-    pinhole, lens = held.camera, held.lens
+    pinhole, lens = captured.camera, captured.lens
     size = np.array([pinhole.width_px, pinhole.height_px], np.float64)
     cells = np.ones(2, np.int64)
     if lens is not None and not lens.is_pinhole:
@@ -192,18 +192,18 @@ def author_image_plane(stage: Usd.Stage, path: Sdf.Path, held: CaptureCamera, de
     points = np.column_stack([flat[used] * (1, -1), -np.ones(len(used))]) * depth_m
 
     mesh = UsdGeom.Mesh.Define(stage, path)
-    held_points = Vt.Vec3fArray.FromNumpy(points.astype(np.float32))
-    mesh.CreatePointsAttr(held_points)
+    corner_points = Vt.Vec3fArray.FromNumpy(points.astype(np.float32))
+    mesh.CreatePointsAttr(corner_points)
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray([4] * (faces.size // 4)))
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(faces.ravel().astype(np.int32)))
     mesh.CreateNormalsAttr(Vt.Vec3fArray([Gf.Vec3f(0, 0, 1)] * len(used)))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreateDoubleSidedAttr(False)  # who looks at it from elsewhere mostly does so from behind
-    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(held_points))
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(corner_points))
     st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
     st.Set(Vt.Vec2fArray.FromNumpy(np.column_stack([share[used, 0], 1 - share[used, 1]]).astype(np.float32)))
-    material = author_unlit(stage, path.AppendChild("Photograph"), "st", held.photo)
+    material = author_unlit(stage, path.AppendChild("Photograph"), "st", captured.photo)
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     return mesh
 
@@ -223,14 +223,14 @@ def author_cloud(stage: Usd.Stage, path: Sdf.Path, cloud: Cloud, widths_m: NDArr
         middle_m = np.rint((places_m.min(axis=0) + places_m.max(axis=0)) / 2)
         points.AddTranslateOp().Set(Gf.Vec3d(*middle_m.tolist()))
         places_m = places_m - middle_m
-    held = Vt.Vec3fArray.FromNumpy(places_m.astype(np.float32))
-    points.CreatePointsAttr(held)
+    array = Vt.Vec3fArray.FromNumpy(places_m.astype(np.float32))
+    points.CreatePointsAttr(array)
     widths = Vt.FloatArray.FromNumpy(widths_m)
     points.CreateWidthsAttr(widths)
     points.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
     points.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(cloud.normals, np.float32)))
     points.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    points.CreateExtentAttr(UsdGeom.Points.ComputeExtent(held, widths))
+    points.CreateExtentAttr(UsdGeom.Points.ComputeExtent(array, widths))
     primvars = UsdGeom.PrimvarsAPI(points)
     color = primvars.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
     table = decode_srgb(np.arange(256, dtype=np.float32) / np.float32(255)).astype(np.float32)

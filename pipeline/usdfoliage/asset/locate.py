@@ -107,8 +107,8 @@ def try_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
 
 def _depth(text: bytes) -> int:
     """How deep braces stand in braces; those in texts count too."""
-    held = np.frombuffer(text, np.uint8)
-    braces = held[(held == ord("{")) | (held == ord("}"))]
+    codes = np.frombuffer(text, np.uint8)
+    braces = codes[(codes == ord("{")) | (codes == ord("}"))]
     return int(np.cumsum(np.where(braces == ord("{"), 1, -1)).max(initial=0))
 
 
@@ -118,12 +118,12 @@ def _is_incomplete(layer: Sdf.Layer) -> bool:
         return False
     missing: list[Sdf.Path] = []
 
-    def look(path: Sdf.Path) -> None:
+    def visit(path: Sdf.Path) -> None:
         holds = path.IsPrimPath() or path.IsPrimPropertyPath() or path.IsPrimVariantSelectionPath()
         if path.isEmpty or (holds and layer.GetObjectAtPath(path) is None):
             missing.append(path)
 
-    layer.Traverse(Sdf.Path.absoluteRootPath, look)
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
     return bool(missing)
 
 
@@ -167,8 +167,10 @@ def check_usd_name(path: Path) -> None:
     """
     for character in str(path.absolute()):
         if ord(character) < 32 or ord(character) == 127 or character == "\\" or 0xD800 <= ord(character) < 0xE000:
-            shown = ascii(str(path))[1:-1]
-            raise AssetError(f"{shown} has {character!a} in its path, which USD cannot read; rename it, or its folder")
+            escaped = ascii(str(path))[1:-1]
+            raise AssetError(
+                f"{escaped} has {character!a} in its path, which USD cannot read; rename it, or its folder"
+            )
 
 
 def usd_path(path: Path) -> str:
@@ -192,10 +194,10 @@ def log_diagnostics(diagnostics: UsdUtils.CoalescingDiagnosticDelegate) -> None:
     """Take what USD would print, and put it into the log."""
     for diagnostic in diagnostics.TakeUncoalescedDiagnostics():
         try:
-            said = diagnostic.commentary
+            message = diagnostic.commentary
         except UnicodeDecodeError:  # it quotes a damaged file
-            said = f"a message of {diagnostic.sourceFunction} that is no text"
-        logger.info("USD: %s", said)
+            message = f"a message of {diagnostic.sourceFunction} that is no text"
+        logger.info("USD: %s", message)
 
 
 def find_plants(stage: Usd.Stage) -> list[Usd.Prim]:
@@ -226,8 +228,12 @@ def require_leaves(stage: Usd.Stage, path: Path) -> list[Usd.Prim]:
 def select_leafy_lod(stage: Usd.Stage) -> None:
     """Show the leaves of plants whose selected lod has none; in the session layer, so no file changes."""
     for plant in find_plants(stage):
-        held = plant.GetVariantSets()
-        if LOD not in held.GetNames() or held.GetVariantSelection(LOD) in LEAFY_LODS or plant.IsInstanceProxy():
+        variant_sets = plant.GetVariantSets()
+        if (
+            LOD not in variant_sets.GetNames()
+            or variant_sets.GetVariantSelection(LOD) in LEAFY_LODS
+            or plant.IsInstanceProxy()
+        ):
             continue
         for lod in leafy_lods(plant)[:1]:
             select_lod(plant, lod)

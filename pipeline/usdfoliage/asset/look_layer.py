@@ -24,9 +24,9 @@ CUSTOM_DATA_KEY = "usdfoliage"  # of a layer's customLayerData; a layer of ours 
 # are authored by hand move what is drawn without widening it: of two looks only the stronger one's extent stands.
 PROTOTYPE_MARGIN = 1.0
 
-_SHOWN = 2  # of extentsHint's pairs of corners, a pair a purpose: the first two, default and render, may hold leaves
+_VISIBLE = 2  # of extentsHint's pairs of corners, a pair a purpose: the first two, default and render, may hold leaves
 _SLACK = 1e-5  # of the size: what edits and parameters lose as float32
-_LEAST = 1.401298464324817e-45  # float32 above 0
+_SMALLEST = 1.401298464324817e-45  # float32 above 0
 
 # Every edit and its primvar. The names are those of usdfoliage.leaf.shape.edits.LeafEdits.
 EDITS: Mapping[str, str] = {
@@ -53,11 +53,11 @@ def author_edit(prim: Usd.Prim, name: str, value: EditValue) -> None:
 
 
 def author_edits(
-    stage: Usd.Stage, path: Sdf.Path, edits: Mapping[str, EditValue], held: Mapping[str, EditValue]
+    stage: Usd.Stage, path: Sdf.Path, edits: Mapping[str, EditValue], stored: Mapping[str, EditValue]
 ) -> None:
     """Say of leaves at path, in a look, what edits they shall have in the end, where they have others without it."""
     for name, primvar in EDITS.items():
-        if name in edits and not same_value(edits[name], held.get(name)):
+        if name in edits and not same_value(edits[name], stored.get(name)):
             author_edit(stage.OverridePrim(path), primvar, edits[name])
 
 
@@ -72,8 +72,8 @@ def same_value(first: EditValue | None, second: EditValue | None) -> bool:
 
 def find_class(plant: Usd.Prim) -> Sdf.Path | None:
     """The class that a plant inherits from outside, through which a look reaches it; None where there is none."""
-    held = plant.GetInherits().GetAllDirectInherits()
-    return next((path for path in held if not path.HasPrefix(plant.GetPath())), None)
+    inherited = plant.GetInherits().GetAllDirectInherits()
+    return next((path for path in inherited if not path.HasPrefix(plant.GetPath())), None)
 
 
 def placement_class(class_path: Sdf.Path, placement: Sdf.Path) -> Sdf.Path:
@@ -82,10 +82,10 @@ def placement_class(class_path: Sdf.Path, placement: Sdf.Path) -> Sdf.Path:
     return placement.ReplacePrefix(Sdf.Path.absoluteRootPath, placements)
 
 
-def way_between(target: str, folder: str) -> str:
+def path_between(target: str, folder: str) -> str:
     """The way from a look's folder to a file, beginning with ./ or ../, both absolute."""
-    way = os.path.relpath(target, folder)
-    return way if way.startswith("..") else f"./{way}"
+    relative = os.path.relpath(target, folder)
+    return relative if relative.startswith("..") else f"./{relative}"
 
 
 def build_look(
@@ -127,8 +127,8 @@ def build_look(
 
 def leafy_lods(plant: Usd.Prim) -> list[str]:
     """The lods of a plant that show leaves; none where it has nothing to choose."""
-    held = plant.GetVariantSets()
-    known = held.GetVariantSet(LOD).GetVariantNames() if LOD in held.GetNames() else []
+    variant_sets = plant.GetVariantSets()
+    known = variant_sets.GetVariantSet(LOD).GetVariantNames() if LOD in variant_sets.GetNames() else []
     return [lod for lod in LEAFY_LODS if lod in known]
 
 
@@ -142,8 +142,8 @@ def select_lod(plant: Usd.Prim, lod: str) -> None:
 def _each_leafy_lod(stage: Usd.Stage, class_path: Sdf.Path, plant: Usd.Prim) -> Iterator[None]:
     """Author in the class once, or once in each lod that shows leaves, if the plant has others besides: there they
     are no prims, and its extentsHint is another in each."""
-    held = plant.GetVariantSets()
-    if LOD not in held.GetNames() or len(held.GetVariantSet(LOD).GetVariantNames()) < 2:
+    variant_sets = plant.GetVariantSets()
+    if LOD not in variant_sets.GetNames() or len(variant_sets.GetVariantSet(LOD).GetVariantNames()) < 2:
         yield
         return
     for lod in each_variant(stage, class_path, LOD, leafy_lods(plant)):
@@ -220,10 +220,10 @@ def _widen(
 def _widen_hint(stage: Usd.Stage, class_path: Sdf.Path, plant: Usd.Prim, needed: Gf.Range3d) -> None:
     """The same for extentsHint, a pair of corners a purpose; an empty purpose has its corners swapped."""
     attribute = UsdGeom.ModelAPI(plant).GetExtentsHintAttr()
-    held = attribute.Get() if attribute and attribute.HasAuthoredValue() else None
-    hint = list(held) if isinstance(held, Vt.Vec3fArray) else []
+    hint = attribute.Get() if attribute and attribute.HasAuthoredValue() else None
+    hint = list(hint) if isinstance(hint, Vt.Vec3fArray) else []
     pairs = [hint[first : first + 2] for first in range(0, len(hint) - 1, 2)]
-    grown = [number < _SHOWN and not _range(pair).IsEmpty() for number, pair in enumerate(pairs)]
+    grown = [number < _VISIBLE and not _range(pair).IsEmpty() for number, pair in enumerate(pairs)]
     if all(_contains(_range(pair), needed) for pair, grows in zip(pairs, grown, strict=True) if grows):
         return
     wider = [
@@ -258,7 +258,7 @@ def _float32(number: float, *, up: bool) -> float:
     if near >= number if up else near <= number:
         return float(near)
     if near == 0:
-        return _LEAST if up else -_LEAST
+        return _SMALLEST if up else -_SMALLEST
     (bits,) = struct.unpack("<i", struct.pack("<f", near))
     (beyond,) = struct.unpack("<f", struct.pack("<i", bits + (1 if (near > 0) == up else -1)))
     return float(beyond)

@@ -20,7 +20,7 @@ def is_packed(path: Path) -> bool:
     return bool(Ar.IsPackageRelativePath(str(path)))
 
 
-def shown_name(path: Path, folder: Path) -> str:
+def display_name(path: Path, folder: Path) -> str:
     """How users are told of a file: from folder, or from the package that holds it."""
     if is_packed(path):
         return str(Ar.SplitPackageRelativePathOuter(str(path))[1])
@@ -32,9 +32,9 @@ def file_name(path: Path) -> str:
     return Path(str(Ar.SplitPackageRelativePathInner(str(path))[1])).name if is_packed(path) else path.name
 
 
-def file_of(interface: Path, shown: str) -> Path:
-    """The file that shown_name names, of the asset of that interface layer or package."""
-    return Path(f"{interface}[{shown}]") if is_package(interface) else interface.parent / shown
+def file_of(interface: Path, name: str) -> Path:
+    """The file that display_name names, of the asset of that interface layer or package."""
+    return Path(f"{interface}[{name}]") if is_package(interface) else interface.parent / name
 
 
 def size_bytes(path: Path) -> int:
@@ -63,7 +63,7 @@ def unpacked(path: Path) -> Iterator[Path]:
 
 
 def _open(path: Path) -> Ar.Ar_PyAsset:
-    held = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(str(path)))
-    if held is None:
+    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(str(path)))
+    if opened is None:
         raise AssetError(f"{path} cannot be read; pack the asset again")
-    return held
+    return opened

@@ -97,9 +97,9 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
     for part in plant.parts:
         prim.CreateRelationship(_RELATIONSHIPS[part], custom=False).SetTargets([path.AppendPath(part)])
     for collection, parts in plant.collections.items():
-        held = Usd.CollectionAPI.Apply(prim, collection)
+        members = Usd.CollectionAPI.Apply(prim, collection)
         for part in parts:
-            held.IncludePath(path.AppendPath(part))
+            members.IncludePath(path.AppendPath(part))
     return prim
 
 
@@ -119,8 +119,8 @@ def box_around(boxes: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 def _extents_hint(boxes: PurposeBoxes) -> list[Gf.Vec3f]:
     """A pair of corners for each of the purposes default, render, proxy and guide, to the last that has something."""
-    held = [boxes.default, boxes.render, boxes.proxy, boxes.guide]
-    while held and held[-1] is None:
-        held.pop()
+    corners = [boxes.default, boxes.render, boxes.proxy, boxes.guide]
+    while corners and corners[-1] is None:
+        corners.pop()
     nothing = np.array([np.full(3, np.finfo(np.float32).max), np.full(3, np.finfo(np.float32).min)])
-    return [Gf.Vec3f(*map(float, corner)) for box in held for corner in (nothing if box is None else box)]
+    return [Gf.Vec3f(*map(float, corner)) for box in corners for corner in (nothing if box is None else box)]

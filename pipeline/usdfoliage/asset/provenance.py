@@ -152,6 +152,6 @@ def read_provenance_file(folder: Path) -> tuple[dict[str, str], dict[str, dict[s
     }
 
 
-def texts(held: object) -> dict[str, str]:
+def texts(record: object) -> dict[str, str]:
     """A dictionary of texts, empty for what is no dictionary."""
-    return {str(key): str(value) for key, value in held.items()} if isinstance(held, dict) else {}
+    return {str(key): str(value) for key, value in record.items()} if isinstance(record, dict) else {}

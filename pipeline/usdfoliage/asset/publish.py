@@ -136,9 +136,9 @@ def foreign_files(folder: Path) -> list[str]:
 
 def _own_files(folder: Path, record: Mapping[str, Any]) -> set[str]:
     """What usdfoliage wrote, as the record of an asset knows it; empty where it does not."""
-    held = record.get(_FILES, ())
-    if not isinstance(held, str):
-        return set(held)
+    entry = record.get(_FILES, ())
+    if not isinstance(entry, str):
+        return set(entry)
     try:
         listed = read_json(folder / FILES_LIST)["files"]
         if not all(isinstance(name, str) for name in listed):

@@ -15,9 +15,9 @@ def stored_numbers(value: object, shape: Sequence[int | None]) -> NDArray[np.flo
     """
     if value is None:
         return None
-    held = np.asarray(value)
-    if held.dtype.kind not in "iuf" or held.ndim != len(shape):
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf" or array.ndim != len(shape):
         return None
-    if any(needed is not None and length != needed for length, needed in zip(held.shape, shape, strict=True)):
+    if any(needed is not None and length != needed for length, needed in zip(array.shape, shape, strict=True)):
         return None
-    return held.astype(np.float64)
+    return array.astype(np.float64)

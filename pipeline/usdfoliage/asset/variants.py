@@ -21,11 +21,11 @@ class VariantSet:
 def author_variant_sets(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[VariantSet]) -> None:
     """Declare the sets and select each one's default, so that both can be seen and changed while nothing is loaded."""
     prim = stage.GetPrimAtPath(path)
-    for held in sets:
-        variant_set = prim.GetVariantSets().AddVariantSet(held.name)
-        for member in held.variants:
+    for entry in sets:
+        variant_set = prim.GetVariantSets().AddVariantSet(entry.name)
+        for member in entry.variants:
             variant_set.AddVariant(member)
-        variant_set.SetVariantSelection(next(iter(held.variants)))
+        variant_set.SetVariantSelection(next(iter(entry.variants)))
 
 
 def author_variant_references(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[VariantSet]) -> None:
@@ -36,18 +36,18 @@ def author_variant_references(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[V
     """
     # Specs, not the stage's prims: to author in a variant these must select it, and with that open all its layers.
     prim = stage.GetEditTarget().GetLayer().GetPrimAtPath(path)
-    for number, held in enumerate(sets):
-        if not held.inside:
-            _fill(prim, prim, held, list(itertools.takewhile(lambda inner: inner.inside, sets[number + 1 :])))
+    for number, entry in enumerate(sets):
+        if not entry.inside:
+            _fill(prim, prim, entry, list(itertools.takewhile(lambda inner: inner.inside, sets[number + 1 :])))
 
 
 def _fill(
-    owner: Sdf.PrimSpec | Sdf.VariantSpec, prim: Sdf.PrimSpec, held: VariantSet, inner: Sequence[VariantSet]
+    owner: Sdf.PrimSpec | Sdf.VariantSpec, prim: Sdf.PrimSpec, entry: VariantSet, inner: Sequence[VariantSet]
 ) -> None:
     """Fill a set of owner, the prim or a variant of it; prim is what owner says of the prim."""
-    prim.variantSetNameList.prependedItems.append(held.name)
-    variant_set = Sdf.VariantSetSpec(owner, held.name)
-    for member, layers in held.variants.items():
+    prim.variantSetNameList.prependedItems.append(entry.name)
+    variant_set = Sdf.VariantSetSpec(owner, entry.name)
+    for member, layers in entry.variants.items():
         variant = Sdf.VariantSpec(variant_set, member)
         for layer in layers:
             variant.primSpec.referenceList.prependedItems.append(Sdf.Reference(layer))

@@ -17,7 +17,7 @@ _MAX_CAMERA_PX = 10**6
 _MAX_PARAMETER = 1e9
 _FOCAL_SHARES = (0.01, 1e5)  # of the larger side: from 179° to half a second of arc a picture
 _STRIDE = 8  # of pixels among which a lens's turning back is looked for
-_MOST_STRETCHED = 4  # pixels between those where two neighbours of an undistorted picture come from
+_MAX_STRETCHED = 4  # pixels between those where two neighbours of an undistorted picture come from
 _PLACE_PX = 1e-3  # how well distortion must lead back to a place
 
 Value = TypeVar("Value", bound=np.generic)
@@ -73,10 +73,10 @@ class Lens:
             raise ValueError(f"{self.model} has {needed} parameters, not {len(self.parameters)}")
         if not all(abs(number) <= _MAX_PARAMETER for number in self.parameters):
             raise ValueError(f"the parameters must be finite, not {', '.join(f'{x:g}' for x in self.parameters)}")
-        least, most = (share * max(self.width_px, self.height_px) for share in _FOCAL_SHARES)
-        if not (least <= min(self.focal_px) and max(self.focal_px) <= most):
+        shortest, longest = (share * max(self.width_px, self.height_px) for share in _FOCAL_SHARES)
+        if not (shortest <= min(self.focal_px) and max(self.focal_px) <= longest):
             raise ValueError(
-                f"the focal lengths must be in {least:g} to {most:g} px for {self.width_px}×{self.height_px} px, "
+                f"the focal lengths must be in {shortest:g} to {longest:g} px for {self.width_px}×{self.height_px} px, "
                 f"not {', '.join(f'{number:g}' for number in self.focal_px)}"
             )
 
@@ -176,7 +176,7 @@ class Undistortion:
         order = np.argsort(-np.hypot(x - column, y - row), kind="stable")  # the nearest one is written last
         sources = np.full((height, width), -1, np.int32)
         sources[row[order], column[order]] = inside[order]
-        for _ in range(_MOST_STRETCHED):
+        for _ in range(_MAX_STRETCHED):
             empty = sources < 0
             padded = np.pad(sources, 1, constant_values=-1)
             nearest = np.full((height, width), np.inf, np.float32)

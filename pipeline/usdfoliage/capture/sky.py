@@ -47,7 +47,7 @@ def segment_sky(lab: NDArray[np.float32], texture: NDArray[np.float32], seed: in
     distance = np.full((height, width), np.inf, np.float32)
     for color in palette:
         distance = np.minimum(distance, np.sum(((calm - color) / _COLOR_STD) ** 2, axis=2))
-    alike = (distance < 3) | (smooth & (distance < 12))
+    similar = (distance < 3) | (smooth & (distance < 12))
     lowest = int(np.nonzero(np.count_nonzero(sure, axis=1) > 0.03 * width)[0].max(initial=0))
-    alike[lowest + int(0.02 * height) :] = False
-    return np.asarray(alike | sure)
+    similar[lowest + int(0.02 * height) :] = False
+    return np.asarray(similar | sure)

@@ -70,8 +70,8 @@ def run(options: argparse.Namespace) -> int:
         print("error: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
     page = index.write()
-    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
-    print(f"{len(listed.entries)} plants: {told}{f', {len(listed.skipped)} skipped' if listed.skipped else ''}")
+    text = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    print(f"{len(listed.entries)} plants: {text}{f', {len(listed.skipped)} skipped' if listed.skipped else ''}")
     print(f"index: {page}")
     return next((code for code in (1, 2, 3) if code in codes), 0)
 
@@ -109,10 +109,10 @@ def _describe(made: "BuiltPlant", plant: "LibraryPlant") -> str:
     seconds = sum((made.seconds or {}).values())
     size = "" if plant.size_bytes is None else f"{plant.size_bytes / 1e6:.1f} MB"
     leaves = "" if plant.leaves is None else f"{plant.leaves:,}"
-    told = f"{plant.message}{f'; {plant.advice}' if plant.advice else ''}"
+    text = f"{plant.message}{f'; {plant.advice}' if plant.advice else ''}"
     if made.verdict == "built" and not made.seconds:
-        told = f"nothing to do{f'; {told}' if told else ''}"
-    return _ROW.format(made.request.name, made.verdict, f"{seconds:.1f}", leaves, size, told).rstrip()
+        text = f"nothing to do{f'; {text}' if text else ''}"
+    return _ROW.format(made.request.name, made.verdict, f"{seconds:.1f}", leaves, size, text).rstrip()
 
 
 def _print_plans(requests: "list[BuildRequest]", failed: "list[LibraryPlant]") -> int:

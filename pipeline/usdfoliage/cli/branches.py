@@ -160,7 +160,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"{row.name}: {row.value}")
     print("seconds: " + ", ".join(f"{name} {value:.1f}" for name, value in made.seconds.items()))
     print(f"asset: {made.asset}")
-    for alike in made.variations:
-        print(f"variation: {alike}")
+    for variation in made.variations:
+        print(f"variation: {variation}")
     print(f"report: {made.report}")
     return 0

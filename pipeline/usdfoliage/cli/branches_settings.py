@@ -18,9 +18,9 @@ from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import FITTED, NONE, FoliageRequest
 from usdfoliage.jobs.branches.motion import BranchMotion
 from usdfoliage.jobs.branches.plant_cloud import MIN_POINTS, PlantCloudRequest, read_roots, read_unit, read_up
-from usdfoliage.jobs.branches.regrowth import MOST_VARIATIONS, RegrowthRequest
+from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest
-from usdfoliage.jobs.edits.scatter import LENGTHS_M, MOST_LEAVES, read_color
+from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES, read_color
 from usdfoliage.jobs.edits.settings import read_representations
 
 
@@ -86,8 +86,8 @@ def _read_foliage(options: argparse.Namespace, species: Species | None) -> Folia
     shortest_m, longest_m = LENGTHS_M
     if options.leaf_length is not None and not shortest_m <= options.leaf_length <= longest_m:
         raise FoliageError(f"--leaf-length must be {shortest_m:g} to {longest_m:g} metres, not {options.leaf_length:g}")
-    if not 1 <= options.max_leaves <= MOST_LEAVES:
-        raise FoliageError(f"--most-leaves must be 1 to {MOST_LEAVES:,}, not {options.max_leaves}")
+    if not 1 <= options.max_leaves <= MAX_LEAVES:
+        raise FoliageError(f"--most-leaves must be 1 to {MAX_LEAVES:,}, not {options.max_leaves}")
     chosen = read_representations(options.representation) if options.representation else None
     resolution = read_resolution(options)
     return FoliageRequest(
@@ -103,8 +103,8 @@ def _read_foliage(options: argparse.Namespace, species: Species | None) -> Folia
 
 def _read_regrowth(options: argparse.Namespace) -> RegrowthRequest:
     """The growth that a command line asks for."""
-    if not 0 <= options.variations <= MOST_VARIATIONS:
-        raise FoliageError(f"--variations must be 0 to {MOST_VARIATIONS}, not {options.variations}")
+    if not 0 <= options.variations <= MAX_VARIATIONS:
+        raise FoliageError(f"--variations must be 0 to {MAX_VARIATIONS}, not {options.variations}")
     return RegrowthRequest(method=options.method, hidden=options.fill_hidden, variations=options.variations)
 
 

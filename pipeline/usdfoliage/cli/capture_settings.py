@@ -57,9 +57,9 @@ def read_capture_run_settings(options: argparse.Namespace) -> CaptureRunSettings
     if options.poses is not None:
         settings = dataclasses.replace(settings, poses=options.poses)
     if options.matching is not None:
-        settings = _set_registration(settings, matching=options.matching)
+        settings = _set_pose_estimation(settings, matching=options.matching)
     if options.camera is not None:
-        settings = _set_registration(settings, one_camera=_ONE_CAMERA[options.camera])
+        settings = _set_pose_estimation(settings, one_camera=_ONE_CAMERA[options.camera])
     if options.scale is not None:
         settings = _set_world(settings, **_read_scale(options.scale))
     if options.up is not None:
@@ -73,8 +73,8 @@ def read_capture_run_settings(options: argparse.Namespace) -> CaptureRunSettings
     return settings
 
 
-def _set_registration(settings: CaptureRunSettings, **changes: Any) -> CaptureRunSettings:
-    return dataclasses.replace(settings, registration=dataclasses.replace(settings.registration, **changes))
+def _set_pose_estimation(settings: CaptureRunSettings, **changes: Any) -> CaptureRunSettings:
+    return dataclasses.replace(settings, pose_estimation=dataclasses.replace(settings.pose_estimation, **changes))
 
 
 def _set_world(settings: CaptureRunSettings, **changes: Any) -> CaptureRunSettings:

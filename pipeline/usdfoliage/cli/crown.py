@@ -84,7 +84,7 @@ def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.capture.cloud_files.read import looks_like_cloud
+    from usdfoliage.capture.cloud_files.read import is_cloud_input
     from usdfoliage.cli.crown_settings import read_captured_crown_request, read_crown_request
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.json_output import format_made
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.remarks import print_remarks
 
     made: MadeCrown | MadeCapturedCrown
-    if options.photo.is_dir() or looks_like_cloud(options.photo):
+    if options.photo.is_dir() or is_cloud_input(options.photo):
         from usdfoliage.jobs.crown.run_capture import (
             make_captured_crown_asset,
             plan_captured_crown_asset,

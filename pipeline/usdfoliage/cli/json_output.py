@@ -29,11 +29,11 @@ def format_made(
         remarks: With their codes and remedies.
         more: What this command alone has.
     """
-    held: Mapping[str, object] = {
+    content: Mapping[str, object] = {
         "asset": None if asset is None else str(asset),
         "report": None if report is None else str(report),
         "facts": [asdict(row) for row in facts],
         "remarks": [each.as_json() for each in remarks],
         **more,
     }
-    return json.dumps(held, indent=2, ensure_ascii=False)
+    return json.dumps(content, indent=2, ensure_ascii=False)

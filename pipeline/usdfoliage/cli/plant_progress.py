@@ -19,7 +19,7 @@ class PlantBar:
             disable=None,  # silent where stderr is no terminal
             bar_format="{desc:<34.34} {bar:30} {percentage:3.0f}% {elapsed} < {remaining}",
         )
-        self._started_s = self._told_s = time.monotonic()
+        self._started_s = self._reported_s = time.monotonic()
 
     def __enter__(self) -> "PlantBar":
         return self
@@ -35,14 +35,14 @@ class PlantBar:
         self._bar.n = max(self._bar.n, round(1000 * min(share, 1.0)))
         self._bar.refresh()
         if self._bar.disable:
-            self._tell(f"{plant}: {what}", min(share, 1.0))
+            self._report(f"{plant}: {what}", min(share, 1.0))
 
-    def _tell(self, what: str, share: float) -> None:
+    def _report(self, what: str, share: float) -> None:
         """A line for a log, now and then."""
         now_s = time.monotonic()
-        if now_s - self._told_s < _BETWEEN_S:
+        if now_s - self._reported_s < _BETWEEN_S:
             return
-        self._told_s = now_s
+        self._reported_s = now_s
         taken_s = now_s - self._started_s
         left = f", about {taken_s * (1 - share) / share:.0f} s left" if share > 0.02 else ""
         print(f"{what}, {share:.0%} done in {taken_s:.0f} s{left}", file=sys.stderr, flush=True)

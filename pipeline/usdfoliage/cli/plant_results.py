@@ -19,7 +19,7 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
     if made.verdict in ("failed", "fault"):
         if made.is_fault:
             print(
-                tell_fault(made.error, f"{made.failed} of {name}" if made.failed else name, debug=debug),
+                report_fault(made.error, f"{made.failed} of {name}" if made.failed else name, debug=debug),
                 file=sys.stderr,
             )
         else:
@@ -36,9 +36,9 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
     if made.asset is None:
         print(f"result: {made.result}")
         if made.errors:
-            told = f"{made.errors} error{'s' if made.errors != 1 else ''}"
+            text = f"{made.errors} error{'s' if made.errors != 1 else ''}"
             print(
-                f"error: validation finds {told}, and {made.request.output} was not written; see "
+                f"error: validation finds {text}, and {made.request.output} was not written; see "
                 f"{made.result}/report/index.html, or put it there nevertheless with --keep-invalid",
                 file=sys.stderr,
             )
@@ -67,7 +67,7 @@ def format_plant(made: "BuiltPlant") -> str:
     )
 
 
-def tell_fault(trace: str, where: str, *, debug: bool) -> str:
+def report_fault(trace: str, where: str, *, debug: bool) -> str:
     """What is printed of a fault of ours."""
-    told = trace if debug else trace.strip().splitlines()[-1]
-    return f"error: internal fault in {where}: {told}; run again with --debug and report it"
+    text = trace if debug else trace.strip().splitlines()[-1]
+    return f"error: internal fault in {where}: {text}; run again with --debug and report it"

@@ -2,12 +2,12 @@
 
 import argparse
 
-from usdfoliage.asset.packages.leaf_package import LeafLook
+from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.cli.leaf_options import name_option, read_resolution
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL, ScatterRequest, check_count, read_color, read_spray
+from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL, ScatterRequest, check_count, read_color, read_spray
 from usdfoliage.jobs.edits.settings import check_memory, check_pictures, read_representations, read_settings
 
 
@@ -16,14 +16,14 @@ def read_scatter_request(options: argparse.Namespace) -> ScatterRequest:
     check_count(options.count)
     if not 0 <= options.seed < 2**63:  # an asset records it as int64
         raise FoliageError(f"the seed must be 0 or more and below 2^63, not {options.seed}")
-    default = tuple(REPRESENTATIONS) if options.count <= MOST_LEAVES_OF_ALL else ("bezier",)
+    default = tuple(REPRESENTATIONS) if options.count <= MAX_LEAVES_OF_ALL else ("bezier",)
     representations = read_representations(options.representation or default)
-    look = LeafLook(
-        color=read_color(options.color, "--color") if options.color else LeafLook().color,
+    appearance = LeafAppearance(
+        color=read_color(options.color, "--color") if options.color else LeafAppearance().color,
         texture=options.texture,
         jitter_map=options.jitter_map,
     )
-    check_pictures(look.texture, look.jitter_map)
+    check_pictures(appearance.texture, appearance.jitter_map)
     settings = read_settings(representations, read_resolution(options))
     check_memory(options.count, settings)
     return ScatterRequest(
@@ -33,7 +33,7 @@ def read_scatter_request(options: argparse.Namespace) -> ScatterRequest:
         seed=options.seed,
         spray=name_option(lambda length_m: read_spray(length_m, options.variation), options.length),
         settings=settings,
-        look=look,
+        appearance=appearance,
         chosen=options.representation is not None,
         force=options.force,
     )

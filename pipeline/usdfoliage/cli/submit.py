@@ -118,14 +118,14 @@ def _parameters(options: argparse.Namespace, name: str, work: Path) -> "list[Job
         ("species", "STRING", "--species", "written into the asset"),
         ("seed", "INT", "--seed", "of every random choice"),
     ):
-        said = getattr(options, field)
-        if said is not None:
+        given = getattr(options, field)
+        if given is not None:
             is_file = kind == "PATH"
             parameters.append(
                 JobParameter(
                     name=field.title(),
                     kind=kind,
-                    value=str(said.absolute()) if is_file else said,
+                    value=str(given.absolute()) if is_file else given,
                     description=what,
                     option=option,
                     is_file=is_file,

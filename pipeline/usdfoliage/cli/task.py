@@ -113,7 +113,7 @@ def _plan(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLi
 
 
 def _run_chunks(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLines") -> int:
-    from usdfoliage.cli.plant_results import tell_fault
+    from usdfoliage.cli.plant_results import report_fault
     from usdfoliage.errors import FoliageError
     from usdfoliage.jobs.plant.farm_steps import find_chunks, run_chunk
 
@@ -133,7 +133,7 @@ def _run_chunks(request: "BuildRequest", options: argparse.Namespace, lines: "Op
             raise FoliageError(done.error)
         if done.fault:
             lines.fail(f"internal fault in {name}")
-            print(tell_fault(done.fault, f"{name} of {request.name}", debug=options.debug), file=sys.stderr)
+            print(report_fault(done.fault, f"{name} of {request.name}", debug=options.debug), file=sys.stderr)
             return 1
         idle = "is gone, and not needed: what is made of it is there" if done.spare else "was done before"
         print(f"{name}: {f'{done.seconds:.1f} s' if done.was_run else idle}", flush=True)

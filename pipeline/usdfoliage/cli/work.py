@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from usdfoliage.jobs.plant.work_folder import WORK_VARIABLE
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.plant.prune import HeldTask
+    from usdfoliage.jobs.plant.prune import StoredTask
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,14 +43,14 @@ def run(options: argparse.Namespace) -> int:
     if options.dry_run and not options.prune:
         raise FoliageError("--dry-run says what --prune would remove; add --prune")
     folder = _find_folder(options.folder)
-    held = survey_work(folder, options.keep_days)
+    stored = survey_work(folder, options.keep_days)
     if not options.prune:
-        print(_as_table(held))
-        spare = sum(task.size_bytes for task in held if task.state == "not needed")
-        print(f"{folder}: {_size(held)}, {_megabytes(spare)} not needed (--prune removes that)")
+        print(_as_table(stored))
+        spare = sum(task.size_bytes for task in stored if task.state == "not needed")
+        print(f"{folder}: {_size(stored)}, {_megabytes(spare)} not needed (--prune removes that)")
         return 0
     if options.dry_run:
-        removed = tuple(task for task in held if task.state == "not needed")
+        removed = tuple(task for task in stored if task.state == "not needed")
     else:
         removed = prune_work(folder, options.keep_days)
     if removed:
@@ -59,12 +59,12 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _find_folder(said: Path | None) -> Path:
+def _find_folder(given: Path | None) -> Path:
     """The work folder that is meant, as builds find theirs; FoliageError where nothing names one."""
     from usdfoliage.errors import FoliageError
 
-    if said is not None:
-        return said
+    if given is not None:
+        return given
     named = os.environ.get(WORK_VARIABLE)
     if not named:
         raise FoliageError(
@@ -74,10 +74,10 @@ def _find_folder(said: Path | None) -> Path:
     return Path(named).absolute()
 
 
-def _as_table(held: Iterable["HeldTask"]) -> str:
+def _as_table(stored: Iterable["StoredTask"]) -> str:
     """A line for all tasks of one kind, capture and state."""
-    groups: dict[tuple[str, str, str], list[HeldTask]] = {}
-    for task in held:
+    groups: dict[tuple[str, str, str], list[StoredTask]] = {}
+    for task in stored:
         groups.setdefault((task.capture or "(unknown)", task.stage, task.state), []).append(task)
     rows = [("capture", "task", "count", "size", "last used", "")]
     for (capture, stage, state), tasks in sorted(groups.items()):
@@ -96,8 +96,8 @@ def _as_table(held: Iterable["HeldTask"]) -> str:
     )
 
 
-def _size(held: Iterable["HeldTask"]) -> str:
-    tasks = list(held)
+def _size(stored: Iterable["StoredTask"]) -> str:
+    tasks = list(stored)
     return f"{len(tasks)} {'task' if len(tasks) == 1 else 'tasks'}, {_megabytes(sum(t.size_bytes for t in tasks))}"
 
 

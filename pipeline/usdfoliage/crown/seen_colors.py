@@ -34,7 +34,7 @@ _LABEL_CELL = 8  # texels a side, for which one photograph gives what is fine
 class SeenColorSettings:
     """Which photographs count for a texel, and what becomes of those that none shows."""
 
-    least_cosine: float = 0.2  # between the surface's normal and the line of sight
+    min_cosine: float = 0.2  # between the surface's normal and the line of sight
     hidden: float = 0.06  # of the radius, that the crown must be in front of a place to hide it
     before: float = 0.15  # of the radius, that measured depth may be in front of a place
     behind: float = 0.4  # of the radius, that it may be behind; beyond, the picture shows the background
@@ -48,8 +48,8 @@ class SeenColorSettings:
     color_map: ColorMapSettings = field(default_factory=ColorMapSettings)
 
     def __post_init__(self) -> None:
-        if not 0 < self.least_cosine < 1:
-            raise ValueError(f"least_cosine must be in (0, 1), not {self.least_cosine}")
+        if not 0 < self.min_cosine < 1:
+            raise ValueError(f"min_cosine must be in (0, 1), not {self.min_cosine}")
         if self.kept < 1 or self.speck_texels < 0:
             raise ValueError(f"kept must be 1 or more and speck_texels not negative, not {self}")
         for name in ("hidden", "before", "behind", "outlier", "coarse_texels", "feather_texels"):
@@ -158,7 +158,7 @@ def _sample_view(
     toward = camera.position_m - surface.points_m
     away_m = np.linalg.norm(toward, axis=1)
     cosine = np.einsum("nk,nk->n", toward, surface.normals) / np.maximum(away_m, 1e-12)
-    seen = (cosine > settings.least_cosine) & (depth_m > 0)
+    seen = (cosine > settings.min_cosine) & (depth_m > 0)
     seen &= (place >= 1).all(axis=1)
     seen &= (place[:, 0] < camera.width_px - 1) & (place[:, 1] < camera.height_px - 1)
     index = np.flatnonzero(seen)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
-MOST_AT_ONCE = 4  # large pictures that are worked on at a time, however many cores there are: memory is finite
+MAX_AT_ONCE = 4  # large pictures that are worked on at a time, however many cores there are: memory is finite
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -51,5 +51,5 @@ def share_cores(threads: int = 0) -> tuple[int, int]:
         threads: In all, 0 for one per core.
     """
     every = threads or os.cpu_count() or 1
-    at_once = min(every, MOST_AT_ONCE)
+    at_once = min(every, MAX_AT_ONCE)
     return at_once, every // at_once

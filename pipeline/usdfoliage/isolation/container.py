@@ -20,26 +20,26 @@ class ContainerSettings:
     """What is taken for a container."""
 
     slabs: int = 48  # of the plant's height
-    most_green: float = 0.35  # share of a slab's cells that are green, in a container
-    least_green: float = 0.15  # likewise of the whole cloud, without which colours tell nothing
+    max_green: float = 0.35  # share of a slab's cells that are green, in a container
+    min_green: float = 0.15  # likewise of the whole cloud, without which colours tell nothing
     excess_of_leaves: float = 0.35  # excess of green, for that of the plant's own leaves, from which on a cell is green
     green_above: float = 0.5  # likewise of what is above the container
-    least_width: float = 0.15  # of the height
-    least_height: float = 0.06  # likewise
-    most_height: float = 0.65  # likewise
+    min_width: float = 0.15  # of the height
+    min_height: float = 0.06  # likewise
+    max_height: float = 0.65  # likewise
     slenderness: float = 2.0  # height of a container for its width, at most: trunks are more slender
     sectors: int = 24  # around its axis
-    least_closed: float = 0.6  # share of the sectors in which its wall is seen
-    most_uneven: float = 0.35  # deviation of the wall's distance from the axis, for its mean
+    min_closed: float = 0.6  # share of the sectors in which its wall is seen
+    max_uneven: float = 0.35  # deviation of the wall's distance from the axis, for its mean
     wall: float = 0.2  # of that distance, in which a wall lies
-    least_wall: float = 0.6  # share of the container's cells that lie in its wall: stems stand all over
+    min_wall: float = 0.6  # share of the container's cells that lie in its wall: stems stand all over
     soil: float = 0.04  # of the height, above the rim, where what is not green is soil
 
     def __post_init__(self) -> None:
         if self.slabs < 8 or self.sectors < 6:
             raise ValueError(f"slabs must be at least 8, sectors at least 6, not {self.slabs} and {self.sectors}")
-        if not (0 < self.least_height < self.most_height < 1 and self.least_width > 0 and self.slenderness > 0):
-            raise ValueError(f"heights must be in (0, 1) and in order, least_width above 0, not {self}")
+        if not (0 < self.min_height < self.max_height < 1 and self.min_width > 0 and self.slenderness > 0):
+            raise ValueError(f"heights must be in (0, 1) and in order, min_width above 0, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +50,7 @@ class Container:
     soil_m: float  # height up to which what is not green is soil, if it is near the axis
     middle_m: NDArray[np.float64]  # (2,), x and z of its axis
     radius_m: float  # up to which soil is looked for
-    least_excess: float  # of green, from which on a point is of the plant
+    min_excess: float  # of green, from which on a point is of the plant
 
     def holds(
         self, points_m: NDArray[np.float64], heights_m: NDArray[np.float64], excess: NDArray[np.float64]
@@ -60,7 +60,7 @@ class Container:
         # What hangs far beside the pot, and is not green, may be a flower or a leaf of the plant.
         body = (heights_m < self.rim_m) & (aside_m < BESIDE * self.radius_m)
         below = body | ((heights_m < self.soil_m) & (aside_m < self.radius_m))
-        return np.asarray(below & (excess <= self.least_excess))
+        return np.asarray(below & (excess <= self.min_excess))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,27 +92,27 @@ def find_container(
     if not tall_m > 0:
         return ContainerSearch()
     green = excess > MIN_EXCESS
-    if green.mean() < settings.least_green:
+    if green.mean() < settings.min_green:
         text = "hardly anything is green, and a pot cannot be separated from the plant"
         return ContainerSearch(remark=remark("isolation-hardly-green", text))
     # Soil in the shade is a little green as well.
     leaves = green & (heights_m > low_m + 0.5 * tall_m)
-    usual = float(np.median(excess[leaves])) if leaves.any() else 0.0
-    least_excess = max(MIN_EXCESS, settings.excess_of_leaves * usual)
-    green = excess > least_excess
+    median = float(np.median(excess[leaves])) if leaves.any() else 0.0
+    min_excess = max(MIN_EXCESS, settings.excess_of_leaves * median)
+    green = excess > min_excess
     slab = np.clip(((heights_m - low_m) / tall_m * settings.slabs).astype(np.int64), 0, settings.slabs - 1)
-    held = np.bincount(slab, minlength=settings.slabs)
+    counts = np.bincount(slab, minlength=settings.slabs)
     greens = np.bincount(slab, green, minlength=settings.slabs)
-    bare = held - greens
+    bare = counts - greens
     run = 0
-    while run < settings.slabs and greens[run] <= settings.most_green * held[run]:
+    while run < settings.slabs and greens[run] <= settings.max_green * counts[run]:
         run += 1
     # Slabs without enough points tell nothing, and are no container's.
-    full = held[:run] >= max(_FEW, 0.1 * float(np.median(held[held > 0])))
-    if run < settings.least_height * settings.slabs or full.mean() < 0.7:
+    full = counts[:run] >= max(_FEW, 0.1 * float(np.median(counts[counts > 0])))
+    if run < settings.min_height * settings.slabs or full.mean() < 0.7:
         return ContainerSearch()
-    above = float(greens[run:].sum()) / max(float(held[run:].sum()), 1.0)
-    if above < settings.green_above or run > settings.most_height * settings.slabs or not bare[:run].any():
+    above = float(greens[run:].sum()) / max(float(counts[run:].sum()), 1.0)
+    if above < settings.green_above or run > settings.max_height * settings.slabs or not bare[:run].any():
         return ContainerSearch()
     inside = (slab < run) & ~green
     flat_m = cells_m[inside][:, [0, 2]]
@@ -129,18 +129,18 @@ def find_container(
     radius_m = float(np.median(wall_m[seen]))
     # Pots taper: a slab's wall is where the slab is widest.
     of_slab = slab[inside]
-    usual_m = np.full(run, radius_m)
+    typical_m = np.full(run, radius_m)
     for number in np.unique(of_slab):
-        usual_m[number] = np.quantile(away_m[of_slab == number], 0.8)
+        typical_m[number] = np.quantile(away_m[of_slab == number], 0.8)
     width_m, rim_m = 2 * radius_m, run / settings.slabs * tall_m
-    if width_m < settings.least_width * tall_m or rim_m > settings.slenderness * width_m:
+    if width_m < settings.min_width * tall_m or rim_m > settings.slenderness * width_m:
         return ContainerSearch()
-    in_wall = away_m / usual_m[of_slab] >= (1 - settings.wall) * wall_m[sector] / radius_m
+    in_wall = away_m / typical_m[of_slab] >= (1 - settings.wall) * wall_m[sector] / radius_m
     closed, uneven = float(seen.mean()), float(wall_m[seen].std()) / radius_m
     # A lid of soil lies inside the wall, at the top.
     under = of_slab < max(run - 0.15 * settings.slabs, 0.6 * run)
     share = float(in_wall[under].mean()) if under.any() else 0.0
-    if closed < settings.least_closed or uneven > settings.most_uneven or share < settings.least_wall:
+    if closed < settings.min_closed or uneven > settings.max_uneven or share < settings.min_wall:
         text = (
             f"what is below {rim_m / tall_m:.0%} of the height is not green and wide as a pot, but not surely one "
             f"({closed:.0%} closed, {share:.0%} in its wall): it stays"
@@ -151,7 +151,7 @@ def find_container(
         soil_m=low_m + rim_m + settings.soil * tall_m,
         middle_m=middle_m,
         radius_m=1.3 * radius_m,
-        least_excess=least_excess,
+        min_excess=min_excess,
     )
     return ContainerSearch(container=container)
 

@@ -11,12 +11,12 @@ class FocusSettings:
     """When photographs are taken to be aimed at one thing."""
 
     min_spread: float = 0.01  # of the directions of view: 0 where all are parallel, 2/3 where they are of all sides
-    most_miss: float = 0.35  # of the distance, by which the median photograph's axis may pass beside
-    least_before: float = 0.8  # share of the photographs that must have it before them
+    max_miss: float = 0.35  # of the distance, by which the median photograph's axis may pass beside
+    min_before: float = 0.8  # share of the photographs that must have it before them
 
     def __post_init__(self) -> None:
-        if not (0 < self.min_spread < 1 and self.most_miss > 0 and 0 <= self.least_before <= 1):
-            raise ValueError(f"min_spread must be in (0, 1), most_miss above 0, least_before a share, not {self}")
+        if not (0 < self.min_spread < 1 and self.max_miss > 0 and 0 <= self.min_before <= 1):
+            raise ValueError(f"min_spread must be in (0, 1), max_miss above 0, min_before a share, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,8 +50,8 @@ def find_focus(
     ahead_m = np.einsum("ni,ni->n", towards_m, axes)
     distance_m = float(np.median(np.linalg.norm(towards_m, axis=1)))
     miss_m = float(np.median(np.linalg.norm(np.einsum("nij,nj->ni", across, towards_m), axis=1)))
-    if not distance_m > 0 or miss_m > settings.most_miss * distance_m:
+    if not distance_m > 0 or miss_m > settings.max_miss * distance_m:
         return None
-    if float((ahead_m > 0).mean()) < settings.least_before:
+    if float((ahead_m > 0).mean()) < settings.min_before:
         return None
     return Focus(place_m=place_m, distance_m=distance_m)

@@ -15,7 +15,7 @@ from usdfoliage.geometry.point_cells import touching_parts
 
 _FEW = 12  # cells of a floor, of which no edge is told
 _COARSER = 2.5  # cells' widths, in which it is told how densely the floor is seen
-_IN_CELL, _LEAST_IN_CELL = 6.0, 2  # points of a floor in a cell: on the mean, and for it to be seen there
+_IN_CELL, _MIN_IN_CELL = 6.0, 2  # points of a floor in a cell: on the mean, and for it to be seen there
 _WIDEST = 4.0  # times, that cells may grow where points are few
 _LARGE = 0.25  # of the largest part of the floor: smaller ones are none of it
 _SQUARE = np.ones((3, 3), bool)
@@ -27,12 +27,12 @@ class HangingSettings:
 
     cell: float = 0.02  # of the cameras' distance, in which the floor's edge is told
     reach: float = 2.0  # of the same, around the focus, within which the floor is looked at
-    most_green: float = 0.3  # share of a floor that is green: of lawns no edge is told
+    max_green: float = 0.3  # share of a floor that is green: of lawns no edge is told
     wide: float = 1.4  # of the plant's reach to its sides, within which what hangs must be
 
     def __post_init__(self) -> None:
-        if not (self.cell > 0 and self.reach > 0 and 0 <= self.most_green <= 1 and self.wide >= 1):
-            raise ValueError(f"cell and reach must be above 0, most_green a share, wide at least 1, not {self}")
+        if not (self.cell > 0 and self.reach > 0 and 0 <= self.max_green <= 1 and self.wide >= 1):
+            raise ValueError(f"cell and reach must be above 0, max_green a share, wide at least 1, not {self}")
 
 
 def find_hanging(
@@ -62,7 +62,7 @@ def find_hanging(
         return none
     beside_m = low_m[:, [0, 2]] - place_m[[0, 2]]
     seen = is_level & (np.hypot(*beside_m.T) < settings.reach * scale_m)
-    if not seen.any() or green[seen].mean() > settings.most_green:
+    if not seen.any() or green[seen].mean() > settings.max_green:
         return none
     edges = _find_edges(beside_m[seen & ~green], settings.cell * scale_m)
     if edges is None:
@@ -103,17 +103,17 @@ def _find_edges(floor_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float
         return None
     corner_m = floor_m.min(axis=0) - 2 * cell_m
     coarse = np.unique(np.floor((floor_m - corner_m) / (_COARSER * cell_m)).astype(np.int64), axis=0)
-    usual = len(floor_m) / (len(coarse) * _COARSER**2)  # in a cell
-    grown = max(1.0, float(np.sqrt(_IN_CELL / usual)))
+    per_cell = len(floor_m) / (len(coarse) * _COARSER**2)  # in a cell
+    grown = max(1.0, float(np.sqrt(_IN_CELL / per_cell)))
     if grown > _WIDEST:
         return None
     cell_m *= grown
     corner_m = floor_m.min(axis=0) - 2 * cell_m
     place = np.floor((floor_m - corner_m) / cell_m).astype(np.int64)
-    held = np.zeros(place.max(axis=0) + 3, np.int64)
-    np.add.at(held, (place[:, 0], place[:, 1]), 1)
+    counts = np.zeros(place.max(axis=0) + 3, np.int64)
+    np.add.at(counts, (place[:, 0], place[:, 1]), 1)
     # Walls and what else crosses the level are thin there.
-    parts, count = label(binary_opening(binary_closing(held >= _LEAST_IN_CELL, _SQUARE), _SQUARE), _SQUARE)
+    parts, count = label(binary_opening(binary_closing(counts >= _MIN_IN_CELL, _SQUARE), _SQUARE), _SQUARE)
     if not count:
         return None
     sizes = np.bincount(parts.ravel())[1:]

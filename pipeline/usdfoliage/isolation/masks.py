@@ -18,16 +18,16 @@ _UNSEEN = 1e-4  # share of a kind's pixels that every colour has from the start
 class PlantMaskSettings:
     """How masks are drawn."""
 
-    most_cells: int = 6_000_000  # of the grid that holds the plant
+    max_cells: int = 6_000_000  # of the grid that holds the plant
     near_cells: float = 2.5  # up to which the nearest point tells what an empty cell is of
     reach: float = 0.02  # of the longer side: how far from known pixels others are drawn
     speck: float = 2e-5  # of the photograph's pixels: smaller pieces of either kind are none
-    least_odds: float = 0.2  # of a colour among the plant's to the others', below which a pixel without depth is none
+    min_odds: float = 0.2  # of a colour among the plant's to the others', below which a pixel without depth is none
     sure_px: int = 1  # by which what depth tells of the plant is shrunk before its outline is drawn
 
     def __post_init__(self) -> None:
-        if self.most_cells < 1000 or not (self.near_cells > 0 and 0 < self.reach < 1 and 0 <= self.speck < 1):
-            raise ValueError(f"most_cells must be at least 1000, near_cells, reach and speck above 0, not {self}")
+        if self.max_cells < 1000 or not (self.near_cells > 0 and 0 < self.reach < 1 and 0 <= self.speck < 1):
+            raise ValueError(f"max_cells must be at least 1000, near_cells, reach and speck above 0, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,8 +64,8 @@ def make_plant_grid(
     own_m = points_m[plant]
     low_m, high_m = own_m.min(axis=0), own_m.max(axis=0)
     span_m = np.maximum(high_m - low_m, 1e-3 * max(float((high_m - low_m).max()), 1e-9))
-    cell_m = float(np.cbrt(np.prod(span_m) / settings.most_cells))
-    while np.prod(np.ceil(span_m / cell_m) + 2 * _PAD) > settings.most_cells:
+    cell_m = float(np.cbrt(np.prod(span_m) / settings.max_cells))
+    while np.prod(np.ceil(span_m / cell_m) + 2 * _PAD) > settings.max_cells:
         cell_m *= 1.05
     corner_m = low_m - _PAD * cell_m
     shape = tuple((np.ceil(span_m / cell_m) + 2 * _PAD).astype(int))
@@ -119,7 +119,7 @@ def draw_plant_mask(
     reach_px = settings.reach * max(height, width)
     beside = other | (cv2.distanceTransform((~(plant | other | expected)).astype(np.uint8), cv2.DIST_L2, 3) > reach_px)
     unlike = ~known & (
-        _color_odds(srgb, plant if plant.any() else expected, beside) < settings.least_odds
+        _color_odds(srgb, plant if plant.any() else expected, beside) < settings.min_odds
     )  # sky has no depth, but a colour
     plant |= _drop_specks(expected & ~known & ~unlike, min_px)
     markers = np.zeros((height, width), np.int32)

@@ -65,8 +65,8 @@ def find_plant_pieces(
     reach_m = settings.wide * float(beside_m.max()) + settings.link_gap * scale_m
     # Walls and the like begin within reach, but do not end there.
     away_m = np.hypot(*(cells_m[:, [0, 2]] - middle_m).T)
-    held = np.bincount(piece)
-    may_be = np.bincount(piece, away_m <= reach_m) >= 0.9 * held
+    counts = np.bincount(piece)
+    may_be = np.bincount(piece, away_m <= reach_m) >= 0.9 * counts
     if heights_m is not None:
         top_m = np.full(count, -np.inf)
         np.maximum.at(top_m, piece, heights_m)

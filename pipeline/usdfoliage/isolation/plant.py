@@ -16,7 +16,7 @@ from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
 from usdfoliage.remarks import Remark, remark
 
 _COARSE, _FINE = 0.008, 0.004  # of the scale, widths of cells in which the floor, and pieces of the plant, are told
-_MOST_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
+_MAX_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
 _COLOR_CELLS = 1.5  # fine cells, width in which colours are taken together: single pixels of soil may be green
 _DIM = 0.05  # of white: about as dark, soil in the shade is of any hue
 _FEW = 200  # points, of which nothing is told
@@ -29,7 +29,7 @@ class PointKind(IntEnum):
     PLANT = 0
     FLOOR = 1
     CONTAINER = 2
-    STRAY = 3
+    OUTLIER = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class IsolationSettings:
 
     floor: bool = True
     container: bool = True
-    strays: bool = True
+    outliers: bool = True
     focus: FocusSettings = field(default_factory=FocusSettings)
     support: SupportSettings = field(default_factory=SupportSettings)
     pieces: PieceSettings = field(default_factory=PieceSettings)
@@ -103,7 +103,7 @@ def isolate_plant(
         middle_m, scale_m = (low_m + high_m) / 2, float(np.linalg.norm(high_m - low_m)) / 4
     support = None
     if settings.floor:
-        some = np.linspace(0, len(points_m) - 1, min(len(points_m), _MOST_POINTS)).astype(np.int64)
+        some = np.linspace(0, len(points_m) - 1, min(len(points_m), _MAX_POINTS)).astype(np.int64)
         coarse = number_cells(points_m[some], _COARSE * scale_m)
         some = some[np.unique(coarse, return_index=True)[1]]
         support = find_support(points_m[some], middle_m, scale_m, settings.support)
@@ -116,15 +116,15 @@ def isolate_plant(
     container = None
     excess = np.zeros(0)
     left = np.flatnonzero(kind == PointKind.PLANT)
-    if focus is not None and len(left) >= _FEW and (settings.strays or settings.container):
+    if focus is not None and len(left) >= _FEW and (settings.outliers or settings.container):
         cell_m = _FINE * scale_m
         cell = number_cells(points_m[left], cell_m)
         first = np.unique(cell, return_index=True)[1]
         cells_m = points_m[left[first]]
         over_m = heights_m[left[first]]
         of_plant = find_plant_pieces(cells_m, None if support is None else over_m, focus, settings.pieces)
-        if settings.strays:
-            kind[left[~of_plant[cell]]] = PointKind.STRAY
+        if settings.outliers:
+            kind[left[~of_plant[cell]]] = PointKind.OUTLIER
         if settings.container:
             excess = _smooth_excess(colors[left], number_cells(points_m[left], _COLOR_CELLS * cell_m))
             search = find_container(cells_m[of_plant], over_m[of_plant], excess[first][of_plant], settings.pot)
@@ -144,8 +144,8 @@ def isolate_plant(
                 )
                 remarks.append(remark("isolation-hanging-parts", text))
     if container is not None:
-        held = container.holds(points_m[left], heights_m[left], excess) & (kind[left] == PointKind.PLANT)
-        kind[left[held]] = PointKind.CONTAINER
+        of_container = container.holds(points_m[left], heights_m[left], excess) & (kind[left] == PointKind.PLANT)
+        kind[left[of_container]] = PointKind.CONTAINER
         # What is left of the rim by itself is no leaf.
         left = left[kind[left] == PointKind.PLANT]
         if len(left):

@@ -27,7 +27,7 @@ class SupportSettings:
     reach: float = 2.0  # of the scale, around the focus, within which the plane is looked for
     dominance: float = 2.0  # cells in the layer for one in the fuller of two layers as thick, above it and below
     min_cells: int = 400  # that lie in the layer
-    least_width: float = 0.35  # of the scale: square root of the area that the layer covers
+    min_width: float = 0.35  # of the scale: square root of the area that the layer covers
     max_below: float = 0.15  # of what is not in the layer but above or below it, the share below
     relief: float = 0.08  # of the scale, width over which the floor may rise and fall
     sigmas: float = 3.5  # of the layer's roughness, above which points are no floor
@@ -89,7 +89,7 @@ def find_support(
     key = place[:, 0] * (int(place[:, 1].max()) + 1) + place[:, 1]
     covered, counts = np.unique(key[within], return_counts=True)
     covered = covered[counts >= max(3, 0.2 * np.median(counts))]
-    if np.sqrt(len(covered)) * width_m < settings.least_width * scale_m:
+    if np.sqrt(len(covered)) * width_m < settings.min_width * scale_m:
         return None
     over_m = over_m[np.isin(key, covered)]
     inside = int((np.abs(over_m) < layer_m).sum())
@@ -110,8 +110,8 @@ def _find_layer(points_m: NDArray[np.float64], layer_m: float, settings: Support
             slope = np.tan(tilt) * np.array([np.cos(turn), np.sin(turn)])
             height_m = points_m[:, 1] - points_m[:, [0, 2]] @ slope
             low_m = float(height_m.min())
-            held = np.bincount(((height_m - low_m) / layer_m).astype(np.int64))
-            pair = held[:-1] + held[1:] if len(held) > 1 else held
+            counts = np.bincount(((height_m - low_m) / layer_m).astype(np.int64))
+            pair = counts[:-1] + counts[1:] if len(counts) > 1 else counts
             fullest = int(pair.argmax())
             if pair[fullest] > best[0]:
                 best = int(pair[fullest]), np.array([*slope, low_m + (fullest + 1) * layer_m])
@@ -125,10 +125,10 @@ def _fit_plane(points_m: NDArray[np.float64], plane: NDArray[np.float64], layer_
         reach_m = layer_m * (3 - 2 * min(turn / (_TURNS / 2), 1))
         over = (points_m[:, 1] - design @ plane) / reach_m
         weight = np.square(np.maximum(1 - np.square(over), 0))  # Tukey's
-        held = design * weight[:, None]
+        weighted = design * weight[:, None]
         if (weight > 0).sum() < 3:
             break
-        plane = np.linalg.lstsq(held.T @ design, held.T @ points_m[:, 1], rcond=None)[0]
+        plane = np.linalg.lstsq(weighted.T @ design, weighted.T @ points_m[:, 1], rcond=None)[0]
     return plane
 
 
@@ -157,14 +157,14 @@ def _follow_relief(
     for reach_m in (3 * layer_m, 2 * layer_m, 1.5 * layer_m):  # what stands on the floor counts less and less
         apart_m = over_m - relief_m.ravel()[key]
         weight = np.square(np.maximum(1 - np.square(apart_m / reach_m), 0))
-        sums, held = (
+        sums, counts = (
             gaussian_filter(
                 np.bincount(key, values, minlength=shape[0] * shape[1]).reshape(shape), blur, mode="constant"
             )
             for values in (weight * over_m, weight)
         )
         # Where hardly any floor is seen, it is the plane.
-        relief_m = sums / (held + 0.02 * float(held.max()))
+        relief_m = sums / (counts + 0.02 * float(counts.max()))
     apart_m = over_m - relief_m.ravel()[key]
     spread_m = _SIGMA_OF_MAD * float(np.median(np.abs(apart_m[np.abs(apart_m) < 1.5 * layer_m])))
     return Support(

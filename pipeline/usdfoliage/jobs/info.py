@@ -122,8 +122,8 @@ def describe_asset(asset: Path) -> AssetInfo:
         facts = replace(read_plant_facts(plant, interface), selections=facts.selections, extent=facts.extent)
     crown = find_crown(plant)
     skeleton = find_skeleton(plant)
-    held = representations(plant)
-    if held:
+    present = representations(plant)
+    if present:
         select_representation(stage, "bezier")
     prims = find_leaves(stage)
     return AssetInfo(
@@ -177,12 +177,12 @@ def measure_leaves(leaves: Leaves, edits: LeafEdits = NEUTRAL, jitter_map: Path 
     ranges = tuple(
         ParameterRange(
             name=name,
-            minimum=_triple(held.min(axis=0)),
-            mean=_triple(held.mean(axis=0)),
-            maximum=_triple(held.max(axis=0)),
+            minimum=_triple(column.min(axis=0)),
+            mean=_triple(column.mean(axis=0)),
+            maximum=_triple(column.max(axis=0)),
         )
         for row, name in enumerate(PARAMETERS)
-        if len(held := leaves.parameters[:, row])
+        if len(column := leaves.parameters[:, row])
     )
     known = [name for name in ("confidence", "residual_m", "view") if getattr(leaves, name) is not None]
     seen = leaves.view[leaves.view >= 0] if leaves.view is not None else np.zeros(0, np.int32)
@@ -277,11 +277,11 @@ def _parameter_table(ranges: Sequence[ParameterRange]) -> list[str]:
     """The parameters as they are stored, in leaf lengths."""
     header = f"{'':<12}{'smallest':^27}{'mean':^27}{'largest':^27}".rstrip()
     lines = [header]
-    for held in ranges:
+    for each in ranges:
         cells = "".join(
-            "".join(f"{number:>9.4f}" for number in triple) for triple in (held.minimum, held.mean, held.maximum)
+            "".join(f"{number:>9.4f}" for number in triple) for triple in (each.minimum, each.mean, each.maximum)
         )
-        lines.append(f"{held.name:<12}{cells}")
+        lines.append(f"{each.name:<12}{cells}")
     return lines
 
 

@@ -17,12 +17,12 @@ from usdfoliage.asset.packages.contents import (
     interface_of,
     matrix_in_plant,
     read_crown_facts,
-    read_leaf_look,
+    read_leaf_appearance,
     read_plant_facts,
     representations,
     require_plant,
 )
-from usdfoliage.asset.packages.leaf_package import LeafLook
+from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.packed_files import unpacked
 from usdfoliage.asset.parts.branches import read_skeleton
 from usdfoliage.asset.parts.leaf_primvars import place
@@ -58,7 +58,7 @@ class AssetModels:
     provenance: Provenance
     leaves: Leaves | None = None
     edits: LeafEdits = NEUTRAL
-    appearance: LeafLook = field(default_factory=LeafLook)
+    appearance: LeafAppearance = field(default_factory=LeafAppearance)
     skeleton: Skeleton | None = None
     crown: CrownModel | None = None
 
@@ -92,7 +92,7 @@ def read_models(asset: Path) -> AssetModels:
         provenance=facts.provenance,
         leaves=None if read is None else move_leaves(read.leaves, matrix_in_plant(prims[0], plant)),
         edits=NEUTRAL if read is None else read.edits,
-        appearance=LeafLook() if read is None else read_leaf_look(prims[0], read.jitter_map),
+        appearance=LeafAppearance() if read is None else read_leaf_appearance(prims[0], read.jitter_map),
         skeleton=None if skeleton is None else read_skeleton(_unmoved(skeleton, plant)),
         crown=None if crown is None else read_crown(_unmoved(crown, plant), facts.asset_from_capture),
     )

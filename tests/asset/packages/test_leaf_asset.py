@@ -18,8 +18,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, UsdUtils
-from usdfoliage.asset.packages.contents import prototype_segments, read_leaf_look
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.contents import prototype_segments, read_leaf_appearance
+from usdfoliage.asset.packages.leaf_package import LeafAppearance, LeafAssetSettings, write_leaf_asset
 from usdfoliage.asset.parts.leaves import PROTOTYPE_MARGIN, author_leaves, leaves_prim, read_leaves
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import validate_asset
@@ -183,13 +183,13 @@ def test_reading_gives_back_what_is_on_the_disk(tmp_path, leaves_of):
     image = tmp_path / "wave.PNG"
     cv2.imwrite(str(image), np.arange(0, 256, 8, np.uint8)[None])
     leaves = random_leaves(300, facts=True)
-    interface = write_spray(tmp_path / "spray", leaves, LeafLook(jitter_map=image), EDITS)
+    interface = write_spray(tmp_path / "spray", leaves, LeafAppearance(jitter_map=image), EDITS)
     found = read_leaves(leaves_of(interface))
     assert_same_leaves(found.leaves, leaves)
     assert found.edits == EDITS
     assert found.jitter_map == interface.parent / "maps" / "spray_leaf_jitter.png"
     assert found.jitter_map.read_bytes() == image.read_bytes()
-    again = write_spray(tmp_path / "again", found.leaves, LeafLook(jitter_map=found.jitter_map), found.edits)
+    again = write_spray(tmp_path / "again", found.leaves, LeafAppearance(jitter_map=found.jitter_map), found.edits)
     assert hashes(again.parent) == hashes(interface.parent)
 
 
@@ -312,22 +312,25 @@ def test_a_jitter_map_that_is_none_is_refused(tmp_path, pixels, message):
     elif pixels is not None:
         cv2.imwrite(str(path), pixels)
     with pytest.raises(CaptureError, match=message):
-        write_spray(tmp_path / "spray", look=LeafLook(jitter_map=path))
+        write_spray(tmp_path / "spray", appearance=LeafAppearance(jitter_map=path))
 
 
 def test_a_texture_that_is_missing_is_refused(tmp_path):
     with pytest.raises(AssetError, match=r"none\.png cannot be copied"):
-        write_spray(tmp_path / "spray", look=LeafLook(texture=tmp_path / "none.png"))
+        write_spray(tmp_path / "spray", appearance=LeafAppearance(texture=tmp_path / "none.png"))
 
 
 def test_a_tinted_texture_is_read_back(tmp_path):
     image = tmp_path / "leaf.png"
     cv2.imwrite(str(image), np.full((4, 4, 4), 128, np.uint8))
     usual = (0.25, 0.5, 0.125)
-    for name, look in (("tinted", LeafLook(texture=image, texture_color=usual)), ("plain", LeafLook(texture=image))):
-        interface = write_spray(tmp_path / name, look=look)
+    for name, look in (
+        ("tinted", LeafAppearance(texture=image, texture_color=usual)),
+        ("plain", LeafAppearance(texture=image)),
+    ):
+        interface = write_spray(tmp_path / name, appearance=look)
         stage = Usd.Stage.Open(str(interface))
-        held = read_leaf_look(stage.GetPrimAtPath("/spray/geo/render/Leaves"), None)
+        held = read_leaf_appearance(stage.GetPrimAtPath("/spray/geo/render/Leaves"), None)
         assert held.texture_color == look.texture_color
         # MaterialX multiplies by what the leaf's colour is of the picture's usual one.
         assert bool(stage.GetPrimAtPath("/spray/mtl/Leaf/MtlxTint")) == (look.texture_color is not None)
@@ -336,7 +339,7 @@ def test_a_tinted_texture_is_read_back(tmp_path):
 def test_every_path_is_relative_and_resolves_after_a_move(tmp_path):
     image = tmp_path / "leaf.png"
     cv2.imwrite(str(image), np.full((4, 4, 4), 128, np.uint8))
-    interface = write_spray(tmp_path / "spray", look=LeafLook(texture=image, jitter_map=image))
+    interface = write_spray(tmp_path / "spray", appearance=LeafAppearance(texture=image, jitter_map=image))
     moved = (tmp_path / "other place").resolve()
     interface.parent.rename(moved)
     layers, assets, unresolved = UsdUtils.ComputeAllDependencies(str(moved / "spray.usda"))

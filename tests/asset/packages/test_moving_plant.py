@@ -76,7 +76,7 @@ def test_no_layer_of_what_moves_is_opened_for_the_crown(assets):
 
 
 def test_it_is_sound(assets, monkeypatch):
-    monkeypatch.setattr(validation, "MOST_SELECTIONS", 16)  # the sets one by one, for time
+    monkeypatch.setattr(validation, "MAX_SELECTIONS", 16)  # the sets one by one, for time
     report = validation.validate_asset(assets[1], read_profile(default_profile()))
     assert [finding for finding in report.findings if finding.severity == "error"] == []
     ours = UsdValidation.ValidationContext(keywords=["usdFoliage"])

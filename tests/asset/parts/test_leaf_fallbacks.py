@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 from scipy.interpolate import BSpline
 from usdfoliage.asset.locate import find_leaves
-from usdfoliage.asset.packages.leaf_package import LeafLook
+from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.parts.hero_leaf import author_hero_leaf, read_hero_leaf
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.errors import AssetError, FitError
@@ -141,7 +141,7 @@ def test_subdivision_surface_has_its_creases_and_boundary(tmp_path):
 @pytest.mark.parametrize("representation", EVERYTHING)
 def test_every_gprim_looks_alike(tmp_path, representation):
     color = (0.25, 0.5, 0.125)
-    stage = choose(write_spray(tmp_path, look=LeafLook(color=color)), representation)
+    stage = choose(write_spray(tmp_path, appearance=LeafAppearance(color=color)), representation)
     gprims = [prim for prim in Usd.PrimRange(stage.GetPrimAtPath(LEAVES)) if prim.IsA(UsdGeom.Gprim)]
     assert len(gprims) == (2 if representation == "nurbs" else 1)
     for prim in gprims:
@@ -263,7 +263,7 @@ def test_a_patch_of_a_map_knows_it(tmp_path):
     image = tmp_path / "wave.png"
     cv2.imwrite(str(image), np.array([[0, 255, 128, 30]], np.uint8))
     edits = LeafEdits(jitter_amplitude=0.0625, jitter_frequency=1.0)
-    stage = choose(write_spray(tmp_path / "spray", look=LeafLook(jitter_map=image), edits=edits), "nurbs")
+    stage = choose(write_spray(tmp_path / "spray", appearance=LeafAppearance(jitter_map=image), edits=edits), "nurbs")
     first, second = stage.GetPrimAtPath(LEAVES).GetChildren()
     for number, prim in enumerate((first, second)):
         found = read_hero_leaf(prim)

@@ -108,7 +108,7 @@ def test_many_variants_are_tried_one_by_one(asset: Path, monkeypatch: pytest.Mon
             plant.GetVariantSets().SetSelection(name, "one")
 
     edit(asset, add_variants)
-    monkeypatch.setattr(validation, "MOST_SELECTIONS", 3)
+    monkeypatch.setattr(validation, "MAX_SELECTIONS", 3)
     report = validate_asset(asset)
     assert report.selections == ("as authored", "lod=one", "lod=two", "season=one", "season=two")
 

@@ -10,13 +10,13 @@ from usdfoliage.branch.growth.importance import ImportanceSettings, weigh_points
 from tests.support.branch_clouds import line
 
 
-def weigh_by_hand(points_m: np.ndarray, reach_m: float, least_cosine: float) -> list[int]:
+def weigh_by_hand(points_m: np.ndarray, reach_m: float, min_cosine: float) -> list[int]:
     principal = []
     for point_m in points_m:
         near_m = points_m[np.linalg.norm(points_m - point_m, axis=1) <= reach_m]
         principal.append(np.linalg.svd(near_m - near_m.mean(axis=0))[2][0])
     away_m = np.linalg.norm(points_m[:, None] - points_m, axis=2)
-    alike = np.abs(np.array(principal) @ np.transpose(principal)) > least_cosine
+    alike = np.abs(np.array(principal) @ np.transpose(principal)) > min_cosine
     return ((away_m <= reach_m) & alike & ~np.eye(len(points_m), dtype=bool)).sum(axis=1).tolist()
 
 
@@ -62,7 +62,7 @@ def test_points_out_of_reach_weigh_nothing():
     assert weigh_points(line([0, 0, 0], [0, 50, 0], 50), 0.1).tolist() == [0] * 50
 
 
-@pytest.mark.parametrize("change", [{"reach_internodes": 0}, {"least_cosine": 1.1}, {"neighbors": 2}])
+@pytest.mark.parametrize("change", [{"reach_internodes": 0}, {"min_cosine": 1.1}, {"neighbors": 2}])
 def test_settings_to_which_nothing_is_alike_are_refused(change):
     with pytest.raises(ValueError, match="reach above 0, cosine in"):
         ImportanceSettings(**change)

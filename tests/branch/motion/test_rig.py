@@ -106,7 +106,7 @@ def test_what_is_not_drawn_has_no_joint_and_what_it_carries_springs_from_its_par
     assert weight_of(rig, skin, 1) == pytest.approx([0, 0, 1])
 
 
-@pytest.mark.parametrize("bad", [{"order": -1}, {"blend_radii": -1.0}, {"blend_share": 2.0}, {"most_share": 0.0}])
+@pytest.mark.parametrize("bad", [{"order": -1}, {"blend_radii": -1.0}, {"blend_share": 2.0}, {"max_share": 0.0}])
 def test_settings_that_cannot_be_are_refused(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):
         RigSettings(**bad)

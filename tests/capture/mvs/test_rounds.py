@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from usdfoliage.capture.mvs.patch_match import MatchedPlanes
 from usdfoliage.capture.mvs.rounds import (
-    DenseDepthSettings,
+    MvsSettings,
     Round,
     drop_limits,
     estimate_depths,
@@ -25,7 +25,7 @@ ROUNDS = (
     Round(level=0, iterations=3, coherent=False),
     Round(level=0, iterations=1, coherent=True, segments=True),
 )
-SETTINGS = DenseDepthSettings(rounds=ROUNDS)
+SETTINGS = MvsSettings(rounds=ROUNDS)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_cameras_that_only_turned_are_told_from_those_that_look_apart():
 )
 def test_wrong_settings(wrong):
     with pytest.raises(ValueError, match=r"must|<="):
-        DenseDepthSettings(**wrong)
+        MvsSettings(**wrong)
 
 
 def test_what_lies_behind_the_plant_is_told_from_it(views):

@@ -12,7 +12,7 @@ from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.poses.child_process import run_items
 from usdfoliage.capture.poses.diagnosis import check_cameras
 from usdfoliage.capture.poses.pairs import match_descriptors, neighbours_in_order, retrieve_pairs
-from usdfoliage.capture.poses.register import RegistrationSettings, register_photos
+from usdfoliage.capture.poses.register import PoseEstimationSettings, register_photos
 from usdfoliage.capture.poses.result import Registered, project_with
 from usdfoliage.errors import CaptureError
 from usdfoliage.remarks import warnings_of
@@ -21,7 +21,7 @@ from tests.support.captures import look_at
 from tests.support.textured_scene import LENS, arc, write_photos
 
 POSES = arc(6)
-SETTINGS = RegistrationSettings(features=1500, least_features=0)
+SETTINGS = PoseEstimationSettings(features=1500, min_features=0)
 
 
 def centers(poses) -> np.ndarray:
@@ -114,7 +114,7 @@ def test_matches_of_all_photographs(registered):
     assert registered.matches.shape == (count, count)
     np.testing.assert_array_equal(registered.matches, registered.matches.T)
     other = registered.names.index("other.png")
-    assert registered.matches[other].max() < SETTINGS.least_matches
+    assert registered.matches[other].max() < SETTINGS.min_matches
     neighbours = np.sort(registered.matches, axis=1)[[name in POSES for name in registered.names], -1]
     assert (neighbours > 100).all()
 
@@ -130,7 +130,7 @@ def test_what_is_finished_is_not_done_again(registered, folder, work, monkeypatc
 
 
 def test_the_same_bits_with_another_number_of_threads(registered, folder, tmp_path):
-    one = RegistrationSettings(features=1500, least_features=0, threads=1)
+    one = PoseEstimationSettings(features=1500, min_features=0, threads=1)
     again = register_photos(read_photo_set(folder), tmp_path / "work", one)
     np.testing.assert_array_equal(again.points, registered.points)
     for first, second in zip(registered.photos, again.photos, strict=True):
@@ -297,10 +297,10 @@ def test_projection_through_lenses(lens):
         {"features": 5},
         {"lens_model": "EYE"},
         {"focal_px": -1.0},
-        {"least_matches": 2},
+        {"min_matches": 2},
         {"seed": -1},
     ],
 )
 def test_wrong_settings(wrong):
     with pytest.raises(ValueError, match="must"):
-        RegistrationSettings(**wrong)
+        PoseEstimationSettings(**wrong)

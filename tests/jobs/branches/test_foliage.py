@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import build_parser, main
-from usdfoliage.asset.packages.leaf_package import LeafLook
+from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.branch.foliage.species import load_species
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
@@ -106,7 +106,7 @@ def test_fitted_leaves_are_drawn_with_their_shape_colour_and_length(tmp_path):
     trusted = np.array([0.0, 1.0, 1.0, 1.0, 0.0])
     colors = np.linspace(0.1, 0.5, 15).reshape(5, 3)
     known = replace(leaves, confidence=trusted, color=colors)
-    source = write_spray(tmp_path / "fitted", known, LeafLook(), representations=("bezier",))
+    source = write_spray(tmp_path / "fitted", known, LeafAppearance(), representations=("bezier",))
     request = FoliageRequest(kind="fitted", source=source.parent, species=STOUT)
     fitted = read_fitted_leaves(request, tmp_path / "out")
     grown = grow_leaves(small_tree(), request, fitted, seed=1)
@@ -153,7 +153,7 @@ def test_a_plant_too_thick_for_leaves_says_so():
     ("words", "about"),
     [
         (("--species", "mapel"), "there is no species 'mapel'; the library has alder"),
-        (("--species-file", "mine.toml"), "say with --species which one"),
+        (("--species-file", "mine.toml"), "name with --species which one"),
         (("--foliage", "fitted"), "name it with --leaves"),
         (("--foliage", "template", "--leaves", "spray"), "--leaves is for --foliage fitted, not template"),
         (("--leaves", "nowhere"), "nowhere does not exist"),

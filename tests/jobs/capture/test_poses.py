@@ -34,10 +34,10 @@ def test_cameras_that_are_probably_wrong_end_the_run_unless_they_are_wanted(
     (tmp_path / "images").mkdir()
     with pytest.raises(CaptureError, match="images are probably wrong") as raised:
         estimate_poses(tmp_path, None, CaptureRunSettings())
-    assert 'a horizon; capture.doubtful_poses = "use" goes on' in explain_error(raised.value, as_plan_setting)
-    used_so = 'a horizon; doubtful_poses = "use" in the settings file goes on'
+    assert 'a horizon; capture.uncertain_poses = "use" goes on' in explain_error(raised.value, as_plan_setting)
+    used_so = 'a horizon; uncertain_poses = "use" in the settings file goes on'
     assert used_so in explain_error(raised.value, render_for("capture"))
-    used = estimate_poses(tmp_path, None, CaptureRunSettings(doubtful_poses="use"))
+    used = estimate_poses(tmp_path, None, CaptureRunSettings(uncertain_poses="use"))
     assert [each.code for each in warnings_of(used.remarks)][:2] == ["poses-improbable", "points-in-a-band"]
 
 

@@ -26,7 +26,7 @@ from usdfoliage.jobs.capture.overlap import find_groups, find_links
 from usdfoliage.jobs.capture.report import (
     CapturePhotograph,
     CaptureReport,
-    ShownMaps,
+    DrawnMaps,
     capture_rows,
     check_capture,
     write_capture_report,
@@ -95,12 +95,12 @@ def some_cloud(count: int = 400) -> Cloud:
     )
 
 
-def some_maps(camera) -> ShownMaps:
+def some_maps(camera) -> DrawnMaps:
     depth_m = sphere_depth(camera, 0.5).astype(np.float32)
     size = depth_m.shape
     normals = np.zeros((*size, 3), np.float32)
     normals[depth_m > 0] = (0, 0, 1)
-    return ShownMaps(
+    return DrawnMaps(
         srgb=np.full((*size, 3), 90, np.uint8),
         depth_m=depth_m,
         normals=normals,
@@ -131,7 +131,7 @@ def some_report(count: int = 4, **changes: object) -> CaptureReport:
         cloud=some_cloud(),
         up=(0, 1, 0),
         poses_given=True,
-        shown=range(count),
+        drawn=range(count),
         seconds={"depth": 2.0, "cloud": 1.0},
         settings={"quality": "normal"},
     )
@@ -209,11 +209,11 @@ def test_what_photographs_are_called_is_no_markup(tmp_path):
     "report",
     [
         some_report(1),
-        some_report(2, shown=[]),
+        some_report(2, drawn=[]),
         some_report(cloud=some_cloud(0)),
         some_report(cloud=some_cloud(1)),
-        some_report(0, photographs=[CapturePhotograph(name="a.jpg")], shown=[]),
-        some_report(0, photographs=[], cloud=some_cloud(0), shown=[]),
+        some_report(0, photographs=[CapturePhotograph(name="a.jpg")], drawn=[]),
+        some_report(0, photographs=[], cloud=some_cloud(0), drawn=[]),
         some_report(seconds={}, settings={}, remarks=[]),
         some_report(up=(0, 0, 1)),
     ],
@@ -239,7 +239,7 @@ def test_maps_are_read_once_and_only_of_what_is_shown(tmp_path):
         read.append(number)
         return some_maps(camera)
 
-    report = some_report(6, shown=[0, 3])
+    report = some_report(6, drawn=[0, 3])
     photographs = [
         replace(held, read_maps=lambda number=number, camera=held.camera: reader(number, camera))
         for number, held in enumerate(report.photographs)
@@ -253,13 +253,13 @@ def test_what_has_no_maps_cannot_be_shown(tmp_path):
     report = some_report()
     without = replace(report.photographs[1], read_maps=None, sources=[])
     with pytest.raises(ValueError, match=r"001\.png has no camera or no maps"):
-        write_capture_report(tmp_path, replace(report, photographs=[report.photographs[0], without], shown=[1]))
+        write_capture_report(tmp_path, replace(report, photographs=[report.photographs[0], without], drawn=[1]))
 
 
 def test_photographs_that_do_not_exist_are_not_called():
     report = some_report()
     with pytest.raises(ValueError, match="numbers from 0 to 3"):
-        replace(report, shown=[4])
+        replace(report, drawn=[4])
     with pytest.raises(ValueError, match="numbers from 0 to 3"):
         replace(report, photographs=[*report.photographs[:3], replace(report.photographs[3], sources=[7])])
     with pytest.raises(ValueError, match=r"shared must be \(4, 4\)"):
@@ -271,7 +271,7 @@ def test_maps_may_be_fewer_and_of_another_size_than_their_photograph(tmp_path):
     camera = report.photographs[0].camera
     small = some_maps(camera)
     large = np.full((96, 128, 3), 90, np.uint8)
-    held = replace(report.photographs[0], read_maps=lambda: ShownMaps(srgb=large, depth_m=small.depth_m))
+    held = replace(report.photographs[0], read_maps=lambda: DrawnMaps(srgb=large, depth_m=small.depth_m))
     write(tmp_path, replace(report, photographs=[held, report.photographs[1]]))
     assert not (tmp_path / "view_000_normals.jpg").exists()
 

@@ -16,7 +16,7 @@ from usdfoliage.capture.cloud.fusion import CloudSettings
 from usdfoliage.capture.folder.read import read_capture
 from usdfoliage.capture.folder.settings import complete_capture_settings
 from usdfoliage.capture.mvs.agreement import DepthEstimate
-from usdfoliage.capture.mvs.rounds import DenseDepthSettings, Round
+from usdfoliage.capture.mvs.rounds import MvsSettings, Round
 from usdfoliage.capture.mvs.upsampling import enlarge_depth
 from usdfoliage.capture.mvs.view_selection import ViewSelectionSettings
 from usdfoliage.errors import CaptureError
@@ -59,7 +59,7 @@ def test_what_a_name_depends_on():
     assert len({task_key(row), task_key(row.reshape(2, 3)), task_key(row.astype(np.float32)), task_key(row + 1)}) == 4
     assert task_key("ab", "c") != task_key("a", "bc")
     assert task_key(Threaded(1, 5)) == task_key(Threaded(2, 5)) != task_key(Threaded(1, 6))
-    settings = DenseDepthSettings()
+    settings = MvsSettings()
     closer = dataclasses.replace(settings, selection=ViewSelectionSettings(min_angle_deg=2))
     assert task_key(settings) != task_key(closer)
     with pytest.raises(TypeError, match="hash"):
@@ -136,7 +136,7 @@ def tasks(tmp_path_factory):
     """Three rounds, of which only the last looks at others' depth."""
     folder = tmp_path_factory.mktemp("capture")
     write_posed_photos(folder)
-    settings = DenseDepthSettings(
+    settings = MvsSettings(
         sources=3,
         rounds=(
             Round(level=2, iterations=1, coherent=False),

@@ -10,7 +10,7 @@ from usdfoliage.cli.edit_settings import parse_edits
 from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.edits.edit import changed_edits
-from usdfoliage.jobs.edits.scatter import MOST_LEAVES, check_count, read_spray
+from usdfoliage.jobs.edits.scatter import MAX_LEAVES, check_count, read_spray
 from usdfoliage.jobs.edits.settings import read_representations
 from usdfoliage.jobs.info import measure_leaves
 from usdfoliage.leaf.model import Leaves
@@ -110,9 +110,9 @@ def test_matrices_that_bend_leaves_are_refused(diagonal):
 
 def test_a_count_that_cannot_be():
     check_count(0)
-    check_count(MOST_LEAVES)
+    check_count(MAX_LEAVES)
     with pytest.raises(FoliageError, match=r"10,000,001 leaves would need about \d+ GiB of memory"):
-        check_count(MOST_LEAVES + 1)
+        check_count(MAX_LEAVES + 1)
 
 
 def test_without_variation_all_leaves_are_alike():

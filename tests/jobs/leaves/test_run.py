@@ -27,7 +27,7 @@ from usdfoliage.jobs.leaves.report import (
     leaf_histograms,
     measure_rows,
 )
-from usdfoliage.jobs.leaves.run import choose_shown, encode_texture, finish_leaves, place_plant, usual_color
+from usdfoliage.jobs.leaves.run import choose_evenly, encode_texture, finish_leaves, median_color, place_plant
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
 from usdfoliage.jobs.preview.recorder import find_interpreter
@@ -85,14 +85,14 @@ def test_the_texture_is_written_as_it_is_displayed():
     rgba[8:, :, 3] = 1
     rgba[:8, :, :3] = 1.0  # where nothing is of it
     texture = AverageTexture(rgba=rgba, leaves=3)
-    assert usual_color(texture) == pytest.approx((0.25, 0.5, 0.125))
+    assert median_color(texture) == pytest.approx((0.25, 0.5, 0.125))
     held = cv2.imdecode(np.frombuffer(encode_texture(texture), np.uint8), cv2.IMREAD_UNCHANGED)
     assert held[0, 0].tolist() == [255, 255, 255, 0]
     assert held[15, 15].tolist() == [99, 188, 137, 255]  # blue, green, red, alpha
 
 
 def test_a_texture_without_color_divides_nothing_by_zero():
-    assert min(usual_color(AverageTexture(rgba=np.zeros((16, 16, 4), np.float32), leaves=0))) > 0
+    assert min(median_color(AverageTexture(rgba=np.zeros((16, 16, 4), np.float32), leaves=0))) > 0
 
 
 # Settings
@@ -347,7 +347,7 @@ def test_the_mean_leaf_is_drawn_inside_its_box():
     ("count", "most", "shown"), [(3, 12, [0, 1, 2]), (10, 4, [0, 3, 6, 9]), (5, 1, [0]), (5, 0, [])]
 )
 def test_an_even_selection_of_views_is_shown(count, most, shown):
-    assert choose_shown(count, most) == shown
+    assert choose_evenly(count, most) == shown
 
 
 # Storm

@@ -15,7 +15,7 @@ import pytest
 from usdfoliage.errors import FoliageError
 from usdfoliage.files.locks import is_locked
 from usdfoliage.jobs.plant.call import BuildRequest
-from usdfoliage.jobs.plant.prune import HeldTask, prune_work, survey_work
+from usdfoliage.jobs.plant.prune import StoredTask, prune_work, survey_work
 from usdfoliage.jobs.plant.record import PRUNING, note_build, note_task, plant_key, read_record, use_plant
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.store import (
@@ -96,7 +96,7 @@ def is_done(store: Store, plan: BuildPlan) -> dict[str, bool]:
     return {name: find_finished(store, task.key, thorough=True) is not None for name, task in plan.tasks.items()}
 
 
-def states(held: tuple[HeldTask, ...]) -> dict[str, str]:
+def states(held: tuple[StoredTask, ...]) -> dict[str, str]:
     return {task.key: task.state for task in held}
 
 

@@ -240,7 +240,7 @@ def test_results_that_vanish_while_others_are_made_are_made_again_but_not_for_ev
     monkeypatch.setattr(runs, "run_named_task", lose)
     most = 99
     assert "vanish as soon as they are made" in build(request_of(given, tmp_path)).error
-    assert len(lost) == runs.MOST_PLANS
+    assert len(lost) == runs.MAX_PLANS
     lost.clear()
     most = 2
     assert build(request_of(given, tmp_path)).verdict == "built"

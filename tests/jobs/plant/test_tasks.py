@@ -250,7 +250,8 @@ def test_threads_and_the_size_of_tasks_decide_nothing() -> None:
     assert asset.tasks["poses"].key == PLAN.tasks["poses"].key
     settings = BuildSettings()
     threaded = replace(
-        settings, capture=replace(settings.capture, registration=replace(settings.capture.registration, threads=7))
+        settings,
+        capture=replace(settings.capture, pose_estimation=replace(settings.capture.pose_estimation, threads=7)),
     )
     assert stages_that_change(PLAN, plan_build(make_inputs(), threaded, "fern")) == set()
 

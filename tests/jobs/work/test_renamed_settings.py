@@ -38,6 +38,19 @@ def test_the_settings_file_of_a_stage_may_have_old_names_too(tmp_path, caplog):
     assert any("cloud.least_views is called cloud.min_views now" in line for line in caplog.messages)
 
 
+def test_a_table_of_another_name_is_read_with_what_is_in_it(tmp_path, caplog):
+    plan = tmp_path / "plant.toml"
+    plan.write_text(
+        '[capture]\ndoubtful_poses = "use"\n[capture.registration]\nleast_matches = 20\nmapper = "global"\n'
+    )
+    with caplog.at_level(logging.WARNING):
+        settings = read_settings_file(plan, BuildSettings())
+    assert settings.capture.uncertain_poses == "use"
+    assert settings.capture.pose_estimation.min_matches == 20
+    assert settings.capture.pose_estimation.mapper == "global"
+    assert any("capture.registration is called capture.pose_estimation now" in line for line in caplog.messages)
+
+
 def test_new_names_come_without_a_warning(tmp_path, caplog):
     file = tmp_path / "plant.toml"
     file.write_text("[foliage]\nmax_leaves = 7\n")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage import _native
 from usdfoliage.branch.cage.exits import THICKEST, _Nearest, _walk
-from usdfoliage.branch.cage.holes import LEAST_COLUMN, RELAXED, TIGHTEST
+from usdfoliage.branch.cage.holes import MIN_COLUMN, RELAXED, TIGHTEST
 from usdfoliage.branch.cage.tubes import find_paths, pack_paths
 
 from tests.support import cage_reference as plain
@@ -62,7 +62,7 @@ def test_holes_find_the_same_places(seed, count):
             half_across_m=across,
             parent_radius_m=parent_radius,
         ),
-        settings=_native.HoleSettings(tightest=TIGHTEST, relaxed=RELAXED, min_column_rad=LEAST_COLUMN),
+        settings=_native.HoleSettings(tightest=TIGHTEST, relaxed=RELAXED, min_column_rad=MIN_COLUMN),
     )
     hole = np.column_stack([places.arc_m, places.azimuth_rad, places.half_along_m, places.half_across_m])
     by_tube = {}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from usdfoliage import _native
-from usdfoliage.branch.cage.rings import GROWTH, LONG, MOST_SAMPLES, PER_INTERVAL, STEADY
+from usdfoliage.branch.cage.rings import GROWTH, LONG, MAX_SAMPLES, PER_INTERVAL, STEADY
 from usdfoliage.branch.cage.tubes import find_paths, pack_paths
 
 from tests.support import tube_reference as plain
@@ -102,7 +102,7 @@ def test_gaps_are_filled_alike(seed):
             long_segment=LONG,
             max_reach_m=0.25 * tubes.stride_m,
             min_samples=PER_INTERVAL,
-            max_samples=MOST_SAMPLES,
+            max_samples=MAX_SAMPLES,
         ),
         threads=0,
     )
@@ -153,7 +153,7 @@ def test_starts_are_bent_alike(seed):
     radius = rng.uniform(0.1, 1, count)
     step, held, fade = rng.normal(size=3), float(rng.uniform(0, 2)), float(rng.uniform(0.1, 20))
     expected = plain.bend_start(points, radius, step, held, fade, 8, 0.02)
-    settings = _native.StartBendSettings(held_m=held, fade_m=fade, samples=8, min_apart=0.02)
+    settings = _native.StartBendSettings(kept_m=held, fade_m=fade, samples=8, min_apart=0.02)
     bent = _native.bend_start(points, radius, step_m=step, settings=settings)
     found = bent.old_arc_m, bent.points_m, bent.radius_m, bent.moved_m, bent.new_arc_m
     for one, other in zip(found, expected, strict=True):

@@ -28,7 +28,7 @@ def grids(count=6, rows=4, columns=5, seed=0):
     return np.ascontiguousarray(np.einsum("nij,vuj->nvui", turns, flat) + at[:, None, None])
 
 
-def claim_plainly(leaves, penalty, seen, footprints, noise, least_cosine):
+def claim_plainly(leaves, penalty, seen, footprints, noise, min_cosine):
     depth, (fx, fy, cx, cy), m = seen
     labels, best = np.zeros(SHAPE, int), np.full(SHAPE, np.inf)
     rows, columns = np.indices(SHAPE) + 0.5
@@ -48,7 +48,7 @@ def claim_plainly(leaves, penalty, seen, footprints, noise, least_cosine):
                 z = 1 / sum(w / cam[k][2] for w, k in zip(weights, corners, strict=True))
                 p, q, s = (cam[k] for k in corners)
                 normal = np.cross(q - p, s - p)
-                cosine = max(least_cosine, abs(normal[2]) / np.linalg.norm(normal))
+                cosine = max(min_cosine, abs(normal[2]) / np.linalg.norm(normal))
                 away = abs(z - depth) * cosine
                 cost = away + allowed * sum(w * penalty[k] for w, k in zip(weights, corners, strict=True))
                 take = (weights >= -1e-9).all(axis=0) & (depth > 0) & (away <= allowed) & (cost < best)

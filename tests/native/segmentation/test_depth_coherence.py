@@ -48,7 +48,7 @@ def points(view):
     return rows, columns, (p - m[:, 3]) @ m[:, :3]
 
 
-def fuse_plainly(view, others, footprints, noise, least_own, least_others):
+def fuse_plainly(view, others, footprints, noise, min_own, min_others):
     depth = view[0].astype(float)
     layers = []
     for other in others:
@@ -75,7 +75,7 @@ def fuse_plainly(view, others, footprints, noise, least_own, least_others):
             continue
         if own > 0:
             size, mean = cluster(values, own)
-            if size >= least_own:
+            if size >= min_own:
                 fused[r, c], kinds[r, c] = settle(values, size, mean), 2
                 continue
             possible, confirmed = False, 1
@@ -86,13 +86,13 @@ def fuse_plainly(view, others, footprints, noise, least_own, least_others):
                 if inside and theirs > 0 and theirs - z >= -near:
                     possible = True
                     confirmed += theirs - z < near
-            if not possible or confirmed >= least_own:
+            if not possible or confirmed >= min_own:
                 fused[r, c], kinds[r, c] = own, 2 if possible else 1
                 continue
             kinds[r, c] = 5
         for d in np.sort(values):
             size, mean = cluster(values, d)
-            if size >= least_others:
+            if size >= min_others:
                 fused[r, c], kinds[r, c] = settle(values, size, mean), 3 if own > 0 else 4
                 break
     return fused, kinds

@@ -1,7 +1,7 @@
 """Small sets of leaves with exact numbers, and assets of them."""
 
 import numpy as np
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import LeafAppearance, LeafAssetSettings, write_leaf_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
@@ -63,7 +63,7 @@ def random_leaves(count: int, seed: int = 0, facts: bool = False) -> Leaves:
     return Leaves(**held, view=rng.integers(-1, 20, count).astype(np.int32) if facts else None)
 
 
-def write_spray(folder, leaves=None, look=LeafLook(), edits=None, **settings):
+def write_spray(folder, leaves=None, appearance=LeafAppearance(), edits=None, **settings):
     """The asset "spray" in folder, with few vertices; returns its interface layer."""
     folder.mkdir(parents=True, exist_ok=True)
     settings.setdefault("prototype", PrototypeSettings(across=4, along=2, silhouette=4))
@@ -73,6 +73,6 @@ def write_spray(folder, leaves=None, look=LeafLook(), edits=None, **settings):
         two_leaves() if leaves is None else leaves,
         PROVENANCE,
         LeafAssetSettings(**settings),
-        look=look,
+        appearance=appearance,
         **({} if edits is None else {"edits": edits}),
     )

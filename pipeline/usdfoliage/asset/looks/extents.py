@@ -18,7 +18,7 @@ def author_wider_extents(
     path: Sdf.Path,
     plant: Usd.Prim,
     instancer: Usd.Prim,
-    held: ReadLeaves,
+    read: ReadLeaves,
     edits: LeafEdits,
     jitter_map: NDArray[np.float64] | None,
 ) -> None:
@@ -29,16 +29,16 @@ def author_wider_extents(
         path: What stands in the look for the plant.
         plant: Of the asset, composed.
         instancer: Its leaves.
-        held: What the asset has of them.
+        read: What the asset has of them.
         edits: What the look makes of its edits.
         jitter_map: (M,), None for procedural jitter.
     """
-    if not len(held.leaves):
+    if not len(read.leaves):
         return
     jitter = Jitter(amplitude=edits.jitter_amplitude, frequency=edits.jitter_frequency, map=jitter_map)
-    edited = apply_edits(held.leaves.parameters, edits)
+    edited = apply_edits(read.leaves.parameters, edits)
     in_leaf_space = common_bounds(edited, jitter)
-    among_leaves = leaf_bounds_m(replace(held.leaves, parameters=edited), jitter)
+    among_leaves = leaf_bounds_m(replace(read.leaves, parameters=edited), jitter)
     widen_extents(stage, path, plant, instancer, _range(in_leaf_space), _range(among_leaves))
 
 

@@ -34,8 +34,8 @@ from usdfoliage.asset.look_layer import (
     author_edits,
     build_look,
     find_class,
+    path_between,
     placement_class,
-    way_between,
 )
 from usdfoliage.asset.looks.extents import author_wider_extents
 from usdfoliage.asset.looks.jitter import author_look_jitter_map
@@ -121,12 +121,12 @@ def read_look(layer: Sdf.Layer) -> Look | None:
     record = layer.customLayerData.get(CUSTOM_DATA_KEY)
     if not isinstance(record, dict) or LOOK_OF not in record:
         return None
-    path, said = Path(layer.realPath), str(record[LOOK_OF])
+    path, stated = Path(layer.realPath), str(record[LOOK_OF])
     for folder in (path.parent, path.resolve().parent):
-        asset = Path(os.path.normpath(folder / said))
+        asset = Path(os.path.normpath(folder / stated))
         if asset.is_file():
             return Look(path=path, asset=asset, prim_path=str(record.get(LOOK_PRIM, "")))
-    raise AssetError(f"{path} is a look of {said}, which is not there; put the asset there or write the look again")
+    raise AssetError(f"{path} is a look of {stated}, which is not there; put the asset there or write the look again")
 
 
 def write_look_layer(
@@ -168,20 +168,20 @@ def write_look_layer(
     if look is not None:
         prim_path = prim_path or look.prim_path or None
         if jitter_map is None:
-            shown = _open_bezier(asset)
-            jitter_map = read_jitter_map_path(require_leaves(shown, asset)[0])
+            opened = _open_bezier(asset)
+            jitter_map = read_jitter_map_path(require_leaves(opened, asset)[0])
     class_path = _class_path(plant, interface, prim_path)
 
     def author_leaves(overs: Usd.Stage) -> None:
         for leaves in require_leaves(stage, interface):
-            held = read_leaves(leaves)
+            read = read_leaves(leaves)
             at = leaves.GetPath().ReplacePrefix(plant.GetPath(), class_path)
-            author_edits(overs, at, edit_values(edits), edit_values(held.edits))
-            drawn_map = jitter_map or held.jitter_map
+            author_edits(overs, at, edit_values(edits), edit_values(read.edits))
+            drawn_map = jitter_map or read.jitter_map
             wave = read_jitter_map(drawn_map) if drawn_map else None
-            if jitter_map and jitter_map != held.jitter_map:
+            if jitter_map and jitter_map != read.jitter_map:
                 author_look_jitter_map(overs, class_path, plant, leaves, _relative(jitter_map, path))
-            author_wider_extents(overs, class_path, plant, leaves, held, edits, wave)
+            author_wider_extents(overs, class_path, plant, leaves, read, edits, wave)
 
     layer = build_look(plant, class_path, _relative(interface, path), author_leaves, prim_path)
     publish_text(target, layer.ExportToString())
@@ -212,21 +212,21 @@ def _class_path(plant: Usd.Prim, interface: Path, prim_path: str | None) -> Sdf.
     return class_path if prim_path is None else placement_class(class_path, _read_prim_path(prim_path))
 
 
-def _read_prim_path(said: str) -> Sdf.Path:
+def _read_prim_path(stated: str) -> Sdf.Path:
     """The path of a prim that a scene can have; AssetError for any other."""
-    valid, _ = Sdf.Path.IsValidPathString(said)
-    path = Sdf.Path(said) if valid else Sdf.Path.emptyPath
+    valid, _ = Sdf.Path.IsValidPathString(stated)
+    path = Sdf.Path(stated) if valid else Sdf.Path.emptyPath
     if not path.IsAbsolutePath() or not path.IsPrimPath() or path.ContainsPrimVariantSelection():
         raise AssetError(
-            f"{said!r} is no path of a prim; the absolute path of the prim that refers to the asset is needed, without "
-            "variants or a property, like /World/plant_1"
+            f"{stated!r} is no path of a prim; the absolute path of the prim that refers to the asset is needed, "
+            "without variants or a property, like /World/plant_1"
         )
     return path
 
 
 def _relative(target: Path, look: Path) -> str:
     """The way from the look's folder to target, beginning with ./ or ../."""
-    return way_between(usd_path(target), usd_path(look.parent))
+    return path_between(usd_path(target), usd_path(look.parent))
 
 
 def check_look_output(path: Path, interface: Path, *, force: bool = False) -> Path:

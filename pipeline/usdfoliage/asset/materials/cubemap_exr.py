@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 
 REC709_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # red, green, blue, white: x, y
 HALF_MAX = 65504.0
-MOST_TEXELS = 8192  # a side of a face that is read
+MAX_TEXELS = 8192  # a side of a face that is read
 ATTRIBUTE_PREFIX = "foliage:"
 
 
@@ -121,8 +121,8 @@ def _find_damage(path: Path) -> str:
         return str(oiio.geterror() or "no image").splitlines()[0]
     try:
         spec = source.spec()
-        if spec.width > MOST_TEXELS or spec.height > 6 * MOST_TEXELS:
-            return f"it tells of {spec.width} × {spec.height} pixels, at most {MOST_TEXELS} a side are read"
+        if spec.width > MAX_TEXELS or spec.height > 6 * MAX_TEXELS:
+            return f"it tells of {spec.width} × {spec.height} pixels, at most {MAX_TEXELS} a side are read"
         if source.read_image("half") is None or source.has_error:
             return str(source.geterror() or "its pixels end too early").splitlines()[0]
     finally:

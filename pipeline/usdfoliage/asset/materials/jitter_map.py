@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from usdfoliage.asset.packed_files import is_packed, unpacked
 from usdfoliage.errors import CaptureError
 
-LEAST_TEXELS = 2  # one alone is no wave
-MOST_TEXELS = 16_384  # what OpenGL takes in one row
+MIN_TEXELS = 2  # one alone is no wave
+MAX_TEXELS = 16_384  # what OpenGL takes in one row
 
 
 def read_jitter_map(path: Path) -> NDArray[np.float64]:
@@ -18,7 +18,7 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
 
     Raises:
         AssetError: It is not in the package that it should lie in.
-        CaptureError: The file is missing, is no image, is narrower than LEAST_TEXELS or wider than MOST_TEXELS, or has
+        CaptureError: The file is missing, is no image, is narrower than MIN_TEXELS or wider than MAX_TEXELS, or has
             values outside 0 to 1.
     """
     if is_packed(path):
@@ -35,10 +35,10 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
         raise CaptureError(f"{path} is not an image that can be read ({reason.splitlines()[0]}); use PNG, TIFF or EXR")
     try:
         spec = source.spec()
-        if spec.width < LEAST_TEXELS:
-            raise CaptureError(f"{path} is {spec.width} pixel wide; a wave needs {LEAST_TEXELS} or more")
-        if spec.width > MOST_TEXELS:
-            raise CaptureError(f"{path} is {spec.width} pixels wide, {MOST_TEXELS} are allowed; scale it down")
+        if spec.width < MIN_TEXELS:
+            raise CaptureError(f"{path} is {spec.width} pixel wide; a wave needs {MIN_TEXELS} or more")
+        if spec.width > MAX_TEXELS:
+            raise CaptureError(f"{path} is {spec.width} pixels wide, {MAX_TEXELS} are allowed; scale it down")
         pixels = source.read_image(0, 0, 0, 1, oiio.FLOAT)
         reason = source.geterror()
     finally:

@@ -59,10 +59,10 @@ def write_asset(place: AssetPlace, parts: Sequence[Part], origin: Origin) -> Pat
     far = [layer for part in parts for layer in part.far]
     lods = next((part.lods for part in parts if part.lods is not None), None)
     sets = [
-        *(held for part in parts for held in part.moving),
+        *(each for part in parts for each in part.moving),
         lods or VariantSet(name="lod", variants={"crown": far} if far else {"leaves": []}),
-        *(held for part in parts for held in part.inside),
-        *(held for part in parts for held in part.still),
+        *(each for part in parts for each in part.inside),
+        *(each for part in parts for each in part.still),
     ]
     guides_m = [box for part in parts for box in part.guides_m]
     plant = Plant(

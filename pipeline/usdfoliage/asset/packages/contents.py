@@ -13,8 +13,8 @@ from usdfoliage.asset.locate import find_interface, find_plants, first_reason, l
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.looks.look import Look, read_look
 from usdfoliage.asset.materials.leaf import STORM_SURFACE, TEXTURE_COLOR
-from usdfoliage.asset.packages.leaf_package import LeafLook
-from usdfoliage.asset.packed_files import is_package, is_packed, shown_name, size_bytes
+from usdfoliage.asset.packages.leaf_package import LeafAppearance
+from usdfoliage.asset.packed_files import display_name, is_package, is_packed, size_bytes
 from usdfoliage.asset.parts.leaf_primvars import place
 from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
@@ -88,8 +88,8 @@ def representations(plant: Usd.Prim) -> list[str]:
 
 def find_crown(plant: Usd.Prim) -> Usd.Prim | None:
     """The prim of the crown in the selected variants, None where the plant has none."""
-    held = plant.GetRelationship("foliage:crown")
-    targets = held.GetForwardedTargets() if held else []
+    relationship = plant.GetRelationship("foliage:crown")
+    targets = relationship.GetForwardedTargets() if relationship else []
     prim = plant.GetStage().GetPrimAtPath(targets[0] if targets else plant.GetPath().AppendPath(CROWN))
     return prim if prim and prim.HasAPI(CROWN_API) else None
 
@@ -107,7 +107,7 @@ def read_plant_facts(plant: Usd.Prim, interface: Path) -> PlantFacts:
     names = list(sets.GetNames())
     hint = stored_numbers(UsdGeom.ModelAPI(plant).GetExtentsHint(), (None, 3))
     corners = np.zeros((0, 2, 3)) if hint is None else hint[: len(hint) // 2 * 2].reshape(-1, 2, 3)
-    held = corners[(corners[:, 0] <= corners[:, 1]).all(axis=1)]  # an empty purpose has its corners swapped
+    boxes = corners[(corners[:, 0] <= corners[:, 1]).all(axis=1)]  # an empty purpose has its corners swapped
     matrix = stored_numbers(plant.GetAttribute("foliage:captureToAsset").Get(), (4, 4))
     return PlantFacts(
         name=plant.GetName(),
@@ -116,7 +116,7 @@ def read_plant_facts(plant: Usd.Prim, interface: Path) -> PlantFacts:
         provenance=_read_provenance(plant, interface),
         variants={name: tuple(_variant_names(plant, name)) for name in names},
         selections={name: sets.GetVariantSet(name).GetVariantSelection() for name in names},
-        extent=np.stack([held[:, 0].min(axis=0), held[:, 1].max(axis=0)]) if len(held) else None,
+        extent=np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]) if len(boxes) else None,
         up_axis=str(UsdGeom.GetStageUpAxis(stage)),
         meters_per_unit=float(UsdGeom.GetStageMetersPerUnit(stage)),
         schemas=_schemas(plant),
@@ -141,7 +141,7 @@ def matrix_in_plant(prim: Usd.Prim, plant: Usd.Prim) -> NDArray[np.float64]:
     return np.array(matrix).T
 
 
-def read_leaf_look(leaves: Usd.Prim, jitter_map: Path | None) -> LeafLook:
+def read_leaf_appearance(leaves: Usd.Prim, jitter_map: Path | None) -> LeafAppearance:
     """What the leaves of an instancer look alike in: the colour of its prototype, the texture of its material.
 
     Raises:
@@ -152,14 +152,14 @@ def read_leaf_look(leaves: Usd.Prim, jitter_map: Path | None) -> LeafLook:
     targets = UsdGeom.PointInstancer(leaves).GetPrototypesRel().GetForwardedTargets()
     prototype = leaves.GetStage().GetPrimAtPath(targets[0]) if targets else None
     if not prototype:
-        return LeafLook(jitter_map=jitter_map)
-    color = LeafLook().color
+        return LeafAppearance(jitter_map=jitter_map)
+    color = LeafAppearance().color
     display = UsdGeom.Gprim(prototype).GetDisplayColorAttr() if prototype.IsA(UsdGeom.Gprim) else None
-    held = display.Get() if display else None
-    if held is not None and len(held) == 1:
-        red, green, blue = map(float, held[0])
+    colors = display.Get() if display else None
+    if colors is not None and len(colors) == 1:
+        red, green, blue = map(float, colors[0])
         color = (red, green, blue)
-    return LeafLook(
+    return LeafAppearance(
         color=color,
         texture=_read_texture(prototype),
         texture_color=_read_texture_color(prototype),
@@ -269,19 +269,19 @@ def _schemas(plant: Usd.Prim) -> dict[str, tuple[str, ...]]:
 def _read_provenance(plant: Usd.Prim, interface: Path) -> Provenance:
     """The run that made the asset; what a plant made by other means does not record is empty."""
     record = open_layer(interface).customLayerData.get(CUSTOM_DATA_KEY)
-    held = record if isinstance(record, dict) else {}
-    seed = held.get("seed")
-    inputs, stages = read_provenance_file(interface.parent) if "provenance" in held else ({}, {})
+    entries = record if isinstance(record, dict) else {}
+    seed = entries.get("seed")
+    inputs, stages = read_provenance_file(interface.parent) if "provenance" in entries else ({}, {})
     return Provenance(
         species=_text(plant, "foliage:species"),
         capture=_text(plant, "foliage:capture").replace("\\", "/").rsplit("/", 1)[-1],
         generator=_text(plant, "foliage:generator"),
         seed=seed if isinstance(seed, int) else 0,
-        settings=texts(held.get("settings")),
-        input_sha256=str(held.get("inputSha256", "")),
+        settings=texts(entries.get("settings")),
+        input_sha256=str(entries.get("inputSha256", "")),
         inputs=inputs,
         stages=stages,
-        versions=texts(held.get("versions")),
+        versions=texts(entries.get("versions")),
     )
 
 
@@ -292,12 +292,12 @@ def _read_texture(gprim: Usd.Prim) -> Path | None:
     color = surface.GetInput("diffuseColor") if surface else None
     sources, _ = color.GetConnectedSources() if color else ((), ())
     file = UsdShade.Shader(sources[0].source.GetPrim()).GetInput("file") if sources else None
-    held = file.Get() if file else None
-    if not isinstance(held, Sdf.AssetPath) or not held.path:
+    stored = file.Get() if file else None
+    if not isinstance(stored, Sdf.AssetPath) or not stored.path:
         return None
-    path = _file(held)
+    path = _file(stored)
     if path is None:
-        raise AssetError(f"the texture {held.path} is missing ({place(gprim)}); put the file there")
+        raise AssetError(f"the texture {stored.path} is missing ({place(gprim)}); put the file there")
     if is_packed(path):
         raise AssetError(f"the texture {path} ({place(gprim)}) lies in a package; unpack that, as any zip file, first")
     return path
@@ -307,8 +307,8 @@ def _read_texture_color(gprim: Usd.Prim) -> tuple[float, float, float] | None:
     """The usual colour of that picture, where it is tinted."""
     material, _ = UsdShade.MaterialBindingAPI(gprim).ComputeBoundMaterial()
     surface = UsdShade.Shader(material.GetPrim().GetChild(STORM_SURFACE)) if material else None
-    held = surface.GetInput(TEXTURE_COLOR) if surface else None
-    value = held.Get() if held else None
+    color_input = surface.GetInput(TEXTURE_COLOR) if surface else None
+    value = color_input.Get() if color_input else None
     if value is None or not min(value) > 0:
         return None
     red, green, blue = map(float, value)
@@ -320,12 +320,12 @@ def _text(prim: Usd.Prim, name: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _file(held: object) -> Path | None:
-    if not isinstance(held, Sdf.AssetPath):
+def _file(value: object) -> Path | None:
+    if not isinstance(value, Sdf.AssetPath):
         return None
-    path = held.resolvedPath or Ar.GetResolver().Resolve(held.path)
+    path = value.resolvedPath or Ar.GetResolver().Resolve(value.path)
     return Path(str(path)) if str(path) and (Path(str(path)).is_file() or is_packed(Path(str(path)))) else None
 
 
 def _file_of(path: Path, folder: Path) -> AssetFile:
-    return AssetFile(path=shown_name(path, folder), size_bytes=size_bytes(path))
+    return AssetFile(path=display_name(path, folder), size_bytes=size_bytes(path))

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
 from usdfoliage.asset.parts.crown_part import write_crown_part
 from usdfoliage.asset.parts.leaf_part import BranchLeaves, write_leaf_part
+from usdfoliage.asset.parts.leaf_part import LeafAppearance as LeafAppearance
 from usdfoliage.asset.parts.leaf_part import LeafAssetSettings as LeafAssetSettings
-from usdfoliage.asset.parts.leaf_part import LeafLook as LeafLook
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.leaf.model import Leaves
@@ -71,7 +71,7 @@ def write_leaf_asset(
     provenance: Provenance,
     settings: LeafAssetSettings = LeafAssetSettings(),
     edits: LeafEdits = NEUTRAL,
-    look: LeafLook = LeafLook(),
+    appearance: LeafAppearance = LeafAppearance(),
     asset_from_capture: NDArray[np.float64] | None = None,
 ) -> Path:
     """Write an asset that has leaves and nothing else, inside publish_folder as write_crown_asset.
@@ -83,7 +83,7 @@ def write_leaf_asset(
         provenance: The run that made it.
         settings: Which representations, and how fine.
         edits: Those of all leaves: opinions in bezier, applied in the others.
-        look: Colour and pictures, which are copied.
+        appearance: Colour and pictures, which are copied.
         asset_from_capture: (4, 4) for column vectors; the identity by default.
 
     Returns:
@@ -95,6 +95,6 @@ def write_leaf_asset(
         AssetError: A picture cannot be copied, or a file cannot be written.
     """
     place = begin_asset(folder, name)
-    foliage = BranchLeaves(leaves=leaves, settings=settings, edits=edits, look=look)
+    foliage = BranchLeaves(leaves=leaves, settings=settings, edits=edits, appearance=appearance)
     origin = Origin(provenance=provenance, asset_from_capture=asset_from_capture, version=settings.version)
     return write_asset(place, [write_leaf_part(place, foliage)], origin)

@@ -34,7 +34,7 @@ class AutoLod:
 
 
 def switch_threshold(
-    extent_m: NDArray[np.float64], leaf_m: float, leaf_px: float, picture_px: tuple[int, int], most: float
+    extent_m: NDArray[np.float64], leaf_m: float, leaf_px: float, picture_px: tuple[int, int], max_share: float
 ) -> float:
     """The share of the picture's area that a plant covers where its leaves are so many pixels long.
 
@@ -46,10 +46,10 @@ def switch_threshold(
         leaf_m: Usual length of a leaf.
         leaf_px: What it shall be in the picture.
         picture_px: Width and height.
-        most: The threshold is no more than that, however small the leaves are.
+        max_share: The threshold is no more than that, however small the leaves are.
     """
     radius_px = leaf_px * float(np.linalg.norm(extent_m[1] - extent_m[0])) / 2 / leaf_m
-    return min(most, float(np.pi * radius_px**2 / (picture_px[0] * picture_px[1])))
+    return min(max_share, float(np.pi * radius_px**2 / (picture_px[0] * picture_px[1])))
 
 
 def write_both_layer(path: Path, name: str) -> None:

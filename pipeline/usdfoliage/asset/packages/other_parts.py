@@ -21,8 +21,8 @@ from usdfoliage.asset.parts.leaf_part import (
     LEAVES_GUIDE,
     MATERIAL_LAYER,
     BranchLeaves,
+    LeafAppearance,
     LeafAssetSettings,
-    LeafLook,
     drawn_leaves,
     write_leaf_part,
 )
@@ -65,24 +65,24 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
     if not branches and not skeleton and not is_whole:
         return None
     layer = interface.parent / PAYLOAD
-    held = open_layer(layer).GetPrimAtPath(f"/{name}") if layer.is_file() else None
-    if held is None:
+    spec = open_layer(layer).GetPrimAtPath(f"/{name}") if layer.is_file() else None
+    if spec is None:
         if is_package(interface):
             raise AssetError(f"{interface} is a package; unpack it, as any zip file, and name the folder")
         raise AssetError(
             f"<{plant.GetPath()}> has branches besides its leaves, and {interface} is not their asset; name its folder"
         )
     if is_whole:
-        return _parts_of_whole(plant, interface, held)
+        return _parts_of_whole(plant, interface, spec)
     root = open_layer(interface).GetPrimAtPath(f"/{name}")
     selected = dict(root.variantSelections) if root else {}
-    names = list(held.variantSetNameList.prependedItems)
-    sets = [_read_set(held, each, selected.get(each, "")) for each in names]
+    names = list(spec.variantSetNameList.prependedItems)
+    sets = [_read_set(spec, each, selected.get(each, "")) for each in names]
     surfaces = _surface_extents(interface.parent / "payload", name, sets) or _extents(branches)
     return OtherParts(
         interface=interface,
         name=name,
-        shared=_layers(held),
+        shared=_layers(spec),
         sets=sets,
         parts=(SKELETON,) if skeleton else (),
         extents_m=[*surfaces, *(_hint(plant) if {"rig", "growth"} & set(names) else [])],
@@ -90,12 +90,12 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
     )
 
 
-def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> OtherParts:
+def _parts_of_whole(plant: Usd.Prim, interface: Path, spec: Sdf.PrimSpec) -> OtherParts:
     """The parts of a whole plant, whichever of its lods is selected; its sets as they are in an asset of branches."""
     name = plant.GetName()
     root = open_layer(interface).GetPrimAtPath(f"/{name}")
     selected = dict(root.variantSelections) if root else {}
-    lods = {each: variant.primSpec for each, variant in _variants(held, "lod").items()}
+    lods = {each: variant.primSpec for each, variant in _variants(spec, "lod").items()}
     near = lods.get("leaves")
     names = list(near.variantSetNameList.prependedItems) if near is not None else []
     sets = [_read_set(near, each, selected.get(each, "")) for each in names if each != REPRESENTATION]
@@ -104,8 +104,8 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, held: Sdf.PrimSpec) -> Oth
     extents = _surface_extents(payload, name, sets)
     guides = [_layer_extent(payload / layer, f"/{name}/{SKELETON}") for layer in shared]
     if {"rig", "growth"} & {each.name for each in sets}:  # what moves goes farther than its extents at rest
-        shown = _variants(root, "lod").get("leaves")
-        hint = shown.primSpec.attributes.get("extentsHint") if shown is not None else None
+        with_leaves = _variants(root, "lod").get("leaves")
+        hint = with_leaves.primSpec.attributes.get("extentsHint") if with_leaves is not None else None
         if hint is not None and hint.default is not None:
             extents.append(_box(hint.default[:2], f"{interface} <{root.path}>"))
     crown = f"./{CROWN_LAYER}"
@@ -151,7 +151,7 @@ def write_leaves_beside(
     provenance: Provenance,
     settings: LeafAssetSettings = LeafAssetSettings(),
     edits: LeafEdits = NEUTRAL,
-    look: LeafLook = LeafLook(),
+    appearance: LeafAppearance = LeafAppearance(),
     asset_from_capture: NDArray[np.float64] | None = None,
 ) -> Path:
     """Write an asset of these leaves and another's other parts, as leaf_package.write_leaf_asset.
@@ -160,15 +160,15 @@ def write_leaves_beside(
         AssetError: Besides what that raises it for, a layer or a picture of the other parts cannot be read.
     """
     place = begin_asset(folder, name)
-    foliage = BranchLeaves(leaves=leaves, settings=settings, edits=edits, look=look)
+    foliage = BranchLeaves(leaves=leaves, settings=settings, edits=edits, appearance=appearance)
     # Of no leaves too: their prims have an extent all the same, at the origin.
     parts = [write_leaf_part(place, foliage), copy_near_part(others, place, drawn_leaves(place, foliage))]
     origin = Origin(provenance=provenance, asset_from_capture=asset_from_capture, version=settings.version)
     return write_asset(place, parts, origin)
 
 
-def _read_set(held: Sdf.PrimSpec, name: str, selected: str) -> VariantSet:
-    variants = _variants(held, name)
+def _read_set(spec: Sdf.PrimSpec, name: str, selected: str) -> VariantSet:
+    variants = _variants(spec, name)
     names = sorted(variants.keys(), key=lambda each: (each != selected, each))
     return VariantSet(name=name, variants={each: _layers(variants[each].primSpec) for each in names})
 
@@ -187,8 +187,8 @@ def _layers(prim: Sdf.PrimSpec) -> list[str]:
 
 
 def _extents(prim: Usd.Prim) -> list[NDArray[np.float64]]:
-    held = UsdGeom.Boundable(prim).GetExtentAttr().Get() if prim else None
-    return [] if held is None else [_box(held, place_of(prim))]
+    extent = UsdGeom.Boundable(prim).GetExtentAttr().Get() if prim else None
+    return [] if extent is None else [_box(extent, place_of(prim))]
 
 
 def _box(extent: object, where: str) -> NDArray[np.float64]:
@@ -201,5 +201,5 @@ def _box(extent: object, where: str) -> NDArray[np.float64]:
 
 def _hint(plant: Usd.Prim) -> list[NDArray[np.float64]]:
     """The box of what is no guide, as the plant has it: what moves goes farther than its extents at rest."""
-    held = UsdGeom.ModelAPI(plant).GetExtentsHint()
-    return [_box(held[:2], place_of(plant))] if held else []
+    hint = UsdGeom.ModelAPI(plant).GetExtentsHint()
+    return [_box(hint[:2], place_of(plant))] if hint else []

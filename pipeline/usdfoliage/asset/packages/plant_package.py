@@ -139,7 +139,7 @@ def _write_whole(
     near, guides, far = (
         [layer for part in parts for layer in getattr(part, which)] for which in ("near", "guides", "far")
     )
-    shown = {
+    visible = {
         "leaves": [*near, *guides],
         "both": [f"./{BOTH_LAYER}", *far, *near, *guides],
         "crown": far,
@@ -149,10 +149,10 @@ def _write_whole(
     leafy = [lod for lod in lods if lod != "crown"]
     # Of the sets inside a lod the first is strongest: what moves goes over what stands still.
     sets = [
-        VariantSet(name="lod", variants={lod: shown[lod] for lod in sorted(lods, key=lambda lod: lod != first)}),
-        *(replace(held, inside=leafy) for part in parts for held in part.moving),
-        *(held for part in parts for held in part.inside),
-        *(replace(held, inside=leafy) for part in parts for held in part.still),
+        VariantSet(name="lod", variants={lod: visible[lod] for lod in sorted(lods, key=lambda lod: lod != first)}),
+        *(replace(variant_set, inside=leafy) for part in parts for variant_set in part.moving),
+        *(variant_set for part in parts for variant_set in part.inside),
+        *(replace(variant_set, inside=leafy) for part in parts for variant_set in part.still),
     ]
     plant = Plant(
         provenance=origin.provenance,
@@ -197,9 +197,9 @@ def _bare_part(place: AssetPlace, copied: OtherParts, crown: CrownModel | None) 
 
 def _coarse_surface(copied: OtherParts) -> str | None:
     """The surface of the branches of order 1, or without such the first that there is, from the payload's folder."""
-    for held in copied.sets:
-        if held.name == "branches":
-            layers = held.variants.get("order1") or next(iter(held.variants.values()))
+    for variant_set in copied.sets:
+        if variant_set.name == "branches":
+            layers = variant_set.variants.get("order1") or next(iter(variant_set.variants.values()))
             return layers[0] if layers else None
     return None
 
@@ -211,13 +211,13 @@ def _lod_boxes(
     near = box_around(near_m) if near_m else None
     far = box_around(far_m) if far_m else None
     guide = box_around(guides_m) if guides_m else None
-    held = {
+    boxes_by_lod = {
         "leaves": PurposeBoxes(default=near, guide=guide),
         "both": PurposeBoxes(render=near, proxy=far, guide=guide),
         "crown": PurposeBoxes(default=far),
         "auto": PurposeBoxes(default=box_around([*near_m, *far_m])),
     }
-    return {lod: held[lod] for lod in lods}
+    return {lod: boxes_by_lod[lod] for lod in lods}
 
 
 def _auto(boxes: PurposeBoxes, parts: Sequence[Part], settings: PlantAssetSettings) -> AutoLod:

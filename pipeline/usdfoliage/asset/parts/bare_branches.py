@@ -112,11 +112,11 @@ def _write_bare(place: AssetPlace, hull: CrownHull, source: Usd.Stage, source_na
 
 def _read_mesh(mesh: UsdGeom.Mesh, surface: Path) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.int64]]:
     """Points (P, 3), vertices of each face (F,) and their indices; whoever worked on the layer may have broken it."""
-    held = [
+    arrays = [
         attribute.Get(_REST)
         for attribute in (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr())
     ]
-    points, counts, vertices = (kind() if value is None else value for value, kind in zip(held, _KINDS, strict=True))
+    points, counts, vertices = (kind() if value is None else value for value, kind in zip(arrays, _KINDS, strict=True))
     reason = _why_no_mesh(points, counts, vertices)
     if reason:
         raise AssetError(
@@ -154,6 +154,6 @@ def _copy_primvars(whole: UsdGeom.Mesh, mesh: UsdGeom.Mesh, corner: NDArray[np.b
         flat = stored_numbers(st.ComputeFlattened(_REST), (len(corner), 2))  # None where an index is of no value
         if flat is not None:
             values, indices = np.unique(flat[corner].astype(np.float32), axis=0, return_inverse=True)
-            held = new.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
-            held.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(values)))
-            held.SetIndices(Vt.IntArray.FromNumpy(indices.ravel().astype(np.int32)))
+            copied = new.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+            copied.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(values)))
+            copied.SetIndices(Vt.IntArray.FromNumpy(indices.ravel().astype(np.int32)))

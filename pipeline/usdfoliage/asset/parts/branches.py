@@ -66,17 +66,17 @@ def author_skeleton(stage: Usd.Stage, path: Sdf.Path, prim: SkeletonPrim) -> Usd
     )
     color.Set(Vt.Vec3fArray.FromNumpy(shade.astype(np.float32)))  # by order
     color.SetIndices(Vt.IntArray.FromNumpy(skeleton.order))
-    held = curves.GetPrim()
-    held.AddAppliedSchema(SKELETON_API)
+    curve_prim = curves.GetPrim()
+    curve_prim.AddAppliedSchema(SKELETON_API)
     for fact, values in (
         ("parentCurve", skeleton.parent_curve),
         ("parentVertex", skeleton.parent_vertex),
         ("order", skeleton.order),
     ):
-        attribute = held.CreateAttribute(f"foliage:{fact}", Sdf.ValueTypeNames.IntArray, custom=False)
+        attribute = curve_prim.CreateAttribute(f"foliage:{fact}", Sdf.ValueTypeNames.IntArray, custom=False)
         attribute.Set(Vt.IntArray.FromNumpy(values))
     for fact, value in prim.growth.items():
-        held.CreateAttribute(f"foliage:growth:{fact}", _GROWTH[fact], custom=False).Set(float(value))
+        curve_prim.CreateAttribute(f"foliage:growth:{fact}", _GROWTH[fact], custom=False).Set(float(value))
     return curves
 
 
@@ -87,26 +87,26 @@ def read_skeleton(prim: Usd.Prim) -> Skeleton:
         AssetError: An array is missing, or they make no skeleton.
     """
     curves = UsdGeom.BasisCurves(prim)
-    held = {
+    values = {
         "points_m": curves.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()),
         "widths": curves.GetWidthsAttr().Get(Usd.TimeCode.EarliestTime()),
         "counts": curves.GetCurveVertexCountsAttr().Get(),
         **{fact: prim.GetAttribute(f"foliage:{fact}").Get() for fact in ("parentCurve", "parentVertex", "order")},
     }
-    missing = [name for name, value in held.items() if value is None]
+    missing = [name for name, value in values.items() if value is None]
     if missing:
         raise AssetError(f"<{prim.GetPath()}> has no {', '.join(missing)}; write the asset again")
     try:
         with np.errstate(invalid="ignore"):  # of bytes that are no number at all, which Skeleton refuses
-            points_m = np.array(held["points_m"], np.float64).reshape(-1, 3)
-            widths_m = np.array(held["widths"], np.float64)
+            points_m = np.array(values["points_m"], np.float64).reshape(-1, 3)
+            widths_m = np.array(values["widths"], np.float64)
         return Skeleton(
             points_m=points_m,
             radius_m=widths_m / 2,
-            counts=np.array(held["counts"], np.int32),
-            parent_curve=np.array(held["parentCurve"], np.int32),
-            parent_vertex=np.array(held["parentVertex"], np.int32),
-            order=np.array(held["order"], np.int32),
+            counts=np.array(values["counts"], np.int32),
+            parent_curve=np.array(values["parentCurve"], np.int32),
+            parent_vertex=np.array(values["parentVertex"], np.int32),
+            order=np.array(values["order"], np.int32),
         )
     except (ValueError, IndexError) as error:
         raise AssetError(f"<{prim.GetPath()}> is no skeleton: {error}; write the asset again") from error

@@ -66,12 +66,15 @@ def copy_near_part(others: OtherParts, place: AssetPlace, drawn: DrawnLeaves | N
     """
     if drawn is None or not _fits_motion(others, place, drawn.representations):
         others = _without_motion(others)
-    layers = {*others.shared, *(layer for held in others.sets for each in held.variants.values() for layer in each)}
+    layers = {
+        *others.shared,
+        *(layer for variant_set in others.sets for each in variant_set.variants.values() for layer in each),
+    }
     moving_m = _copy_layers(others, layers, place, drawn)
-    number = next((number for number, held in enumerate(others.sets) if held.name == LOD), None)
+    number = next((number for number, variant_set in enumerate(others.sets) if variant_set.name == LOD), None)
     if number is None:
-        moving = [held for held in others.sets if held.name in _MOVING]
-        still = [held for held in others.sets if held.name not in _MOVING]
+        moving = [variant_set for variant_set in others.sets if variant_set.name in _MOVING]
+        still = [variant_set for variant_set in others.sets if variant_set.name not in _MOVING]
     else:
         moving, still = list(others.sets[:number]), list(others.sets[number + 1 :])
     return Part(
@@ -95,8 +98,8 @@ def copy_far_part(others: OtherParts, place: AssetPlace) -> Part:
     Raises:
         AssetError: A layer or a picture cannot be read, or a file cannot be written.
     """
-    held = {BARE_LAYER: others.bare_m, CROWN_LAYER: others.crown_m}
-    layers = {f"./{layer}": box for layer, box in held.items() if box is not None}
+    boxes = {BARE_LAYER: others.bare_m, CROWN_LAYER: others.crown_m}
+    layers = {f"./{layer}": box for layer, box in boxes.items() if box is not None}
     _copy_layers(others, layers.keys(), place, None)
     return Part(
         relationships=(CROWN,) if others.crown_m is not None else (),
@@ -143,13 +146,13 @@ def _without_motion(others: OtherParts) -> OtherParts:
     """The same parts without the layers that move leaves."""
     sets = [
         replace(
-            held,
+            variant_set,
             variants={
                 name: [layer for layer in layers if layer.removeprefix("./") not in _MOTION]
-                for name, layers in held.variants.items()
+                for name, layers in variant_set.variants.items()
             },
         )
-        for held in others.sets
+        for variant_set in others.sets
     ]
     return replace(others, sets=sets)
 
@@ -205,12 +208,12 @@ def _copy_pictures(layer: Sdf.Layer, root: Sdf.Path, source: Path, target: Path)
     """Copy the files of the asset that attributes below root name; source and target are the payloads' folders."""
     named: set[str] = set()
 
-    def look(path: Sdf.Path) -> None:
-        held = layer.GetObjectAtPath(path) if path.IsPropertyPath() else None
-        if isinstance(held, Sdf.AttributeSpec) and isinstance(held.default, Sdf.AssetPath):
-            named.add(held.default.path)
+    def appearance(path: Sdf.Path) -> None:
+        spec = layer.GetObjectAtPath(path) if path.IsPropertyPath() else None
+        if isinstance(spec, Sdf.AttributeSpec) and isinstance(spec.default, Sdf.AssetPath):
+            named.add(spec.default.path)
 
-    layer.Traverse(root, look)
+    layer.Traverse(root, appearance)
     for name in sorted(named):
         inside = os.path.normpath(source / name).startswith(f"{os.path.normpath(source.parent)}{os.sep}")
         if inside and (source / name).is_file() and not (target / name).exists():

@@ -123,11 +123,11 @@ def read_hero_leaf(prim: Usd.Prim) -> ReadLeaves:
     if not patch or LEAF_API not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
         what = f"a {prim.GetTypeName() or 'prim without type'} ({place(prim)})" if prim else "no prim"
         raise AssetError(f"no hero leaf: {what} where a NurbsPatch with {LEAF_API} is needed")
-    held = (patch.GetUVertexCountAttr().Get(), patch.GetVVertexCountAttr().Get())
-    if held != (U_COUNT, V_COUNT):
+    vertex_counts = (patch.GetUVertexCountAttr().Get(), patch.GetVVertexCountAttr().Get())
+    if vertex_counts != (U_COUNT, V_COUNT):
         raise AssetError(
-            f"the patch has {held[0]} × {held[1]} control points where a leaf has {U_COUNT} × {V_COUNT} "
-            f"({place(prim)}); rebuild it with these, of degree 3 across and 4 along"
+            f"the patch has {vertex_counts[0]} × {vertex_counts[1]} control points where a leaf has "
+            f"{U_COUNT} × {V_COUNT} ({place(prim)}); rebuild it with these, of degree 3 across and 4 along"
         )
     points = read_array(prim, "points", (U_COUNT * V_COUNT, 3))
     matrix = np.array(UsdGeom.Xformable(prim).GetLocalTransformation())

@@ -79,12 +79,12 @@ def author_patches(
     with Sdf.ChangeBlock():
         for number in range(1, len(leaves)):
             Sdf.CopySpec(layer, first, layer, paths[number])
-            held = layer.GetPrimAtPath(paths[number]).attributes
-            held["points"].default = Vt.Vec3fArray.FromNumpy(nets[number])
-            held["extent"].default = Vt.Vec3fArray.FromNumpy(extents[number])
-            held["xformOp:transform"].default = places[number]
+            attributes = layer.GetPrimAtPath(paths[number]).attributes
+            attributes["points"].default = Vt.Vec3fArray.FromNumpy(nets[number])
+            attributes["extent"].default = Vt.Vec3fArray.FromNumpy(extents[number])
+            attributes["xformOp:transform"].default = places[number]
             for name, array in arrays.items():
-                held[name].default = usd_array(array[number : number + 1])
+                attributes[name].default = usd_array(array[number : number + 1])
 
 
 def patch_paths(path: Sdf.Path, count: int) -> list[Sdf.Path]:

@@ -29,7 +29,7 @@ from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.shape.jitter import NO_JITTER, Jitter
 
 GROWTH_LEAVES, RIG_LEAVES = "growth_leaves.usdc", "rig_leaves.usdc"
-MOST_PATCHES = 2000  # that get time samples: each is a prim
+MAX_PATCHES = 2000  # that get time samples: each is a prim
 _CORNERS = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
 
 Box = NDArray[np.float64]  # (2, 3), smallest and largest corner
@@ -75,7 +75,7 @@ def write_leaf_growth_layer(path: Path, name: str, drawn: DrawnLeaves, motion: L
     for representation in each_variant(stage, prim.GetPrefixes()[0], "representation", list(drawn.representations)):
         if representation == "bezier":
             boxes.append(author_moving_leaves(UsdGeom.PointInstancer(stage.OverridePrim(prim)), drawn, motion))
-        elif representation == "nurbs" and len(drawn.leaves) <= MOST_PATCHES:
+        elif representation == "nurbs" and len(drawn.leaves) <= MAX_PATCHES:
             boxes.append(author_moving_patches(stage, prim, drawn, motion))
         else:
             visibility = UsdGeom.Imageable(stage.OverridePrim(prim)).CreateVisibilityAttr()
@@ -112,7 +112,7 @@ def write_leaf_rig_layer(path: Path, name: str, drawn: DrawnLeaves, rigged: Rigg
                 boxes.append(_within_reach(points_m, drawn.leaves, motion))
         elif motion is not None and representation == "bezier":
             boxes.append(author_moving_leaves(UsdGeom.PointInstancer(stage.OverridePrim(prim)), drawn, motion))
-        elif motion is not None and len(drawn.leaves) <= MOST_PATCHES:
+        elif motion is not None and len(drawn.leaves) <= MAX_PATCHES:
             boxes.append(author_moving_patches(stage, prim, drawn, motion))
     export_layer(stage, path)
     return box_around(boxes)
@@ -139,13 +139,13 @@ def author_moving_patches(stage: Usd.Stage, path: Sdf.Path, drawn: DrawnLeaves, 
     corners = low[:, None] + _CORNERS * (high - low)[:, None]
     boxes = []
     with Sdf.ChangeBlock():
-        held = []
+        samples = []
         for patch in patch_paths(path, len(drawn.leaves)):
             spec = Sdf.CreatePrimInLayer(layer, target.MapToSpecPath(patch))
-            held.append(Sdf.AttributeSpec(spec, "xformOp:transform", Sdf.ValueTypeNames.Matrix4d).path)
+            samples.append(Sdf.AttributeSpec(spec, "xformOp:transform", Sdf.ValueTypeNames.Matrix4d).path)
         for frame in range(motion.frames):
             matrices = patch_matrices(motion.placed(frame))
-            for attribute, matrix in zip(held, matrices, strict=True):
+            for attribute, matrix in zip(samples, matrices, strict=True):
                 layer.SetTimeSample(attribute, FIRST_FRAME + frame, matrix)
             rows = np.array(matrices)
             moved_m = np.einsum("nkr,nrc->nkc", corners, rows[:, :3, :3]) + rows[:, None, 3, :3]
@@ -169,8 +169,8 @@ def adapt_leaf_motion(layer: Sdf.Layer, name: str, drawn: DrawnLeaves) -> list[B
     extent = prim.AppendProperty("extent")
 
     def at(field: str, time: float, still: NDArray[np.float64]) -> NDArray[np.float64]:
-        held = layer.QueryTimeSample(prim.AppendProperty(field), time)
-        return still if held is None else np.array(held, np.float64)
+        sample = layer.QueryTimeSample(prim.AppendProperty(field), time)
+        return still if sample is None else np.array(sample, np.float64)
 
     for time in layer.ListTimeSamplesForPath(extent):
         leaves = drawn.leaves
@@ -187,8 +187,8 @@ def adapt_leaf_motion(layer: Sdf.Layer, name: str, drawn: DrawnLeaves) -> list[B
 
 def read_points(layer: Path, path: Sdf.Path) -> NDArray[np.float64]:
     """Points (P, 3) of the prim at path in a layer of ours; none where it has none."""
-    held = open_copy(layer)  # that goes when nothing holds it, and what is in it too
-    points = held.GetAttributeAtPath(path.AppendProperty("points"))
+    copy = open_copy(layer)  # that goes when nothing holds it, and what is in it too
+    points = copy.GetAttributeAtPath(path.AppendProperty("points"))
     points_m = None if points is None else stored_numbers(points.default, (None, 3))
     return np.zeros((0, 3)) if points_m is None else points_m
 

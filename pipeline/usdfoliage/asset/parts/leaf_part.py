@@ -53,7 +53,7 @@ class LeafAssetSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LeafLook:
+class LeafAppearance:
     """What all leaves of an asset have in common.
 
     Attributes:
@@ -76,7 +76,7 @@ class BranchLeaves:
     leaves: Leaves
     settings: LeafAssetSettings = field(default_factory=LeafAssetSettings)
     edits: LeafEdits = NEUTRAL
-    look: LeafLook = field(default_factory=LeafLook)
+    appearance: LeafAppearance = field(default_factory=LeafAppearance)
 
 
 def write_leaf_part(place: AssetPlace, foliage: BranchLeaves, lods: Sequence[str] = ("leaves",)) -> Part:
@@ -93,17 +93,17 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves, lods: Sequence[str
         AssetError: A picture cannot be copied, or a file cannot be written.
     """
     check_leaves(foliage.leaves)
-    representations, look = foliage.settings.representations, foliage.look
-    jitter = leaf_jitter(foliage.edits, look)  # whose map is read before it is copied
-    texture = copy_map(place, f"{place.name}_leaf", look.texture)
-    jitter_map = copy_map(place, f"{place.name}_leaf_jitter", look.jitter_map)
+    representations, appearance = foliage.settings.representations, foliage.appearance
+    jitter = leaf_jitter(foliage.edits, appearance)  # whose map is read before it is copied
+    texture = copy_map(place, f"{place.name}_leaf", appearance.texture)
+    jitter_map = copy_map(place, f"{place.name}_leaf_jitter", appearance.jitter_map)
     boxes = _write_representations(place, foliage, jitter, jitter_map)
     has_guide = "bezier" in representations and len(representations) > 1
     copy_shaders(place.folder / "shaders", LEAF_SHADERS)
     material = LeafMaterial(
         shaders=SHADERS,
         texture=texture or None,
-        texture_color=look.texture_color,
+        texture_color=appearance.texture_color,
         jitter_map=jitter_map or None,
     )
     layers = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in representations}
@@ -129,16 +129,16 @@ def drawn_leaves(place: AssetPlace, foliage: BranchLeaves) -> DrawnLeaves:
         leaves=foliage.leaves,
         representations=foliage.settings.representations,
         edits=foliage.edits,
-        jitter=leaf_jitter(foliage.edits, foliage.look),
+        jitter=leaf_jitter(foliage.edits, foliage.appearance),
     )
 
 
-def leaf_jitter(edits: LeafEdits, look: LeafLook) -> Jitter:
+def leaf_jitter(edits: LeafEdits, appearance: LeafAppearance) -> Jitter:
     """The jitter of edits, by the map of a look; CaptureError for a map that cannot be used."""
     return Jitter(
         amplitude=edits.jitter_amplitude,
         frequency=edits.jitter_frequency,
-        map=read_jitter_map(look.jitter_map) if look.jitter_map is not None else None,
+        map=read_jitter_map(appearance.jitter_map) if appearance.jitter_map is not None else None,
     )
 
 
@@ -154,7 +154,7 @@ def _author_material(stage: Usd.Stage, root: Sdf.Path, leaf: LeafMaterial) -> No
 
 def _write_representations(place: AssetPlace, foliage: BranchLeaves, jitter: Jitter, jitter_map: str) -> list[Box]:
     """The layers of the representations; returns the box of each."""
-    leaves, settings, color = foliage.leaves, foliage.settings, foliage.look.color
+    leaves, settings, color = foliage.leaves, foliage.settings, foliage.appearance.color
     drawn = edited_leaves(leaves, foliage.edits)
     boxes = []
     for representation in settings.representations:

@@ -39,10 +39,10 @@ def leaf_arrays(leaves: Leaves) -> dict[str, Array]:
     for row, name in enumerate(PARAMETERS):
         arrays[f"leaf:{name}"] = np.ascontiguousarray(leaves.parameters[:, row], np.float32)
     for field, name in _FACTS:
-        held = getattr(leaves, field)
-        if held is not None:
+        value = getattr(leaves, field)
+        if value is not None:
             kind: type[np.int32 | np.float32] = np.int32 if field == "view" else np.float32
-            arrays[name] = np.ascontiguousarray(held, kind)
+            arrays[name] = np.ascontiguousarray(value, kind)
     return arrays
 
 
@@ -103,7 +103,7 @@ def read_edits(prim: Usd.Prim) -> LeafEdits:
     Raises:
         AssetError: An edit is not finite, or out of its range.
     """
-    held: dict[str, Any] = {}
+    stored: dict[str, Any] = {}
     for field, name in EDITS.items():
         attribute = prim.GetAttribute(f"primvars:{name}")
         if not attribute or not attribute.HasAuthoredValue():
@@ -114,9 +114,9 @@ def read_edits(prim: Usd.Prim) -> LeafEdits:
         if numbers is None:
             needed = "one number is" if single else "three numbers are"
             raise AssetError(f"primvars:{name} holds {value}, {needed} needed ({place(prim)}); set the edit again")
-        held[field] = float(numbers) if single else tuple(map(float, numbers))
+        stored[field] = float(numbers) if single else tuple(map(float, numbers))
     try:
-        return LeafEdits(**held)
+        return LeafEdits(**stored)
     except ValueError as error:
         raise AssetError(f"{error} ({place(prim)}); set the edit again") from error
 
@@ -134,12 +134,12 @@ def read_jitter_map_path(prim: Usd.Prim) -> Path | None:
         AssetError: The file is missing.
     """
     attribute = prim.GetAttribute(JITTER_MAP)
-    held = attribute.Get() if attribute and attribute.HasAuthoredValue() else None
-    if not isinstance(held, Sdf.AssetPath) or not held.path:
+    value = attribute.Get() if attribute and attribute.HasAuthoredValue() else None
+    if not isinstance(value, Sdf.AssetPath) or not value.path:
         return None
-    path = Path(held.resolvedPath)
-    if not held.resolvedPath or not (path.is_file() or is_packed(path)):
-        raise AssetError(f"the jitter map {held.path} is missing ({place(prim)}); put the file there or block the map")
+    path = Path(value.resolvedPath)
+    if not value.resolvedPath or not (path.is_file() or is_packed(path)):
+        raise AssetError(f"the jitter map {value.path} is missing ({place(prim)}); put the file there or block the map")
     return path
 
 
@@ -150,14 +150,14 @@ def read_array(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.
         AssetError: It is missing, of another length, or has a number that is not finite.
     """
     attribute = prim.GetAttribute(name)
-    held = None
+    value = None
     if attribute and attribute.HasAuthoredValue():
         time = time_of(attribute)
         primvar = UsdGeom.Primvar(attribute)
-        held = primvar.ComputeFlattened(time) if primvar and primvar.IsIndexed() else attribute.Get(time)
-    if held is None:
+        value = primvar.ComputeFlattened(time) if primvar and primvar.IsIndexed() else attribute.Get(time)
+    if value is None:
         raise AssetError(f"{name} is missing ({place(prim)}); {shape[0]} elements are needed, one a leaf")
-    values = np.asarray(held)
+    values = np.asarray(value)
     if values.dtype.kind not in "iuf" or not values.ndim:
         raise AssetError(
             f"{name} holds no numbers, and {shape[0]} elements are needed, one a leaf ({place(prim)}); "

@@ -79,11 +79,11 @@ def leaves_prim(
     drawn = edited_leaves(leaves, edits)
     low, high = common_bounds(drawn.parameters, jitter)
     points = prototype.points_m
-    shown = np.stack([np.minimum(points.min(axis=0), low), np.maximum(points.max(axis=0), high)])
+    extent = np.stack([np.minimum(points.min(axis=0), low), np.maximum(points.max(axis=0), high)])
     return LeavesPrim(
         leaves=leaves,
         prototype=prototype,
-        prototype_extent=with_margin(shown),
+        prototype_extent=with_margin(extent),
         extent_m=leaf_bounds_m(drawn, jitter),
         color=color,
         edits=edits,
@@ -211,9 +211,9 @@ def read_leaves(prim: Usd.Prim) -> ReadLeaves:
         orientation=read_array(prim, "orientationsf" if exact else "orientations", (count, 4)),
         **read_leaf_primvars(prim, count),
     )
-    shown = instancer.ComputeMaskAtTime(time)
+    visible = instancer.ComputeMaskAtTime(time)
     return ReadLeaves(
-        leaves=leaves.take(np.array(shown, bool)) if len(shown) else leaves,
+        leaves=leaves.take(np.array(visible, bool)) if len(visible) else leaves,
         edits=read_edits(prim),
         jitter_map=read_jitter_map_path(prim),
     )

@@ -32,10 +32,10 @@ def key_prims(prims: Iterable[Usd.Prim]) -> Iterator[tuple[Usd.Prim, PrimKey]]:
     for prim in prims:
         session = prim.GetStage().GetSessionLayer()
         is_guide = UsdGeom.Imageable(prim).ComputePurpose() == UsdGeom.Tokens.guide
-        held: list[object] = [str(prim.GetPath()), is_guide]
+        key: list[object] = [str(prim.GetPath()), is_guide]
         for spec, offset in prim.GetPrimStackWithLayerOffsets():
             if spec.layer == session:
-                held.append(tuple(sorted(dict(spec.variantSelections).items())))
+                key.append(tuple(sorted(dict(spec.variantSelections).items())))
             elif not spec.isInert:
-                held.append((spec.layer.identifier, str(spec.path), offset.offset, offset.scale))
-        yield prim, tuple(held)
+                key.append((spec.layer.identifier, str(spec.path), offset.offset, offset.scale))
+        yield prim, tuple(key)

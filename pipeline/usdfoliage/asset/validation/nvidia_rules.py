@@ -16,7 +16,7 @@ from usdfoliage.asset.validation.known_findings import KnownFindings, key_prims
 from usdfoliage.asset.validation.shader_parsers import without_parser
 
 PACKAGE = "usd_validation_nvidia"
-MOST_CORNERS = 2_000_000  # of faces; the rules walk them in Python, some ten seconds a million
+MAX_CORNERS = 2_000_000  # of faces; the rules walk them in Python, some ten seconds a million
 
 # Rules that look at a layer and at nothing else of the asset, and take long for it.
 OF_LAYERS = ("LayerSpecChecker", "UnicodeNameChecker", "UsdAsciiPerformanceChecker")
@@ -56,7 +56,7 @@ def nvidia_version() -> str:
 def run_nvidia_rules(stage: Usd.Stage, known: KnownFindings) -> list[Finding]:
     """What the default rules say of one composition; nothing where they are not installed.
 
-    Of a stage with more than MOST_CORNERS corners of faces they say nothing but that.
+    Of a stage with more than MAX_CORNERS corners of faces they say nothing but that.
 
     Args:
         stage: With its own session layer, which holds nothing but selections of variants.
@@ -65,7 +65,7 @@ def run_nvidia_rules(stage: Usd.Stage, known: KnownFindings) -> list[Finding]:
     if importlib.util.find_spec(PACKAGE) is None:
         return []
     corners = _count_corners(stage)
-    if corners > MOST_CORNERS:
+    if corners > MAX_CORNERS:
         message = f"NVIDIA's rules did not run: {corners / 1e6:.0f} million corners of faces would take them too long"
         return [Finding(severity="info", validator="nvidia:engine", error="TooLarge", path="/", message=message)]
     if PACKAGE not in known.of_files:
@@ -100,13 +100,13 @@ def _rules() -> _Rules:
     for rule in sorted(package.ValidationEngine(variants=False).rules, key=lambda each: str(each.__name__)):
         if hasattr(rule, "validator_name") and rule.is_implemented():
             continue
-        looks_at = {hook for hook in _HOOKS if getattr(rule, hook) is not getattr(nothing, hook)}
-        if rule.__name__ in OF_PRIMS and looks_at == {"CheckPrim"} and rule.__init__ is nothing.__init__:
+        own_hooks = {hook for hook in _HOOKS if getattr(rule, hook) is not getattr(nothing, hook)}
+        if rule.__name__ in OF_PRIMS and own_hooks == {"CheckPrim"} and rule.__init__ is nothing.__init__:
             of_prims.append(rule)
-        elif rule.__name__ in OF_LAYERS and looks_at == {"CheckLayer"}:
+        elif rule.__name__ in OF_LAYERS and own_hooks == {"CheckLayer"}:
             of_layers.append(rule)
-        elif rule.__name__ in OF_LAYERS and "CheckLayer" in looks_at:
-            others = {hook: getattr(nothing, hook) for hook in looks_at - {"CheckLayer"}}
+        elif rule.__name__ in OF_LAYERS and "CheckLayer" in own_hooks:
+            others = {hook: getattr(nothing, hook) for hook in own_hooks - {"CheckLayer"}}
             of_layers.append(type(rule.__name__, (rule,), others))
             of_stages.append(type(rule.__name__, (rule,), {"CheckLayer": nothing.CheckLayer}))
         else:
@@ -163,8 +163,10 @@ def _findings(issues: Iterable[Any]) -> Iterator[Finding]:
 
 
 def _count_corners(stage: Usd.Stage) -> int:
-    held = (UsdGeom.Mesh(prim).GetFaceVertexIndicesAttr().Get() for prim in stage.Traverse() if UsdGeom.Mesh(prim))
-    return sum(len(indices) for indices in held if indices is not None)
+    all_indices = (
+        UsdGeom.Mesh(prim).GetFaceVertexIndicesAttr().Get() for prim in stage.Traverse() if UsdGeom.Mesh(prim)
+    )
+    return sum(len(indices) for indices in all_indices if indices is not None)
 
 
 def _with_our_rules(finding: Finding, stage: Usd.Stage) -> Finding:

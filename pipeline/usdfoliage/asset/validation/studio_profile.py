@@ -97,7 +97,7 @@ def read_profile(path: Path) -> StudioProfile:
 
 def _read_rules(path: Path, content: dict[str, Any]) -> StudioRules:
     tables = sorted({table for table, _ in _KEYS})
-    held: dict[str, Any] = {}
+    rules: dict[str, Any] = {}
     for table, entries in content.items():
         if table not in tables or not isinstance(entries, dict):
             raise AssetError(
@@ -111,8 +111,8 @@ def _read_rules(path: Path, content: dict[str, Any]) -> StudioRules:
             name, kind = _KEYS[table, key]
             if not _is(kind, value):
                 raise AssetError(f"the profile {path}: [{table}] {key} must be {_WANTED[kind]}, not {value!r}")
-            held[name] = tuple(value) if isinstance(value, list) else value
-    return StudioRules(**held)
+            rules[name] = tuple(value) if isinstance(value, list) else value
+    return StudioRules(**rules)
 
 
 def _is(kind: str, value: object) -> bool:

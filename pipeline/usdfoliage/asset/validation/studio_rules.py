@@ -58,9 +58,9 @@ def check_files(interface: Path, rules: StudioRules) -> Iterator[Finding]:
         ("InterfaceSize", layers[0].size_bytes, rules.interface_bytes, "bytes in its interface layer"),
         ("AssetSize", sum(file.size_bytes for file in (*layers, *others)), rules.asset_bytes, "bytes in all files"),
     )
-    for rule, held, most, what in sizes:
-        if most is not None and held > most:
-            yield _finding(rules, rule, None, f"has {held:,} {what}; {most:,} are allowed")
+    for rule, measured, allowed, what in sizes:
+        if allowed is not None and measured > allowed:
+            yield _finding(rules, rule, None, f"has {measured:,} {what}; {allowed:,} are allowed")
     for file in others:
         path = Path(file.path)
         if path.suffix.lower() in _NO_TEXTURES:
@@ -80,12 +80,12 @@ def _check_limits(plant: Usd.Prim, prims: Sequence[Usd.Prim], rules: StudioRules
     if rules.points is None and rules.faces is None:
         return
     points, faces = count_drawn(plant)
-    for rule, held, most, what in (
+    for rule, measured, allowed, what in (
         ("PointCount", points, rules.points, "points"),
         ("FaceCount", faces, rules.faces, "faces"),
     ):
-        if most is not None and held > most:
-            yield _finding(rules, rule, plant, f"draws {held:,} {what}; {most:,} are allowed")
+        if allowed is not None and measured > allowed:
+            yield _finding(rules, rule, plant, f"draws {measured:,} {what}; {allowed:,} are allowed")
 
 
 def count_drawn(root: Usd.Prim) -> tuple[int, int]:

@@ -64,10 +64,10 @@ def _validate_prims(
 ) -> list[Finding]:
     """What one validator of prims says, of those that it does not know yet."""
     new = [(prim, key) for prim, key in keyed if (name, key) not in known.of_prims]
-    said: dict[str, list[Finding]] = {}
+    by_prim: dict[str, list[Finding]] = {}
     for finding in _findings(name, context.Validate([prim for prim, _ in new]) if new else ()):
-        said.setdefault(finding.path.split(".", 1)[0], []).append(finding)
-    known.of_prims.update(((name, key), tuple(said.get(str(prim.GetPath()), ()))) for prim, key in new)
+        by_prim.setdefault(finding.path.split(".", 1)[0], []).append(finding)
+    known.of_prims.update(((name, key), tuple(by_prim.get(str(prim.GetPath()), ()))) for prim, key in new)
     return [finding for _, key in keyed for finding in known.of_prims[name, key]]
 
 

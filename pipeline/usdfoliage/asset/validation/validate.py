@@ -25,7 +25,7 @@ from usdfoliage.asset.validation.studio_rules import check_composition, check_fi
 from usdfoliage.asset.validation.usd_validators import PRESENT, run_usd_validators
 from usdfoliage.errors import AssetError
 
-MOST_SELECTIONS = 64  # beyond it the variants of one set are tried while the others stay as they are
+MAX_SELECTIONS = 64  # beyond it the variants of one set are tried while the others stay as they are
 
 # Rules for a file that others refer to; ours of that kind look only at a root layer that is an asset.
 NOT_FOR_SCENES = {("usdValidation:StageMetadataChecker", "MissingDefaultPrim")}
@@ -104,7 +104,7 @@ def validate_asset(asset: Path, profile: StudioProfile = StudioProfile()) -> Val
 def _is_interface(layer: Sdf.Layer) -> bool:
     """Whether a root prim of that very layer is a plant."""
     applied = [spec.GetInfo("apiSchemas") for spec in layer.rootPrims]
-    return any(held and PLANT_API in held.GetAppliedItems() for held in applied)
+    return any(items and PLANT_API in items.GetAppliedItems() for items in applied)
 
 
 def _validate_interface(
@@ -122,9 +122,11 @@ def _validate_interface(
             more.setdefault(finding, []).append(_label(selection))
     for finding in run_usd_validators(_compose(root, (), Usd.Stage.LoadNone), known):
         findings.setdefault(finding, []).append("unloaded")
-    said = {(finding.severity, finding.message) for finding in findings}
+    reported = {(finding.severity, finding.message) for finding in findings}
     # NVIDIA's package runs some of USD's validators again.
-    return findings | {finding: at for finding, at in more.items() if (finding.severity, finding.message) not in said}
+    return findings | {
+        finding: at for finding, at in more.items() if (finding.severity, finding.message) not in reported
+    }
 
 
 def _validate_scene(root: Sdf.Layer, path: Path) -> dict[Finding, list[str]]:
@@ -141,7 +143,7 @@ def _validate_scene(root: Sdf.Layer, path: Path) -> dict[Finding, list[str]]:
             "asset's folder, its .usda, a look, or a scene that refers to assets"
         )
     findings = run_usd_validators(stage, KnownFindings())
-    return {held: [_label(())] for held in findings if (held.validator, held.error) not in NOT_FOR_SCENES}
+    return {finding: [_label(())] for finding in findings if (finding.validator, finding.error) not in NOT_FOR_SCENES}
 
 
 def _has_plants(stage: Usd.Stage) -> bool:
@@ -176,7 +178,7 @@ def _selections(root: Sdf.Layer) -> list[Selection]:
     count = 1
     for choices in offered:
         count *= len(choices)
-    if count <= MOST_SELECTIONS:
+    if count <= MAX_SELECTIONS:
         different: dict[object, Selection] = {}
         for selection in itertools.product(*offered):
             different.setdefault(_signature(root, selection), selection)

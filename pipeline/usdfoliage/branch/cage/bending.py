@@ -25,7 +25,7 @@ class _Moved:
     new_arc_m: Floats  # (n,)
 
 
-def move_starts(paths: list[Path], along_m: Floats, held_m: Floats) -> None:
+def move_starts(paths: list[Path], along_m: Floats, kept_m: Floats) -> None:
     """Move the starts of paths along their parents, in place.
 
     A path keeps its shape up to where it is free of its parent, and fades back to its old place from there on; what it
@@ -34,7 +34,7 @@ def move_starts(paths: list[Path], along_m: Floats, held_m: Floats) -> None:
     Args:
         paths: Parents before children.
         along_m: (T,) by how much, towards the parent's tip.
-        held_m: (T,) arc up to which a path keeps its shape.
+        kept_m: (T,) arc up to which a path keeps its shape.
     """
     moved: dict[int, _Moved] = {}
     parent_arcs: dict[int, Floats] = {}  # arcs of the parents that stay
@@ -55,16 +55,16 @@ def move_starts(paths: list[Path], along_m: Floats, held_m: Floats) -> None:
             step = step + _at(before.old_arc_m, before.moved_m, target)
         size = float(np.linalg.norm(step))
         if size > 1e-3 * float(path.radius_m[0]):
-            moved[number] = _bend(path, step, float(held_m[number]), FADES_OVER * size)
+            moved[number] = _bend(path, step, float(kept_m[number]), FADES_OVER * size)
 
 
-def _bend(path: Path, step: Floats, held_m: float, fade_m: float) -> _Moved:
+def _bend(path: Path, step: Floats, kept_m: float, fade_m: float) -> _Moved:
     """Move the start of one path."""
     bent = _native.bend_start(
         path.points_m,
         path.radius_m,
         step_m=step,
-        settings=_native.StartBendSettings(held_m=held_m, fade_m=fade_m, samples=SAMPLES, min_apart=NEXT),
+        settings=_native.StartBendSettings(kept_m=kept_m, fade_m=fade_m, samples=SAMPLES, min_apart=NEXT),
     )
     path.points_m, path.radius_m, old_arc, new_arc = bent.points_m, bent.radius_m, bent.old_arc_m, bent.new_arc_m
     path.pieces = [(branch, float(np.interp(from_m, old_arc, new_arc))) for branch, from_m in path.pieces]

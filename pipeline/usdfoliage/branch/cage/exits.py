@@ -12,7 +12,7 @@ CAGE_FACTOR = 1.2  # how much farther from the axis a cage of six is than its li
 THICKEST = 0.95  # of the parent's radius, where a branch leaves it
 MIN_STUB = 0.3  # of its radius: what ends thinner than this before it is clear of its parent is not worth a hole
 SKIN = 1e-6  # radii
-MOST_STEPS = 400
+MAX_STEPS = 400
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,7 +116,7 @@ class _Nearest:
     def find(self, points: Floats) -> _Place:
         """The places next to points (C, 3), from where the last ones were."""
         near = _native.tube_nearest(
-            self.tubes.axes, self.parent, self.at, places_m=points, max_steps=MOST_STEPS, threads=0
+            self.tubes.axes, self.parent, self.at, places_m=points, max_steps=MAX_STEPS, threads=0
         )
         self.at = near.at
         return _Place(point_m=near.points_m, arc_m=near.arc_m, radius_m=near.radius_m)
@@ -166,7 +166,7 @@ def _walk(
             cage_factor=CAGE_FACTOR,
             thickest=thickest or THICKEST,
             skin=SKIN,
-            max_steps=MOST_STEPS,
+            max_steps=MAX_STEPS,
         ),
         threads=0,
     )

@@ -25,7 +25,7 @@ STEEP = 0.35  # change of radius per length, above which a tube has no room for 
 SHARP = np.radians(45.0)  # a bend above which it has none either
 RELAXED = 1.0  # parent radii behind a fork, in which its ring goes back to even sectors
 THICKEST_SINE = 0.97  # of half a hole's width: its middle vertices must lie on the parent
-LEAST_COLUMN = np.radians(11.0)  # between neighbouring vertices of a ring
+MIN_COLUMN = np.radians(11.0)  # between neighbouring vertices of a ring
 TIGHTEST = 0.35  # of its length that a hole may be pressed to where its parent has no more room
 
 
@@ -103,7 +103,7 @@ def place_holes(tubes: Tubes, exits: Exits, start_m: Floats, wanted: NDArray[np.
             half_across_m=across[looking],
             parent_radius_m=exits.parent_radius_m[looking],
         ),
-        settings=_native.HoleSettings(tightest=TIGHTEST, relaxed=RELAXED, min_column_rad=LEAST_COLUMN),
+        settings=_native.HoleSettings(tightest=TIGHTEST, relaxed=RELAXED, min_column_rad=MIN_COLUMN),
     )
     return Holes(
         block_tube=places.block_tube,

@@ -15,7 +15,7 @@ AT_VERTICES = 1.002
 GROWTH = 0.8  # of the spacing, per length, away from where it must be short
 CROWDED = 0.7  # radii: optional rings keep this distance
 PER_INTERVAL = 6  # at least so many samples of the spacing between two rings that are given
-MOST_SAMPLES = 4000  # and at most so many
+MAX_SAMPLES = 4000  # and at most so many
 TIP = 0.75  # radius of the last ring of a tip, which is rounded off
 STEADIED = (1.0, 2.2)  # radii before the shoulder: rings that keep its rounding to itself
 SHOULDER = 0.2  # radii before it: the last ring of full thickness
@@ -241,7 +241,7 @@ def _fill(
             long_segment=LONG,
             max_reach_m=0.25 * tubes.stride_m,
             min_samples=PER_INTERVAL,
-            max_samples=MOST_SAMPLES,
+            max_samples=MAX_SAMPLES,
         ),
         threads=0,
     )

@@ -17,11 +17,11 @@ class ImportanceSettings:
     """What counts as similar."""
 
     reach_internodes: float = 0.6  # epsilon_D: 3 cm where an internode has 5
-    least_cosine: float = 0.9  # epsilon_A, between principal directions, whichever way they point
+    min_cosine: float = 0.9  # epsilon_A, between principal directions, whichever way they point
     neighbors: int = 32  # looked at, at most
 
     def __post_init__(self) -> None:
-        if not self.reach_internodes > 0 or not 0 <= self.least_cosine <= 1 or self.neighbors < 3:
+        if not self.reach_internodes > 0 or not 0 <= self.min_cosine <= 1 or self.neighbors < 3:
             raise ValueError(f"reach above 0, cosine in [0, 1], 3 neighbours or more, not {self}")
 
 
@@ -54,5 +54,5 @@ def weigh_points(
     for start in range(0, len(points_m), _CHUNK):
         part = slice(start, start + _CHUNK)
         cosine = np.abs(np.einsum("nki,ni->nk", principal[np.maximum(others[part], 0)], principal[part]))
-        weight[part] = ((others[part] >= 0) & (cosine > settings.least_cosine)).sum(axis=1)
+        weight[part] = ((others[part] >= 0) & (cosine > settings.min_cosine)).sum(axis=1)
     return weight

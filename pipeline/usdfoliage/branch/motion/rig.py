@@ -24,15 +24,15 @@ class RigSettings:
     order: int = 2  # of the last ones that have a joint
     blend_radii: float = 4.0  # of the parent, over which a branch goes over to its own joint, at least
     blend_share: float = 0.15  # of the branch's length, at least
-    most_share: float = 0.6  # of what is out of the parent, at most
+    max_share: float = 0.6  # of what is out of the parent, at most
 
     def __post_init__(self) -> None:
         if self.order < 0:
             raise ValueError(f"order must be 0 or more, not {self.order}")
-        if not (self.blend_radii >= 0 and 0 <= self.blend_share <= 1 and 0 < self.most_share <= 1):
+        if not (self.blend_radii >= 0 and 0 <= self.blend_share <= 1 and 0 < self.max_share <= 1):
             raise ValueError(
-                "blend_radii must be 0 or more, blend_share 0 to 1, most_share above 0 and at most 1, not "
-                f"{self.blend_radii:g}, {self.blend_share:g}, {self.most_share:g}"
+                "blend_radii must be 0 or more, blend_share 0 to 1, max_share above 0 and at most 1, not "
+                f"{self.blend_radii:g}, {self.blend_share:g}, {self.max_share:g}"
             )
 
 
@@ -114,7 +114,7 @@ def build_rig(
     blend_m = np.maximum(settings.blend_radii * parent_m, settings.blend_share * length_m)
     # What is hardly out of its parent turns little: better than a step.
     min_m = np.minimum(blend_m, np.maximum(parent_m, 1e-9))
-    blend_m = np.maximum(np.minimum(blend_m, settings.most_share * (length_m - exits.arc_m)), min_m)
+    blend_m = np.maximum(np.minimum(blend_m, settings.max_share * (length_m - exits.arc_m)), min_m)
     columns = int(skeleton.order[wanted].max(initial=0)) + 1
     rig = Rig(
         curve=turned.astype(np.int32),

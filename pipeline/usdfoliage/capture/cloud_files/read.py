@@ -174,7 +174,7 @@ def find_cloud(folder: Path) -> Path:
     raise CaptureError(f"{folder} has no cloud; put one there as cloud.ply, .las, .laz or .xyz, or give a file")
 
 
-def looks_like_cloud(path: Path) -> bool:
+def is_cloud_input(path: Path) -> bool:
     """Whether a file, which need not be there, is a cloud by its suffix or its first bytes, or one that is not read.
 
     read_cloud_input raises what is wrong with it.

@@ -113,15 +113,15 @@ def _read_exr(path: Path, width_px: int, height_px: int) -> tuple[NDArray[np.flo
 
 def _displayed(values: NDArray[np.float32], data: _Window, display: _Window) -> NDArray[np.float32]:
     """The display window of a cropped or overscanned map; 0 where it has no data."""
-    shown = np.zeros((display.height, display.width), np.float32)
+    displayed = np.zeros((display.height, display.width), np.float32)
     left, top = max(data.left, display.left), max(data.top, display.top)
     right = min(data.left + data.width, display.left + display.width)
     bottom = min(data.top + data.height, display.top + display.height)
     if right > left and bottom > top:
-        shown[top - display.top : bottom - display.top, left - display.left : right - display.left] = values[
+        displayed[top - display.top : bottom - display.top, left - display.left : right - display.left] = values[
             top - data.top : bottom - data.top, left - data.left : right - data.left
         ]
-    return shown
+    return displayed
 
 
 def _choose_channel(path: Path, names: list[str]) -> str:

@@ -79,14 +79,14 @@ def leave_out_other_units(
     agree = np.abs(factors) < np.log(_PLAUSIBLE)
     if agree.all():
         return tuple(views), ()
-    most = agree[agree.sum(axis=1).argmax()]
-    if 2 * most.sum() <= len(places):
+    largest = agree[agree.sum(axis=1).argmax()]
+    if 2 * largest.sum() <= len(places):
         text = "the depth of the views is in different units, and no unit is that of most"
         return tuple(views), (remark("depth-units-mixed", text, remedy="give all depth in metres"),)
 
     kept = list(views)
     odd: dict[tuple[int, bool], list[str]] = {}
-    for place, factor in zip(places, np.median(factors[:, most], axis=1), strict=True):
+    for place, factor in zip(places, np.median(factors[:, largest], axis=1), strict=True):
         for unit in _UNITS:
             if abs(factor) >= np.log(_PLAUSIBLE) and abs(abs(factor) - np.log(unit)) < np.log(_NEAR_UNIT):
                 odd.setdefault((unit, factor > 0), []).append(views[place].name)

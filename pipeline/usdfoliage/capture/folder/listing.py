@@ -105,9 +105,9 @@ def _places(view: str | int, names: Sequence[str]) -> Iterable[int]:
             return [index % len(names)]
     except ValueError:
         pass
-    alike = [index for index, name in enumerate(names) if PurePosixPath(name).with_suffix("").as_posix() == text]
-    if len(alike) == 1:
-        return alike
+    same_stem = [index for index, name in enumerate(names) if PurePosixPath(name).with_suffix("").as_posix() == text]
+    if len(same_stem) == 1:
+        return same_stem
     raise CaptureError(
         f"there is no view {text[:80]!r} among {counted(len(names), 'posed photograph')}: {named(list(names))}; "
         f"give a name, a place from 0 to {len(names) - 1}, or start:stop:step"

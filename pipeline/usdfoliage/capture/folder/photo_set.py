@@ -116,7 +116,7 @@ def read_photo_set(
     photos: list[PhotoFile] = []
     dropped: list[DroppedFile] = []
     looked_at = map_threaded(
-        lambda name: _look_at(name, found[name]), pictures, threads=share_cores(settings.threads)[0]
+        lambda name: _inspect(name, found[name]), pictures, threads=share_cores(settings.threads)[0]
     )
     for done, result in enumerate(looked_at, 1):
         if isinstance(result, PhotoFile):
@@ -236,7 +236,7 @@ def _read_stored(path: Path) -> NDArray[Any]:
     return np.ascontiguousarray(turned)
 
 
-def _look_at(name: str, path: Path) -> PhotoFile | DroppedFile:
+def _inspect(name: str, path: Path) -> PhotoFile | DroppedFile:
     try:
         gray = read_gray(path)
         digest = hash_file(path).hex()

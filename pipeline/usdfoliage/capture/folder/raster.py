@@ -240,11 +240,11 @@ def _display_window(path: Path, pixels: NDArray[Any], spec: Any) -> NDArray[Any]
     right, bottom = min(left + spec.width, spec.full_width), min(top + spec.height, spec.full_height)
     if right <= max(left, 0) or bottom <= max(top, 0):
         raise CaptureError(f"{path} has no pixels in its display window; write it with an overlapping data window")
-    shown = np.zeros((spec.full_height, spec.full_width, pixels.shape[2]), pixels.dtype)
-    shown[max(top, 0) : bottom, max(left, 0) : right] = pixels[
+    displayed = np.zeros((spec.full_height, spec.full_width, pixels.shape[2]), pixels.dtype)
+    displayed[max(top, 0) : bottom, max(left, 0) : right] = pixels[
         max(-top, 0) : bottom - top, max(-left, 0) : right - left
     ]
-    return shown
+    return displayed
 
 
 def _text(getter: Callable[..., str], *arguments: str) -> str:

@@ -272,9 +272,9 @@ def merge_view_remarks(remarks: Sequence[Remark]) -> list[Remark]:
     for each in remarks:
         by_text.setdefault((each.code, each.text), []).append(each)
     merged = []
-    for alike in by_text.values():
-        names = named([each.subject for each in alike])
-        merged.append(replace(alike[0], subject=names, text=f"{names}: {alike[0].text}"))
+    for same_text in by_text.values():
+        names = named([each.subject for each in same_text])
+        merged.append(replace(same_text[0], subject=names, text=f"{names}: {same_text[0].text}"))
     return merged
 
 
@@ -377,12 +377,12 @@ def _merge(remarks: Sequence[_ViewRemark]) -> list[Remark]:
     for each in remarks:
         by_text.setdefault((each.remark.code, each.remark.text), []).append(each)
     merged = []
-    for alike in by_text.values():
-        first, pixels = _with_detail(alike[0]), sum(each.pixels for each in alike)
-        names = named([each.remark.subject for each in alike])
+    for same_text in by_text.values():
+        first, pixels = _with_detail(same_text[0]), sum(each.pixels for each in same_text)
+        names = named([each.remark.subject for each in same_text])
         merged.append(replace(first, subject=names, text=f"{names}: {f'{pixels:,} ' if pixels else ''}{first.text}"))
     return merged
 
 
-def _with_detail(held: _ViewRemark) -> Remark:
-    return replace(held.remark, text=f"{held.remark.text}; {held.detail}") if held.detail else held.remark
+def _with_detail(found: _ViewRemark) -> Remark:
+    return replace(found.remark, text=f"{found.remark.text}; {found.detail}") if found.detail else found.remark

@@ -45,8 +45,8 @@ def complete_capture_settings(text: str, values: Mapping[str, str | float]) -> s
         ValueError: The text is no TOML.
     """
     mark, body = ("\ufeff", text[1:]) if text.startswith("\ufeff") else ("", text)
-    held = parse_toml(body)
-    missing = {key: value for key, value in values.items() if key not in held}
+    parsed = parse_toml(body)
+    missing = {key: value for key, value in values.items() if key not in parsed}
     if not missing:
         return text
     end = "\r\n" if "\r\n" in body else "\n"
@@ -55,7 +55,7 @@ def complete_capture_settings(text: str, values: Mapping[str, str | float]) -> s
         f"{key} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f") for key, value in missing.items()
     ]
     completed = end.join(["# added by usdfoliage capture", *lines, body])
-    if parse_toml(completed) != {**held, **missing}:
+    if parse_toml(completed) != {**parsed, **missing}:
         raise ValueError(f"{', '.join(missing)} cannot be added")
     return mark + completed
 

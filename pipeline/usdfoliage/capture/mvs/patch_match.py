@@ -19,7 +19,7 @@ from usdfoliage.capture.view import View
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.native_settings import native_settings
 
-MAX_SOURCES, _MOST_SAMPLES = 16, 64  # as native code takes them
+MAX_SOURCES, _MAX_SAMPLES = 16, 64  # as native code takes them
 _MIN_SIDE_PX = 32  # of a coarse picture; below it there is nothing to match
 
 
@@ -82,8 +82,8 @@ class PatchMatchSettings:
             raise ValueError(
                 f"window_step_px must divide the window's side {2 * self.window_px}, not {self.window_step_px}"
             )
-        if len(self.window_offsets()) > _MOST_SAMPLES:
-            raise ValueError(f"the window may have {_MOST_SAMPLES} pixels, not {len(self.window_offsets())}")
+        if len(self.window_offsets()) > _MAX_SAMPLES:
+            raise ValueError(f"the window may have {_MAX_SAMPLES} pixels, not {len(self.window_offsets())}")
         scales = [self.color_scale, self.distance_scale_px, self.noise, self.step, self.geometric_limit_px]
         scales += [self.brightness_scale, self.tint_scale, self.segment_limit_px, self.segment_texture]
         if not all(np.isfinite(value) and value > 0 for value in scales):
@@ -230,7 +230,7 @@ def _match_sources(
 
 
 def propose_planes(
-    camera: Pinhole, source_planes: Sequence[MatchedPlanes | None], most_cost: float = 1.5
+    camera: Pinhole, source_planes: Sequence[MatchedPlanes | None], max_cost: float = 1.5
 ) -> NDArray[np.float32] | None:
     """The planes of sources as a camera sees them, (layers, H, W, 3), 0 for none; None where no source has any.
 
@@ -255,7 +255,7 @@ def propose_planes(
                 pixel_from_ray=pixel_from_ray(camera),
                 width=camera.width_px,
                 height=camera.height_px,
-                max_cost=most_cost,
+                max_cost=max_cost,
             )
             layers.append(seen.planes)
     return np.stack(layers) if layers else None

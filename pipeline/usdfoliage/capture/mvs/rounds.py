@@ -66,7 +66,7 @@ ROUNDS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class DenseDepthSettings:
+class MvsSettings:
     """How thoroughly photographs are matched, and which depth is believed."""
 
     max_side_px: int = 1200  # Photographs are matched at this longer side at most. Unit: pixels. Range: 32 or more.
@@ -114,7 +114,7 @@ class DepthPlan:
 def plan_depths(
     cameras: Sequence[Pinhole],
     points_m: NDArray[np.floating] | None = None,
-    settings: DenseDepthSettings = DenseDepthSettings(),
+    settings: MvsSettings = MvsSettings(),
 ) -> DepthPlan:
     """Nearest and farthest depth of every view, and the views that each is matched with, none where there are none.
 
@@ -149,7 +149,7 @@ def plan_depths(
     return DepthPlan(ranges_m=tuple(ranges_m), farthest_m=tuple(farthest_m), sources=tuple(sources))
 
 
-def _hint(cameras: Sequence[Pinhole], ranges_m: Sequence[tuple[float, float]], settings: DenseDepthSettings) -> str:
+def _hint(cameras: Sequence[Pinhole], ranges_m: Sequence[tuple[float, float]], settings: MvsSettings) -> str:
     """What to do where no two views can be matched."""
     positions_m = np.array([camera.position_m for camera in cameras])
     spread_m = float(np.linalg.norm(np.ptp(positions_m, axis=0)))
@@ -167,7 +167,7 @@ def match_round(
     plan: DepthPlan,
     read_view: Callable[[int], View],
     read_planes: Callable[[int], MatchedPlanes | None],
-    settings: DenseDepthSettings = DenseDepthSettings(),
+    settings: MvsSettings = MvsSettings(),
     *,
     threads: int = 0,
 ) -> MatchedPlanes:
@@ -205,7 +205,7 @@ def match_round(
 
 
 def _segment_planes(
-    view: View, start: MatchedPlanes, level: int, range_m: tuple[float, float], settings: DenseDepthSettings
+    view: View, start: MatchedPlanes, level: int, range_m: tuple[float, float], settings: MvsSettings
 ) -> NDArray[np.float32]:
     """(H, W, 3), the plane of each pixel's segment at the size of matching."""
     picture = Picture.of(view, settings.max_side_px, level)
@@ -220,7 +220,7 @@ def finish_depth(
     plan: DepthPlan,
     read_view: Callable[[int], View],
     read_planes: Callable[[int], MatchedPlanes | None],
-    settings: DenseDepthSettings = DenseDepthSettings(),
+    settings: MvsSettings = MvsSettings(),
     *,
     level: int | None = None,
     threads: int = 0,
@@ -271,7 +271,7 @@ def drop_limits(planes: MatchedPlanes, range_m: tuple[float, float], farthest_m:
 def match_views(
     views: Sequence[View],
     plan: DepthPlan,
-    settings: DenseDepthSettings = DenseDepthSettings(),
+    settings: MvsSettings = MvsSettings(),
     progress: Progress | None = None,
     *,
     threads: int = 0,
@@ -310,7 +310,7 @@ def match_views(
 def estimate_depths(
     views: Sequence[View],
     points_m: NDArray[np.floating] | None = None,
-    settings: DenseDepthSettings = DenseDepthSettings(),
+    settings: MvsSettings = MvsSettings(),
     progress: Progress | None = None,
     *,
     threads: int = 0,

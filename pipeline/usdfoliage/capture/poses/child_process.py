@@ -71,12 +71,12 @@ def run_items(
             raise
         for share_run in running:
             share_run.result()  # what it raised
-    if any(_tells_full_disk(failure.reason) for failure in failures):
+    if any(_is_full_disk(failure.reason) for failure in failures):
         raise _full(work)
     return tuple(sorted(failures, key=lambda failure: failure.number))
 
 
-def _tells_full_disk(text: str) -> bool:
+def _is_full_disk(text: str) -> bool:
     """Whether a worker, or the data base in it, ended for want of space."""
     return "No space left" in text or "disk is full" in text
 
@@ -135,7 +135,7 @@ def _do_share(
             if stop.is_set():
                 return
             left = [entry for entry in left if entry[0] not in finished]
-            if left and _tells_full_disk(ending):
+            if left and _is_full_disk(ending):
                 raise _full(work)
             if left:  # the child ended at the first of them
                 events.put(("failed", left[0][0], f"the process ended there ({ending})"))
@@ -182,8 +182,8 @@ def _run_child(
             watch.join()
             code = child.wait()
             log.seek(0)
-            said = log.read()[-4000:].decode(errors="replace").strip().splitlines()
-            last = said[-1][:300] if said else "nothing said"
+            output = log.read()[-4000:].decode(errors="replace").strip().splitlines()
+            last = output[-1][:300] if output else "nothing said"
             return finished, f"code {code}: {last}"
     finally:
         path.unlink(missing_ok=True)

@@ -15,7 +15,7 @@ from usdfoliage.remarks import Remark, Setting, remark
 
 _STILL_SHARE = 0.35  # of matches that fit; fewer where things move, or repeat
 _FOCAL_SHARES = (0.35, 8.0)  # of the longer side: what cameras that photograph plants have
-_LEAST_SPREAD = 0.04  # of the longer side: standard deviation of points across the band that they lie in
+_MIN_SPREAD = 0.04  # of the longer side: standard deviation of points across the band that they lie in
 
 
 def list_failures(
@@ -24,7 +24,7 @@ def list_failures(
     group: NDArray[np.int64],
     found: PairMatches,
     failed: dict[int, str],
-    least_matches: int,
+    min_matches: int,
 ) -> tuple[Unregistered, ...]:
     """Each photograph without a camera, those left out of the set among them, with the likely reason."""
     photos = photo_set.photos
@@ -39,11 +39,11 @@ def list_failures(
         else:
             with np.load(features[index], allow_pickle=False) as arrays:
                 count = len(arrays["keypoints"])
-            others = found.verified[index] >= least_matches
+            others = found.verified[index] >= min_matches
             to_group = int(found.verified[index, in_group].max())
             turned = others & found.panoramic[index]
             hint = "; it is blurred" if photo.name in blurred else ""
-            if count < 4 * least_matches:
+            if count < 4 * min_matches:
                 reason = f"only {counted(count, 'feature')} in it: it shows too little, or nothing sharp{hint}"
             elif group[index] > 0:
                 size = int((group == group[index]).sum())
@@ -52,9 +52,9 @@ def list_failures(
                 best = int(found.verified[index].max())
                 reason = (
                     f"at most {counted(best, 'feature')} in common with any other photograph, "
-                    f"{least_matches} are needed: perhaps another scene, or too far from the next{hint}"
+                    f"{min_matches} are needed: perhaps another scene, or too far from the next{hint}"
                 )
-            elif to_group < least_matches:
+            elif to_group < min_matches:
                 reason = f"it overlaps only photographs that have no camera either{hint}"
             elif bool((turned == others).all()):
                 reason = f"the camera only turned between it and the others, and did not move{hint}"
@@ -67,12 +67,12 @@ def list_failures(
     return tuple(sorted(failures, key=lambda failure: failure.name))
 
 
-def describe_registration(
+def describe_poses(
     photos: Sequence[PhotoFile],
     images: NDArray[np.int64],
     found: PairMatches,
     registered: Sequence[RegisteredPhoto],
-    least_matches: int,
+    min_matches: int,
 ) -> tuple[Remark, ...]:
     """Remarks on photographs without a camera, on matches that fit no motion, and on several cameras."""
     remarks = []
@@ -81,9 +81,9 @@ def describe_registration(
         text = f"{len(missing)} of {counted(len(photos), 'photograph')} have no camera: {named(missing)}"
         remarks.append(remark("photographs-not-registered", text, subject=named(missing)))
     inside = np.ix_(images, images)
-    looked_at = found.verified[inside] >= least_matches
+    looked_at = found.verified[inside] >= min_matches
     if looked_at.any():
-        share = float(np.median(found.verified[inside][looked_at] / np.maximum(found.alike[inside][looked_at], 1)))
+        share = float(np.median(found.verified[inside][looked_at] / np.maximum(found.similar[inside][looked_at], 1)))
         if share < _STILL_SHARE:
             text = (
                 f"only {share:.0%} of what looks alike in two photographs fits one motion of the camera; "
@@ -101,7 +101,7 @@ def check_cameras(
     registered: Sequence[RegisteredPhoto],
     track_photos: NDArray[np.int64],
     places_px: NDArray[np.float64],
-    least_matches: int,
+    min_matches: int,
 ) -> tuple[Remark, ...]:
     """Warnings by which the cameras are probably wrong, however well the points fit them."""
     remarks = []
@@ -109,11 +109,11 @@ def check_cameras(
     odd = [share for share in focal if not _FOCAL_SHARES[0] <= share <= _FOCAL_SHARES[1]]
     if odd:
         text = f"a focal length of {odd[0]:g} of the longer side is improbable"
-        key = Setting(name="capture.registration.focal_px")
+        key = Setting(name="capture.pose_estimation.focal_px")
         remarks.append(remark("focal-length-improbable", text, remedy=("give ", key)))
-    sparse = [photo.name for photo in registered if photo.points < 4 * least_matches]
+    sparse = [photo.name for photo in registered if photo.points < 4 * min_matches]
     if len(sparse) > len(registered) / 2:
-        text = f"{len(sparse)} of {counted(len(registered), 'photograph')} see fewer than {4 * least_matches} points"
+        text = f"{len(sparse)} of {counted(len(registered), 'photograph')} see fewer than {4 * min_matches} points"
         remedy = "take more photographs, nearer to each other"
         remarks.append(remark("few-points-seen", text, subject=named(sparse), remedy=remedy))
     narrow = []
@@ -122,7 +122,7 @@ def check_cameras(
         if len(places) > 2:
             thin = math.sqrt(max(float(np.linalg.eigvalsh(np.cov(places.T))[0]), 0))
             narrow.append(thin / max(photo.lens.width_px, photo.lens.height_px))
-    if narrow and float(np.median(narrow)) < _LEAST_SPREAD:
+    if narrow and float(np.median(narrow)) < _MIN_SPREAD:
         text = (
             f"the points of most photographs lie in a band {float(np.median(narrow)):.1%} of the longer side wide, as "
             f"of a horizon behind the plant, which does not determine the cameras"

@@ -119,9 +119,9 @@ def retrieve_pairs(
         residuals = np.zeros_like(centers)
         np.add.at(residuals, nearest, own - centers[nearest])
         signatures[index] = _unit_rows(residuals).ravel()
-    alike = signatures @ signatures.T
-    np.fill_diagonal(alike, -np.inf)
-    order = np.argsort(-alike, axis=1, kind="stable")[:, : min(neighbours, len(descriptors) - 1)]
+    similarity = signatures @ signatures.T
+    np.fill_diagonal(similarity, -np.inf)
+    order = np.argsort(-similarity, axis=1, kind="stable")[:, : min(neighbours, len(descriptors) - 1)]
     return {(min(i, int(j)), max(i, int(j))) for i, row in enumerate(order) for j in row}
 
 

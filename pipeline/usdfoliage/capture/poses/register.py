@@ -19,7 +19,7 @@ from usdfoliage.capture.folder.listing import counted
 from usdfoliage.capture.folder.photo_set import PhotoFile, PhotoSet, read_colors
 from usdfoliage.capture.lens import LENS_MODELS, Lens, scale_lens
 from usdfoliage.capture.poses.child_process import run_items
-from usdfoliage.capture.poses.diagnosis import check_cameras, describe_registration, list_failures
+from usdfoliage.capture.poses.diagnosis import check_cameras, describe_poses, list_failures
 from usdfoliage.capture.poses.pairs import all_pairs, neighbours_in_order, retrieve_pairs
 from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, project_with
 from usdfoliage.capture.poses.result import Registered as Registered  # what callers get
@@ -34,11 +34,11 @@ logger = logging.getLogger(__name__)
 CODE_OF_POSES = ("[!_]*.py", "files/**/*", "geometry/**/*", "capture/**/*")
 _EXHAUSTIVE_UP_TO = 60  # photographs
 _MIN_MODEL = 2  # photographs
-_LEAST_PARALLAX_DEG = 2.5  # median over points; COLMAP drops points below 1.5
+_MIN_PARALLAX_DEG = 2.5  # median over points; COLMAP drops points below 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class RegistrationSettings:
+class PoseEstimationSettings:
     """How the cameras of photographs are found."""
 
     # incremental and global are COLMAP's two mappers; auto runs the incremental one, and the global one where that
@@ -51,7 +51,7 @@ class RegistrationSettings:
     max_side_px: int = 1600
     features: int = 4000  # At most this many features of a photograph are used, the coarsest first. Range: 100 or more.
     # Where a photograph has fewer features, finer ones are searched at four times the cost. Range: 0 or more.
-    least_features: int = 1000
+    min_features: int = 1000
     # A feature has at least this contrast. Leaves before a dark wall have little. Unit: of 1. Range: above 0, below
     # 1.
     peak_threshold: float = 0.002
@@ -69,7 +69,7 @@ class RegistrationSettings:
     # Range: 100 or more.
     coarse_features: int = 800
     coarse_matches: int = 16  # A pair with this many coarse matches is compared in full in any case. Range: 0 or more.
-    least_matches: int = 15  # A pair counts when one motion explains at least this many matches. Range: 8 or more.
+    min_matches: int = 15  # A pair counts when one motion explains at least this many matches. Range: 8 or more.
     # Each photograph is compared with this many before and after it, where the photographs are in order. Range: 1 or
     # more.
     sequence_overlap: int = 8
@@ -88,12 +88,12 @@ class RegistrationSettings:
         ):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name} must be one of {', '.join(allowed)}, not {getattr(self, name)!r}")
-        if self.max_side_px < 64 or self.features < 100 or self.least_features < 0:
+        if self.max_side_px < 64 or self.features < 100 or self.min_features < 0:
             raise ValueError(f"max_side_px must be at least 64, features at least 100, not {self}")
         if not 0 < self.peak_threshold < 1 or not 0 < self.max_ratio <= 1:
             raise ValueError(f"peak_threshold and max_ratio must be in 0 to 1, not {self}")
-        if min(self.coarse_features - 100, self.coarse_matches, self.seed, self.threads) < 0 or self.least_matches < 8:
-            raise ValueError(f"counts must not be negative and least_matches at least 8, not {self}")
+        if min(self.coarse_features - 100, self.coarse_matches, self.seed, self.threads) < 0 or self.min_matches < 8:
+            raise ValueError(f"counts must not be negative and min_matches at least 8, not {self}")
         if min(self.sequence_overlap, self.neighbours) < 1:
             raise ValueError(f"sequence_overlap and neighbours must be at least 1, not {self}")
         if self.focal_px is not None and not (np.isfinite(self.focal_px) and self.focal_px > 0):
@@ -103,7 +103,7 @@ class RegistrationSettings:
 def register_photos(
     photo_set: PhotoSet,
     work: Path,
-    settings: RegistrationSettings = RegistrationSettings(),
+    settings: PoseEstimationSettings = PoseEstimationSettings(),
     progress: StepProgress | None = None,
 ) -> Registered:
     """Find the cameras of photographs. What is finished stays in the work folder, and is not done again.
@@ -157,7 +157,7 @@ def _named(*parts: Any) -> str:
 def _find_features(
     photos: Sequence[PhotoFile],
     work: Path,
-    settings: RegistrationSettings,
+    settings: PoseEstimationSettings,
     processes: int,
     progress: Progress | None,
 ) -> tuple[list[Path], dict[int, str]]:
@@ -166,7 +166,7 @@ def _find_features(
         "task": "features",
         "max_side_px": settings.max_side_px,
         "features": settings.features,
-        "least_features": settings.least_features,
+        "min_features": settings.min_features,
         "peak_threshold": settings.peak_threshold,
     }
     files = [work / f"features-{_named(job, photo.digest)}.npz" for photo in photos]
@@ -185,7 +185,7 @@ def _sizes(files: Sequence[Path], usable: Sequence[int]) -> dict[int, tuple[int,
 
 
 def _cameras(
-    photos: Sequence[PhotoFile], features: Sequence[Path], usable: Sequence[int], settings: RegistrationSettings
+    photos: Sequence[PhotoFile], features: Sequence[Path], usable: Sequence[int], settings: PoseEstimationSettings
 ) -> dict[int, dict[str, Any]]:
     """What COLMAP is told of each photograph's camera, for the size that the features are of."""
     cameras: dict[int, dict[str, Any]] = {}
@@ -217,7 +217,7 @@ def _choose_pairs(
     features: Sequence[Path],
     usable: Sequence[int],
     work: Path,
-    settings: RegistrationSettings,
+    settings: PoseEstimationSettings,
     processes: int,
     progress: Progress | None,
 ) -> list[tuple[int, int]]:
@@ -227,19 +227,19 @@ def _choose_pairs(
         return candidates
     job = {"task": "compare", "max_ratio": settings.max_ratio, "coarse_features": settings.coarse_features}
     items = _by_first(candidates, job, features, work, "likeness")
-    told = {**job, "features": [str(file.resolve()) for file in features]}
-    failures = run_items(told, items, work, processes, progress)
+    request = {**job, "features": [str(file.resolve()) for file in features]}
+    failures = run_items(request, items, work, processes, progress)
     lost = {failure.number for failure in failures}
-    alike = np.full((len(features), len(features)), -1, np.int64)
+    similar = np.full((len(features), len(features)), -1, np.int64)
     for number, item in enumerate(items):
         if number in lost:  # all of its pairs are looked at
-            alike[item["first"], item["seconds"]] = settings.coarse_matches
+            similar[item["first"], item["seconds"]] = settings.coarse_matches
             continue
         with np.load(item["out"], allow_pickle=False) as arrays:
-            alike[int(arrays["first"]), arrays["seconds"]] = arrays["alike"]
-    alike = np.maximum(alike, alike.T)
-    nearest = np.argsort(-alike, axis=1, kind="stable")[:, : settings.neighbours]
-    wanted = alike >= settings.coarse_matches
+            similar[int(arrays["first"]), arrays["seconds"]] = arrays["alike"]
+    similar = np.maximum(similar, similar.T)
+    nearest = np.argsort(-similar, axis=1, kind="stable")[:, : settings.neighbours]
+    wanted = similar >= settings.coarse_matches
     for first in usable:
         wanted[first, nearest[first]] = True
     wanted |= wanted.T
@@ -247,7 +247,7 @@ def _choose_pairs(
 
 
 def _candidates(
-    features: Sequence[Path], usable: Sequence[int], settings: RegistrationSettings
+    features: Sequence[Path], usable: Sequence[int], settings: PoseEstimationSettings
 ) -> list[tuple[int, int]]:
     """All pairs of a few photographs; of many those near in sequence, and those that look alike."""
     few = len(usable) <= _EXHAUSTIVE_UP_TO
@@ -288,7 +288,7 @@ def _match(
     usable: Sequence[int],
     pairs: Sequence[tuple[int, int]],
     work: Path,
-    settings: RegistrationSettings,
+    settings: PoseEstimationSettings,
     processes: int,
     progress: Progress | None,
 ) -> list[Path]:
@@ -300,13 +300,13 @@ def _match(
     }
     made_from = [f"{json.dumps(cameras.get(index))} {file.name}" for index, file in enumerate(features)]
     items = _by_first(pairs, job, made_from, work, "matches")
-    told = {
+    request = {
         **job,
         "features": [str(file.resolve()) for file in features],
         "cameras": [cameras.get(index) for index in range(len(features))],
     }
     # A photograph whose matching ends the process is without matches, and told as such.
-    failures = run_items(told, items, work, processes, progress)
+    failures = run_items(request, items, work, processes, progress)
     lost = {failure.number for failure in failures}
     for failure in failures:
         logger.warning("matches of photograph %d are lost: %s", items[failure.number]["first"], failure.reason)
@@ -321,15 +321,15 @@ def _map(
     match_files: Sequence[Path],
     found: PairMatches,
     work: Path,
-    settings: RegistrationSettings,
+    settings: PoseEstimationSettings,
     progress: Progress | None,
 ) -> dict[str, NDArray[Any]]:
     """The model of the worker; photographs are numbered as in usable there, and as in photo_set here."""
-    overlapping = found.verified >= settings.least_matches
+    overlapping = found.verified >= settings.min_matches
     if not overlapping.any():
         raise CaptureError(
             f"no two of {counted(len(usable), 'photograph')} in {photo_set.folder} overlap: the best pair has "
-            f"{int(found.verified.max())} features in common, {settings.least_matches} are needed; "
+            f"{int(found.verified.max())} features in common, {settings.min_matches} are needed; "
             f"photograph the plant from places 10 to 15 degrees apart, with something still and textured around it"
         )
     if bool((found.panoramic | ~overlapping).all()):
@@ -341,7 +341,7 @@ def _map(
     best: dict[str, NDArray[Any]] = {}
     for mapper in wanted:
         job = {
-            "task": "map", "mapper": mapper, "seed": settings.seed, "least_matches": settings.least_matches,
+            "task": "map", "mapper": mapper, "seed": settings.seed, "min_matches": settings.min_matches,
             "mapper_threads": 1, "global_ratio": 1.2,
         }  # fmt: skip
         job |= {
@@ -395,10 +395,10 @@ def _check_moved(photo_set: PhotoSet, model: dict[str, NDArray[Any]]) -> None:
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     widest = [np.min(own @ own.T) for own in np.split(rays, starts[1:-1])]  # cosine
     angle_deg = float(np.degrees(np.arccos(np.clip(np.median(widest), -1, 1))))
-    if angle_deg < _LEAST_PARALLAX_DEG:
+    if angle_deg < _MIN_PARALLAX_DEG:
         raise CaptureError(
             f"the camera only turned between the photographs in {photo_set.folder} and did not move, or hardly: points "
-            f"are seen from directions {angle_deg:.1f}° apart, {_LEAST_PARALLAX_DEG}° are needed; walk around the plant"
+            f"are seen from directions {angle_deg:.1f}° apart, {_MIN_PARALLAX_DEG}° are needed; walk around the plant"
         )
 
 
@@ -409,7 +409,7 @@ def _registered(
     model: dict[str, NDArray[Any]],
     found: PairMatches,
     failed: dict[int, str],
-    settings: RegistrationSettings,
+    settings: PoseEstimationSettings,
 ) -> Registered:
     photos = photo_set.photos
     images = model["images"]
@@ -454,7 +454,7 @@ def _registered(
     )
     seen_by = np.maximum(np.diff(model["track_starts"]), 1)
     track_photos = place_in[track[:, 0]]
-    checks = check_cameras(registered, track_photos, places_px, settings.least_matches)
+    checks = check_cameras(registered, track_photos, places_px, settings.min_matches)
     return Registered(
         photos=registered,
         points=points,
@@ -465,8 +465,8 @@ def _registered(
         track_places_px=places_px,
         names=tuple(photo.name for photo in photos),
         matches=found.verified,
-        failures=list_failures(photo_set, features, model["group"], found, failed, settings.least_matches),
-        remarks=(*checks, *describe_registration(photos, images, found, registered, settings.least_matches)),
+        failures=list_failures(photo_set, features, model["group"], found, failed, settings.min_matches),
+        remarks=(*checks, *describe_poses(photos, images, found, registered, settings.min_matches)),
     )
 
 

@@ -62,22 +62,22 @@ class PairMatches:
     """What is known of all pairs."""
 
     verified: NDArray[np.int64]  # (P, P), symmetric
-    alike: NDArray[np.int64]  # (P, P), descriptors alike of the pairs that were looked at
+    similar: NDArray[np.int64]  # (P, P), descriptors alike of the pairs that were looked at
     panoramic: NDArray[np.bool_]  # (P, P), what is verified shows a turn, not a move
 
     @classmethod
     def gather(cls, count: int, files: Sequence[Path]) -> "PairMatches":
         verified = np.zeros((count, count), np.int64)
-        alike = np.zeros((count, count), np.int64)
+        similar = np.zeros((count, count), np.int64)
         panoramic = np.zeros((count, count), np.bool_)
         for file in files:
             with np.load(file, allow_pickle=False) as arrays:
                 first, seconds = int(arrays["first"]), arrays["seconds"]
                 good = np.isin(arrays["configs"], _CONFIGURED)
                 verified[first, seconds] = np.where(good, arrays["counts"], 0)
-                alike[first, seconds] = arrays["alike"]
+                similar[first, seconds] = arrays["alike"]
                 panoramic[first, seconds] = np.isin(arrays["configs"], _PANORAMIC)
-        return cls(verified=verified + verified.T, alike=alike + alike.T, panoramic=panoramic | panoramic.T)
+        return cls(verified=verified + verified.T, similar=similar + similar.T, panoramic=panoramic | panoramic.T)
 
 
 def project_with(lens: Lens, cam_from_world: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,8 +26,8 @@ from usdfoliage.files.npz import read_arrays, write_arrays
 Arrays = Mapping[str, NDArray[Any]]
 
 _DESCRIPTOR = 128  # numbers
-_MOST_TRIALS = 2000  # finds what 44 % of the matches agree on; photographs that overlap agree on more
-_LEAST_ALIKE = 20  # descriptors, below which a motion explains what it explains by chance
+_MAX_TRIALS = 2000  # finds what 44 % of the matches agree on; photographs that overlap agree on more
+_MIN_SIMILAR = 20  # descriptors, below which a motion explains what it explains by chance
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -53,7 +53,7 @@ def _find_features(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
     """SIFT features of one photograph, the coarsest first."""
     gray = read_gray(Path(item["photo"]), job["max_side_px"])
     keypoints, descriptors = _sift(gray, first_octave=0, job=job)
-    if len(keypoints) < job["least_features"]:  # four times the time, and what is found is less exactly placed
+    if len(keypoints) < job["min_features"]:  # four times the time, and what is found is less exactly placed
         keypoints, descriptors = _sift(gray, first_octave=-1, job=job)
     order = np.argsort(-keypoints[:, 2], kind="stable")[: job["features"]]
     return {
@@ -80,13 +80,13 @@ def _compare(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
     """How many of the coarsest features of one photograph are alike in others: cheap, and enough to tell neighbours."""
     few, settings = job["coarse_features"], MatchSettings(max_ratio=job["max_ratio"])
     first = _coarsest(job["features"][item["first"]], few)
-    alike = [
+    matched = [
         len(match_descriptors(first, _coarsest(job["features"][second], few), settings)) for second in item["seconds"]
     ]
     return {
         "first": np.array(item["first"], np.int64),
         "seconds": np.array(item["seconds"], np.int64),
-        "alike": np.array(alike, np.int64),
+        "alike": np.array(matched, np.int64),
     }
 
 
@@ -104,10 +104,10 @@ def _match_photos(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
     tried = []
     for second_index in item["seconds"]:
         second = read_arrays(Path(job["features"][second_index]))
-        alike = match_descriptors(first["descriptors"], second["descriptors"], settings)
-        found = _verify(first, second, camera, _camera(2, job["cameras"][second_index]), alike, job["seed"])
+        matched = match_descriptors(first["descriptors"], second["descriptors"], settings)
+        found = _verify(first, second, camera, _camera(2, job["cameras"][second_index]), matched, job["seed"])
         inliers = np.asarray(found.inlier_matches, np.uint32).reshape(-1, 2)
-        tried.append(len(alike))
+        tried.append(len(matched))
         counts.append(len(inliers))
         configs.append(int(found.config))
         angles.append(float(found.tri_angle))
@@ -126,20 +126,20 @@ def _match_photos(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
 
 
 def _verify(
-    first: Arrays, second: Arrays, camera: Any, other: Any, alike: NDArray[np.uint32], seed: int
+    first: Arrays, second: Arrays, camera: Any, other: Any, matched: NDArray[np.uint32], seed: int
 ) -> "pycolmap.TwoViewGeometry":
     options = pycolmap.TwoViewGeometryOptions()
     options.ransac.random_seed = seed
-    options.ransac.max_num_trials = _MOST_TRIALS
+    options.ransac.max_num_trials = _MAX_TRIALS
     options.ransac.num_threads = 1
     options.compute_relative_pose = True
     options.detect_watermark = False
     pycolmap.set_random_seed(seed)
-    if len(alike) < _LEAST_ALIKE:
+    if len(matched) < _MIN_SIMILAR:
         return pycolmap.TwoViewGeometry()
     return pycolmap.estimate_two_view_geometry(
         camera, first["keypoints"][:, :2].astype(np.float64),
-        other, second["keypoints"][:, :2].astype(np.float64), alike, options,
+        other, second["keypoints"][:, :2].astype(np.float64), matched, options,
     )  # fmt: skip
 
 
@@ -201,15 +201,15 @@ def _write_database(path: Path, job: Mapping[str, Any]) -> None:
             database.write_keypoints(index + 1, read_arrays(Path(feature_file))["keypoints"])
         place = {number: index for index, number in enumerate(job["numbers"])}
         for match_file in job["matches"]:
-            _write_matches(database, read_arrays(Path(match_file)), place, job["least_matches"])
+            _write_matches(database, read_arrays(Path(match_file)), place, job["min_matches"])
     database.close()
 
 
-def _write_matches(database: Any, found: Arrays, place_of: Mapping[int, int], least_matches: int) -> None:
+def _write_matches(database: Any, found: Arrays, place_of: Mapping[int, int], min_matches: int) -> None:
     ends = np.cumsum(found["counts"])
     for place, second in enumerate(found["seconds"]):
         count = int(found["counts"][place])
-        if count < least_matches:
+        if count < min_matches:
             continue
         geometry = pycolmap.TwoViewGeometry()
         geometry.config = int(found["configs"][place])
@@ -236,17 +236,17 @@ def _map_incrementally(database: Path, job: Mapping[str, Any]) -> list[Any]:
     options.extract_colors = False
     options.min_model_size = min(3, len(job["cameras"]))
     options.max_num_models = 10
-    options.min_num_matches = job["least_matches"]
+    options.min_num_matches = job["min_matches"]
     options.ba_global_frames_ratio = options.ba_global_points_ratio = job["global_ratio"]
     registered = 2
 
-    def told() -> None:
+    def report() -> None:
         nonlocal registered
         registered += 1
         print("step", min(registered, len(job["cameras"])), len(job["cameras"]), flush=True)
 
     models = pycolmap.incremental_mapping(
-        database, database.parent, database.parent / "models", options, next_image_callback=told
+        database, database.parent, database.parent / "models", options, next_image_callback=report
     )
     return list(models.values())
 
@@ -257,7 +257,7 @@ def _map_globally(database: Path, job: Mapping[str, Any]) -> list[Any]:
     options = pycolmap.GlobalPipelineOptions()
     options.random_seed = job["seed"]
     options.num_threads = options.mapper.num_threads = job["mapper_threads"]
-    options.min_num_matches = job["least_matches"]
+    options.min_num_matches = job["min_matches"]
     return list(pycolmap.global_mapping(database, database.parent, database.parent / "models", options).values())
 
 

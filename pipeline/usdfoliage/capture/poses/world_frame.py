@@ -75,7 +75,7 @@ class WorldSettings:
     up_vector: tuple[float, float, float] | None = None
     # The up direction and the scale come from GPS only where at least this many photographs have a position. Range: 3
     # or more.
-    least_gps: int = 4
+    min_gps: int = 4
     # GPS positions are used where they spread over at least this many times their own disagreement. Range: above 0.
     gps_spread: float = 5.0
 
@@ -86,8 +86,8 @@ class WorldSettings:
             raise ValueError(f"up must be one of {', '.join(UPS)}, not {self.up!r}")
         if self.up_vector is not None and not (np.isfinite(self.up_vector).all() and np.any(self.up_vector)):
             raise ValueError(f"up_vector must be finite and not 0, not {self.up_vector}")
-        if self.least_gps < 3 or not self.gps_spread > 0:
-            raise ValueError(f"least_gps must be at least 3 and gps_spread above 0, not {self}")
+        if self.min_gps < 3 or not self.gps_spread > 0:
+            raise ValueError(f"min_gps must be at least 3 and gps_spread above 0, not {self}")
         if self.known_distance is not None and self.scale_bar is not None:
             raise ValueError("give one of known_distance and scale_bar")
 
@@ -315,7 +315,7 @@ def _fit_gps(
 ) -> tuple[_Gps | None, list[Remark]]:
     """Scale and up by positions by satellite, where they lie far enough apart for how exact they are."""
     known = [number for number, file in enumerate(files) if file is not None and file.gps is not None]
-    if len(known) < settings.least_gps:
+    if len(known) < settings.min_gps:
         return None, []
     degrees = np.array([file.gps for file in files if file is not None and file.gps is not None], np.float64)
     east_m = np.radians(degrees[:, 1] - degrees[0, 1]) * _EARTH_M * np.cos(np.radians(degrees[0, 0]))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from usdfoliage.asset.locate import require_leaves, select_representation
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.packages.branch_package import BranchLeaves
-from usdfoliage.asset.packages.contents import interface_of, matrix_in_plant, read_leaf_look, require_plant
-from usdfoliage.asset.packages.leaf_package import LeafLook
+from usdfoliage.asset.packages.contents import interface_of, matrix_in_plant, read_leaf_appearance, require_plant
+from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.foliage.place import FoliageSettings, LeafPlaces, place_leaves
@@ -19,7 +19,7 @@ from usdfoliage.branch.foliage.species import GENERIC, Species, describe_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.errors import AssetError
 from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
-from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL, note_bezier_alone
+from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL, note_bezier_alone
 from usdfoliage.jobs.edits.settings import check_memory, read_settings
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.leaf.model import Leaves
@@ -32,7 +32,7 @@ from usdfoliage.remarks import Remark, Setting, remark
 
 NONE, TEMPLATE, FITTED = KINDS = ("none", "template", "fitted")
 FAR = 3.0  # times as long or as short as those of the species, from which on fitted leaves are spoken of
-DRAWN_ALIKE = 0.3  # of how leaves differ in colour on a plant: by that those drawn from one leaf do
+DRAWN_SPREAD = 0.3  # of how leaves differ in colour on a plant: by that those drawn from one leaf do
 MEASURED = 4000  # leaves whose width and area are measured, evenly chosen
 
 
@@ -55,7 +55,7 @@ class FittedLeaves:
 
     leaves: Leaves
     edits: LeafEdits  # what no parameter can carry
-    look: LeafLook
+    appearance: LeafAppearance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,10 +105,10 @@ def grow_leaves(
         remarks.append(remark("leaves-left-out", text, remedy=remedy))
     if not count:
         remarks.append(remark("no-twig-for-leaves", "no twig is thin enough to carry leaves"))
-    usual = tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)
-    if request.representations is None and count > MOST_LEAVES_OF_ALL:
+    default_forms = tuple(REPRESENTATIONS) if count <= MAX_LEAVES_OF_ALL else ("bezier",)
+    if request.representations is None and count > MAX_LEAVES_OF_ALL:
         remarks.append(note_bezier_alone())
-    written = read_settings(request.representations or usual, request.resolution)
+    written = read_settings(request.representations or default_forms, request.resolution)
     check_memory(count, written)
     foliage = replace(foliage, settings=written)
     return GrownLeaves(
@@ -141,7 +141,9 @@ def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | 
     if not len(read.leaves):
         raise AssetError(f"{asset} has leaves, but none is shown; name an asset of leaves")
     leaves = move_leaves(bake_leaves(read.leaves, read.edits), matrix_in_plant(prim, plant))
-    return FittedLeaves(leaves=leaves, edits=remaining_edits(read.edits), look=read_leaf_look(prim, read.jitter_map))
+    return FittedLeaves(
+        leaves=leaves, edits=remaining_edits(read.edits), appearance=read_leaf_appearance(prim, read.jitter_map)
+    )
 
 
 def describe_foliage(request: FoliageRequest) -> dict[str, str]:
@@ -164,36 +166,36 @@ def _of_species(places: LeafPlaces, request: FoliageRequest, rng: np.random.Gene
     species, amount = request.species, request.settings.variation
     longer = 1.0 if request.length_m is None else request.length_m / species.leaf_length_m
     mean = leaf_of_width(species.leaf_width)
-    look = LeafLook(color=species.color)
+    appearance = LeafAppearance(color=species.color)
     leaves = _leaves_at(
         places,
         vary_leaves(len(places), rng, VariationSettings(amount=amount), mean),
         longer * places.length_m,
-        vary_colors(look.color, len(places), rng, amount),
+        vary_colors(appearance.color, len(places), rng, amount),
     )
-    return BranchLeaves(leaves=leaves, look=look)
+    return BranchLeaves(leaves=leaves, appearance=appearance)
 
 
 def _of_fitted(
     places: LeafPlaces, fitted: FittedLeaves, request: FoliageRequest, rng: np.random.Generator
 ) -> BranchLeaves:
     """Leaves drawn from those of a capture: what was guessed is drawn seldom, what folds over itself never."""
-    held, amount = fitted.leaves, request.settings.variation
-    sound = (held.parameters[:, 2:5, 1] > 0).all(axis=1) & ~find_folds(held.parameters)
-    trust = sound if held.confidence is None else sound * held.confidence
-    trust = np.asarray(trust, np.float64) if trust.any() else np.ones(len(held))
-    drawn = rng.choice(len(held), len(places), p=trust / trust.sum())
-    usual_m = float(np.median(held.length_m))
-    length_m = held.length_m[drawn] * (request.length_m or usual_m) / usual_m
-    if held.color is not None:
-        color = vary_colors(held.color[drawn], len(places), rng, DRAWN_ALIKE * amount)
-    elif fitted.look.texture is None:
-        color = vary_colors(fitted.look.color, len(places), rng, amount)
+    measured_leaves, amount = fitted.leaves, request.settings.variation
+    sound = (measured_leaves.parameters[:, 2:5, 1] > 0).all(axis=1) & ~find_folds(measured_leaves.parameters)
+    trust = sound if measured_leaves.confidence is None else sound * measured_leaves.confidence
+    trust = np.asarray(trust, np.float64) if trust.any() else np.ones(len(measured_leaves))
+    drawn = rng.choice(len(measured_leaves), len(places), p=trust / trust.sum())
+    median_m = float(np.median(measured_leaves.length_m))
+    length_m = measured_leaves.length_m[drawn] * (request.length_m or median_m) / median_m
+    if measured_leaves.color is not None:
+        color = vary_colors(measured_leaves.color[drawn], len(places), rng, DRAWN_SPREAD * amount)
+    elif fitted.appearance.texture is None:
+        color = vary_colors(fitted.appearance.color, len(places), rng, amount)
     else:
         color = None
     young = places.length_m / request.species.leaf_length_m
-    leaves = _leaves_at(places, held.parameters[drawn], young * length_m, color)
-    return BranchLeaves(leaves=leaves, edits=fitted.edits, look=fitted.look)
+    leaves = _leaves_at(places, measured_leaves.parameters[drawn], young * length_m, color)
+    return BranchLeaves(leaves=leaves, edits=fitted.edits, appearance=fitted.appearance)
 
 
 def _leaves_at(
@@ -214,11 +216,11 @@ def _leaves_at(
 
 def _check_length(leaves: Leaves, request: FoliageRequest) -> list[Remark]:
     """A capture whose scale is not known has leaves of any length."""
-    usual_m, expected_m = float(np.median(leaves.length_m)), request.species.leaf_length_m
-    if request.length_m is not None or expected_m / FAR <= usual_m <= expected_m * FAR:
+    median_m, expected_m = float(np.median(leaves.length_m)), request.species.leaf_length_m
+    if request.length_m is not None or expected_m / FAR <= median_m <= expected_m * FAR:
         return []
     text = (
-        f"the leaves of {request.source} are {100 * usual_m:.3g} cm long, those of {request.species.name} "
+        f"the leaves of {request.source} are {100 * median_m:.3g} cm long, those of {request.species.name} "
         f"{100 * expected_m:.3g} cm"
     )
     remedy = ("give ", Setting(name="foliage.leaf_length_m"), " if their capture had no scale")

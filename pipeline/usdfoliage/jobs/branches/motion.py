@@ -42,14 +42,14 @@ class BranchMotion:
 
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options; nothing of what was not asked for."""
-        told = {}
+        described = {}
         if self.rig is not None:
-            told["rig-order"] = str(self.rig.order)
+            described["rig-order"] = str(self.rig.order)
         if self.sway is not None:
-            told["sway"] = str(self.sway.frames)
+            described["sway"] = str(self.sway.frames)
         if self.growth_frames:
-            told["growth"] = str(self.growth_frames)
-        return told
+            described["growth"] = str(self.growth_frames)
+        return described
 
 
 def rig_branches(skeleton: Skeleton, surfaces: BranchSurfaces, motion: BranchMotion, seed: int) -> BranchRig | None:

@@ -121,8 +121,8 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     else:
         up = find_cloud_up(source.points_m, source.stated_up, source.format_up)
         axis = up.axis
-        is_told = up.sure and source.stated_up is not None  # what is found is wrong for some plants, however clear
-        remedy: Remedy = () if is_told else ("give ", Setting(name="capture.toml:up_axis"), " if that is wrong")
+        is_stated = up.sure and source.stated_up is not None  # what is found is wrong for some plants, however clear
+        remedy: Remedy = () if is_stated else ("give ", Setting(name="capture.toml:up_axis"), " if that is wrong")
         remarks.append(remark("cloud-up", up.how, remedy=remedy))
     turn = turn_to_y_up(axis)
     points_m = source.points_m @ turn.T
@@ -138,12 +138,12 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
             remarks.append(remark("ground-left-out", text))
             points_m = points_m[~remains]
             colors = None if colors is None else colors[~remains]
-    strays = find_outliers(points_m)
-    if strays.any():
-        text = f"{int(strays.sum()):,} points are far beside the plant and left out"
+    outliers = find_outliers(points_m)
+    if outliers.any():
+        text = f"{int(outliers.sum()):,} points are far beside the plant and left out"
         remarks.append(remark("outliers-left-out", text))
-        points_m = points_m[~strays]
-        colors = None if colors is None else colors[~strays]
+        points_m = points_m[~outliers]
+        colors = None if colors is None else colors[~outliers]
     _check_internode(points_m, request)
     close = len(points_m)
     points_m, colors, cell_m = _thin_plant(points_m, colors, request)
@@ -185,15 +185,15 @@ def _explain_few(
 ) -> FitError:
     """Why fewer points of a plant are left than can be traced, and what to do; close were left before thinning."""
     if close >= MIN_POINTS and request.internode_m is not None:
-        told = f"an internode of {request.internode_m:g} m leaves {left} points of the plant, {MIN_POINTS} needed"
-        return FitError(told, ("give a shorter ", Setting(name="branches.internode_m")))
-    told = f"{left} points are left without the ground, {MIN_POINTS} needed ({source.path})"
+        described = f"an internode of {request.internode_m:g} m leaves {left} points of the plant, {MIN_POINTS} needed"
+        return FitError(described, ("give a shorter ", Setting(name="branches.internode_m")))
+    described = f"{left} points are left without the ground, {MIN_POINTS} needed ({source.path})"
     if check_height(float(np.ptp(source.points_m, axis=0).max()), source.metres_per_unit):
         for warning in check_height(float(np.ptp(source.points_m @ axis)), source.metres_per_unit):
-            return FitError(f"{told}; {warning.text}", warning.remedy)
-        return FitError(told)
+            return FitError(f"{described}; {warning.text}", warning.remedy)
+        return FitError(described)
     remedy = ("give a cloud of a plant, and ", Setting(name="capture.toml:up_axis"), " if another of its axes is up")
-    return FitError(told, remedy)
+    return FitError(described, remedy)
 
 
 def _check_internode(points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
@@ -239,8 +239,8 @@ def _check_roots(roots_m: NDArray[np.float64], points_m: NDArray[np.float64], re
     away_m = np.asarray(cKDTree(points_m).query(roots_m)[0])
     for place, own_m in zip(request.given_roots, away_m.tolist(), strict=True):
         if own_m > np.ptp(points_m[:, 1]):
-            told = ",".join(f"{c:.12g}" for c in place)
+            described = ",".join(f"{c:.12g}" for c in place)
             raise FitError(
-                f"the root {told} is {own_m:.1f} m from the nearest point of {request.path}",
+                f"the root {described} is {own_m:.1f} m from the nearest point of {request.path}",
                 ("give ", Setting(name="branches.roots"), " in the cloud's own coordinates"),
             )

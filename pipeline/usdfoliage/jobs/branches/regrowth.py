@@ -15,7 +15,7 @@ from usdfoliage.jobs.branches.warnings import check_growth
 from usdfoliage.remarks import Remark, remark
 
 TRACE, GROW = METHODS = ("trace", "grow")
-MOST_VARIATIONS = 99
+MAX_VARIATIONS = 99
 _SPACINGS = 0.7  # of the cloud, that an internode is at least: buds see no points across wider gaps
 
 
@@ -30,12 +30,12 @@ class RegrowthRequest:
 
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options; nothing of what was not asked for."""
-        told = {"method": self.method}
+        described = {"method": self.method}
         if self.hidden:
-            told["fill-hidden"] = "yes"
+            described["fill-hidden"] = "yes"
         if self.variations:
-            told["variations"] = str(self.variations)
-        return told
+            described["variations"] = str(self.variations)
+        return described
 
 
 def growth_settings(traced: TracedBranches, species: Species) -> GrowthSettings:
@@ -97,10 +97,10 @@ def vary_branches(
     for number in range(1, request.variations + 1):
         own = seed + number
         varied = vary_growth(growth, request.settings.variation, own)
-        alike = replace(traced, skeleton=_regrow(traced, plant, varied, request, own, None).skeleton)
+        variation = replace(traced, skeleton=_regrow(traced, plant, varied, request, own, None).skeleton)
         if request.hidden:
-            alike = replace(alike, skeleton=_fill(alike, plant, varied, request, own, None).skeleton)
-        yield alike, own
+            variation = replace(variation, skeleton=_fill(variation, plant, varied, request, own, None).skeleton)
+        yield variation, own
 
 
 def _regrow(

@@ -125,8 +125,8 @@ def write_branches_report(
         progress: Told of the pictures of the asset.
     """
     chosen = np.linspace(0, len(points_m) - 1, min(len(points_m), DRAWN_POINTS)).astype(np.int64)
-    shown_m, wood_m = points_m[chosen], points_m[chosen][traced.wood[chosen]]
-    weight = weigh_points(shown_m, traced.internode_m)
+    cloud_m, wood_m = points_m[chosen], points_m[chosen][traced.wood[chosen]]
+    weight = weigh_points(cloud_m, traced.internode_m)
     away_m = distances_to_surface(wood_m, traced.skeleton, traced.thickness_m)
     far_m = float(np.quantile(away_m, _FAR_QUANTILE)) or 1e-6
     heavy = float(np.quantile(weight, _FAR_QUANTILE)) or 1.0
@@ -134,7 +134,7 @@ def write_branches_report(
     for what, drawn_m, colors, caption in (
         (
             "weights",
-            shown_m,
+            cloud_m,
             color_values(weight, 0, heavy, VIRIDIS),
             f"Importance of the points (equation 8), 0 to {heavy:.0f}",
         ),
@@ -158,10 +158,10 @@ def write_branches_report(
                 progress_in_step("preview", progress),
             )
             views = [ReportView(name=title, file=file) for title, _, file in VIEWS]
-            for alike in report.variations:
-                file = f"preview_{alike.stem}.png"
-                render_views(alike, [PreviewView(output=folder / file, direction="front")], _PREVIEW, None)
-                views.append(ReportView(name=alike.stem, file=file))
+            for variation in report.variations:
+                file = f"preview_{variation.stem}.png"
+                render_views(variation, [PreviewView(output=folder / file, direction="front")], _PREVIEW, None)
+                views.append(ReportView(name=variation.stem, file=file))
         except PreviewError as error:
             logger.warning("no pictures: %s", error)
             remarks.append(remark("report-without-pictures", f"no pictures of the asset: {error}"))

@@ -92,7 +92,7 @@ class FoundBranches:
 
     plant: PlantCloud  # as it was traced
     traced: TracedBranches
-    shown: TracedBranches  # the same, or regrown
+    drawn: TracedBranches  # the same, or regrown
     made: "PlantModel"
     bark: BranchAssetSettings
     remarks: tuple[Remark, ...]
@@ -129,29 +129,29 @@ def find_branches(
         of_stems = points_of_branches(plant.points_m, traced.skeleton.up_to_order(0), traced.spacing_m)
         color = wood_color(plant.colors[of_stems & traced.wood if (of_stems & traced.wood).any() else traced.wood])
         bark = replace(bark, color=color)
-    with follow_step("growth", seconds, progress) as tell:
-        shown, of_growth = regrow_branches(
+    with follow_step("growth", seconds, progress) as advance:
+        drawn, of_growth = regrow_branches(
             traced,
             plant,
             request.regrowth,
             request.foliage.species,
             request.seed,
-            lambda share: tell(round(1000 * share), 1000),
+            lambda share: advance(round(1000 * share), 1000),
         )
-    made = _make_plant(request, shown, fitted, request.seed, seconds, progress)
+    made = _make_plant(request, drawn, fitted, request.seed, seconds, progress)
     surface = made.surfaces.whole
     remarks = merge_remarks(
         found.remarks,
         describe_leaves(traced, request.settings),
         of_growth,
         made.remarks,
-        check_surface(len(shown.skeleton), len(surface.dropped), len(surface.loose)),
+        check_surface(len(drawn.skeleton), len(surface.dropped), len(surface.loose)),
     )
-    rows = branch_rows(shown, surface, plant.points_m[shown.wood], grown=request.regrowth.method == GROW)
+    rows = branch_rows(drawn, surface, plant.points_m[drawn.wood], grown=request.regrowth.method == GROW)
     return FoundBranches(
         plant=plant,
         traced=traced,
-        shown=shown,
+        drawn=drawn,
         made=made,
         bark=bark,
         remarks=remarks,
@@ -184,14 +184,16 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             interface = _write_plant(folder, request.name, found.made, provenance, plant, request.asset)
         variations: list[Path] = []
         species = request.foliage.species
-        with follow_step("variations", seconds, progress) as tell:
+        with follow_step("variations", seconds, progress) as advance:
             for varied, seed in vary_branches(found.traced, plant, request.regrowth, species, request.seed):
                 name = f"{request.name}_{len(variations) + 1:02d}"
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
-                alike = _make_plant(request, varied, fitted, seed, {}, None)
-                variations.append(_write_plant(own, name, alike, replace(provenance, seed=seed), plant, request.asset))
-                tell(len(variations), request.regrowth.variations)
+                variation = _make_plant(request, varied, fitted, seed, {}, None)
+                variations.append(
+                    _write_plant(own, name, variation, replace(provenance, seed=seed), plant, request.asset)
+                )
+                advance(len(variations), request.regrowth.variations)
         (folder / "report").mkdir(exist_ok=True)
         drawn = interface if request.preview else None
         write_report(folder / "report", request, found, seconds, drawn, variations, progress)
@@ -235,7 +237,7 @@ def write_report(
         variations=variations,
     )
     times = seconds if request.times else {}
-    write_branches_report(folder, interface, report, found.shown, found.plant.points_m, found.rows, times, progress)
+    write_branches_report(folder, interface, report, found.drawn, found.plant.points_m, found.rows, times, progress)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -326,8 +328,10 @@ def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[Remark]]:
     for lost in whole.dropped:
         reasons[lost.why] = reasons.get(lost.why, 0) + 1
     if reasons:
-        told = ", ".join(f"{count} {reason}" for reason, count in sorted(reasons.items(), key=lambda each: -each[1]))
-        text = f"{sum(reasons.values())} of {len(skeleton)} branches are in the skeleton alone: {told}"
+        described = ", ".join(
+            f"{count} {reason}" for reason, count in sorted(reasons.items(), key=lambda each: -each[1])
+        )
+        text = f"{sum(reasons.values())} of {len(skeleton)} branches are in the skeleton alone: {described}"
         remarks.append(remark("branches-in-skeleton-alone", text))
     if whole.loose:
         text = (

@@ -24,11 +24,11 @@ from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.capture.mvs.agreement import AgreementSettings, DepthEstimate
 from usdfoliage.capture.mvs.colmap_stereo import read_stereo_planes, run_stereo, write_stereo_workspace
 from usdfoliage.capture.mvs.patch_match import MatchedPlanes, Picture
-from usdfoliage.capture.mvs.rounds import DenseDepthSettings, DepthPlan, finish_depth, match_round, plan_depths
+from usdfoliage.capture.mvs.rounds import DepthPlan, MvsSettings, finish_depth, match_round, plan_depths
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
-from usdfoliage.files.threads import MOST_AT_ONCE, map_ahead, map_threaded, share_cores
+from usdfoliage.files.threads import MAX_AT_ONCE, map_ahead, map_threaded, share_cores
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture.settings import DenseChoice
 from usdfoliage.jobs.work.results import explain, forget, has_result, read_result, task_key, write_result
@@ -39,10 +39,10 @@ logger = logging.getLogger(__name__)
 
 PHOTOS, PLANES, DEPTH, COLMAP = "photos", "planes", "depth", "colmap"  # folders in the work folder
 _ABOUT = ("size", "remarks", "sharpness")  # what is kept of a photograph beside its pixels
-_MOST_IN_MEMORY = 12 + 2 * MOST_AT_ONCE  # photographs, and planes of as many
+_MAX_IN_MEMORY = 12 + 2 * MAX_AT_ONCE  # photographs, and planes of as many
 
 Arrays = dict[str, NDArray[np.generic]]
-Held = TypeVar("Held")
+Stored = TypeVar("Stored")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +86,7 @@ class DepthTasks:
 
     work: Path
     views: tuple[PreparedView, ...]
-    settings: DenseDepthSettings
+    settings: MvsSettings
     plan: DepthPlan
     planes: tuple[tuple[Path | None, ...], ...]  # by round and view; None for views without sources
     depth: tuple[Path | None, ...]  # by view
@@ -151,26 +151,28 @@ def prepare_views(
         try:
             photo = digest_file(bare.views[index].photo)
             path = work / PHOTOS / f"{_picture_key(bare, bare.views[index], photo, max_side_px, sky)}.npz"
-            held = read_result(path, _ABOUT)
-            if held is None:
-                made = held = _read_picture(bare, index, max_side_px, sky)
+            stored = read_result(path, _ABOUT)
+            if stored is None:
+                made = stored = _read_picture(bare, index, max_side_px, sky)
         except CaptureError as error:
             return error
         if made is not None and keep:
             write_result(path, made)
-        return path, photo, {name: held[name] for name in _ABOUT}
+        return path, photo, {name: stored[name] for name in _ABOUT}
 
     results = map_threaded(read, range(len(bare.views)), threads=share_cores(threads)[0])
     for index, (chosen, result) in enumerate(zip(bare.views, results, strict=True)):
         if isinstance(result, CaptureError):
             dropped.append((chosen.name, str(result)))
         else:
-            path, photo, held = result
-            width_px, height_px = (int(side) for side in held["size"])
+            path, photo, stored = result
+            width_px, height_px = (int(side) for side in stored["size"])
             key = task_key(path.stem, chosen.cam_from_world)
             views.append(PreparedView(chosen=chosen, pixels=path, width_px=width_px, height_px=height_px, key=key))
-            about += [replace(remark_from_json(each), subject=chosen.name) for each in json.loads(str(held["remarks"]))]
-            sharpness.append((chosen.name, float(held["sharpness"])))
+            about += [
+                replace(remark_from_json(each), subject=chosen.name) for each in json.loads(str(stored["remarks"]))
+            ]
+            sharpness.append((chosen.name, float(stored["sharpness"])))
             same.setdefault(photo, []).append(chosen.name)
         if progress is not None:
             progress(index + 1, len(bare.views))
@@ -205,25 +207,25 @@ def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkyS
     """What is kept of a photograph."""
     view, remarks = read_view_remarked(capture, index)
     small = Picture.of(view, max_side_px, 0)
-    held: Arrays = {
+    stored: Arrays = {
         "srgb": small.srgb,
         "size": np.array([view.camera.width_px, view.camera.height_px]),
         "sharpness": np.array(measure_sharpness(small.gray)),
         "remarks": np.array(json.dumps([replace(each, subject="").as_json() for each in remarks])),
     }
     if small.mask is not None:
-        held["mask"] = small.mask > 0
+        stored["mask"] = small.mask > 0
     elif sky is not None and capture.views[index].mask is None:
         found = find_clear_sky(small.srgb, sky, elevation_deg=elevations_deg(small.camera, capture.up))
         if found is not None:
-            held["mask"] = ~found
-    return held
+            stored["mask"] = ~found
+    return stored
 
 
 def plan_tasks(
     views: Sequence[PreparedView],
     points_m: NDArray[np.floating],
-    settings: DenseDepthSettings,
+    settings: MvsSettings,
     work: Path,
     *,
     dense: DenseChoice = "own",
@@ -304,7 +306,7 @@ def run_tasks(
     """
     done = 0
 
-    def tell() -> None:
+    def report() -> None:
         nonlocal done
         done += 1
         if progress is not None:
@@ -313,7 +315,7 @@ def run_tasks(
     at_once, threads_each = share_cores(threads)
     read_view = _remembering(lambda index: read_pixels(tasks.views[index]))
     if tasks.dense == "colmap" and any(missing.planes):
-        _match_by_colmap(tasks, missing.planes[0], tell)
+        _match_by_colmap(tasks, missing.planes[0], report)
     for number, views in enumerate(missing.planes if tasks.dense == "own" else ()):
         read_before = _remembering(lambda index, number=number: _read_planes(tasks, number - 1, index))  # type: ignore[misc]
 
@@ -322,7 +324,7 @@ def run_tasks(
             _write_planes(_there(tasks.planes[number][index]), matched)
 
         for _ in map_threaded(match, views, threads=at_once):
-            tell()
+            report()
         if views and number and not keep:
             forget(tasks.work / PLANES / str(number - 1))
     read_last = _remembering(lambda index: _read_planes(tasks, len(tasks.planes) - 1, index))
@@ -334,10 +336,10 @@ def run_tasks(
         _write_estimate(_there(tasks.depth[index]), estimate)
 
     for _ in map_threaded(finish, missing.depth, threads=at_once):
-        tell()
+        report()
 
 
-def _match_by_colmap(tasks: DepthTasks, views: Sequence[int], tell: Callable[[], None]) -> None:
+def _match_by_colmap(tasks: DepthTasks, views: Sequence[int], report: Callable[[], None]) -> None:
     folder = tasks.work / COLMAP
 
     def read_view(index: int) -> View:
@@ -354,7 +356,7 @@ def _match_by_colmap(tasks: DepthTasks, views: Sequence[int], tell: Callable[[],
         if view.mask is not None:
             matched = replace(matched, planes=matched.planes * view.mask[..., None])
         _write_planes(_there(tasks.planes[0][index]), matched)
-        tell()
+        report()
     forget(folder)
 
 
@@ -371,15 +373,15 @@ def read_pixels(prepared: PreparedView) -> View:
     Raises:
         CaptureError: What was kept of it has been damaged since.
     """
-    held = _need(prepared.pixels)
-    srgb = cast(NDArray[np.uint8], held["srgb"])
+    stored = _need(prepared.pixels)
+    srgb = cast(NDArray[np.uint8], stored["srgb"])
     size = srgb.shape[:2]
     return View(
         name=prepared.name,
         camera=prepared.camera.resized(size[1], size[0]),
         srgb=srgb,
         depth_m=np.broadcast_to(np.float32(0), size),
-        mask=cast("NDArray[np.bool_] | None", held.get("mask")),
+        mask=cast("NDArray[np.bool_] | None", stored.get("mask")),
     )
 
 
@@ -392,14 +394,14 @@ def read_estimate(tasks: DepthTasks, index: int) -> DepthEstimate | None:
     path = tasks.depth[index]
     if path is None:
         return None
-    held = _need(path)
-    depth_m = cast(NDArray[np.float32], held["depth_m"])
+    stored = _need(path)
+    depth_m = cast(NDArray[np.float32], stored["depth_m"])
     return DepthEstimate(
         camera=tasks.views[index].camera.resized(depth_m.shape[1], depth_m.shape[0]),
         depth_m=depth_m,
-        normals=held["normals"].astype(np.float32),
-        confidence=held["confidence"].astype(np.float32),
-        agreeing=cast(NDArray[np.uint8], held["agreeing"]),
+        normals=stored["normals"].astype(np.float32),
+        confidence=stored["confidence"].astype(np.float32),
+        agreeing=cast(NDArray[np.uint8], stored["agreeing"]),
     )
 
 
@@ -448,9 +450,9 @@ def in_world(normals: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float3
     return np.asarray(normals @ camera.cam_from_world[:, :3].astype(np.float32))
 
 
-def _remembering(read: Callable[[int], Held]) -> Callable[[int], Held]:
+def _remembering(read: Callable[[int], Stored]) -> Callable[[int], Stored]:
     """The same for numbers asked for again and again; what was not asked for lately is forgotten."""
-    return lru_cache(maxsize=_MOST_IN_MEMORY)(read)
+    return lru_cache(maxsize=_MAX_IN_MEMORY)(read)
 
 
 def _write_planes(path: Path, matched: MatchedPlanes) -> None:
@@ -471,13 +473,13 @@ def _read_planes(tasks: DepthTasks, number: int, index: int) -> MatchedPlanes | 
     path = tasks.planes[number][index]
     if path is None:
         return None
-    held = _need(path)
-    inverse = cast(NDArray[np.float32], held["inverse"])
+    stored = _need(path)
+    inverse = cast(NDArray[np.float32], stored["inverse"])
     planes = np.empty((*inverse.shape, 3), np.float32)
     planes[..., 0] = inverse
-    planes[..., 1:] = held["slopes"].astype(np.float32) * inverse[..., None]
+    planes[..., 1:] = stored["slopes"].astype(np.float32) * inverse[..., None]
     camera = tasks.views[index].camera.resized(inverse.shape[1], inverse.shape[0])
-    return MatchedPlanes(camera=camera, planes=planes, cost=held["cost"].astype(np.float32))
+    return MatchedPlanes(camera=camera, planes=planes, cost=stored["cost"].astype(np.float32))
 
 
 def _write_estimate(path: Path, estimate: DepthEstimate) -> None:
@@ -494,10 +496,10 @@ def _write_estimate(path: Path, estimate: DepthEstimate) -> None:
 
 
 def _need(path: Path) -> Arrays:
-    held = read_result(path)
-    if held is None:
+    stored = read_result(path)
+    if stored is None:
         raise CaptureError(f"{path} was removed or damaged while it was in use; run the same command again")
-    return held
+    return stored
 
 
 def _there(path: Path | None) -> Path:

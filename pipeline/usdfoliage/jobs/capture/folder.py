@@ -162,30 +162,30 @@ def lay_out(given: GivenPhotographs, record: "Record", *, cameras: bool = True, 
         if (given.source / FILE_NAME).is_file():
             wanted[FILE_NAME] = given.source / FILE_NAME
     there = [f"{folder}/{name}" for folder in (IMAGES, MASKS) for name in files_below(given.folder / folder)]
-    stray = [name for name in there if name not in wanted]
+    surplus = [name for name in there if name not in wanted]
     other = [
         name
         for name, path in wanted.items()
-        if (given.folder / name).exists() and not _alike(path, given.folder / name)
+        if (given.folder / name).exists() and not _same_bytes(path, given.folder / name)
     ]
-    foreign = [name for name in (*stray, *other) if not record.owns(given.folder, name)]
+    foreign = [name for name in (*surplus, *other) if not record.owns(given.folder, name)]
     if foreign and not force:
         raise CaptureError(
             f"{given.folder} holds other files than {given.source}: {named(foreign)}",
             ("name another folder with ", Setting(name="output"), ", or use ", Setting(name="force"), " to lose them"),
         )
     missing = [name for name in wanted if name in other or not (given.folder / name).exists()]
-    if not missing and not stray:
+    if not missing and not surplus:
         return
     for name in missing:
         _bring(wanted[name], given.folder / name, link=name.startswith((IMAGES, MASKS)))
         record.brought[name] = digest_file(wanted[name])
-    for name in stray:
+    for name in surplus:
         _unlink(given.folder / name)
     record.write()
 
 
-def _alike(first: Path, second: Path) -> bool:
+def _same_bytes(first: Path, second: Path) -> bool:
     return _same(first, second) or filecmp.cmp(first, second, shallow=False)
 
 
@@ -234,9 +234,9 @@ class Record:
         self.brought: dict[str, str] = {}  # digests of what came from the input, by name in the capture
         self.made: dict[str, set[str]] = {}  # digests that a result may have
         try:
-            held = read_json(self._path)
-            brought = {str(name): str(digest) for name, digest in held["brought"].items()}
-            made = {str(name): set(map(str, digests)) for name, digests in held["made"].items()}
+            record = read_json(self._path)
+            brought = {str(name): str(digest) for name, digest in record["brought"].items()}
+            made = {str(name): set(map(str, digests)) for name, digests in record["made"].items()}
         except (FileNotFoundError, NotADirectoryError):
             return
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -58,8 +58,8 @@ def draw_normals(
     """(H, W, 3), normals of the world as the camera sees them: red to the right, green up, blue towards it."""
     in_camera = normals @ camera.cam_from_world[:, :3].T * (1, -1, -1)
     picture = np.rint(np.clip(127.5 + 127.5 * in_camera, 0, 255)).astype(np.uint8)
-    shown = np.any(normals != 0, axis=2)
-    picture[~(shown if known is None else shown & known)] = NOTHING
+    has_normal = np.any(normals != 0, axis=2)
+    picture[~(has_normal if known is None else has_normal & known)] = NOTHING
     return picture
 
 

@@ -49,13 +49,15 @@ def write_maps(tasks: DepthTasks, *, threads: int = 0, progress: Progress | None
 
 def forget_other_maps(tasks: DepthTasks, maps: list[ViewMaps]) -> None:
     """Remove maps in the work folder that are not these."""
-    kept = [path for held in maps for path in (*held.files, held.files[0].parent / "record.json")]
+    kept = [path for view_maps in maps for path in (*view_maps.files, view_maps.files[0].parent / "record.json")]
     forget(tasks.work / MAPS, kept)
 
 
 def _write(tasks: DepthTasks, index: int) -> ViewMaps:
-    prepared, held = tasks.views[index], tasks.depth[index]
-    key = task_key("maps", "" if held is None else held.stem, prepared.lens, prepared.chosen.cam_from_world)
+    prepared, stored_depth = tasks.views[index], tasks.depth[index]
+    key = task_key(
+        "maps", "" if stored_depth is None else stored_depth.stem, prepared.lens, prepared.chosen.cam_from_world
+    )
     folder = tasks.work / MAPS / key
     depth, normals, confidence = (folder / f"{kind}.exr" for kind in KINDS)
     record = folder / "record.json"
@@ -79,8 +81,8 @@ def _write(tasks: DepthTasks, index: int) -> ViewMaps:
         write_normal_map(normals, maps[1])
         write_confidence_map(confidence, np.clip(maps[2], 0, 1))
         digests = [digest_file(path) for path in (depth, normals, confidence)]
-        held_too = {"digests": digests, "coverage": measured[0], "footprint_m": measured[1]}
-        write_whole(record, json.dumps(held_too).encode())
+        also = {"digests": digests, "coverage": measured[0], "footprint_m": measured[1]}
+        write_whole(record, json.dumps(also).encode())
     files = depth, normals, confidence
     return ViewMaps(name=prepared.name, files=files, coverage=measured[0], footprint_m=measured[1])
 
@@ -88,9 +90,9 @@ def _write(tasks: DepthTasks, index: int) -> ViewMaps:
 def _read_record(record: Path, files: tuple[Path, Path, Path]) -> tuple[float, float] | None:
     """Coverage and footprint of maps that are there as they were written; None for others."""
     try:
-        held = read_json(record)
-        if held["digests"] != [digest_file(path) for path in files if path.is_file()]:
+        stored = read_json(record)
+        if stored["digests"] != [digest_file(path) for path in files if path.is_file()]:
             return None
-        return float(held["coverage"]), float(held["footprint_m"])
+        return float(stored["coverage"]), float(stored["footprint_m"])
     except (OSError, ValueError, KeyError, TypeError):
         return None

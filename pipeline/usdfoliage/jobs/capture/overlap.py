@@ -25,12 +25,12 @@ from usdfoliage.jobs.report.pictures import VIRIDIS, write_picture
 
 PLAN_PX = 900
 MATRIX_PX = 640
-MOST_LABELS = 60  # cameras in a plan that have their number beside them
+MAX_LABELS = 60  # cameras in a plan that have their number beside them
 PALE = 0.55  # of the colours' strength that is left below a plan
 FEW_SHARED = 0.05  # of the most, below which no line is drawn between two cameras
 CAMERA_PX = (0.012 * PLAN_PX, 0.035 * PLAN_PX)  # length of a camera, at least and at most
 CAMERA_SHARE = 0.35  # of the distance to the next one
-LEAST_OPACITY, MOST_OPACITY = 0.08, 0.68  # of lines
+MIN_OPACITY, MAX_OPACITY = 0.08, 0.68  # of lines
 LABEL_PX = 11  # from a camera's place
 
 
@@ -81,10 +81,10 @@ def find_links(
         shared: (N, N), matches; None where there are none, as of poses that were given.
     """
     links: dict[tuple[int, int], float] = {}
-    for number, held in enumerate(photographs):
-        if held.camera is None:
+    for number, photograph in enumerate(photographs):
+        if photograph.camera is None:
             continue
-        others = held.sources if shared is None else np.flatnonzero(shared[number] > 0).tolist()
+        others = photograph.sources if shared is None else np.flatnonzero(shared[number] > 0).tolist()
         for other in others:
             if other != number and photographs[other].camera is not None:
                 pair = min(number, other), max(number, other)
@@ -94,7 +94,9 @@ def find_links(
 
 def find_groups(photographs: Sequence[CapturePhotograph], links: Mapping[tuple[int, int], float]) -> list[list[int]]:
     """Photographs with cameras that are linked, one by one or through others, the largest group first."""
-    near: dict[int, set[int]] = {number: set() for number, held in enumerate(photographs) if held.camera is not None}
+    near: dict[int, set[int]] = {
+        number: set() for number, photograph in enumerate(photographs) if photograph.camera is not None
+    }
     for one, other in links:
         near[one].add(other)
         near[other].add(one)
@@ -133,7 +135,9 @@ def write_plan(
     Raises:
         CaptureError: The picture cannot be written.
     """
-    cameras = {number: held.camera for number, held in enumerate(photographs) if held.camera is not None}
+    cameras = {
+        number: photograph.camera for number, photograph in enumerate(photographs) if photograph.camera is not None
+    }
     places_m = np.array([camera.position_m for camera in cameras.values()])
     (window,) = frame_points(framed_m, [top], PLAN_PX, places_m)
     picture = draw_seen(splat_points(cloud.points_m, top, window, widths_m), _paler(cloud.srgb))
@@ -148,21 +152,21 @@ def write_plan(
             window.places(_picture_corners(camera, reach_m), top),
             number,
             photographs[number],
-            labelled=len(cameras) <= MOST_LABELS,
+            labelled=len(cameras) <= MAX_LABELS,
         )
         for number, camera in cameras.items()
     ]
-    most = max(links.values(), default=1.0)
+    highest = max(links.values(), default=1.0)
     lines = [
         PlanLine(
             x1=round(float(places[one][0]), 1),
             y1=round(float(places[one][1]), 1),
             x2=round(float(places[other][0]), 1),
             y2=round(float(places[other][1]), 1),
-            opacity=round(LEAST_OPACITY + (MOST_OPACITY - LEAST_OPACITY) * float(np.sqrt(strength / most)), 3),
+            opacity=round(MIN_OPACITY + (MAX_OPACITY - MIN_OPACITY) * float(np.sqrt(strength / highest)), 3),
         )
         for (one, other), strength in sorted(links.items(), key=lambda link: link[1])
-        if strength >= FEW_SHARED * most
+        if strength >= FEW_SHARED * highest
     ]
     return Plan(
         file=write_picture(folder / "plan.jpg", picture),
@@ -191,9 +195,9 @@ def write_matrix(
         legend = make_legend("few", f"{values.max(initial=0):,.0f} matches", VIRIDIS)
     else:
         values = np.zeros((count, count))
-        for number, held in enumerate(photographs):
-            for rank, source in enumerate(held.sources):
-                values[number, source] = len(held.sources) - rank
+        for number, photograph in enumerate(photographs):
+            for rank, source in enumerate(photograph.sources):
+                values[number, source] = len(photograph.sources) - rank
         caption = "Which photographs (from left to right) each one (from top to bottom) was matched with for its depth."
         legend = make_legend("last", "first choice", VIRIDIS)
     picture = draw_shared(values, MATRIX_PX)
@@ -211,7 +215,12 @@ def _picture_corners(camera: Pinhole, reach_m: float) -> NDArray[np.float64]:
 
 
 def _draw_camera(
-    place: NDArray[np.float64], corners: NDArray[np.float64], number: int, held: CapturePhotograph, *, labelled: bool
+    place: NDArray[np.float64],
+    corners: NDArray[np.float64],
+    number: int,
+    photograph: CapturePhotograph,
+    *,
+    labelled: bool,
 ) -> PlanCamera:
     outline = cv2.convexHull(np.concatenate([place[None], corners]).astype(np.float32))[:, 0]
     away = place - corners.mean(axis=0)
@@ -223,8 +232,8 @@ def _draw_camera(
         label_x=round(float(label[0]), 1),
         label_y=round(float(label[1]), 1),
         label=str(number) if labelled else "",
-        title=f"{number}: {held.name}",
-        without_depth=not held.coverage,
+        title=f"{number}: {photograph.name}",
+        without_depth=not photograph.coverage,
     )
 
 

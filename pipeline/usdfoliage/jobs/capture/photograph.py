@@ -10,7 +10,7 @@ from usdfoliage.geometry.pinhole import Pinhole
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ShownMaps:
+class DrawnMaps:
     """A photograph and what was found of its pixels; all of one size, or of the camera's times one factor."""
 
     srgb: NDArray[np.uint8]  # (H, W, 3)
@@ -32,4 +32,4 @@ class CapturePhotograph:
     sources: Sequence[int] = ()  # photographs, by number, that it was matched with for its depth
     coverage: float | None = None  # share of its pixels, what is masked left out, that has depth
     remark: str = ""  # what is odd about it
-    read_maps: Callable[[], ShownMaps] | None = None  # called once, for those shown; nothing is kept
+    read_maps: Callable[[], DrawnMaps] | None = None  # called once, for those shown; nothing is kept

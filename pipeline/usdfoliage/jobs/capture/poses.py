@@ -14,7 +14,7 @@ from usdfoliage.capture.folder.photo_set import PhotoSetSettings, read_photo_set
 from usdfoliage.capture.folder.read import Capture, read_capture
 from usdfoliage.capture.folder.settings import FILE_NAME, CaptureSettings, read_capture_settings, read_capture_tables
 from usdfoliage.capture.poses.colmap_writer import write_colmap_model
-from usdfoliage.capture.poses.register import Registered, RegistrationSettings, register_photos
+from usdfoliage.capture.poses.register import PoseEstimationSettings, Registered, register_photos
 from usdfoliage.capture.poses.world_frame import WorldSettings, level_and_scale, move_registered, read_scale_hints
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, GivenPhotographs, Record
@@ -25,10 +25,10 @@ from usdfoliage.remarks import Remark, Setting, remark, warnings_of
 
 logger = logging.getLogger(__name__)
 
-REGISTRATION, REGISTERED = "registration", "registered"  # in the work folder: COLMAP's work, and the model of it
-_MOST_NAMED = 5  # files
+POSE_WORK, REGISTERED = "registration", "registered"  # in the work folder: COLMAP's work, and the model of it
+_MAX_NAMED = 5  # files
 _ESTIMATE = Setting(name="capture.poses", value='"estimate"')
-_USE = Setting(name="capture.doubtful_poses", value='"use"')
+_USE = Setting(name="capture.uncertain_poses", value='"use"')
 _ABOUT_DEPTH_MAPS = ("views-without-depth-map", "depth-maps-without-photograph")  # which are not used
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # (x, y, z) -> (x, -z, y)
 
@@ -122,16 +122,16 @@ def estimate_poses(
         listed = [photo.name for photo in every.photos]
         names = [listed[place] for place in parse_views(views, listed)]
     photo_set = read_photo_set(images, names, photo_settings, progress_in_step("photographs", progress))
-    how: RegistrationSettings = replace(settings.registration, threads=threads)
+    how: PoseEstimationSettings = replace(settings.pose_estimation, threads=threads)
     try:
-        registered = register_photos(photo_set, folder / WORK / REGISTRATION, how, progress)
+        registered = register_photos(photo_set, folder / WORK / POSE_WORK, how, progress)
     except CaptureError as error:
-        left_out = "; ".join(f"{item.name} is left out: {item.reason}" for item in photo_set.dropped[:_MOST_NAMED])
-        more = len(photo_set.dropped) - _MOST_NAMED
+        left_out = "; ".join(f"{item.name} is left out: {item.reason}" for item in photo_set.dropped[:_MAX_NAMED])
+        more = len(photo_set.dropped) - _MAX_NAMED
         which = f"{left_out}; and {more} more" if more > 0 else left_out
         raise CaptureError(f"{error} ({which})" if which else str(error)) from error
     reasons = warnings_of(registered.remarks)
-    if reasons and settings.doubtful_poses == "stop":
+    if reasons and settings.uncertain_poses == "stop":
         raise CaptureError(
             f"the cameras that were found for {images} are probably wrong, and nothing is made of them: "
             f"{'; '.join(each.text for each in reasons)}",

@@ -24,7 +24,7 @@ from usdfoliage.jobs.capture.map_pictures import (
     make_legend,
 )
 from usdfoliage.jobs.capture.overlap import find_groups, find_links, write_matrix, write_plan
-from usdfoliage.jobs.capture.photograph import CapturePhotograph, ShownMaps
+from usdfoliage.jobs.capture.photograph import CapturePhotograph, DrawnMaps
 from usdfoliage.jobs.report.cloud_pictures import (
     Direction,
     bar_length,
@@ -51,7 +51,7 @@ from usdfoliage.jobs.report.pictures import (
 from usdfoliage.jobs.report.table import Histogram, Row, list_seconds
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, list_sentences, remark
 
-__all__ = ["CapturePhotograph", "CaptureReport", "ShownMaps", "capture_rows", "check_capture", "write_capture_report"]
+__all__ = ["CapturePhotograph", "CaptureReport", "DrawnMaps", "capture_rows", "check_capture", "write_capture_report"]
 
 PICTURE_PX = 720  # longer side of a photograph and its maps
 CLOUD_PX = 1000  # longest side of the pictures of the cloud
@@ -75,14 +75,14 @@ class CaptureReport:
     shared: NDArray[np.floating] | None = None  # (N, N), matches between photographs; None where poses were given
     errors_px: NDArray[np.floating] | None = None  # (M,), of all observations of the cameras' model
     measures: Sequence[Row] = ()  # more of them
-    shown: Sequence[int] = ()  # which photographs are shown with their maps
+    drawn: Sequence[int] = ()  # which photographs are shown with their maps
     seconds: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
     render_setting: RenderSetting = as_plan_setting  # how remedies write a setting
 
     def __post_init__(self) -> None:
         count = len(self.photographs)
-        named_ones = [*self.shown, *(source for held in self.photographs for source in held.sources)]
+        named_ones = [*self.drawn, *(source for photograph in self.photographs for source in photograph.sources)]
         if not all(0 <= number < count for number in named_ones):
             raise ValueError(f"photographs are called by numbers from 0 to {count - 1}")
         if self.shared is not None and self.shared.shape != (count, count):
@@ -121,7 +121,7 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
     Raises:
         CaptureError: A file cannot be written.
     """
-    cameras = [held.camera for held in report.photographs if held.camera is not None]
+    cameras = [photograph.camera for photograph in report.photographs if photograph.camera is not None]
     some = thin_cloud(report.cloud, FRAMING_POINTS)
     sides = find_sides(cameras, some, np.array(report.up, np.float64))
     framed_m = some.points_m[find_common(some.points_m, cameras)]
@@ -139,14 +139,14 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
         notes=list_sentences([*report.remarks, *check_capture(report)], report.render_setting),
         heading=_heading(report),
         measures=[*capture_rows(report), *report.measures],
-        photographs=[_table_row(number, held) for number, held in enumerate(report.photographs)],
+        photographs=[_table_row(number, photograph) for number, photograph in enumerate(report.photographs)],
         poses_given=report.poses_given,
         sides=_write_sides(folder, report.cloud, framed_m, sides, cameras),
         plan=plan,
         matrix=write_matrix(folder, report.photographs, report.shared) if len(report.photographs) > 1 else None,
         histograms=error_histograms(report),
         left_out=_left_out(report),
-        views=[_write_view(folder, report, number) for number in report.shown],
+        views=[_write_view(folder, report, number) for number in report.drawn],
         seconds=list_seconds(report.seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
@@ -159,11 +159,13 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
 def check_capture(report: CaptureReport) -> list[Remark]:
     """Remarks on what the report's own numbers show."""
     remarks = []
-    without = [held.name for held in report.photographs if held.camera is None]
+    without = [photograph.name for photograph in report.photographs if photograph.camera is None]
     if without and not any(each.code == "photographs-not-registered" for each in report.remarks):
         text = f"{len(without)} of {counted(len(report.photographs), 'photograph')} have no camera: {named(without)}"
         remarks.append(remark("photographs-not-registered", text, subject=named(without)))
-    errors = [(held.error_px, held.name) for held in report.photographs if held.error_px is not None]
+    errors = [
+        (photograph.error_px, photograph.name) for photograph in report.photographs if photograph.error_px is not None
+    ]
     if len(errors) > 2:
         middle = float(np.median([error for error, _ in errors]))
         high = [name for error, name in errors if error > HIGH_ERROR * middle]
@@ -173,7 +175,11 @@ def check_capture(report: CaptureReport) -> list[Remark]:
                 f"twice the median: {named(high)}; they may have moved, or something in them"
             )
             remarks.append(remark("reprojection-errors-high", text, subject=named(high)))
-    bare = [held.name for held in report.photographs if held.camera is not None and held.coverage == 0]
+    bare = [
+        photograph.name
+        for photograph in report.photographs
+        if photograph.camera is not None and photograph.coverage == 0
+    ]
     if bare:
         text = f"{counted(len(bare), 'photograph')} without any depth: {named(bare)}"
         remarks.append(remark("photographs-without-depth", text, subject=named(bare)))
@@ -190,14 +196,14 @@ def check_capture(report: CaptureReport) -> list[Remark]:
 def capture_rows(report: CaptureReport) -> list[Row]:
     """The figures of a capture, for report and terminal."""
     cloud, photographs = report.cloud, report.photographs
-    registered = sum(held.camera is not None for held in photographs)
+    registered = sum(photograph.camera is not None for photograph in photographs)
     rows = [Row(name="photographs", value=f"{registered} of {len(photographs)}", remark="with a camera")]
-    errors = [held.error_px for held in photographs if held.error_px is not None]
+    errors = [photograph.error_px for photograph in photographs if photograph.error_px is not None]
     if report.poses_given:
         rows.append(Row(name="poses", value="given", remark="kept as they are, frame and unit included"))
     elif errors:
         rows.append(_spread(np.array(errors), "reprojection error", " px", "of the photographs' means"))
-    covered = np.array([held.coverage for held in photographs if held.coverage is not None])
+    covered = np.array([photograph.coverage for photograph in photographs if photograph.coverage is not None])
     if len(covered):
         rows.append(_spread(100 * covered, "depth", " %", "of the pixels of each photograph that are not masked"))
     rows.append(Row(name="points", value=f"{len(cloud):,}", remark="of the cloud"))
@@ -213,12 +219,12 @@ def capture_rows(report: CaptureReport) -> list[Row]:
 
 def error_histograms(report: CaptureReport) -> list[Histogram]:
     """Reprojection errors as bars, of observations and of photographs; none where there are none."""
-    held = [("of observations in px", report.errors_px)]
+    histograms = [("of observations in px", report.errors_px)]
     means = [photo.error_px for photo in report.photographs if photo.error_px is not None]
-    held.append(("of photographs, mean in px", np.array(means) if means else None))
+    histograms.append(("of photographs, mean in px", np.array(means) if means else None))
     return [
         _histogram(np.asarray(values, np.float64), f"reprojection errors {what}")
-        for what, values in held
+        for what, values in histograms
         if values is not None and len(values)
     ]
 
@@ -240,25 +246,25 @@ def _histogram(values: NDArray[np.float64], title: str) -> Histogram:
     return Histogram(title=title, low="0", high=f"{top:.3g}{more}", heights=[int(height) for height in heights])
 
 
-def _table_row(number: int, held: CapturePhotograph) -> TableRow:
+def _table_row(number: int, photograph: CapturePhotograph) -> TableRow:
     return TableRow(
         number=number,
-        name=held.name,
-        status="registered" if held.camera is not None else held.failure or "not registered",
-        failed=held.camera is None,
-        error="" if held.error_px is None else f"{held.error_px:.2f}",
-        points="" if held.points is None else f"{held.points:,}",
-        sources=" ".join(str(source) for source in held.sources),
-        coverage=None if held.coverage is None else 100 * held.coverage,
-        remark=held.remark,
+        name=photograph.name,
+        status="registered" if photograph.camera is not None else photograph.failure or "not registered",
+        failed=photograph.camera is None,
+        error="" if photograph.error_px is None else f"{photograph.error_px:.2f}",
+        points="" if photograph.points is None else f"{photograph.points:,}",
+        sources=" ".join(str(source) for source in photograph.sources),
+        coverage=None if photograph.coverage is None else 100 * photograph.coverage,
+        remark=photograph.remark,
     )
 
 
 def _left_out(report: CaptureReport) -> str:
-    with_maps = sum(held.read_maps is not None for held in report.photographs)
-    if len(report.shown) >= with_maps:
+    with_maps = sum(photograph.read_maps is not None for photograph in report.photographs)
+    if len(report.drawn) >= with_maps:
         return ""
-    return f"{len(report.shown)} of {with_maps} photographs with depth are shown, evenly chosen."
+    return f"{len(report.drawn)} of {with_maps} photographs with depth are shown, evenly chosen."
 
 
 # Pictures
@@ -280,14 +286,14 @@ def _write_sides(
     cloud = thin_cloud(cloud.take(inside))
     widths_m = point_widths(cloud.points_m, cameras, len(inside) / max(len(cloud), 1))
     seen = [splat_points(cloud.points_m, side, window, widths_m) for side, window in zip(sides, windows, strict=True)]
-    most = max(2.0, float(np.quantile(cloud.views, 0.98)))
+    highest = max(2.0, float(np.quantile(cloud.views, 0.98)))
     kinds = [
         ("colour", "As photographed; shaded where something stands before.", cloud.srgb, None),
         (
             "views",
             "How many photographs saw each point.",
-            color_values(cloud.views.astype(np.float64), 1, most, VIRIDIS),
-            make_legend("1", f"{most:.0f} views", VIRIDIS),
+            color_values(cloud.views.astype(np.float64), 1, highest, VIRIDIS),
+            make_legend("1", f"{highest:.0f} views", VIRIDIS),
         ),
         (
             "confidence",
@@ -299,8 +305,8 @@ def _write_sides(
     rows = []
     for what, facts, colors, legend in kinds:
         pictures = []
-        for side, window, shown in zip(sides, windows, seen, strict=True):
-            picture = draw_seen(shown, colors)
+        for side, window, drawn in zip(sides, windows, seen, strict=True):
+            picture = draw_seen(drawn, colors)
             draw_scale_bar(picture, bar_m, window.px_per_m)
             file = write_picture(folder / f"cloud_{side.name}_{what}.jpg", picture)
             caption = f"{side.name}; the bar is {in_words(bar_m)}"
@@ -310,10 +316,10 @@ def _write_sides(
 
 
 def _write_view(folder: Path, report: CaptureReport, number: int) -> PictureRow:
-    held = report.photographs[number]
-    if held.read_maps is None or held.camera is None:
-        raise ValueError(f"{held.name} has no camera or no maps, and cannot be shown")
-    maps = held.read_maps()
+    photograph = report.photographs[number]
+    if photograph.read_maps is None or photograph.camera is None:
+        raise ValueError(f"{photograph.name} has no camera or no maps, and cannot be shown")
+    maps = photograph.read_maps()
     stem = f"view_{number:03}"
     size = shrunk_size(maps.srgb.shape[:2], PICTURE_PX)
     depth_m = pick_pixels(np.asarray(maps.depth_m), _fitting(size, maps.depth_m.shape))
@@ -332,7 +338,7 @@ def _write_view(folder: Path, report: CaptureReport, number: int) -> PictureRow:
     ]
     if maps.normals is not None:
         normals = _pick_vectors(np.asarray(maps.normals), depth_m.shape)
-        camera = shrink_camera(held.camera, PICTURE_PX, np.eye(4))
+        camera = shrink_camera(photograph.camera, PICTURE_PX, np.eye(4))
         caption = "normals: red to the right, green up, blue towards the camera"
         pictures.append(write("normals", draw_normals(normals, camera, known), caption))
     if maps.confidence is not None:
@@ -341,13 +347,13 @@ def _write_view(folder: Path, report: CaptureReport, number: int) -> PictureRow:
             write("confidence", draw_confidence(confidence, known), "confidence", make_legend("0", "1", VIRIDIS))
         )
     facts = []
-    if held.coverage is not None:
-        facts.append(f"depth for {100 * held.coverage:.0f} % of the pixels that are not masked")
-    if held.error_px is not None:
-        facts.append(f"reprojection error {held.error_px:.2f} px")
-    if held.sources:
-        facts.append(f"matched with {', '.join(str(source) for source in held.sources)}")
-    return PictureRow(title=f"{number}: {held.name}", facts="; ".join(facts), pictures=pictures)
+    if photograph.coverage is not None:
+        facts.append(f"depth for {100 * photograph.coverage:.0f} % of the pixels that are not masked")
+    if photograph.error_px is not None:
+        facts.append(f"reprojection error {photograph.error_px:.2f} px")
+    if photograph.sources:
+        facts.append(f"matched with {', '.join(str(source) for source in photograph.sources)}")
+    return PictureRow(title=f"{number}: {photograph.name}", facts="; ".join(facts), pictures=pictures)
 
 
 def _fitting(size: tuple[int, int], shape: tuple[int, ...]) -> tuple[int, int]:

@@ -21,7 +21,7 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.depth_tasks import DepthTasks, PreparedViews, in_world, picture_of, read_estimate
 from usdfoliage.jobs.capture.folder import CAMERAS
 from usdfoliage.jobs.capture.maps import ViewMaps
-from usdfoliage.jobs.capture.photograph import CapturePhotograph, ShownMaps
+from usdfoliage.jobs.capture.photograph import CapturePhotograph, DrawnMaps
 from usdfoliage.jobs.capture.poses import PosedCapture, failures_of
 from usdfoliage.jobs.work.results import explain, write_whole
 
@@ -34,11 +34,11 @@ def lay_maps(new: Path, maps: Sequence[ViewMaps], places: Sequence[str]) -> None
     Raises:
         CaptureError: They cannot be written.
     """
-    stems = Counter(PurePosixPath(held.name).with_suffix("") for held in maps)
-    for held in maps:
-        stem = PurePosixPath(held.name).with_suffix("")
-        name = f"{stem if stems[stem] == 1 else held.name}.exr"  # a.jpg beside a.png
-        for place, path in zip(places, held.files, strict=True):
+    stems = Counter(PurePosixPath(view_maps.name).with_suffix("") for view_maps in maps)
+    for view_maps in maps:
+        stem = PurePosixPath(view_maps.name).with_suffix("")
+        name = f"{stem if stems[stem] == 1 else view_maps.name}.exr"  # a.jpg beside a.png
+        for place, path in zip(places, view_maps.files, strict=True):
             there = new / place / name
             try:
                 there.parent.mkdir(parents=True, exist_ok=True)
@@ -69,8 +69,8 @@ def write_results(new: Path, capture: Capture, prepared: PreparedViews, cloud: C
     layer_settings = CaptureLayerSettings(up_axis=settings.up_axis)
     write_capture_layer(new / LAYER, cameras, cloud, asset_name(capture.name), layer_settings)
     write_cloud(new / CLOUD, cloud, [f"usdfoliage {__version__}"], settings.metres_per_unit)
-    said = capture.folder / FILE_NAME
-    text = said.read_bytes().decode("utf-8") if said.is_file() else ""
+    settings_file = capture.folder / FILE_NAME
+    text = settings_file.read_bytes().decode("utf-8") if settings_file.is_file() else ""
     completed = complete_capture_settings(
         text, {"up_axis": settings.up_axis, "metres_per_unit": settings.metres_per_unit}
     )
@@ -94,7 +94,7 @@ def describe_photographs(
     posed: PosedCapture, prepared: PreparedViews, tasks: DepthTasks, maps: Sequence[ViewMaps]
 ) -> list[CapturePhotograph]:
     """What the report says of each photograph, those without a camera last."""
-    coverage = {held.name: held.coverage for held in maps}
+    coverage = {view_maps.name: view_maps.coverage for view_maps in maps}
     failures = failures_of(posed, prepared.dropped)
     numbers = {view.name: number for number, view in enumerate(tasks.views)}
     registered = {} if posed.registered is None else {photo.name: photo for photo in posed.registered.photos}
@@ -125,13 +125,13 @@ def shared_matches(posed: PosedCapture, photographs: Sequence[CapturePhotograph]
     return np.asarray(padded[np.ix_(listed, listed)], np.float64)
 
 
-def _show(tasks: DepthTasks, index: int) -> ShownMaps:
+def _show(tasks: DepthTasks, index: int) -> DrawnMaps:
     """The maps of one photograph as they were found."""
     estimate = read_estimate(tasks, index)
     if estimate is None:
         raise ValueError(f"view {index} has no depth")
     picture = picture_of(tasks, index)
-    return ShownMaps(
+    return DrawnMaps(
         srgb=picture.srgb,
         depth_m=estimate.depth_m,
         normals=in_world(estimate.normals, estimate.camera),

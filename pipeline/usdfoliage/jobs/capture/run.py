@@ -61,7 +61,7 @@ from usdfoliage.jobs.capture.results import (
     write_results,
 )
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
-from usdfoliage.jobs.report.table import choose_shown
+from usdfoliage.jobs.report.table import choose_evenly
 from usdfoliage.jobs.work.results import forget, lock_work
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.progress import StepProgress, follow_step
@@ -71,8 +71,8 @@ logger = logging.getLogger(__name__)
 
 BESIDE = "_estimated"  # ends the name of a folder of maps where the user has one of that name
 # Of memory, measured with photographs of a megapixel at two qualities; the cloud is small beside it.
-BYTES_AT_LEAST, BYTES_A_PHOTO_PIXEL, BYTES_A_MATCHED_PIXEL = 250_000_000, 150, 400
-BYTES_A_CLOUD_PIXEL, MOST_VIEWS_OF_CLOUD = 70, 24  # of every view; the more there are, the more they see the same
+MIN_BYTES, BYTES_A_PHOTO_PIXEL, BYTES_A_MATCHED_PIXEL = 250_000_000, 150, 400
+BYTES_A_CLOUD_PIXEL, MAX_VIEWS_OF_CLOUD = 70, 24  # of every view; the more there are, the more they see the same
 _NEW = "new"  # in the work folder: results on their way to their places
 
 
@@ -152,7 +152,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                 )
             )
         capture = posed.capture
-        with follow_step("photographs", seconds, progress) as tell:
+        with follow_step("photographs", seconds, progress) as advance:
             prepared = prepare_views(
                 capture,
                 store,
@@ -160,7 +160,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                 masks=request.settings.mask != "none",
                 sky=request.settings.sky if request.settings.mask == "auto" else None,
                 threads=request.threads,
-                progress=tell,
+                progress=advance,
             )
         tasks = plan_tasks(
             prepared.views, capture.points_m, request.settings.depth, store, dense=request.settings.dense
@@ -168,13 +168,13 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         missing = find_missing(tasks)
         remarks += [*posed.remarks, *prepared.remarks, *(prepared.checks if known else ())]
         remarks += remark_tasks(tasks, len(missing))
-        with follow_step("depth", seconds, progress) as tell:
-            run_tasks(tasks, missing, threads=request.threads, progress=tell)
-        with follow_step("maps", seconds, progress) as tell:
-            maps = write_maps(tasks, threads=request.threads, progress=tell)
-        with follow_step("cloud", seconds, progress) as tell:
+        with follow_step("depth", seconds, progress) as advance:
+            run_tasks(tasks, missing, threads=request.threads, progress=advance)
+        with follow_step("maps", seconds, progress) as advance:
+            maps = write_maps(tasks, threads=request.threads, progress=advance)
+        with follow_step("cloud", seconds, progress) as advance:
             threads = request.threads
-            surfaces = seen_surfaces(tasks, tell, threads=threads)
+            surfaces = seen_surfaces(tasks, advance, threads=threads)
             cloud = merge_views(surfaces, size_cells(request.settings.cloud, maps), threads=threads)
             depths = seen_depths(tasks, threads=threads)
             cloud = drop_seen_through(cloud, depths, request.settings.visibility, threads=threads)
@@ -195,7 +195,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         if request.report:
             with follow_step("report", seconds, progress):
                 photographs = describe_photographs(posed, prepared, tasks, maps)
-                with_maps = [number for number, held in enumerate(photographs) if held.read_maps is not None]
+                with_maps = [number for number, view_maps in enumerate(photographs) if view_maps.read_maps is not None]
                 report = CaptureReport(
                     name=capture.name,
                     capture=request.source.resolve().name,
@@ -208,7 +208,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                     poses_given=known,
                     shared=shared_matches(posed, photographs),
                     errors_px=observation_errors_px(posed),
-                    shown=[with_maps[k] for k in choose_shown(len(with_maps), request.report_views)],
+                    drawn=[with_maps[k] for k in choose_evenly(len(with_maps), request.report_views)],
                     seconds=seconds if request.times else {},
                     settings=list_settings(request.settings),
                 )
@@ -226,7 +226,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         registered=len(capture.views),
         views=len(maps),
         points=len(cloud),
-        coverage=float(np.median([held.coverage for held in maps])),
+        coverage=float(np.median([view_maps.coverage for view_maps in maps])),
         seconds=seconds,
         remarks=tuple(remarks),
     )
@@ -334,7 +334,7 @@ def choose_places(
 
 def size_cells(settings: CloudSettings, maps: Sequence[ViewMaps]) -> CloudSettings:
     """Cells as large as a pixel's footprint in the median view, unless their size is given."""
-    footprints_m = [held.footprint_m for held in maps if np.isfinite(held.footprint_m)]
+    footprints_m = [view_maps.footprint_m for view_maps in maps if np.isfinite(view_maps.footprint_m)]
     if settings.cell_m is not None or not footprints_m:
         return settings
     return replace(settings, cell_m=settings.cell_footprints * float(np.median(footprints_m)))
@@ -375,9 +375,9 @@ def estimate_memory(prepared: PreparedViews, settings: CaptureRunSettings, threa
     photo_px = max(view.width_px * view.height_px for view in prepared.views)
     matched_px = max(_matched_px(view.width_px, view.height_px, settings.depth.max_side_px) for view in prepared.views)
     at_once, _ = share_cores(threads)
-    views = min(len(prepared.views), MOST_VIEWS_OF_CLOUD)
+    views = min(len(prepared.views), MAX_VIEWS_OF_CLOUD)
     each = BYTES_A_PHOTO_PIXEL * photo_px + BYTES_A_MATCHED_PIXEL * matched_px
-    return BYTES_AT_LEAST + at_once * each + views * BYTES_A_CLOUD_PIXEL * matched_px
+    return MIN_BYTES + at_once * each + views * BYTES_A_CLOUD_PIXEL * matched_px
 
 
 def _matched_px(width_px: int, height_px: int, max_side_px: int) -> float:

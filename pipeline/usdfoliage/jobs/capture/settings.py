@@ -8,13 +8,13 @@ from usdfoliage.capture.clear_sky import ClearSkySettings
 from usdfoliage.capture.cloud.cleaning import CleaningSettings
 from usdfoliage.capture.cloud.fusion import CloudSettings
 from usdfoliage.capture.cloud.visibility import VisibilitySettings
-from usdfoliage.capture.mvs.rounds import DenseDepthSettings, Quality, Round
-from usdfoliage.capture.poses.register import RegistrationSettings
+from usdfoliage.capture.mvs.rounds import MvsSettings, Quality, Round
+from usdfoliage.capture.poses.register import PoseEstimationSettings
 from usdfoliage.capture.poses.world_frame import WorldSettings
 
 DenseChoice = Literal["own", "colmap"]
 PosesChoice = Literal["auto", "known", "estimate"]
-DoubtfulPoses = Literal["stop", "use"]
+UncertainPoses = Literal["stop", "use"]
 MaskChoice = Literal["auto", "given", "none"]
 
 
@@ -26,16 +26,18 @@ class CaptureRunSettings:
     # where the folder is there.
     poses: PosesChoice = "auto"
     # stop ends the run where estimated poses are probably wrong; use goes on with them.
-    doubtful_poses: DoubtfulPoses = "stop"
+    uncertain_poses: UncertainPoses = "stop"
     # own matches photographs with the project's PatchMatch; colmap runs that of COLMAP, which needs CUDA.
     dense: DenseChoice = "own"
     # given uses the masks of the folder masks/ alone; auto also leaves out the sky where a photograph has no mask;
     # none uses no mask.
     mask: MaskChoice = "auto"
     sky: ClearSkySettings = field(default_factory=ClearSkySettings)
-    registration: RegistrationSettings = field(default_factory=RegistrationSettings)  # of poses that are estimated
+    pose_estimation: PoseEstimationSettings = field(
+        default_factory=PoseEstimationSettings
+    )  # of poses that are estimated
     world: WorldSettings = field(default_factory=WorldSettings)  # likewise
-    depth: DenseDepthSettings = field(default_factory=DenseDepthSettings)
+    depth: MvsSettings = field(default_factory=MvsSettings)
     cloud: CloudSettings = field(default_factory=CloudSettings)
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
     cleaning: CleaningSettings = field(default_factory=CleaningSettings)
@@ -43,7 +45,7 @@ class CaptureRunSettings:
 
 PRESETS: Mapping[Quality, CaptureRunSettings] = {
     "draft": CaptureRunSettings(
-        depth=DenseDepthSettings(
+        depth=MvsSettings(
             max_side_px=600,
             sources=5,
             rounds=(
@@ -54,6 +56,6 @@ PRESETS: Mapping[Quality, CaptureRunSettings] = {
         )
     ),
     "normal": CaptureRunSettings(),
-    "high": CaptureRunSettings(depth=DenseDepthSettings(max_side_px=2400, sources=9)),
+    "high": CaptureRunSettings(depth=MvsSettings(max_side_px=2400, sources=9)),
 }
 QUALITIES: tuple[Quality, ...] = get_args(Quality)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.clear_sky import elevations_deg, find_clear_sky
-from usdfoliage.capture.cloud_files.read import looks_like_cloud
+from usdfoliage.capture.cloud_files.read import is_cloud_input
 from usdfoliage.capture.folder.read import Capture, read_capture, read_view
 from usdfoliage.capture.view import View
 from usdfoliage.crown.leaf_colors import find_green_points, have_color
@@ -61,7 +61,7 @@ def read_crown_capture(
         CaptureError: The folder, its cameras or its cloud cannot be used.
         FitError: The cloud shows no plant.
     """
-    capture = None if looks_like_cloud(request.path) else read_capture(request.path)
+    capture = None if is_cloud_input(request.path) else read_capture(request.path)
     remarks = [] if capture is None else list(capture.remarks)
     if plant is None:
         plant, of_points = _read_points(request, asset_from_capture, progress)
@@ -108,12 +108,12 @@ def _read_points(
 
 
 def _make_view(capture: Capture, number: int, asset_from_capture: NDArray[np.float64]) -> CrownView:
-    held = capture.views[number]
+    captured = capture.views[number]
     unit = capture.settings.metres_per_unit
     asset_from_world = asset_from_capture @ np.diag([1 / unit, 1 / unit, 1 / unit, 1.0])
     scale = float(np.cbrt(np.linalg.det(asset_from_world[:3, :3])))
-    camera = move_camera(held.lens.pinhole(held.cam_from_world), asset_from_world)
-    return CrownView(name=held.name, camera=camera, read=_reader(capture, number, scale))
+    camera = move_camera(captured.lens.pinhole(captured.cam_from_world), asset_from_world)
+    return CrownView(name=captured.name, camera=camera, read=_reader(capture, number, scale))
 
 
 def move_camera(camera: Pinhole, asset_from_world: NDArray[np.float64]) -> Pinhole:

@@ -100,8 +100,8 @@ def draw_captured_crown(
     except PreviewError as error:
         logger.warning("no pictures: %s", error)
         return DrawnCrown(views=(), pairs=without, complaint=str(error))
-    shown = tuple(ReportView(name=title, file=file) for title, _, file in SIDES)
-    return DrawnCrown(views=shown, pairs=tuple(pairs), complaint="")
+    titled = tuple(ReportView(name=title, file=file) for title, _, file in SIDES)
+    return DrawnCrown(views=titled, pairs=tuple(pairs), complaint="")
 
 
 def write_captured_report(

@@ -229,10 +229,10 @@ def plan_captured_crown_asset(request: CapturedCrownRequest) -> str:
     read = read_crown_capture(request.cloud)
     views = () if read.capture is None else read.capture.views
     masks, depths = (sum(getattr(view, what) is not None for view in views) for what in ("mask", "depth"))
-    told = f", {len(views)} photographs with cameras, {masks} with masks, {depths} with depth"
+    described = f", {len(views)} photographs with cameras, {masks} with masks, {depths} with depth"
     steps = CLOUD_STEPS if read.capture is None else CAPTURED_STEPS
     lines = [
-        f"capture: {request.cloud.path}{told if read.capture is not None else ', a cloud alone'}",
+        f"capture: {request.cloud.path}{described if read.capture is not None else ', a cloud alone'}",
         f"cloud: {len(read.plant.points_m):,} points of the plant, {np.ptp(read.plant.points_m[:, 1]):.2f} m high",
         *label_remarks(read.remarks, request.render_setting),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",

@@ -17,12 +17,12 @@ from usdfoliage.asset.packages.contents import (
     find_crown,
     interface_of,
     matrix_in_plant,
-    read_leaf_look,
+    read_leaf_appearance,
     read_plant_facts,
     representations,
     require_plant,
 )
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import LeafAppearance, LeafAssetSettings, write_leaf_asset
 from usdfoliage.asset.packages.other_parts import OtherParts, find_other_parts, lost_leaf_motion, write_leaves_beside
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.parts.bare_branches import BARE_LAYER
@@ -75,7 +75,7 @@ class BakeInput:
     interface: Path
     leaves: Leaves  # as ASSET stores them
     edits: LeafEdits
-    look: LeafLook
+    appearance: LeafAppearance
     others: OtherParts | None  # what the plant has besides
     settings: LeafAssetSettings
     name: str
@@ -108,9 +108,9 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
             settings={**given.plant.provenance.settings, **describe_settings(request, given)},
             versions=package_versions(tuple(given.plant.provenance.versions)),
         )
-        rest = (given.settings, remaining_edits(given.edits), given.look, given.plant.asset_from_capture)
+        rest = (given.settings, remaining_edits(given.edits), given.appearance, given.plant.asset_from_capture)
         if given.others is not None and given.others.is_whole:
-            foliage = BranchLeaves(leaves=leaves, settings=given.settings, edits=rest[1], look=given.look)
+            foliage = BranchLeaves(leaves=leaves, settings=given.settings, edits=rest[1], appearance=given.appearance)
             interface = write_plant_asset(
                 folder,
                 given.name,
@@ -159,14 +159,14 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         raise AssetError(
             f"{request.asset} has a crown besides its leaves, which bake would lose; bake the leaves' asset"
         )
-    held = representations(plant)
+    present = representations(plant)
     remarks = _check_patches(plant, request.source)
     select_leafy_lod(stage)
-    if held:
+    if present:
         select_representation(stage, "bezier")
     prim = require_leaves(stage, request.asset)[0]
     read = read_leaves(prim)
-    leaf_look = read_leaf_look(prim, read.jitter_map)
+    appearance = read_leaf_appearance(prim, read.jitter_map)
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:
         text = f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out"
@@ -184,8 +184,8 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         if look is not None:
             text = f"the edits of {look.path} act on bezier alone and were left out"
             remarks.append(remark("look-left-out", text))
-    known = read_representations([name for name in held if name in REPRESENTATIONS])
-    lost = [name for name in held if name not in known]
+    known = read_representations([name for name in present if name in REPRESENTATIONS])
+    lost = [name for name in present if name not in known]
     if lost:
         text = f"representation {', '.join(lost)} is not ours and was left out"
         remarks.append(remark("representation-left-out", text))
@@ -196,16 +196,16 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         text = f"{look.path} still holds these edits"
         remarks.append(remark("look-acts-twice", text, remedy="take it out of your scenes, or they act twice"))
     remarks += _remark_jitter(edits, settings.representations)
-    usual = interface.stem if in_place else request.output.resolve().name
+    default_name = interface.stem if in_place else request.output.resolve().name
     return BakeInput(
         plant=facts,
         interface=interface,
         leaves=leaves,
         edits=edits,
-        look=leaf_look,
+        appearance=appearance,
         others=others,
         settings=replace(settings, version=facts.version or settings.version),
-        name=asset_name(request.name or usual),
+        name=asset_name(request.name or default_name),
         remarks=tuple(remarks),
     )
 
@@ -237,7 +237,7 @@ def describe_settings(request: BakeRequest, given: BakeInput) -> dict[str, str]:
     """Every setting that decides the result, by the name of its option."""
     return {
         "bake-from": request.source,
-        "bake-edits": "; ".join(_shown(changed_edits(given.edits))) or "none",
+        "bake-edits": "; ".join(_list_edits(changed_edits(given.edits))) or "none",
         "representation": " ".join(given.settings.representations),
         "resolution": f"{given.settings.mesh.across} {given.settings.mesh.along}",
     }
@@ -295,7 +295,7 @@ def read_patches(prims: Sequence[Any], plant: Any, progress: StepProgress | None
 
 
 def _lines(request: BakeRequest, given: BakeInput) -> list[str]:
-    baked = _shown({name: value for name, value in changed_edits(given.edits).items() if name not in _JITTER})
+    baked = _list_edits({name: value for name, value in changed_edits(given.edits).items() if name not in _JITTER})
     return [
         f"leaves: {len(given.leaves):,}, from {request.source}",
         f"baked edits: {'; '.join(baked) or 'none'}",
@@ -303,7 +303,7 @@ def _lines(request: BakeRequest, given: BakeInput) -> list[str]:
     ]
 
 
-def _shown(edits: Mapping[str, Value]) -> list[str]:
+def _list_edits(edits: Mapping[str, Value]) -> list[str]:
     return [f"{name} {show_value(value)}" for name, value in edits.items()]
 
 
@@ -311,5 +311,5 @@ def _remark_jitter(edits: LeafEdits, chosen: Sequence[str]) -> list[Remark]:
     if not edits.jitter_amplitude:
         return []
     carried = {"nurbs": "the slow part of it", "subdiv": "it approximately", "mesh": "it exactly"}
-    said = [f"{name} has {how}" for name, how in carried.items() if name in chosen]
-    return [remark("jitter-stays-edit", f"the jitter stays an edit{': ' if said else ''}{', '.join(said)}")]
+    named_ones = [f"{name} has {how}" for name, how in carried.items() if name in chosen]
+    return [remark("jitter-stays-edit", f"the jitter stays an edit{': ' if named_ones else ''}{', '.join(named_ones)}")]

@@ -41,8 +41,8 @@ def join_leaves(parts: Sequence[Leaves]) -> Leaves:
     """
     fields: dict[str, Any] = {}
     for name in Leaves.__dataclass_fields__:
-        held = [getattr(part, name) for part in parts]
-        fields[name] = np.concatenate(held) if all(array is not None for array in held) else None
+        arrays = [getattr(part, name) for part in parts]
+        fields[name] = np.concatenate(arrays) if all(array is not None for array in arrays) else None
     return Leaves(**fields)
 
 

@@ -17,8 +17,8 @@ from usdfoliage.remarks import Remark, Setting, remark
 
 Value = float | Vector
 
-LEAST_SEGMENTS_A_CYCLE = 8  # of a silhouette; with fewer the faster waves of the jitter show as slower ones
-MOST = 1e3  # of any number of an edit
+MIN_SEGMENTS_A_CYCLE = 8  # of a silhouette; with fewer the faster waves of the jitter show as slower ones
+MAX_NUMBER = 1e3  # of any number of an edit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,19 +117,20 @@ def write_look(request: EditRequest) -> PlannedLook:
 
 def _check_jitter(edits: LeafEdits, segments: int | None) -> list[Remark]:
     """A remark where bezier's prototype is too coarse for the jitter, which a look cannot change."""
-    if segments is None or not edits.jitter_amplitude or edits.jitter_frequency * LEAST_SEGMENTS_A_CYCLE <= segments:
+    if segments is None or not edits.jitter_amplitude or edits.jitter_frequency * MIN_SEGMENTS_A_CYCLE <= segments:
         return []
-    shown = f"bezier shows a coarser wave than {edits.jitter_frequency:g} cycles"
-    room = f"each silhouette of its prototype has {segments} segments, enough for {segments // LEAST_SEGMENTS_A_CYCLE}"
-    text = f"{shown}{' until baked' if segments < MAX_SEGMENTS else ''}: {room}"
+    text = f"bezier shows a coarser wave than {edits.jitter_frequency:g} cycles"
+    room = f"each silhouette of its prototype has {segments} segments, enough for {segments // MIN_SEGMENTS_A_CYCLE}"
+    text = f"{text}{' until baked' if segments < MAX_SEGMENTS else ''}: {room}"
     return [remark("jitter-finer-than-mesh", text)]
 
 
 def _check_range(edits: LeafEdits) -> None:
     for name, value in changed_edits(edits).items():
-        if np.abs(value).max() > MOST:
+        if np.abs(value).max() > MAX_NUMBER:
             raise FoliageError(
-                f"{name} would be {show_value(value)}, {MOST:g} is the most; numbers are leaf lengths, usually below 1"
+                f"{name} would be {show_value(value)}, {MAX_NUMBER:g} is the most; "
+                "numbers are leaf lengths, usually below 1"
             )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from usdfoliage import __version__
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import LeafAppearance, LeafAssetSettings, write_leaf_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.errors import FoliageError
@@ -20,11 +20,11 @@ from usdfoliage.leaf.shape.variation import VariationSettings, vary_colors
 from usdfoliage.progress import StepProgress
 from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
 
-MOST_LEAVES = 10_000_000
-MOST_LEAVES_OF_ALL = 2000  # up to here every representation is written unless others are asked for
-MOST_PATCHES = 100_000  # one prim a leaf: beyond it no application opens the representation nurbs
+MAX_LEAVES = 10_000_000
+MAX_LEAVES_OF_ALL = 2000  # up to here every representation is written unless others are asked for
+MAX_PATCHES = 100_000  # one prim a leaf: beyond it no application opens the representation nurbs
 LENGTHS_M = (1e-6, 1e3)
-MOST_VARIATION = 10.0  # there leaves are a dozen times as wide as others
+MAX_VARIATION = 10.0  # there leaves are a dozen times as wide as others
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class ScatterRequest:
     seed: int
     spray: SpraySettings
     settings: LeafAssetSettings
-    look: LeafLook
+    appearance: LeafAppearance
     chosen: bool  # whether the user named the representations
     force: bool = False
 
@@ -64,7 +64,7 @@ def scatter_asset(request: ScatterRequest, progress: StepProgress | None = None)
         rng = np.random.default_rng(request.seed)
         leaves = scatter_spray(request.count, rng, request.spray)
         if request.spray.variation.amount:
-            colors = vary_colors(request.look.color, request.count, rng, request.spray.variation.amount)
+            colors = vary_colors(request.appearance.color, request.count, rng, request.spray.variation.amount)
             leaves = replace(leaves, color=colors)
         if progress:
             progress("asset", 0.3)
@@ -73,9 +73,11 @@ def scatter_asset(request: ScatterRequest, progress: StepProgress | None = None)
             generator=f"usdfoliage {__version__}",
             seed=request.seed,
             settings=describe_settings(request),
-            input_sha256=fingerprint([request.look.texture, request.look.jitter_map]),
+            input_sha256=fingerprint([request.appearance.texture, request.appearance.jitter_map]),
         )
-        interface = write_leaf_asset(folder, request.name, leaves, provenance, request.settings, look=request.look)
+        interface = write_leaf_asset(
+            folder, request.name, leaves, provenance, request.settings, appearance=request.appearance
+        )
     return MadeSpray(
         asset=request.output / interface.name,
         count=request.count,
@@ -105,9 +107,9 @@ def describe_settings(request: ScatterRequest) -> dict[str, str]:
         "variation": f"{request.spray.variation.amount:g}",
         "representation": " ".join(request.settings.representations),
         "resolution": f"{mesh.across} {mesh.along}",
-        "color": " ".join(f"{channel:g}" for channel in request.look.color),
-        "texture": request.look.texture.name if request.look.texture else "none",
-        "jitter-map": request.look.jitter_map.name if request.look.jitter_map else "none",
+        "color": " ".join(f"{channel:g}" for channel in request.appearance.color),
+        "texture": request.appearance.texture.name if request.appearance.texture else "none",
+        "jitter-map": request.appearance.jitter_map.name if request.appearance.jitter_map else "none",
         "seed": str(request.seed),
     }
 
@@ -116,11 +118,11 @@ def check_count(count: int) -> None:
     """Raises FoliageError for a number of leaves that cannot be."""
     if count < 0:
         raise FoliageError(f"the number of leaves must be 0 or more, not {count}")
-    if count > MOST_LEAVES:
+    if count > MAX_LEAVES:
         gib = needed_memory(count, LeafAssetSettings(representations=("bezier",))) / 2**30
         raise FoliageError(
             f"{count:,} leaves would need about {gib:,.0f} GiB of memory; "
-            f"an asset takes at most {MOST_LEAVES:,}, so make several"
+            f"an asset takes at most {MAX_LEAVES:,}, so make several"
         )
 
 
@@ -137,8 +139,8 @@ def read_spray(length_m: float, variation: float) -> SpraySettings:
     shortest_m, longest_m = LENGTHS_M
     if not shortest_m <= length_m <= longest_m:  # true for NaN too
         raise FoliageError(f"length must be {shortest_m:g} to {longest_m:g} metres, not {length_m:g}")
-    if not 0 <= variation <= MOST_VARIATION:
-        raise FoliageError(f"variation must be 0 to {MOST_VARIATION:g}, not {variation:g}")
+    if not 0 <= variation <= MAX_VARIATION:
+        raise FoliageError(f"variation must be 0 to {MAX_VARIATION:g}, not {variation:g}")
     return SpraySettings(
         length_m=length_m,
         length_variation=SpraySettings().length_variation * variation,
@@ -148,16 +150,16 @@ def read_spray(length_m: float, variation: float) -> SpraySettings:
 
 def note_bezier_alone() -> Remark:
     """So many leaves are written in one representation unless others are asked for."""
-    text = f"beyond {MOST_LEAVES_OF_ALL:,} leaves only bezier is written"
+    text = f"beyond {MAX_LEAVES_OF_ALL:,} leaves only bezier is written"
     remedy = ("name others with ", Setting(name="plant.representations"), " (nurbs has one prim a leaf)")
     return remark("bezier-alone", text, remedy=remedy)
 
 
 def _remarks(request: ScatterRequest) -> list[Remark]:
     remarks = []
-    if not request.chosen and request.count > MOST_LEAVES_OF_ALL:
+    if not request.chosen and request.count > MAX_LEAVES_OF_ALL:
         remarks.append(note_bezier_alone())
-    if "nurbs" in request.settings.representations and request.count > MOST_PATCHES:
+    if "nurbs" in request.settings.representations and request.count > MAX_PATCHES:
         text = f"nurbs has one prim a leaf: few applications open {request.count:,} of them"
         remarks.append(remark("many-patches", text))
     return remarks

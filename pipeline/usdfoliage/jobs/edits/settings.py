@@ -14,7 +14,7 @@ from usdfoliage.leaf.shape.mesh import LeafMeshSettings
 # Of memory, measured with tens of thousands of leaves; one representation is written after another.
 BYTES_A_LEAF: Mapping[str, int] = {"bezier": 1100, "nurbs": 42_000, "subdiv": 7500, "mesh": 0}
 BYTES_A_CELL = 180  # of a leaf of the mesh
-MOST_CELLS = 512  # across or along a leaf
+MAX_CELLS = 512  # across or along a leaf
 
 
 def read_representations(names: Sequence[str]) -> tuple[str, ...]:
@@ -31,8 +31,8 @@ def read_representations(names: Sequence[str]) -> tuple[str, ...]:
 
 def read_settings(representations: Sequence[str], resolution: Sequence[int] | None) -> LeafAssetSettings:
     """How an asset is written; FoliageError for a mesh that cannot be."""
-    if resolution and max(resolution) > MOST_CELLS:
-        raise FoliageError(f"resolution: at most {MOST_CELLS} cells across and along a leaf, not {max(resolution)}")
+    if resolution and max(resolution) > MAX_CELLS:
+        raise FoliageError(f"resolution: at most {MAX_CELLS} cells across and along a leaf, not {max(resolution)}")
     try:
         mesh = LeafMeshSettings(across=resolution[0], along=resolution[1]) if resolution else LeafMeshSettings()
         return LeafAssetSettings(representations=tuple(representations), mesh=mesh)

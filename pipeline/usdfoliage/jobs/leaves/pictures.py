@@ -22,9 +22,9 @@ SHADE = 0.45  # of the photograph where there is nothing to show
 GAP = 1.5  # how wide gaps are, of the distance that points would have were they evenly spread
 NEARLY_ALL = 0.9  # of the leaves
 SPECK_PX = 3  # side of the square whose middle leaf is drawn
-MOST_GROWN_PX = 7  # by which points are made larger to close the gaps between them
+MAX_GROWN_PX = 7  # by which points are made larger to close the gaps between them
 DRAWN_POINTS = 200_000  # of all leaves together
-LEAST_DRAWN = 300  # of them of each leaf, however many leaves there are
+MIN_DRAWN = 300  # of them of each leaf, however many leaves there are
 ELLIPSE = 4 * np.pi  # area of an even ellipse, in the root of its points' covariance's determinant
 BESIDE_PX = 1  # how far from a leaf a place of its axis may lie to be drawn
 NOISE_PX = 5  # side of the square whose majority tells whether a leaf is hidden there
@@ -69,9 +69,9 @@ def draw_candidates(view: View, labels: NDArray[np.int32], confidence: NDArray[n
     return _fill(view.srgb, labels - 1, leaf_palette(len(confidence)), strength)
 
 
-def prepare_points(points: LeafPoints, most: int = DRAWN_POINTS) -> DrawnPoints:
-    """What is drawn of leaves in every view: about so many points at most, but LEAST_DRAWN of each that has so many."""
-    thinned = thin_points(points, max(LEAST_DRAWN, most // max(len(points), 1)))
+def prepare_points(points: LeafPoints, max_points: int = DRAWN_POINTS) -> DrawnPoints:
+    """What is drawn of leaves in every view: about so many points at most, but MIN_DRAWN of each that has so many."""
+    thinned = thin_points(points, max(MIN_DRAWN, max_points // max(len(points), 1)))
     count = np.diff(thinned.offsets)
     leaf = np.repeat(np.arange(len(thinned), dtype=np.int32), count)
     middle_m, covariance = _moments(thinned.points_m, leaf, len(thinned))
@@ -100,16 +100,16 @@ def label_points(points: DrawnPoints, view: View, view_number: int) -> NDArray[n
     columns, rows = places[inside].astype(np.intp).T
     depth_m, leaf = depth_m[inside], points.leaf[inside]
     seen_m = view.depth_m[rows, columns]
-    shown = (seen_m <= 0) | (depth_m <= seen_m + BEHIND * points.size_m[leaf])
-    shown |= points.point_view[inside] == view_number
-    if not shown.any():
+    visible = (seen_m <= 0) | (depth_m <= seen_m + BEHIND * points.size_m[leaf])
+    visible |= points.point_view[inside] == view_number
+    if not visible.any():
         return labels
-    rows, columns, depth_m, leaf = rows[shown], columns[shown], depth_m[shown], leaf[shown]
+    rows, columns, depth_m, leaf = rows[visible], columns[visible], depth_m[visible], leaf[visible]
     # Small integers are sorted in linear time; the nearest is drawn last.
     away = (depth_m.max() - depth_m) * (DEPTHS / max(float(np.ptp(depth_m)), 1e-300))
     order = np.argsort(away.astype(np.uint16), kind="stable")
     labels[rows[order], columns[order]] = leaf[order]
-    side = 2 * min(int(np.ceil(_gap_px(points, camera) / 2)), MOST_GROWN_PX) + 1
+    side = 2 * min(int(np.ceil(_gap_px(points, camera) / 2)), MAX_GROWN_PX) + 1
     square = np.ones((side, side), np.uint8)
     grown = cv2.dilate((labels + 1).astype(np.float32), square) - 1
     known = labels >= 0
@@ -118,10 +118,10 @@ def label_points(points: DrawnPoints, view: View, view_number: int) -> NDArray[n
     return cv2.medianBlur(np.where(gap, grown, labels.astype(np.float32)), SPECK_PX).astype(np.int32)
 
 
-def thin_points(points: LeafPoints, most: int) -> LeafPoints:
+def thin_points(points: LeafPoints, max_points: int) -> LeafPoints:
     """The same leaves with so many points each at most, evenly chosen among them: enough for a picture."""
     counts = np.diff(points.offsets)
-    kept = np.minimum(counts, most)
+    kept = np.minimum(counts, max_points)
     offsets = np.concatenate([[0], np.cumsum(kept)])
     leaf = np.repeat(np.arange(len(points)), kept)
     number = np.arange(offsets[-1]) - offsets[leaf]
@@ -191,30 +191,30 @@ def draw_fitted(
     picture = _fill(view.srgb, ids, palette, np.full(len(palette), FILL))
     bits = 4
     axes = project_axes(leaves, view.camera)
-    shown = _shown_there(ids, axes)
-    fixed = np.rint((np.where(shown[..., None], axes, 0) - 0.5) * (1 << bits)).astype(np.int32)
-    lines = [fixed[leaf, start:end] for leaf, start, end in _find_runs(shown)]
+    visible = _visible_at(ids, axes)
+    fixed = np.rint((np.where(visible[..., None], axes, 0) - 0.5) * (1 << bits)).astype(np.int32)
+    lines = [fixed[leaf, start:end] for leaf, start, end in _find_runs(visible)]
     cv2.polylines(picture, lines, False, EDGE, 1, cv2.LINE_AA, bits)
-    for leaf in np.flatnonzero(shown[:, :2].all(axis=1)):
+    for leaf in np.flatnonzero(visible[:, :2].all(axis=1)):
         thickness = cv2.FILLED if certainty[leaf] >= SURE else 1
         cv2.circle(picture, fixed[leaf, 0].tolist(), DOT_PX << bits, BASE, thickness, cv2.LINE_AA, bits)
     return picture
 
 
-def _shown_there(ids: NDArray[np.int32], places: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _visible_at(ids: NDArray[np.int32], places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N, P), whether a pixel beside each place (N, P, 2) shows its leaf: base and apex are the leaf's corners."""
     height, width = ids.shape
     known = np.asarray(np.isfinite(places).all(axis=2))
     near = np.clip(np.where(known[:, :, None], places, -9), -9, max(ids.shape) + 9)
     column, row = np.floor(near).astype(np.intp).transpose(2, 0, 1)
     leaf = np.arange(len(places))[:, None]
-    shown = np.zeros(known.shape, np.bool_)
+    visible = np.zeros(known.shape, np.bool_)
     for down in range(-BESIDE_PX, BESIDE_PX + 1):
         for across in range(-BESIDE_PX, BESIDE_PX + 1):
             y, x = row + down, column + across
             inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
-            shown |= inside & (ids[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)] == leaf)
-    return shown & known
+            visible |= inside & (ids[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)] == leaf)
+    return visible & known
 
 
 def _find_runs(chosen: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
@@ -242,13 +242,13 @@ def _fill(
     added = np.zeros((len(palette) + 1, 4))
     added[1:, :3] = strength[:, None] * palette
     place = ids + 1
-    kept = cv2.multiply(cv2.cvtColor(srgb, cv2.COLOR_RGB2RGBA), _look_up(255 * left, place), scale=1 / 255)
-    filled = np.asarray(cv2.cvtColor(cv2.add(kept, _look_up(added, place)), cv2.COLOR_RGBA2RGB), np.uint8)
+    kept = cv2.multiply(cv2.cvtColor(srgb, cv2.COLOR_RGB2RGBA), _take(255 * left, place), scale=1 / 255)
+    filled = np.asarray(cv2.cvtColor(cv2.add(kept, _take(added, place)), cv2.COLOR_RGBA2RGB), np.uint8)
     filled[_edges(ids) & (ids >= 0)] = EDGE
     return filled
 
 
-def _look_up(table: NDArray[np.floating], place: NDArray[np.integer]) -> NDArray[np.uint8]:
+def _take(table: NDArray[np.floating], place: NDArray[np.integer]) -> NDArray[np.uint8]:
     """(H, W, 4) of the rows of a table (K, 4), rounded; four bytes at once are as fast as one."""
     packed = np.rint(table).astype(np.uint8).view(np.uint32)[:, 0]
     return packed[place].view(np.uint8).reshape(*place.shape, 4)

@@ -46,7 +46,7 @@ class LeavesReport:
     render_setting: RenderSetting
     settings: Mapping[str, str]
     seconds: Mapping[str, float]
-    shown: Sequence[int]  # which views are drawn
+    drawn: Sequence[int]  # which views are drawn
     numbers: Sequence[int]  # of each view, among the capture's photographs
     texture: str = ""  # file of the average leaf, as seen from the report's folder
     previews: Mapping[int, str] = field(default_factory=dict)  # view: picture of the asset, in the report's folder
@@ -89,8 +89,8 @@ def write_leaves_report(
     """
     leaves = reconstruction.leaves
     left_out = ""
-    if len(report.shown) < len(views):
-        left_out = f"{len(report.shown)} of {len(views)} photographs are shown, evenly chosen."
+    if len(report.drawn) < len(views):
+        left_out = f"{len(report.drawn)} of {len(views)} photographs are shown, evenly chosen."
     texture = None
     if report.texture:
         caption = (
@@ -106,7 +106,7 @@ def write_leaves_report(
         return _write_photograph(folder, report, reconstruction, drawn_points, views[number], number)
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        photographs = list(pool.map(write_photograph, report.shown))
+        photographs = list(pool.map(write_photograph, report.drawn))
     page = render_template(
         "leaves_report.html",
         name=report.name,
@@ -162,13 +162,15 @@ def leaf_histograms(leaves: Leaves) -> list[Histogram]:
     """What is shown of leaves as bars; none without leaves."""
     if not len(leaves):
         return []
-    shown = [_histogram_of_lengths(leaves.length_m, "length")]
+    histograms = [_histogram_of_lengths(leaves.length_m, "length")]
     if leaves.residual_m is not None:
-        shown.insert(0, _histogram(100 * leaves.residual_m / leaves.length_m, "residual in % of the length", 0.0, None))
-        shown.insert(0, _histogram_of_lengths(leaves.residual_m, "residual"))
+        histograms.insert(
+            0, _histogram(100 * leaves.residual_m / leaves.length_m, "residual in % of the length", 0.0, None)
+        )
+        histograms.insert(0, _histogram_of_lengths(leaves.residual_m, "residual"))
     if leaves.confidence is not None:
-        shown.append(_histogram(leaves.confidence, "confidence", 0.0, 1.0))
-    return shown
+        histograms.append(_histogram(leaves.confidence, "confidence", 0.0, 1.0))
+    return histograms
 
 
 def draw_mean_leaf(leaves: Leaves) -> Drawing:

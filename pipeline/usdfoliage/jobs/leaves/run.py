@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, LeafLook, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import LeafAppearance, LeafAssetSettings, write_leaf_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.asset.variants import REPRESENTATIONS
@@ -21,13 +21,13 @@ from usdfoliage.errors import CaptureError, PreviewError
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.edits.change import move_leaves
-from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL
+from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL
 from usdfoliage.jobs.edits.settings import check_memory, fingerprint
 from usdfoliage.jobs.leaves.report import LeavesReport, measure_rows, write_leaves_report
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, encode_png, render_views
 from usdfoliage.jobs.report.pictures import shrink_camera
-from usdfoliage.jobs.report.table import Row, choose_shown
+from usdfoliage.jobs.report.table import Row, choose_evenly
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.model_file import LeavesModel
@@ -42,7 +42,7 @@ from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, 
 logger = logging.getLogger(__name__)
 
 AUTO, SWEEP = "auto", "sweep"  # words for depth that name no folder
-USUAL_DEPTH = "depth"
+DEFAULT_DEPTH = "depth"
 PREVIEW_PX = 640  # longer side of Storm's pictures, which take more time than all the rest of a report
 
 
@@ -116,7 +116,7 @@ class FoundLeaves:
             leaves=self.leaves,
             asset_from_capture=self.asset_from_capture,
             plain_color=_three(np.median(color, axis=0)) if color is not None and len(color) else None,
-            texture_color=usual_color(texture) if texture is not None else None,
+            texture_color=median_color(texture) if texture is not None else None,
         )
 
 
@@ -158,12 +158,12 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
         start = time.perf_counter()
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
-        shown = choose_shown(len(made.given.views), request.report_views)
+        drawn = choose_evenly(len(made.given.views), request.report_views)
         previews: dict[int, str] = {}
         remarks = list(made.remarks)
-        if request.preview and len(made.leaves) and shown:
+        if request.preview and len(made.leaves) and drawn:
             try:
-                previews = draw_previews(interface, report_folder, made.given, shown, made.asset_from_world, progress)
+                previews = draw_previews(interface, report_folder, made.given, drawn, made.asset_from_world, progress)
             except PreviewError as error:
                 logger.warning("no pictures: %s", error)
                 remarks.append(remark("report-without-pictures", f"no pictures of the asset: {error}"))
@@ -211,7 +211,7 @@ def write_report(
         render_setting=request.render_setting,
         settings=describe_settings(request),
         seconds=seconds if request.times else {},
-        shown=choose_shown(len(made.given.views), request.report_views),
+        drawn=choose_evenly(len(made.given.views), request.report_views),
         numbers=made.given.numbers.tolist(),
         texture=texture,
         previews=previews,
@@ -242,7 +242,7 @@ def plan_leaves_asset(request: LeavesRequest) -> str:
 
 def find_capture(request: LeavesRequest) -> Capture:
     """The capture with the photographs asked for; CaptureError where there are none."""
-    folder = USUAL_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
+    folder = DEFAULT_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
     return read_capture(request.capture, depth=folder, views=request.views)
 
 
@@ -274,7 +274,7 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
         except CaptureError as error:
             raise CaptureError(
                 f"depth cannot be computed from the photographs: {error}; put depth maps into "
-                f"{request.capture / USUAL_DEPTH}, or give photographs that overlap"
+                f"{request.capture / DEFAULT_DEPTH}, or give photographs that overlap"
             ) from error
         views = [replace(view, depth_m=depth_m) for view, depth_m in zip(views, depths, strict=True)]
         text = "depth was computed from the photographs; it is coarse, and so are the leaves"
@@ -323,7 +323,7 @@ def choose_representations(request: LeavesRequest, count: int) -> tuple[str, ...
     """Those asked for; else all of them for as many leaves as anything opens."""
     if request.representations is not None:
         return request.representations
-    return tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)
+    return tuple(REPRESENTATIONS) if count <= MAX_LEAVES_OF_ALL else ("bezier",)
 
 
 def write_asset(folder: Path, request: LeavesRequest, made: FoundLeaves, settings: LeafAssetSettings) -> Path:
@@ -337,19 +337,19 @@ def write_asset(folder: Path, request: LeavesRequest, made: FoundLeaves, setting
         settings=describe_settings(request),
         input_sha256=fingerprint(list_inputs(capture)),
     )
-    look = LeafLook() if model.plain_color is None else LeafLook(color=model.plain_color)
+    appearance = LeafAppearance() if model.plain_color is None else LeafAppearance(color=model.plain_color)
     with temporary_folder("leaf") as work:
         if made.found.texture is not None:
             texture = work / "leaf.png"
             texture.write_bytes(encode_texture(made.found.texture))
-            look = replace(look, texture=texture, texture_color=model.texture_color)
+            appearance = replace(appearance, texture=texture, texture_color=model.texture_color)
         return write_leaf_asset(
             folder,
             request.name,
             made.leaves,
             provenance,
             settings,
-            look=look,
+            appearance=appearance,
             asset_from_capture=model.asset_from_capture,
         )
 
@@ -360,7 +360,7 @@ def encode_texture(texture: AverageTexture) -> bytes:
     return encode_png(np.rint(np.clip(rgba, 0, 1) * 255).astype(np.uint8))
 
 
-def usual_color(texture: AverageTexture) -> tuple[float, float, float]:
+def median_color(texture: AverageTexture) -> tuple[float, float, float]:
     """The mean colour of the average leaf where it is opaque, linear; black nowhere, for leaves are divided by it."""
     opacity = texture.rgba[..., 3].astype(np.float64)
     opacity = opacity if opacity.any() else np.ones_like(opacity)
@@ -380,16 +380,16 @@ def draw_previews(
     interface: Path,
     folder: Path,
     given: LeavesInput,
-    shown: Sequence[int],
+    drawn: Sequence[int],
     asset_from_world: NDArray[np.float64],
     progress: StepProgress | None,
 ) -> dict[int, str]:
     """Pictures of the asset from the cameras of these views, by the view's number here; PreviewError without Storm."""
-    cameras = [shrink_camera(given.views[number].camera, PREVIEW_PX, asset_from_world) for number in shown]
-    files = [f"view_{given.numbers[number]:03}_storm.png" for number in shown]
+    cameras = [shrink_camera(given.views[number].camera, PREVIEW_PX, asset_from_world) for number in drawn]
+    files = [f"view_{given.numbers[number]:03}_storm.png" for number in drawn]
     views = [PreviewView(output=folder / file, pinhole=camera) for file, camera in zip(files, cameras, strict=True)]
     render_views(interface, views, PreviewSettings(samples=1), progress_in_step("preview", progress))
-    return dict(zip(shown, files, strict=True))
+    return dict(zip(drawn, files, strict=True))
 
 
 def describe_settings(request: LeavesRequest) -> dict[str, str]:

@@ -19,9 +19,9 @@ from usdfoliage.jobs.plant.tasks import BuildPlan, Task
 
 logger = logging.getLogger(__name__)
 
-MOST_TRIES = 4  # of a task whose worker died: then it is the task that kills workers
+MAX_TRIES = 4  # of a task whose worker died: then it is the task that kills workers
 _ALONE = 2  # tries after which a task has all workers for itself: who else ran when they died is no longer suspected
-_LOOK_S = 1.0  # how often it is asked how many workers there are
+_POLL_S = 1.0  # how often it is asked how many workers there are
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,9 +146,9 @@ def run_on(next_plant: NextPlant, run: RunTask, workers: Workers, threads: int) 
         if not running and not is_broken:
             if not ready:
                 return
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
             continue
-        for future in wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED).done:
+        for future in wait(running, timeout=_POLL_S, return_when=FIRST_COMPLETED).done:
             number, when, name = running.pop(future)
             try:
                 done = future.result()
@@ -189,15 +189,15 @@ def _give_up(name: str, error: Exception, tries: int) -> Done | None:
     # Dask says KilledWorker when it has tried several times itself.
     killed = type(error).__name__ == "KilledWorker"
     if killed or isinstance(error, BrokenProcessPool | CancelledError):
-        if not killed and tries < MOST_TRIES:
+        if not killed and tries < MAX_TRIES:
             return None
         text = f"{name} was given up: its worker was killed each time that it was tried; is there enough memory?"
         return Done(name=name, seconds=0.0, was_run=False, error=text)
     if isinstance(error, FoliageError | ImportError):
         text = f"{name} could not be given to a worker: {error}; is the same version of usdfoliage installed there?"
         return Done(name=name, seconds=0.0, was_run=False, error=text)
-    told = "".join(traceback.format_exception(error))
-    return Done(name=name, seconds=0.0, was_run=False, fault=told)
+    text = "".join(traceback.format_exception(error))
+    return Done(name=name, seconds=0.0, was_run=False, fault=text)
 
 
 def _order(wanted: Wanted, name: str, threads: int) -> TaskOrder:

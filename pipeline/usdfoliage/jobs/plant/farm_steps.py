@@ -161,14 +161,14 @@ def _is_there(request: BuildRequest, plan: BuildPlan, task: str) -> bool:
     return find_finished(request.store, plan.tasks[task].key, thorough=False) is not None
 
 
-def _is_wanted(request: BuildRequest, plan: BuildPlan, name: str, told: dict[str, bool]) -> bool:
+def _is_wanted(request: BuildRequest, plan: BuildPlan, name: str, wanted: dict[str, bool]) -> bool:
     """Whether a task is wanted for itself, or something that is wanted and not done reads it."""
-    if name not in told:
-        told[name] = name in plan.last or any(
-            not _is_good(request, reader.key) and _is_wanted(request, plan, reader.name, told)
+    if name not in wanted:
+        wanted[name] = name in plan.last or any(
+            not _is_good(request, reader.key) and _is_wanted(request, plan, reader.name, wanted)
             for reader in plan.needed_by(name)
         )
-    return told[name]
+    return wanted[name]
 
 
 def _is_good(request: BuildRequest, key: str) -> bool:

@@ -78,13 +78,13 @@ def finish_plant(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant
 def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
     request = made.request
     result = request.store.result(plan.tasks[REPORT].key)
-    held = json.loads((result / VERDICT).read_text(encoding="utf-8"))
+    verdict = json.loads((result / VERDICT).read_text(encoding="utf-8"))
     made = replace(
         made,
         result=result / FINISHED,
-        errors=int(held["errors"]),
-        remarks=tuple(remark_from_json(each) for each in held["remarks"]),
-        facts=tuple(Row(**row) for row in held["facts"]),
+        errors=int(verdict["errors"]),
+        remarks=tuple(remark_from_json(each) for each in verdict["remarks"]),
+        facts=tuple(Row(**row) for row in verdict["facts"]),
     )
     if made.errors and not request.keep_invalid:
         return made
@@ -100,15 +100,15 @@ def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
 def _is_in_place(request: BuildRequest, key: str) -> bool:
     """Whether the output is, byte for byte, what an earlier run has put there of this very result."""
     try:
-        held = read_json(request.store.published(request.output))
-        return bool(held["key"] == key and held["files"] == _digests_of(request))
+        record = read_json(request.store.published(request.output))
+        return bool(record["key"] == key and record["files"] == _digests_of(request))
     except (OSError, ValueError, KeyError, TypeError, CaptureError):
         return False
 
 
 def _note_place(request: BuildRequest, key: str) -> None:
-    held = {"key": key, "files": _digests_of(request)}
-    write_whole(request.store.published(request.output), json.dumps(held, indent=1, sort_keys=True).encode())
+    record = {"key": key, "files": _digests_of(request)}
+    write_whole(request.store.published(request.output), json.dumps(record, indent=1, sort_keys=True).encode())
 
 
 def _digests_of(request: BuildRequest) -> dict[str, str]:

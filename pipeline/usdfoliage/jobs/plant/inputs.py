@@ -9,7 +9,7 @@ from typing import Literal
 
 import OpenImageIO as oiio
 
-from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES, check_cloud_file, looks_like_cloud
+from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES, check_cloud_file, is_cloud_input
 from usdfoliage.capture.folder.listing import files_below
 from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
 from usdfoliage.errors import CaptureError
@@ -24,7 +24,7 @@ from usdfoliage.remarks import Remark
 logger = logging.getLogger(__name__)
 
 DEPTH_FOLDER = "depth"
-Look = Literal["bytes", "memory", "files", "names"]
+DigestBy = Literal["bytes", "memory", "files", "names"]
 _UNREAD = ""  # digest of a file that nobody looked at
 
 
@@ -43,14 +43,15 @@ class BuildInputs:
     remarks: tuple[Remark, ...] = ()
 
 
-def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Look = "bytes") -> BuildInputs:
+def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", digest_by: DigestBy = "bytes") -> BuildInputs:
     """The files of a capture that a build reads.
 
     Args:
         source: A capture, a folder of photographs, or a point cloud.
         store: Where digests are remembered.
         depth: Which depth leaves are fitted to.
-        look: bytes reads every file; memory trusts what is remembered of those whose size and time are the same; files
+        digest_by: bytes reads every file; memory trusts what is remembered of those whose size and time are the same;
+            files
             does so too, and remembers nothing; names reads no others either: their digest is "".
 
     Raises:
@@ -60,10 +61,10 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         is_file = source.is_file()
     except OSError as error:  # such a name cannot be
         raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}; name a capture") from error
-    if looks_like_cloud(source):
+    if is_cloud_input(source):
         check_cloud_file(source)
     if is_file:
-        if not looks_like_cloud(source):
+        if not is_cloud_input(source):
             raise CaptureError(
                 f"{source} is neither a folder nor a point cloud ({', '.join(CLOUD_SUFFIXES)}); "
                 "name a folder of photographs"
@@ -77,7 +78,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
             has_cameras=False,
             has_depth=False,
             files=files,
-            digests=_digest_files(source, files, store, look=look),
+            digests=_digest_files(source, files, store, digest_by=digest_by),
             megapixels=0.0,
         )
     given = find_photographs(source, source.parent / f".{source.name}.none")
@@ -103,7 +104,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", look: Loo
         has_cameras=has_cameras,
         has_depth=has_depth,
         files=files,
-        digests=_digest_files(source, files, store, look=look),
+        digests=_digest_files(source, files, store, digest_by=digest_by),
         megapixels=_megapixels(first),
         remarks=given.remarks,
     )
@@ -124,7 +125,9 @@ def _require_names(files: Mapping[str, Path]) -> None:
             raise CaptureError(f"{path} has a name that is not in UTF-8; rename it") from error
 
 
-def _digest_files(source: Path, files: Mapping[str, Path], store: Store, look: Look) -> tuple[tuple[str, str], ...]:
+def _digest_files(
+    source: Path, files: Mapping[str, Path], store: Store, digest_by: DigestBy
+) -> tuple[tuple[str, str], ...]:
     """Name and digest of every file, sorted; in a quick look those that nobody remembers have none."""
     memory = store.folder / "digests" / f"{task_key(str(source.resolve()))}.json"
     known = _read_memory(memory)
@@ -136,21 +139,21 @@ def _digest_files(source: Path, files: Mapping[str, Path], store: Store, look: L
         except OSError as error:
             raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
         mark: list[object] = [seen.st_size, seen.st_mtime_ns, seen.st_ino]
-        held = known.get(name)
-        if look != "bytes" and held and held[:3] == mark:
-            digests[name] = str(held[3])
+        stored = known.get(name)
+        if digest_by != "bytes" and stored and stored[:3] == mark:
+            digests[name] = str(stored[3])
         else:
-            digests[name] = _UNREAD if look == "names" else digest_file(path)
+            digests[name] = _UNREAD if digest_by == "names" else digest_file(path)
         remembered[name] = [*mark, digests[name]]
-    if look in ("bytes", "memory") and remembered != known:
+    if digest_by in ("bytes", "memory") and remembered != known:
         write_whole(memory, json.dumps(remembered, indent=1).encode())
     return tuple(sorted(digests.items()))
 
 
 def _read_memory(path: Path) -> dict[str, list[object]]:
     try:
-        held = read_json(path)
-        return {str(name): list(value) for name, value in held.items() if len(value) == 4}
+        stored = read_json(path)
+        return {str(name): list(value) for name, value in stored.items() if len(value) == 4}
     except FileNotFoundError:
         return {}
     except (OSError, ValueError, TypeError, AttributeError) as error:
@@ -160,10 +163,10 @@ def _read_memory(path: Path) -> dict[str, list[object]]:
 
 def _megapixels(photo: Path) -> float:
     """Of a photograph, by its header; for one that has none, as cameras compress."""
-    held = oiio.ImageInput.open(str(photo))
-    if held is None:
+    image = oiio.ImageInput.open(str(photo))
+    if image is None:
         oiio.geterror()
         return max(photo.stat().st_size / 350_000, 0.1)
-    spec = held.spec()
-    held.close()
+    spec = image.spec()
+    image.close()
     return float(spec.width * spec.height / 1e6)

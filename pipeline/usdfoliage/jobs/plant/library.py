@@ -119,12 +119,12 @@ def _read_lines(source: Path, text: str) -> Iterator[LibraryEntry]:
             cells = lines[number].split("\t")
         if len(cells) > len(columns):
             raise CaptureError(f"{place} has {len(cells)} columns, and at most {len(columns)} are known")
-        held = {column: cell.strip() for column, cell in zip(columns, cells, strict=False)}
-        if not held.get("capture"):
+        row = {column: cell.strip() for column, cell in zip(columns, cells, strict=False)}
+        if not row.get("capture"):
             raise CaptureError(f"{place} names no capture")
-        capture = source.parent / _read_path(held["capture"], place)
-        plan = source.parent / _read_path(held["plan"], place) if held.get("plan") else None
-        yield _entry(capture, place, held.get("name", ""), plan)
+        capture = source.parent / _read_path(row["capture"], place)
+        plan = source.parent / _read_path(row["plan"], place) if row.get("plan") else None
+        yield _entry(capture, place, row.get("name", ""), plan)
 
 
 def _read_path(text: str, place: str) -> Path:

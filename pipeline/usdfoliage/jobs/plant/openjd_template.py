@@ -30,7 +30,7 @@ from usdfoliage.jobs.plant.tasks import (
 from usdfoliage.remarks import Setting
 
 _HEAVY = (POSES, MATCHING, DEPTH, CLOUD, ISOLATION, BRANCHES, LEAVES, CROWN, TURNTABLE, COMPARISONS, VARIANTS)
-_LEAST_MEMORY_MIB = 2048
+_MIN_MEMORY_MIB = 2048
 _FORCE = Setting(name="submit.force")
 _SHORTEST_TIMEOUT_S = 3600
 _LATE = 30  # times its estimate: then a task hangs
@@ -199,7 +199,7 @@ def _define_step(job: FarmJob, step: Step) -> dict[str, object]:
         "hostRequirements": {
             "amounts": [
                 {"name": "amount.worker.vcpu", "min": job.cores if is_heavy else 1},
-                {"name": "amount.worker.memory", "min": job.memory_mib if is_heavy else _LEAST_MEMORY_MIB},
+                {"name": "amount.worker.memory", "min": job.memory_mib if is_heavy else _MIN_MEMORY_MIB},
             ],
             "attributes": [{"name": "attr.worker.os.family", "anyOf": ["linux", "macos"]}],
         },
@@ -207,5 +207,5 @@ def _define_step(job: FarmJob, step: Step) -> dict[str, object]:
     }
 
 
-def _as_yaml(held: object) -> str:
-    return yaml.safe_dump(held, sort_keys=False, allow_unicode=True, width=120)
+def _as_yaml(value: object) -> str:
+    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, width=120)

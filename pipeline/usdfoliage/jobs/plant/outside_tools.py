@@ -20,9 +20,9 @@ from usdfoliage.jobs.preview.recorder import INTERPRETER_VARIABLE, find_interpre
 
 PLUGIN_VARIABLE = "PXR_PLUGINPATH_NAME"
 _PLUGIN_INFO = "plugInfo.json"
-_MOST_FILES = 2000  # of a place that plug-ins are in; what comes after them is not looked at
-_MOST_FOLDERS = 2000  # of one
-_MOST_BYTES = 4_000_000  # of a file; larger ones, and libraries, are told by size and time
+_MAX_FILES = 2000  # of a place that plug-ins are in; what comes after them is not looked at
+_MAX_FOLDERS = 2000  # of one
+_MAX_BYTES = 4_000_000  # of a file; larger ones, and libraries, are told by size and time
 _READ = (".py", ".json", ".usda")
 _LIBRARIES = (".so", ".dylib", ".pyd", ".dll")
 _DRAWS = re.compile(r"(bpy|usd_core|usd)-(.+)\.dist-info")
@@ -48,8 +48,8 @@ def describe_interpreter() -> tuple[str, ...]:
 
 def forget() -> None:
     """Look at everything again."""
-    for held in (_describe_python, _versions, _digest_plugins, _places_of):
-        held.cache_clear()
+    for cached in (_describe_python, _versions, _digest_plugins, _places_of):
+        cached.cache_clear()
 
 
 @lru_cache(maxsize=8)
@@ -83,9 +83,7 @@ def _digest_plugins(places: str) -> str:
         for entry in _split(places)
         for place in sorted(glob.glob(entry, recursive=True))  # noqa: PTH207 (of any path, as USD takes them)
         if str(Path(place)) not in ours
-        for name, path in islice(
-            _plugin_files(Path(place) if Path(place).is_dir() else Path(place).parent), _MOST_FILES
-        )
+        for name, path in islice(_plugin_files(Path(place) if Path(place).is_dir() else Path(place).parent), _MAX_FILES)
     ]
     return hash_each(marks).hex() if marks else ""
 
@@ -108,7 +106,7 @@ def _plugin_files(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _files_below(folder: Path) -> Iterator[tuple[str, Path]]:
-    for below, folders, names in islice(os.walk(folder), _MOST_FOLDERS):
+    for below, folders, names in islice(os.walk(folder), _MAX_FOLDERS):
         folders[:] = sorted(name for name in folders if not name.startswith((".", "__pycache__")))
         for name in sorted(names):
             path = Path(below) / name
@@ -139,7 +137,7 @@ def _mark(path: Path) -> bytes:
     """The digest of a file's bytes; of large ones and of libraries, size and time."""
     try:
         seen = path.stat()
-        if path.suffix in _LIBRARIES or seen.st_size > _MOST_BYTES:
+        if path.suffix in _LIBRARIES or seen.st_size > _MAX_BYTES:
             return f"{seen.st_size} {seen.st_mtime_ns}".encode()
         return hash_file(path)
     except OSError as error:  # USD does not read it either

@@ -14,7 +14,7 @@ from usdfoliage.jobs.plant.store import Stamp
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task, find_wanted
 from usdfoliage.remarks import as_plan_setting, label_remarks
 
-_SHOWN = ("stage", "tasks", "done", "to do", "seconds")
+_COLUMNS = ("stage", "tasks", "done", "to do", "seconds")
 
 
 def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
@@ -95,11 +95,11 @@ def _table(plan: BuildPlan, wanted: Mapping[str, Task], finished: Mapping[str, S
         if task.name not in asked:
             continue
         stages.setdefault(task.name.split("/")[0], []).append(task)
-    rows = [_SHOWN]
+    rows = [_COLUMNS]
     for stage, tasks in stages.items():
         left = [task for task in tasks if task.name in wanted]
         # What only finished tasks need was not looked at, and is not done again.
         done = len(tasks) - len(left)
         rows.append((stage, f"{len(tasks)}", f"{done}", f"{len(left)}", f"{sum(task.estimate_s for task in left):.0f}"))
-    widths = [max(len(row[column]) for row in rows) for column in range(len(_SHOWN))]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(_COLUMNS))]
     return ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]

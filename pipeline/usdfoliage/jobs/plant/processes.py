@@ -19,11 +19,11 @@ def open_processes(jobs: int) -> Iterator[Workers]:
     When the body fails or is interrupted, what they do is broken off.
     """
     context = multiprocessing.get_context("spawn")
-    told_to_end, end = context.Pipe(duplex=False)
+    end_signal, end = context.Pipe(duplex=False)
     opened: list[ProcessPoolExecutor] = []
 
     def open_executor() -> ProcessPoolExecutor:
-        opened.append(ProcessPoolExecutor(jobs, mp_context=context, initializer=_follow, initargs=(told_to_end,)))
+        opened.append(ProcessPoolExecutor(jobs, mp_context=context, initializer=_follow, initargs=(end_signal,)))
         return opened[-1]
 
     try:
@@ -35,7 +35,7 @@ def open_processes(jobs: int) -> Iterator[Workers]:
         for executor in opened:
             executor.shutdown(wait=True, cancel_futures=True)
         end.close()
-        told_to_end.close()
+        end_signal.close()
 
 
 def threads_each(jobs: int) -> int:
@@ -43,7 +43,7 @@ def threads_each(jobs: int) -> int:
     return max(1, (os.cpu_count() or 1) // jobs)
 
 
-def _follow(told_to_end: Connection) -> None:
+def _follow(end_signal: Connection) -> None:
     """In a worker: end with the process that has opened it, which alone hears Ctrl-C.
 
     A worker of concurrent.futures whose parent is killed would wait for work for ever.
@@ -52,7 +52,7 @@ def _follow(told_to_end: Connection) -> None:
 
     def end() -> None:
         try:
-            told_to_end.recv_bytes()
+            end_signal.recv_bytes()
         except (EOFError, OSError):
             os._exit(1)  # a task that is broken off has no stamp, and is done again
 

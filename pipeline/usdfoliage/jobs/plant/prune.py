@@ -31,7 +31,7 @@ State = Literal["needed", "in use", "recent", "unclear", "not needed"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeldTask:
+class StoredTask:
     """What one task has in the work folder."""
 
     key: str
@@ -43,7 +43,7 @@ class HeldTask:
     paths: tuple[Path, ...]  # files and folders that are its own
 
 
-def survey_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
+def survey_work(folder: Path, keep_days: float = 0.0) -> tuple[StoredTask, ...]:
     """What every task has in a work folder, those first that are needed. Nothing is written, and nobody waits for it.
 
     Where it cannot be told what some plant needs, what nobody else needs is unclear, and a warning says why.
@@ -62,7 +62,7 @@ def survey_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
     return _survey(store, keep_days, free)
 
 
-def prune_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
+def prune_work(folder: Path, keep_days: float = 0.0) -> tuple[StoredTask, ...]:
     """Remove what is not needed.
 
     Args:
@@ -85,12 +85,12 @@ def prune_work(folder: Path, keep_days: float = 0.0) -> tuple[HeldTask, ...]:
         for remark in _find_unclear(store, free):
             raise FoliageError(remark)
         remove_leftovers(store)
-        for held in _survey(store, keep_days, free):
-            if held.state != "not needed":
+        for stored in _survey(store, keep_days, free):
+            if stored.state != "not needed":
                 continue
-            with try_work_lock(store.lock(held.key)) as is_idle:
-                if is_idle and _remove(store, held):
-                    removed.append(held)
+            with try_work_lock(store.lock(stored.key)) as is_idle:
+                if is_idle and _remove(store, stored):
+                    removed.append(stored)
     return tuple(removed)
 
 
@@ -131,7 +131,7 @@ def _find_unclear(store: Store, free: dict[str, bool]) -> list[str]:
     return remarks
 
 
-def _survey(store: Store, keep_days: float, free: dict[str, bool]) -> tuple[HeldTask, ...]:
+def _survey(store: Store, keep_days: float, free: dict[str, bool]) -> tuple[StoredTask, ...]:
     records, _ = read_records(store)
     is_unclear = bool(_find_unclear(store, free))
     stamps = {key: stamp for key in _keys(store, "tasks", ".json") if (stamp := read_stamp(store, key)) is not None}
@@ -161,7 +161,7 @@ def _survey(store: Store, keep_days: float, free: dict[str, bool]) -> tuple[Held
     kept_views = {Path(path).parts[1] for path in kept_files if path.startswith("views/")}
 
     seen: set[tuple[int, int]] = set()
-    held = []
+    stored = []
     for key in sorted(all_keys, key=lambda key: (states[key] == "not needed", key)):
         own = [store.stamp(key), store.result(key)]
         if states[key] == "not needed" or key not in stamps:
@@ -170,8 +170,8 @@ def _survey(store: Store, keep_days: float, free: dict[str, bool]) -> tuple[Held
             own.append(store.views(key))
         if key in stamps:
             own += _views_of(store, stamps[key], kept_files if states[key] == "not needed" else set())
-        held.append(
-            HeldTask(
+        stored.append(
+            StoredTask(
                 key=key,
                 capture=", ".join(captures.get(key, ())),
                 stage=stages.get(key, UNFINISHED),
@@ -181,7 +181,7 @@ def _survey(store: Store, keep_days: float, free: dict[str, bool]) -> tuple[Held
                 paths=tuple(own),
             )
         )
-    return tuple(held)
+    return tuple(stored)
 
 
 def _needed(store: Store, record: PlantRecord, stamps: dict[str, Stamp]) -> set[str]:
@@ -260,9 +260,9 @@ def _size_bytes(paths: Iterable[Path], seen: set[tuple[int, int]]) -> int:
     return total
 
 
-def _remove(store: Store, held: HeldTask) -> bool:
+def _remove(store: Store, stored: StoredTask) -> bool:
     """Its stamp first: from then on it is not done, whatever is left of it."""
-    for path in held.paths:
+    for path in stored.paths:
         try:
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path)
@@ -270,6 +270,6 @@ def _remove(store: Store, held: HeldTask) -> bool:
                 path.unlink(missing_ok=True)
         except OSError as error:
             logger.warning("%s is not needed and could not be removed: %s", path, error.strerror)
-            if path == store.stamp(held.key):
+            if path == store.stamp(stored.key):
                 return False
     return True

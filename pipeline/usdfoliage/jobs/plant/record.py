@@ -58,7 +58,7 @@ def note_build(request: BuildRequest, plan: BuildPlan) -> None:
         now = {task.key for task in plan.tasks.values()}
         earlier = dict(before.earlier) if before else {}
         earlier.update((task.key, task.stage) for task in (before.tasks if before else ()))
-        held = {
+        record = {
             "capture": str(request.capture.resolve()),
             "output": str(request.output.resolve()),
             "tasks": [
@@ -67,11 +67,11 @@ def note_build(request: BuildRequest, plan: BuildPlan) -> None:
             ],
             "earlier": {old: stage for old, stage in sorted(earlier.items()) if _is_left(store, old, now)},
         }
-        data = json.dumps(held, indent=1).encode()
-        held_data = b""
+        data = json.dumps(record, indent=1).encode()
+        record_data = b""
         with suppress(OSError):  # there is none, or none that can be read
-            held_data = store.record(key).read_bytes()
-        if held_data != data:
+            record_data = store.record(key).read_bytes()
+        if record_data != data:
             write_whole(store.record(key), data)
         for task in plan.tasks.values():
             with suppress(OSError):  # most are not done yet
@@ -125,13 +125,15 @@ def plant_locks(store: Store) -> tuple[str, ...]:
 
 
 def _read_record(store: Store, key: str) -> PlantRecord:
-    held = read_json(store.record(key))
+    record = read_json(store.record(key))
     tasks = tuple(
         PlantTask(key=str(task["key"]), stage=str(task["stage"]), needs=tuple(map(str, task["needs"])))
-        for task in held["tasks"]
+        for task in record["tasks"]
     )
-    earlier = {str(old): str(stage) for old, stage in held["earlier"].items()}
-    return PlantRecord(key=key, capture=str(held["capture"]), output=str(held["output"]), tasks=tasks, earlier=earlier)
+    earlier = {str(old): str(stage) for old, stage in record["earlier"].items()}
+    return PlantRecord(
+        key=key, capture=str(record["capture"]), output=str(record["output"]), tasks=tasks, earlier=earlier
+    )
 
 
 def plant_key(request: BuildRequest) -> str:

@@ -12,7 +12,7 @@ from usdfoliage.jobs.plant.call import BuildRequest, digest_profile
 from usdfoliage.jobs.plant.dask_workers import connect_dask
 from usdfoliage.jobs.plant.executors import Done, NextPlant, TaskOrder, Wanted, Workers, run_here, run_on
 from usdfoliage.jobs.plant.finish import BuiltPlant, finish_plant
-from usdfoliage.jobs.plant.inputs import BuildInputs, Look, find_inputs
+from usdfoliage.jobs.plant.inputs import BuildInputs, DigestBy, find_inputs
 from usdfoliage.jobs.plant.meter import Meter
 from usdfoliage.jobs.plant.processes import open_processes, threads_each
 from usdfoliage.jobs.plant.record import note_build
@@ -24,7 +24,7 @@ from usdfoliage.progress import PlantProgress
 
 logger = logging.getLogger(__name__)
 
-MOST_PLANS = 4  # a result that is lost while others are made is made again, but not for ever
+MAX_PLANS = 4  # a result that is lost while others are made is made again, but not for ever
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,13 +49,13 @@ class ExecutorChoice:
         return f"in {self.jobs} processes" if self.jobs > 1 else "in one process"
 
 
-def plan_plant(request: BuildRequest, look: Look = "bytes") -> tuple[BuildInputs, BuildPlan]:
+def plan_plant(request: BuildRequest, digest_by: DigestBy = "bytes") -> tuple[BuildInputs, BuildPlan]:
     """The inputs and tasks of a plant, with times as far as the work folder knows them.
 
     Raises:
         FoliageError: The inputs cannot be used.
     """
-    inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, look)
+    inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, digest_by)
     plan = plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
     return inputs, expect_times(plan, request.store)
 
@@ -75,7 +75,7 @@ def build_plants(
     waiting = deque(range(len(requests)))
     planned: list[int] = []  # the request of every plan that was made
     ended: dict[int, BuiltPlant] = {}
-    told: set[int] = set()
+    reported: set[int] = set()
 
     def next_plant() -> Wanted | None:
         while waiting:
@@ -91,33 +91,33 @@ def build_plants(
             return state.wanted
         return None
 
-    def tell() -> Iterator[tuple[int, BuiltPlant]]:
-        for number in sorted(ended.keys() - told):
-            told.add(number)
+    def report() -> Iterator[tuple[int, BuiltPlant]]:
+        for number in sorted(ended.keys() - reported):
+            reported.add(number)
             meter.end(states[number].place)
             yield number, ended[number]
 
     try:
         with _open(where) as (workers, threads):
             for place, done in _run(next_plant, workers, threads, meter):
-                yield from tell()
+                yield from report()
                 number = planned[place]
                 state = states[number]
                 state.note(done)
-                if number in told or place != state.place:
+                if number in reported or place != state.place:
                     continue  # it has failed, or is planned anew; this task ran meanwhile
-                if done.lost and state.plans < MOST_PLANS:
+                if done.lost and state.plans < MAX_PLANS:
                     meter.forget(state.place)
                     state.place = -1
                     waiting.append(number)
                 elif not done.is_good or state.is_complete:
                     ended[number] = state.end()
-                    yield from tell()
+                    yield from report()
     except FoliageError as error:  # there is nobody any more to do the work
         for number, state in enumerate(states):
             if number not in ended:
                 ended[number] = replace(state.so_far(), error=str(error))
-    yield from tell()
+    yield from report()
 
 
 class _State:
@@ -168,7 +168,7 @@ class _State:
             if done.was_run:
                 self._seconds[done.name] = done.seconds
         elif self._bad is None:
-            self._bad = None if done.lost and self.plans < MOST_PLANS else done
+            self._bad = None if done.lost and self.plans < MAX_PLANS else done
 
     def so_far(self) -> BuiltPlant:
         """What was done of it."""

@@ -9,7 +9,7 @@ from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branches.foliage import FoliageRequest
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
-from usdfoliage.jobs.edits.scatter import LENGTHS_M, MOST_LEAVES
+from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.plant.pages.pictures import PictureSettings
 from usdfoliage.jobs.work.settings_file import set_everywhere
@@ -57,7 +57,7 @@ class IsolationStageSettings:
     floor: bool = True  # true leaves out the floor under the plant, where it is nearly level and clearly seen.
     container: bool = True  # true leaves out the pot, where the plant is green and the pot is not.
     # true leaves out everything that is not linked with the plant, where the photographs are aimed at one place.
-    strays: bool = True
+    outliers: bool = True
     # Half the thickness of a floor is this share of the distance from the cameras to the plant. Range: 0.001 to 0.1.
     floor_layer: float = 0.012
     # Parts of the plant are linked across gaps of up to this share of the distance from the cameras to the plant.
@@ -124,8 +124,8 @@ class FoliageSettings:
     # species.
     kind: FoliageKind = "auto"
     # auto adds no leaves where the captured ones cover at least this share of the cloud's leaves. Range: 0 to 1.
-    least_cover: float = 0.85
-    least_drawn: int = 20  # auto draws from the captured leaves where there are at least this many. Range: 1 or more.
+    min_cover: float = 0.85
+    min_drawn: int = 20  # auto draws from the captured leaves where there are at least this many. Range: 1 or more.
     # A leaf on a twig has this length; auto takes that of the species, or of the captured leaves. Unit: metres.
     # Range: 1e-06 to 1000.
     leaf_length_m: float | None = None
@@ -135,15 +135,15 @@ class FoliageSettings:
     def __post_init__(self) -> None:
         if self.kind not in get_args(FoliageKind):
             raise ValueError(f"kind must be one of {', '.join(get_args(FoliageKind))}, not {self.kind!r}")
-        if not 0 <= self.least_cover <= 1:
-            raise ValueError(f"least_cover must be 0 to 1, not {self.least_cover:g}")
+        if not 0 <= self.min_cover <= 1:
+            raise ValueError(f"min_cover must be 0 to 1, not {self.min_cover:g}")
         shortest_m, longest_m = LENGTHS_M
         if self.leaf_length_m is not None and not shortest_m <= self.leaf_length_m <= longest_m:
             raise ValueError(f"leaf_length_m must be {shortest_m:g} to {longest_m:g}, not {self.leaf_length_m:g}")
-        if not 1 <= self.max_leaves <= MOST_LEAVES:
-            raise ValueError(f"max_leaves must be 1 to {MOST_LEAVES}, not {self.max_leaves}")
-        if self.least_drawn < 1:
-            raise ValueError(f"least_drawn must be at least 1, not {self.least_drawn}")
+        if not 1 <= self.max_leaves <= MAX_LEAVES:
+            raise ValueError(f"max_leaves must be 1 to {MAX_LEAVES}, not {self.max_leaves}")
+        if self.min_drawn < 1:
+            raise ValueError(f"min_drawn must be at least 1, not {self.min_drawn}")
 
 
 @dataclass(frozen=True, kw_only=True)

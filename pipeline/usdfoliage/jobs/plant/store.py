@@ -96,11 +96,11 @@ def read_stamp(store: Store, key: str) -> Stamp | None:
     """The stamp of a task; None where there is none, or it is damaged."""
     path = store.stamp(key)
     try:
-        held = read_json(path)
-        body, seal = json.dumps(held["stamp"], sort_keys=True), held["seal"]
+        stored = read_json(path)
+        body, seal = json.dumps(stored["stamp"], sort_keys=True), stored["seal"]
         if digest_text(body) != seal:
             raise ValueError("its seal does not match")
-        stamp = held["stamp"]
+        stamp = stored["stamp"]
         files = tuple(ResultFile(**each) for each in stamp.pop("files"))
         found = Stamp(files=files, **stamp)
         if found.key != key:
@@ -115,7 +115,7 @@ def read_stamp(store: Store, key: str) -> Stamp | None:
 
 def write_stamp(store: Store, stamp: Stamp) -> None:
     """Say that a task is finished; CaptureError where it cannot be written."""
-    held = {
+    stored = {
         "key": stamp.key,
         "name": stamp.name,
         "seconds": round(stamp.seconds, 3),
@@ -126,8 +126,8 @@ def write_stamp(store: Store, stamp: Stamp) -> None:
             for file in sorted(stamp.files, key=lambda each: each.path)
         ],
     }
-    seal = digest_text(json.dumps(held, sort_keys=True))
-    write_whole(store.stamp(stamp.key), json.dumps({"stamp": held, "seal": seal}, indent=1).encode())
+    seal = digest_text(json.dumps(stored, sort_keys=True))
+    write_whole(store.stamp(stamp.key), json.dumps({"stamp": stored, "seal": seal}, indent=1).encode())
 
 
 def find_finished(store: Store, key: str, *, thorough: bool) -> Stamp | None:

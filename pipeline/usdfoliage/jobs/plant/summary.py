@@ -33,7 +33,7 @@ class StageSummary:
     poor: bool = False  # made without Storm's pictures: the next run tries again
 
     def warning_texts(self) -> list[str]:
-        """What puts the result in doubt, with the settings of a plan."""
+        """What puts the result in question, with the settings of a plan."""
         return [each.sentence(as_plan_setting) for each in warnings_of(self.remarks)]
 
     def info_texts(self) -> list[str]:
@@ -43,22 +43,22 @@ class StageSummary:
 
 def write_summary(folder: Path, summary: StageSummary) -> None:
     """Put it into the folder of the result."""
-    held = asdict(summary) | {"remarks": [each.as_json() for each in summary.remarks]}
-    text = json.dumps(held, indent=1, ensure_ascii=True)
+    values = asdict(summary) | {"remarks": [each.as_json() for each in summary.remarks]}
+    text = json.dumps(values, indent=1, ensure_ascii=True)
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
 
 
 def read_summary(folder: Path) -> StageSummary:
     """The summary of a result; CaptureError where it cannot be read."""
     try:
-        held = read_json(folder / SUMMARY)
+        values = read_json(folder / SUMMARY)
         return StageSummary(
-            rows=tuple(Row(**row) for row in held["rows"]),
-            remarks=tuple(remark_from_json(each) for each in held["remarks"]),
-            pictures=tuple(StagePicture(**picture) for picture in held["pictures"]),
-            detail=held["detail"],
-            failure=held["failure"],
-            poor=held["poor"],
+            rows=tuple(Row(**row) for row in values["rows"]),
+            remarks=tuple(remark_from_json(each) for each in values["remarks"]),
+            pictures=tuple(StagePicture(**picture) for picture in values["pictures"]),
+            detail=values["detail"],
+            failure=values["failure"],
+            poor=values["poor"],
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise CaptureError(f"{folder / SUMMARY} cannot be read ({error}); run the same command again") from error
@@ -66,11 +66,11 @@ def read_summary(folder: Path) -> StageSummary:
 
 def rename_paths(folder: Path, rename: Callable[[str], str]) -> None:
     """Let all that a summary says name files otherwise; CaptureError where it cannot be read."""
-    held = read_summary(folder)
+    values = read_summary(folder)
     renamed = replace(
-        held,
-        rows=[replace(row, value=rename(row.value), remark=rename(row.remark)) for row in held.rows],
-        remarks=[rename_in(each, rename) for each in held.remarks],
-        failure=rename(held.failure),
+        values,
+        rows=[replace(row, value=rename(row.value), remark=rename(row.remark)) for row in values.rows],
+        remarks=[rename_in(each, rename) for each in values.remarks],
+        failure=rename(values.failure),
     )
     write_summary(folder, renamed)

@@ -118,13 +118,13 @@ def plan_build(
     tasks: dict[str, Task] = {}
     megapixels = inputs.megapixels
 
-    def add(stage: str, said: object, needs: Sequence[str], estimate_s: float, **place: int) -> str:
+    def add(stage: str, deciding: object, needs: Sequence[str], estimate_s: float, **place: int) -> str:
         chunk, chunks, number = place.get("chunk", 0), place.get("chunks", 1), place.get("round", 0)
         full = f"{stage}-{number + 1}" if stage == MATCHING else stage
         if chunks > 1:
             full = f"{full}/{chunk + 1}"
         keys = [tasks[each].key for each in needs]
-        key = task_key(build_code_version(stage), stage, number, chunk, chunks, said, keys)
+        key = task_key(build_code_version(stage), stage, number, chunk, chunks, deciding, keys)
         tasks[full] = Task(
             name=full,
             stage=stage,
@@ -143,12 +143,12 @@ def plan_build(
     if inputs.photographs:
         capture = settings.capture
         photographs = len(inputs.photographs)
-        posing = (capture.poses, capture.mask, capture.sky, capture.registration, capture.world)
+        posing = (capture.poses, capture.mask, capture.sky, capture.pose_estimation, capture.world)
         # A run that used doubtful poses leaves none for one that would have stopped at them; nobody doubts given ones.
-        doubtful = capture.doubtful_poses if capture.poses == "estimate" or not inputs.has_cameras else ""
-        said = (source, inputs.name, settings.seed, posing, doubtful, capture.depth.max_side_px)
+        uncertain = capture.uncertain_poses if capture.poses == "estimate" or not inputs.has_cameras else ""
+        deciding = (source, inputs.name, settings.seed, posing, uncertain, capture.depth.max_side_px)
         estimated = 0.0 if inputs.has_cameras else 1.0
-        poses = add(POSES, said, (), 2.0 + photographs * (0.15 * megapixels + estimated))
+        poses = add(POSES, deciding, (), 2.0 + photographs * (0.15 * megapixels + estimated))
         chunks = -(-photographs // settings.tasks.photographs_a_task)
         # Hashed once for all chunks: a library of thousands is planned in seconds.
         matching = task_key(capture.dense, replace(capture.depth, agreement=AgreementSettings()))
@@ -175,8 +175,8 @@ def plan_build(
         if rounds:
             cost_s = 0.3 + matched / chunks
             finished = [add(DEPTH, finishing, before, cost_s, chunk=k, chunks=chunks) for k in range(chunks)]
-        said_of_cloud = replace(capture, doubtful_poses="stop")  # which decides nothing once there are poses
-        cloud = add(CLOUD, said_of_cloud, [poses, *finished], 3.0 + 1.2 * matched)
+        cloud_settings = replace(capture, uncertain_poses="stop")  # which decides nothing once there are poses
+        cloud = add(CLOUD, cloud_settings, [poses, *finished], 3.0 + 1.2 * matched)
     else:
         cloud = ""
     has_cloud = [cloud] if cloud else []
@@ -188,31 +188,31 @@ def plan_build(
         plant = [isolation]
     species = settings.plant.species  # which is written into the asset of every part
     if settings.branches.make != "off":
-        said_of_branches = (settings.seed, settings.branches, species, name, *([] if cloud else source))
-        parts.append(add(BRANCHES, said_of_branches, plant, 25.0))
+        branch_settings = (settings.seed, settings.branches, species, name, *([] if cloud else source))
+        parts.append(add(BRANCHES, branch_settings, plant, 25.0))
     if settings.leaves.make and cloud:
-        said_of_leaves = (settings.seed, settings.leaves, species, name, source)
-        parts.append(add(LEAVES, said_of_leaves, plant, 5.0 + 3.0 * len(inputs.photographs) * megapixels))
+        leaf_settings = (settings.seed, settings.leaves, species, name, source)
+        parts.append(add(LEAVES, leaf_settings, plant, 5.0 + 3.0 * len(inputs.photographs) * megapixels))
     if settings.crown.make:
-        said_of_crown = (settings.seed, settings.crown, species, name, *([] if cloud else source))
-        parts.append(add(CROWN, said_of_crown, [*plant, *parts], 40.0))
-    said_of_part = (name, inputs.name, source, replace(settings, tasks=TaskSettings()))
+        crown_settings = (settings.seed, settings.crown, species, name, *([] if cloud else source))
+        parts.append(add(CROWN, crown_settings, [*plant, *parts], 40.0))
+    part_settings = (name, inputs.name, source, replace(settings, tasks=TaskSettings()))
     for part in parts:
         if part in only:
             full = f"{part}-asset"
-            key = task_key(build_code_version(PART_ASSET), full, said_of_part, [tasks[part].key])
+            key = task_key(build_code_version(PART_ASSET), full, part_settings, [tasks[part].key])
             tasks[full] = Task(name=full, stage=PART_ASSET, needs=(part,), key=key, estimate_s=2.0)
     draws = describe_interpreter() if settings.pictures.make else ()  # the thumbnail too
-    said_of_asset = (replace(settings, tasks=TaskSettings()), name, inputs.name, source, draws)
-    asset = add(ASSET, said_of_asset, [*plant, *parts], 20.0)
+    asset_settings = (replace(settings, tasks=TaskSettings()), name, inputs.name, source, draws)
+    asset = add(ASSET, asset_settings, [*plant, *parts], 20.0)
     pictures: list[str] = []
     if settings.pictures.make:
         drawn = settings.pictures
-        said_of_pictures = (drawn, draws)
-        pictures.append(add(TURNTABLE, said_of_pictures, [asset], 4.0 + 1.2 * drawn.turntable_frames))
+        picture_settings = (drawn, draws)
+        pictures.append(add(TURNTABLE, picture_settings, [asset], 4.0 + 1.2 * drawn.turntable_frames))
         if cloud:
-            pictures.append(add(COMPARISONS, said_of_pictures, [*plant, asset], 6.0 + 2.5 * drawn.comparisons))
-        pictures.append(add(VARIANTS, said_of_pictures, [asset], 30.0))
+            pictures.append(add(COMPARISONS, picture_settings, [*plant, asset], 6.0 + 2.5 * drawn.comparisons))
+        pictures.append(add(VARIANTS, picture_settings, [asset], 30.0))
     everything = [*([poses] if cloud else []), *dict.fromkeys([*has_cloud, *plant]), *parts, asset, *pictures]
     report = add(REPORT, (profile, describe_validators()), everything, 20.0)
     stop_after = (*only, PART_ASSET)  # which there is for the parts among them alone

@@ -12,12 +12,12 @@ from statistics import median
 from usdfoliage.jobs.plant.store import Store
 from usdfoliage.jobs.plant.tasks import ASSET, BRANCHES, CROWN, REPORT, VARIANTS, BuildPlan, Task
 
-_MOST_STAMPS = 1000  # that are looked at; keys are hashes, so that the first by name are a fair choice
+_MAX_STAMPS = 1000  # that are looked at; keys are hashes, so that the first by name are a fair choice
 _HEAD_BYTES = 600  # of a stamp, before its list of files
 _HEAD = re.compile(
     rb'"name": "([^"\\]+)",\s*"seconds": ([\d.eE+-]+),\s*"estimate_s": ([\d.eE+-]+),\s*"poor": (true|false)'
 )
-_LEAST_S = 0.05
+_MIN_S = 0.05
 # Their estimates know nothing of the plant: seconds are taken as they are.
 _OF_ANY_SIZE = (BRANCHES, CROWN, ASSET, VARIANTS, REPORT)
 
@@ -52,7 +52,7 @@ def read_times(folder: Path, changed_ns: int) -> Mapping[str, StageTimes]:
         names = sorted(name for name in os.listdir(folder / "tasks") if name.endswith(".json"))  # noqa: PTH208 (quick)
     except OSError:
         return {}
-    for name in names[:_MOST_STAMPS]:
+    for name in names[:_MAX_STAMPS]:
         try:
             with (folder / "tasks" / name).open("rb") as file:
                 found = _HEAD.search(file.read(_HEAD_BYTES))
@@ -68,7 +68,10 @@ def read_times(folder: Path, changed_ns: int) -> Mapping[str, StageTimes]:
             stage = _stage(found[1].decode(errors="replace"))
             seconds.setdefault(stage, []).append(took_s)
             ratios.setdefault(stage, []).append(took_s / estimate_s)
-    return {stage: StageTimes(seconds=median(held_s), ratio=median(ratios[stage])) for stage, held_s in seconds.items()}
+    return {
+        stage: StageTimes(seconds=median(seconds_of), ratio=median(ratios[stage]))
+        for stage, seconds_of in seconds.items()
+    }
 
 
 def _expect(task: Task, times: Mapping[str, StageTimes]) -> Task:
@@ -76,7 +79,7 @@ def _expect(task: Task, times: Mapping[str, StageTimes]) -> Task:
     if known is None:
         return task
     expected_s = known.seconds if task.stage in _OF_ANY_SIZE else task.estimate_s * known.ratio
-    return replace(task, estimate_s=max(expected_s, _LEAST_S))
+    return replace(task, estimate_s=max(expected_s, _MIN_S))
 
 
 def _stage(name: str) -> str:

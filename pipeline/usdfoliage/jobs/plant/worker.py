@@ -201,12 +201,12 @@ def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -
         changed = [name for name in sorted(now.keys() | before.keys()) if now.get(name) != before.get(name)]
         if not changed:
             return
-        told = named(changed)
+        text = named(changed)
     except CaptureError as error:
-        told = str(error).partition(";")[0]
+        text = str(error).partition(";")[0]
     drop_result(request.store, task.key)
     raise CaptureError(
-        f"{request.capture} changed while it was read: {told}; run the same command again when nothing writes there"
+        f"{request.capture} changed while it was read: {text}; run the same command again when nothing writes there"
     )
 
 

@@ -284,9 +284,9 @@ def file_to_draw(usd_file: Path, work: Path) -> Path:
     layer, _ = try_layer(usd_file)
     if layer is None or read_look(layer) is None:  # the recorder says what is wrong with a file that is no USD
         return usd_file
-    shown = work / f"{usd_file.stem}.usda"
-    open_root_layer(usd_file).Export(str(shown))
-    return shown
+    drawn = work / f"{usd_file.stem}.usda"
+    open_root_layer(usd_file).Export(str(drawn))
+    return drawn
 
 
 def _describe_lost_layers(usd_file: Path) -> str:

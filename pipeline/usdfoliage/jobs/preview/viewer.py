@@ -168,8 +168,8 @@ def _answer(request: Mapping[str, Any]) -> dict[str, Any]:
 
 def average_leaf(asset: Path, edits: LeafEdits) -> list[dict[str, Any]]:
     """The curves of an asset's average leaf under edits, as JSON has them."""
-    held = _held_leaves(asset, _stamp(asset))
-    curves = leaf_curves(apply_edits(held[0].mean[None], edits)[0], held[0].jitter(edits))
+    leaves = _stored_leaves(asset, _stamp(asset))
+    curves = leaf_curves(apply_edits(leaves[0].mean[None], edits)[0], leaves[0].jitter(edits))
     return [
         {"name": curve.name, "points": curve.points.tolist(), "controls": curve.controls.tolist()} for curve in curves
     ]
@@ -178,16 +178,16 @@ def average_leaf(asset: Path, edits: LeafEdits) -> list[dict[str, Any]]:
 def edited_bounds(asset: Path, edits: LeafEdits) -> list[dict[str, Any]]:
     """What holds the edited leaves of each prim: one leaf in leaf space, and all in the space of the prim."""
     found = []
-    for held in _held_leaves(asset, _stamp(asset)):
-        edited = replace(held.leaves, parameters=apply_edits(held.leaves.parameters, edits))
-        jitter = held.jitter(edits)
+    for leaves in _stored_leaves(asset, _stamp(asset)):
+        edited = replace(leaves.leaves, parameters=apply_edits(leaves.leaves.parameters, edits))
+        jitter = leaves.jitter(edits)
         box, among = common_bounds(edited.parameters, jitter), leaf_bounds_m(edited, jitter)
         found.append({"leaf": box.tolist(), "among": among.tolist()})
     return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _HeldLeaves:
+class _StoredLeaves:
     """The leaves of one prim, before their edits."""
 
     leaves: Leaves
@@ -199,21 +199,21 @@ class _HeldLeaves:
 
 
 @lru_cache(maxsize=4)
-def _held_leaves(asset: Path, stamp: int) -> list[_HeldLeaves]:
+def _stored_leaves(asset: Path, stamp: int) -> list[_StoredLeaves]:
     """The leaves of every prim; stamp tells versions of a file apart."""
     del stamp
     stage = open_asset(asset)
     select_leafy_lod(stage)
     if representations(require_plant(stage, asset)):
         select_representation(stage, BEZIER)
-    held = [read_leaves(prim) for prim in require_leaves(stage, asset)]
-    parameters = np.concatenate([one.leaves.parameters for one in held])
+    leaves = [read_leaves(prim) for prim in require_leaves(stage, asset)]
+    parameters = np.concatenate([one.leaves.parameters for one in leaves])
     if not len(parameters):
         raise FoliageError(f"{asset} has no leaf to show")
     mean = mean_leaf(parameters)
     return [
-        _HeldLeaves(leaves=one.leaves, mean=mean, wave=read_jitter_map(one.jitter_map) if one.jitter_map else None)
-        for one in held
+        _StoredLeaves(leaves=one.leaves, mean=mean, wave=read_jitter_map(one.jitter_map) if one.jitter_map else None)
+        for one in leaves
     ]
 
 
@@ -221,12 +221,12 @@ def _stamp(asset: Path) -> int:
     return asset.stat().st_mtime_ns if asset.exists() else 0
 
 
-def _read_edits(held: Mapping[str, Any]) -> LeafEdits:
+def _read_edits(stored: Mapping[str, Any]) -> LeafEdits:
     known = {field.name for field in fields(LeafEdits)}
-    if unknown := sorted(set(held) - known):
+    if unknown := sorted(set(stored) - known):
         raise ValueError(f"no edit is called {', '.join(unknown)}")
     values: dict[str, Any] = {
-        name: tuple(map(float, value)) if isinstance(value, list) else float(value) for name, value in held.items()
+        name: tuple(map(float, value)) if isinstance(value, list) else float(value) for name, value in stored.items()
     }
     return LeafEdits(**values)
 
@@ -263,9 +263,9 @@ def _require_display() -> None:
 
 def _describe_end(code: int, complaints: str, python: Path) -> str:
     if "could not connect to display" in complaints or "no Qt platform plugin" in complaints:
-        shown = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or os.environ.get("QT_QPA_PLATFORM")
+        display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or os.environ.get("QT_QPA_PLATFORM")
         return (
-            f"the display {shown} cannot be used; set DISPLAY to one that can, or use `xvfb-run`; on Debian a window "
+            f"the display {display} cannot be used; set DISPLAY to one that can, or use `xvfb-run`; on Debian a window "
             "needs libxcb-cursor0 and the other packages of `make setup`"
         )
     return describe_crash(code, complaints, python)

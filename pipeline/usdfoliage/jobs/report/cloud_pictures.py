@@ -18,8 +18,8 @@ SPLATS_PX = (1, 2, 3, 4, 5, 7, 9, 13)  # sides of the squares that points are dr
 SHADE = 6.0  # how dark steps of depth become
 STEP, LARGEST_STEP = 0.004, 0.02  # of depth, in picture sides, that begins to darken, and beyond it the most that does
 SHADE_PX = (1, 3)  # how far beside a pixel they are looked for
-LEAST_SIDE = 0.2  # of a picture of a cloud, in its longer one
-MOST = 0.999  # quantile of how many cameras see points that is taken for the most
+MIN_SIDE = 0.2  # of a picture of a cloud, in its longer one
+QUANTILE = 0.999  # quantile of how many cameras see points that is taken for the most
 COMMON = 0.5  # of the cameras that see the best point, must see one that is shown
 CIRCLING = 0.25  # cameras whose middle is nearer to the cloud than this share of their distance stand all around
 BAR_SHARE = 0.22  # of a picture's width
@@ -87,11 +87,11 @@ def find_sides(cameras: Sequence[Pinhole], cloud: Cloud, up: NDArray[np.float64]
     )
 
 
-def thin_cloud(cloud: Cloud, most: int = DRAWN_POINTS) -> Cloud:
+def thin_cloud(cloud: Cloud, max_points: int = DRAWN_POINTS) -> Cloud:
     """At most so many of its points, evenly chosen."""
-    if len(cloud) <= most:
+    if len(cloud) <= max_points:
         return cloud
-    return cloud.take(np.linspace(0, len(cloud) - 1, most).astype(np.int64))
+    return cloud.take(np.linspace(0, len(cloud) - 1, max_points).astype(np.int64))
 
 
 def find_common(points_m: NDArray[np.float64], cameras: Sequence[Pinhole]) -> NDArray[np.bool_]:
@@ -106,7 +106,7 @@ def find_common(points_m: NDArray[np.float64], cameras: Sequence[Pinhole]) -> ND
             count += np.all((places >= 0) & (places < (camera.width_px, camera.height_px)), axis=1)
     if not count.any():
         return np.ones(len(points_m), np.bool_)
-    return np.asarray(count >= COMMON * np.quantile(count, MOST))
+    return np.asarray(count >= COMMON * np.quantile(count, QUANTILE))
 
 
 def frame_points(
@@ -125,7 +125,7 @@ def frame_points(
     px_per_m = longest_px / (longest_m * (1 + 2 * MARGIN))
     windows = []
     for low, high in bounds:
-        side = np.maximum(high - low, LEAST_SIDE * longest_m) + 2 * MARGIN * longest_m
+        side = np.maximum(high - low, MIN_SIDE * longest_m) + 2 * MARGIN * longest_m
         start = (low + high - side) / 2
         windows.append(
             Window(left_m=float(start[0]), bottom_m=float(start[1]), width_m=float(side[0]), height_m=float(side[1]),
@@ -135,13 +135,13 @@ def frame_points(
 
 
 def find_inside(
-    points_m: NDArray[np.float64], shown_m: NDArray[np.float64], directions: Sequence[Direction]
+    points_m: NDArray[np.float64], drawn_m: NDArray[np.float64], directions: Sequence[Direction]
 ) -> NDArray[np.bool_]:
     """(N,), points in the box, along three directions, of those (M, 3) that are to be shown: others would hide them."""
-    if not len(shown_m):
+    if not len(drawn_m):
         return np.ones(len(points_m), np.bool_)
     axes = np.column_stack([direction.towards for direction in directions])
-    low, high = np.quantile(shown_m @ axes, BOUNDS, axis=0)
+    low, high = np.quantile(drawn_m @ axes, BOUNDS, axis=0)
     margin_m = MARGIN * float((high - low).max())
     places = points_m @ axes
     return np.asarray(((places >= low - margin_m) & (places <= high + margin_m)).all(axis=1))
@@ -178,8 +178,8 @@ def splat_points(
 def draw_seen(seen: SeenPoints, colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """(H, W, 3), every pixel in the colour (N, 3) of its point."""
     picture = np.full((*seen.point.shape, 3), PAPER, np.uint8)
-    shown = seen.point >= 0
-    picture[shown] = np.rint(colors[seen.point[shown]] * seen.light[shown, None]).astype(np.uint8)
+    visible = seen.point >= 0
+    picture[visible] = np.rint(colors[seen.point[visible]] * seen.light[visible, None]).astype(np.uint8)
     return picture
 
 

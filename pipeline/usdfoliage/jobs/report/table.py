@@ -61,8 +61,10 @@ class Histogram:
         return max([*self.heights, 1])
 
 
-def choose_shown(count: int, most: int) -> list[int]:
+def choose_evenly(count: int, max_count: int) -> list[int]:
     """Which of so many views are shown: all, or an even selection with the first and the last."""
-    if count <= most:
+    if count <= max_count:
         return list(range(count))
-    return sorted({round(place) for place in np.linspace(0, count - 1, most)}) if most > 1 else [0][:most]
+    return (
+        sorted({round(place) for place in np.linspace(0, count - 1, max_count)}) if max_count > 1 else [0][:max_count]
+    )

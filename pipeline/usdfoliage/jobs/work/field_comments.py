@@ -28,9 +28,9 @@ def _own_comments(kind: type) -> dict[str, str]:
     except (OSError, TypeError):  # installed without its sources
         return {}
     lines = text.splitlines()
-    (held,) = (node for node in ast.parse(text).body if isinstance(node, ast.ClassDef))
+    (definition,) = (node for node in ast.parse(text).body if isinstance(node, ast.ClassDef))
     found = {}
-    for node in held.body:
+    for node in definition.body:
         if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name) or node.end_lineno is None:
             continue
         after = lines[node.end_lineno - 1].encode()[node.end_col_offset :].decode().strip()

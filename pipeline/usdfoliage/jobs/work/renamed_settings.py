@@ -12,6 +12,20 @@ logger = logging.getLogger(__name__)
 
 # Old and new names, with the tables before them as in a plan. The next version does not read the old ones.
 RENAMED_SETTINGS: Mapping[str, str] = {
+    "capture.registration": "capture.pose_estimation",
+    "capture.pose_estimation.least_features": "capture.pose_estimation.min_features",
+    "capture.pose_estimation.least_matches": "capture.pose_estimation.min_matches",
+    "capture.doubtful_poses": "capture.uncertain_poses",
+    "capture.world.least_gps": "capture.world.min_gps",
+    "capture.depth.segments.least_px": "capture.depth.segments.min_px",
+    "isolation.strays": "isolation.outliers",
+    "leaves.dense.coherence.least_own": "leaves.dense.coherence.min_own",
+    "leaves.dense.coherence.least_others": "leaves.dense.coherence.min_others",
+    "leaves.dense.patches.least_px": "leaves.dense.patches.min_px",
+    "leaves.dense.patches.least_cosine": "leaves.dense.patches.min_cosine",
+    "leaves.dense.claims.least_cosine": "leaves.dense.claims.min_cosine",
+    "foliage.least_cover": "foliage.min_cover",
+    "foliage.least_drawn": "foliage.min_drawn",
     "capture.depth.segments.least_share": "capture.depth.segments.min_share",
     "capture.depth.agreement.least_likelihood": "capture.depth.agreement.min_likelihood",
     "capture.cloud.least_views": "capture.cloud.min_views",

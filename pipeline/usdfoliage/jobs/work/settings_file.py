@@ -18,7 +18,7 @@ from usdfoliage.jobs.work.field_comments import field_comments
 from usdfoliage.jobs.work.renamed_settings import with_new_names
 
 AUTO = "auto"
-_SAID_ONCE = ("seed", "threads")  # for all tables at once, at the top or by an option
+_GIVEN_ONCE = ("seed", "threads")  # for all tables at once, at the top or by an option
 
 Settings = TypeVar("Settings")
 
@@ -70,11 +70,11 @@ def _replace(defaults: Any, table: Mapping[str, Any], place: str, path: Path) ->
         if name not in names:
             where = f"[{place[:-1]}] has" if place else "there are"
             raise FoliageError(f"there is no setting {key}; {where} {', '.join(names)} ({path})")
-        held = getattr(defaults, name)
-        if dataclasses.is_dataclass(held):
+        current = getattr(defaults, name)
+        if dataclasses.is_dataclass(current):
             if not isinstance(value, dict):
                 raise FoliageError(f"{key} is a table, [{key}], not {value!r} ({path})")
-            changes[name] = _replace(held, value, f"{key}.", path)
+            changes[name] = _replace(current, value, f"{key}.", path)
         else:
             changes[name] = _check(value, types_by_name[name], key, path)
     try:
@@ -125,7 +125,7 @@ def _make(wanted: Any, value: Any, key: str, path: Path) -> Any:
         raise FoliageError(f"{key} must be a list of tables with {listed}, not {value!r} ({path})")
     kinds = typing.get_type_hints(wanted)
     try:
-        return wanted(**{name: _check(held, kinds[name], f"{key}.{name}", path) for name, held in value.items()})
+        return wanted(**{name: _check(inner, kinds[name], f"{key}.{name}", path) for name, inner in value.items()})
     except ValueError as error:
         raise FoliageError(f"[{key}] {error} ({path})") from error
 
@@ -144,7 +144,7 @@ def _format_table(settings: Any, place: str, tables: list[str], documented: bool
         value = getattr(settings, field.name)
         if dataclasses.is_dataclass(value):
             nested.append((f"{place}.{field.name}" if place else field.name, value))
-        elif not (documented and place and field.name in _SAID_ONCE):
+        elif not (documented and place and field.name in _GIVEN_ONCE):
             comment = comments.get(field.name)
             lines.append(f"{field.name} = {format_value(value)}{f'  # {comment}' if comment else ''}")
     if len(lines) > documented:
@@ -175,9 +175,9 @@ def set_everywhere(settings: Settings, name: str, value: object) -> Settings:
     """Settings with every field of this name set, in them and in all below them."""
     changes: dict[str, Any] = {}
     for each in dataclasses.fields(settings):  # type: ignore[arg-type]  # mypy has no name for any dataclass
-        held = getattr(settings, each.name)
-        if dataclasses.is_dataclass(held):
-            changes[each.name] = set_everywhere(held, name, value)
+        current = getattr(settings, each.name)
+        if dataclasses.is_dataclass(current):
+            changes[each.name] = set_everywhere(current, name, value)
         elif each.name == name:
             changes[name] = value
     return dataclasses.replace(settings, **changes)  # type: ignore[type-var]  # likewise

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from usdfoliage.asset.packages.leaf_package import LeafLook
+from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.errors import FoliageError
@@ -41,7 +41,7 @@ def sure_leaves(count: int = 40, confidence: float = 0.9) -> Leaves:
 
 
 def captured(leaves: Leaves, own_from_capture: np.ndarray = FRAME) -> CapturedLeaves:
-    fitted = FittedLeaves(leaves=leaves, edits=NEUTRAL, look=LeafLook())
+    fitted = FittedLeaves(leaves=leaves, edits=NEUTRAL, appearance=LeafAppearance())
     return CapturedLeaves(fitted=fitted, own_from_capture=own_from_capture)
 
 

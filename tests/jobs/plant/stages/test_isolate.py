@@ -128,7 +128,7 @@ def test_masks_that_were_drawn_are_known_from_those_that_were_given(result: Path
         return has_drawn_masks(SimpleNamespace(has=lambda _: True, result_of=lambda _: out))  # type: ignore[arg-type]
 
     assert asked(run(result, tmp_path / "out"))
-    kept = run(result, tmp_path / "kept", floor=False, container=False, strays=False)
+    kept = run(result, tmp_path / "kept", floor=False, container=False, outliers=False)
     assert not asked(kept)
     assert not has_drawn_masks(SimpleNamespace(has=lambda _: False))  # type: ignore[arg-type]
 
@@ -195,7 +195,7 @@ def copy(source: Path, target: Path) -> None:
 
 
 def test_where_nothing_is_left_out_everything_stays_as_it_was(result: Path, tmp_path: Path) -> None:
-    out = run(result, tmp_path / "out", floor=False, container=False, strays=False)
+    out = run(result, tmp_path / "out", floor=False, container=False, outliers=False)
     capture = out / "capture" / "fern"
     assert not (capture / "masks").exists()
     assert (capture / "cloud.ply").read_bytes() == (result / "capture" / "fern" / "cloud.ply").read_bytes()

@@ -178,7 +178,7 @@ def test_nearest_views_look_the_same_way():
     assert nearest_views(cameras, 0, range(5), 1.0, 0) == []
 
 
-@pytest.mark.parametrize("wrong", [{"neighbors": -1}, {"least_own": 1}, {"footprints": -1.0}, {"noise_samples": 0}])
+@pytest.mark.parametrize("wrong", [{"neighbors": -1}, {"min_own": 1}, {"footprints": -1.0}, {"noise_samples": 0}])
 def test_wrong_settings_are_refused(wrong):
     with pytest.raises(ValueError, match="not"):
         CoherenceSettings(**wrong)

@@ -136,6 +136,6 @@ def test_wrong_arguments_are_refused():
         find_patches(one, np.ones((40, 30)), 0.0)
     with pytest.raises(ValueError, match="valid must be"):
         find_patches(one, one.depth_m, 0.0, valid=np.ones((40, 30), bool))
-    for wrong in ({"radius_px": 0}, {"gap": 0.0}, {"least_cosine": 0.0}, {"edge_noises": -1.0}):
+    for wrong in ({"radius_px": 0}, {"gap": 0.0}, {"min_cosine": 0.0}, {"edge_noises": -1.0}):
         with pytest.raises(ValueError, match="not"):
             PatchSettings(**wrong)

@@ -11,7 +11,7 @@ FILLED = 0.92  # of a picture's half, that a plant takes at most
 SEEN = 0.5  # of a box's corners, that a camera must have in its picture
 
 
-def choose_cameras(cameras: Sequence[Pinhole], box_m: NDArray[np.float64], most: int) -> list[int]:
+def choose_cameras(cameras: Sequence[Pinhole], box_m: NDArray[np.float64], max_count: int) -> list[int]:
     """Cameras that look at a box from directions as different as can be, in the order of their numbers.
 
     The first is the one in whose picture the box is largest; each further one is farthest, by angle, from all before
@@ -21,20 +21,20 @@ def choose_cameras(cameras: Sequence[Pinhole], box_m: NDArray[np.float64], most:
     Args:
         cameras: In the box's frame.
         box_m: (2, 3), its lowest and highest corner.
-        most: How many to choose.
+        max_count: How many to choose.
     """
-    if most < 1 or not cameras:
+    if max_count < 1 or not cameras:
         return []
     corners_m = box_corners(box_m)
     shares, sizes = zip(*(_measure_seen(camera, corners_m) for camera in cameras), strict=True)
     seeing = [number for number, share in enumerate(shares) if share >= SEEN]
-    if len(seeing) < most:
-        seeing = sorted(sorted(range(len(cameras)), key=lambda number: -shares[number])[:most])
+    if len(seeing) < max_count:
+        seeing = sorted(sorted(range(len(cameras)), key=lambda number: -shares[number])[:max_count])
     away = np.array([cameras[number].position_m for number in seeing]) - box_m.mean(axis=0)
     directions = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
     chosen = [int(np.argmax([sizes[number] for number in seeing]))]
     nearest = directions @ directions[chosen[0]]  # cosine of the angle to the nearest chosen one
-    while len(chosen) < min(most, len(seeing)):
+    while len(chosen) < min(max_count, len(seeing)):
         nearest[chosen] = np.inf
         chosen.append(int(np.argmin(np.round(nearest, 9))))  # rounded: of two alike the first, on any machine
         nearest = np.maximum(nearest, directions @ directions[chosen[-1]])

@@ -11,7 +11,7 @@ COLORS = {  # red, green and blue
     PointKind.PLANT: (46, 158, 62),
     PointKind.FLOOR: (176, 174, 168),
     PointKind.CONTAINER: (60, 98, 220),
-    PointKind.STRAY: (214, 72, 52),
+    PointKind.OUTLIER: (214, 72, 52),
 }
 OUTLINE = (255, 48, 208)
 OUTSIDE = 0.35  # of a photograph's light, where the plant is not
@@ -23,8 +23,8 @@ def draw_kinds(points_m: NDArray[np.float64], found: IsolatedPlant) -> list[tupl
     """The cloud (N, 3), Y up, from the front and from above, in the colours of what its points are of."""
     if not len(points_m):
         return []
-    shown_m = points_m[found.plant] if found.plant.any() else points_m
-    low_m, high_m = np.quantile(shown_m, [0.001, 0.999], axis=0)
+    drawn_m = points_m[found.plant] if found.plant.any() else points_m
+    low_m, high_m = np.quantile(drawn_m, [0.001, 0.999], axis=0)
     around_m = _AROUND * float((high_m - low_m).max()) or 1.0
     low_m, high_m = low_m - around_m, high_m + around_m
     inside = np.flatnonzero(((points_m >= low_m) & (points_m <= high_m)).all(axis=1))

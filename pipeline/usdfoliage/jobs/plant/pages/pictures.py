@@ -29,12 +29,12 @@ from usdfoliage.jobs.preview.pictures import (
     render_views,
 )
 from usdfoliage.jobs.report.pictures import shrink_camera, shrink_to, write_picture
-from usdfoliage.jobs.report.table import choose_shown
+from usdfoliage.jobs.report.table import choose_evenly
 from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
-MOST_FRAMES = 3600  # of a turntable, a tenth of a degree apart
+MAX_FRAMES = 3600  # of a turntable, a tenth of a degree apart
 SHAPES = (0.8, 1.6)  # width by height that pictures of narrow and of wide plants have at most
 
 
@@ -52,8 +52,8 @@ class PictureSettings:
     complexity: str = "medium"  # Storm divides curved surfaces this finely: low, medium, high or veryhigh.
 
     def __post_init__(self) -> None:
-        if not 2 <= self.turntable_frames <= MOST_FRAMES:
-            raise ValueError(f"turntable_frames must be 2 to {MOST_FRAMES}, not {self.turntable_frames}")
+        if not 2 <= self.turntable_frames <= MAX_FRAMES:
+            raise ValueError(f"turntable_frames must be 2 to {MAX_FRAMES}, not {self.turntable_frames}")
         if self.comparisons < 0:
             raise ValueError(f"comparisons must be 0 or more, not {self.comparisons}")
         self.preview(self.turntable_px)
@@ -129,21 +129,21 @@ def draw_variants(
     interface, _ = interface_of(asset)
     facts = _read_facts(asset)
     size_px = _fit_shape(facts, settings.variant_px)
-    chosen = [(held, name) for held, names in facts.variants.items() if len(names) > 1 for name in names]
+    chosen = [(variant_set, name) for variant_set, names in facts.variants.items() if len(names) > 1 for name in names]
     drawn = []
-    for done, (held, name) in enumerate(chosen):
+    for done, (variant_set, name) in enumerate(chosen):
         if progress is not None:
             progress(done, len(chosen))
-        selections = [(held, name)]
-        if held == "representation" and "leaves" in facts.variants.get("lod", ()):
+        selections = [(variant_set, name)]
+        if variant_set == "representation" and "leaves" in facts.variants.get("lod", ()):
             selections.append(("lod", "leaves"))
-        output = folder / f"variant_{held}_{name}.png"
+        output = folder / f"variant_{variant_set}_{name}.png"
         # A crown is a proxy where leaves are drawn too, and is what `both` is about.
         purposes = ("default", "render", "proxy") if name == "both" else ("default", "render")
         preview = replace(settings.preview(settings.variant_px), variants=tuple(selections), purposes=purposes)
         render_views(interface, [_three_quarter(facts, output, size_px)], preview)
-        is_default = facts.selections.get(held) == name
-        drawn.append(DrawnVariant(set=held, name=name, picture=output, is_default=is_default))
+        is_default = facts.selections.get(variant_set) == name
+        drawn.append(DrawnVariant(set=variant_set, name=name, picture=output, is_default=is_default))
     if progress is not None:
         progress(len(chosen), len(chosen))
     return drawn
@@ -187,14 +187,14 @@ def draw_comparisons(
     preview = settings.preview(settings.comparison_px)
     pictures = draw_views(interface, wanted, preview, progress)
     compared = []
-    for name, view, shown, picture in zip(names, views.values(), wanted, pictures, strict=True):
+    for name, view, chosen_view, picture in zip(names, views.values(), wanted, pictures, strict=True):
         photograph = folder / f"{name}_photograph.jpg"
         folder.mkdir(parents=True, exist_ok=True)
         write_picture(photograph, shrink_to(view.srgb, settings.comparison_px))
         png = encode_png(finish_picture(picture, preview.background))
-        publish_written(shown.output, partial(Path.write_bytes, data=png))
+        publish_written(chosen_view.output, partial(Path.write_bytes, data=png))
         iou = None if view.mask is None or not view.mask.any() else compare_silhouettes(view.mask, picture[..., 3])
-        compared.append(Comparison(name=view.name, photograph=photograph, drawing=shown.output, iou=iou))
+        compared.append(Comparison(name=view.name, photograph=photograph, drawing=chosen_view.output, iou=iou))
     return compared
 
 
@@ -216,14 +216,14 @@ def shrink_to_stage(camera: Pinhole, longest_px: int, stage_from_world: NDArray[
     return replace(shrunk, cam_from_world=shrunk.cam_from_world / scale)
 
 
-def _choose(capture: Capture, facts: PlantFacts, asset_from_world: NDArray[np.float64], most: int) -> list[int]:
+def _choose(capture: Capture, facts: PlantFacts, asset_from_world: NDArray[np.float64], max_count: int) -> list[int]:
     """Photographs whose cameras see the plant from different sides; evenly chosen where its size is unknown."""
     if facts.extent is None:
-        return choose_shown(len(capture.views), most)
+        return choose_evenly(len(capture.views), max_count)
     cameras = [
         shrink_to_stage(view.lens.pinhole(view.cam_from_world), 1000, asset_from_world) for view in capture.views
     ]
-    return choose_cameras(cameras, facts.extent, most)
+    return choose_cameras(cameras, facts.extent, max_count)
 
 
 def _read_facts(asset: Path) -> PlantFacts:

@@ -27,11 +27,11 @@ TURNTABLE_PX = 640
 COMPARISON_PX = 1100
 STAGE_PX = 1000
 VARIANT_PX = 420
-SHOWN_FINDINGS = 200
+LISTED_FINDINGS = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Shown:
+class _Picture:
     """A picture with its caption."""
 
     picture: PagePicture
@@ -39,22 +39,22 @@ class _Shown:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ShownVariant:
+class _VariantRow:
     variant: Variant
-    shown: _Shown | None
+    drawn: _Picture | None
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ShownComparison:
+class _ComparisonRow:
     comparison: Comparison
     photograph: PagePicture
     drawing: PagePicture
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ShownStage:
+class _StageRow:
     stage: StageReport
-    pictures: Sequence[_Shown]
+    pictures: Sequence[_Picture]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,12 +83,12 @@ def write_plant_report(folder: Path, report: PlantReport) -> Path:
     Raises:
         AssetError: The page cannot be written; what was there is unchanged.
     """
-    sets: dict[str, list[_ShownVariant]] = {}
+    sets: dict[str, list[_VariantRow]] = {}
     for variant in report.variants:
-        held = None if variant.picture is None else _show(variant.picture, VARIANT_PX)
-        sets.setdefault(variant.set, []).append(_ShownVariant(variant=variant, shown=held))
+        picture = None if variant.picture is None else _show(variant.picture, VARIANT_PX)
+        sets.setdefault(variant.set, []).append(_VariantRow(variant=variant, drawn=picture))
     stages = [
-        _ShownStage(stage=stage, pictures=[_show(picture, STAGE_PX) for picture in stage.pictures])
+        _StageRow(stage=stage, pictures=[_show(picture, STAGE_PX) for picture in stage.pictures])
         for stage in report.stages
     ]
     page = render_page(
@@ -108,9 +108,9 @@ def write_plant_report(folder: Path, report: PlantReport) -> Path:
         counts=count_findings(report.findings),
         open_findings=[finding for finding in report.findings if not finding.accepted],
         accepted_findings=[finding for finding in report.findings if finding.accepted],
-        most_findings=SHOWN_FINDINGS,
+        max_findings=LISTED_FINDINGS,
         total_bytes=sum(file.size_bytes for file in report.files),
-        changed=sum(line.changed for held in report.settings for line in held.lines),
+        changed=sum(line.changed for picture in report.settings for line in picture.lines),
         timings=TIMINGS,
     )
     index = folder / "index.html"
@@ -134,9 +134,9 @@ def count_findings(findings: Sequence[Finding]) -> list[_Count]:
     """By severity, the worst first."""
     counts = []
     for severity in SEVERITIES:
-        alike = [finding for finding in findings if finding.severity == severity]
-        accepted = sum(bool(finding.accepted) for finding in alike)
-        counts.append(_Count(severity=severity, open=len(alike) - accepted, accepted=accepted))
+        of_severity = [finding for finding in findings if finding.severity == severity]
+        accepted = sum(bool(finding.accepted) for finding in of_severity)
+        counts.append(_Count(severity=severity, open=len(of_severity) - accepted, accepted=accepted))
     return counts
 
 
@@ -150,12 +150,12 @@ def _choose_badge(report: PlantReport) -> _Badge:
     return _Badge(kind=report.state, words="built" if report.state == "done" else report.state)
 
 
-def _show(picture: Picture, longest_px: int) -> _Shown:
-    return _Shown(picture=embed_picture(picture.image, longest_px), caption=picture.caption)
+def _show(picture: Picture, longest_px: int) -> _Picture:
+    return _Picture(picture=embed_picture(picture.image, longest_px), caption=picture.caption)
 
 
-def _show_comparison(comparison: Comparison) -> _ShownComparison:
-    return _ShownComparison(
+def _show_comparison(comparison: Comparison) -> _ComparisonRow:
+    return _ComparisonRow(
         comparison=comparison,
         photograph=embed_picture(comparison.photograph, COMPARISON_PX),
         drawing=embed_picture(comparison.drawing, COMPARISON_PX),
@@ -165,7 +165,7 @@ def _show_comparison(comparison: Comparison) -> _ShownComparison:
 def _cleaned(value: object) -> object:
     """The same with texts that a page can hold."""
     if isinstance(value, dict):
-        return {key: _cleaned(held) for key, held in value.items()}
+        return {key: _cleaned(inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_cleaned(held) for held in value]
+        return [_cleaned(inner) for inner in value]
     return clean_text(value) if isinstance(value, str) else value

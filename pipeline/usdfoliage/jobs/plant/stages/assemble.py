@@ -41,8 +41,8 @@ _FEW = 0.2  # share of the cloud that is near leaves, below which they do not st
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
 _NEAR, _REACHED = 0.1, 0.5  # of the plant's height, and share of the cloud that is so near to branches or leaves
 _BETWEEN = (0.2, 0.4, 0.6, 0.8)  # places on a branch between two of its points
-_MOST_POINTS = 50_000  # that this is told by
-_MOST_TOLD = 400  # characters of why a part could not be made
+_MAX_POINTS = 50_000  # that this is told by
+_MAX_CHARACTERS = 400  # characters of why a part could not be made
 _LEFT_OUT = ("branches-left-out", "crown-of-no-leaves")  # codes of what says why a plant has no such part
 
 ASSET_FOLDER = "asset"  # in the result of a stage that writes one
@@ -144,30 +144,30 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
 
 def _why_none(call: StageCall) -> str:
     """What the stages of the parts said, as parts that could not be made do in their summaries."""
-    told = []
+    reasons = []
     for stage in (BRANCHES, LEAVES, CROWN):
         if not call.has(stage):
-            told.append(f"{stage.capitalize()}: not asked for")
+            reasons.append(f"{stage.capitalize()}: not asked for")
             continue
         summary = read_summary(call.result_of(stage))
         why = summary.failure or next((each.text for each in summary.remarks if each.code in _LEFT_OUT), "")
         # What follows a semicolon is advice on that one stage; the library's page shows the last one by itself.
-        what, _, advice = shorten(why or "none found", _MOST_TOLD, placeholder=" …").partition("; ")
-        told.append(f"{stage.capitalize()}: {what}" + (f" ({advice.replace('; ', ', ')})" if advice else ""))
-    return ". ".join(told)
+        what, _, advice = shorten(why or "none found", _MAX_CHARACTERS, placeholder=" …").partition("; ")
+        reasons.append(f"{stage.capitalize()}: {what}" + (f" ({advice.replace('; ', ', ')})" if advice else ""))
+    return ". ".join(reasons)
 
 
 def _cover(call: StageCall, leaves: Leaves, plant_from_capture: NDArray[np.float64]) -> float:
     """Which share of the plant's cloud lies near its leaves."""
     folder = plant_capture(call)
     cloud = read_cloud(folder / CLOUD_FILE)
-    some = np.linspace(0, len(cloud) - 1, min(len(cloud), _MOST_POINTS)).astype(np.int64)
+    some = np.linspace(0, len(cloud) - 1, min(len(cloud), _MAX_POINTS)).astype(np.int64)
     return leaf_cover(cloud.points_m[some] @ plant_from_capture[:3, :3].T + plant_from_capture[:3, 3], leaves)
 
 
 def _reached(traced: TracedPlant, leaves: Leaves | None) -> float:
     """Which share of the plant's points lies near its branches and leaves."""
-    some = np.linspace(0, len(traced.points_m) - 1, min(len(traced.points_m), _MOST_POINTS)).astype(np.int64)
+    some = np.linspace(0, len(traced.points_m) - 1, min(len(traced.points_m), _MAX_POINTS)).astype(np.int64)
     points_m = traced.points_m[some]
     if not len(points_m):
         return 1.0

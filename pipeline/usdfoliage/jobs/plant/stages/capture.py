@@ -36,7 +36,7 @@ from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import WORK, has_result, write_whole
 from usdfoliage.remarks import merge_remarks, remark
 
-_MOST_NAMED = 5  # photographs with the reason why they are left out
+_MAX_NAMED = 5  # photographs with the reason why they are left out
 
 
 def capture_folder(call: StageCall, task: str) -> Path:
@@ -65,8 +65,8 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
         _link_folder(laid / folder, capture / folder)
     shutil.copytree(laid / CAMERAS if known else laid / WORK / REGISTERED, capture / CAMERAS)
     stated = posed.capture.settings
-    said = laid / FILE_NAME
-    text = said.read_bytes().decode("utf-8") if said.is_file() else ""
+    settings_file = laid / FILE_NAME
+    text = settings_file.read_bytes().decode("utf-8") if settings_file.is_file() else ""
     completed = complete_capture_settings(text, {"up_axis": stated.up_axis, "metres_per_unit": stated.metres_per_unit})
     if completed:
         write_whole(capture / FILE_NAME, completed.encode("utf-8"))
@@ -77,8 +77,8 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
         remarks = [each for each in remarks if each.code != "photographs-unusable"]  # the next remark names them all
         text = (
             f"{len(failures)} of {len(call.inputs.photographs)} photographs are left out: "
-            + "; ".join(f"{name}: {reason}" for name, reason in sorted(failures.items())[:_MOST_NAMED])
-            + (f"; and {len(failures) - _MOST_NAMED} more" if len(failures) > _MOST_NAMED else "")
+            + "; ".join(f"{name}: {reason}" for name, reason in sorted(failures.items())[:_MAX_NAMED])
+            + (f"; and {len(failures) - _MAX_NAMED} more" if len(failures) > _MAX_NAMED else "")
         )
         remarks.append(remark("photographs-left-out", text, subject=named(sorted(failures))))
     rows = _pose_rows(call, posed, prepared, known=known)

@@ -15,14 +15,14 @@ from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import (
-    DRAWN_ALIKE,
+    DRAWN_SPREAD,
     FITTED,
     TEMPLATE,
     FoliageRequest,
     grow_leaves,
 )
 from usdfoliage.jobs.edits.change import move_leaves
-from usdfoliage.jobs.edits.scatter import MOST_LEAVES_OF_ALL
+from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves
 from usdfoliage.jobs.plant.stages.parts import known_species
@@ -82,7 +82,7 @@ def choose_foliage(
             leaves=placed,
             settings=LeafAssetSettings(representations=chosen),
             edits=captured.fitted.edits,
-            look=captured.fitted.look,
+            appearance=captured.fitted.appearance,
         )
         return ChosenFoliage(leaves=leaves, kind=kind, remarks=tuple(remarks), rows=())
     if kind == "filled":
@@ -124,18 +124,18 @@ def _fill(
     length_m = settings.foliage.leaf_length_m or float(np.median(sure.length_m))
     leafy_m = traced.points_m[~traced.wood]
     bare_m = leafy_m[~near_leaves(leafy_m, placed)]
-    most = max(settings.foliage.max_leaves - len(placed), 1)
-    settings_of_fill = FillSettings(max_leaves=most)
+    max_added = max(settings.foliage.max_leaves - len(placed), 1)
+    settings_of_fill = FillSettings(max_leaves=max_added)
     places = fill_places(bare_m, traced.skeleton.points_m, length_m, rng, settings_of_fill, plant_m=traced.points_m)
     drawn = rng.integers(len(sure), size=len(places.base_m))
-    usual = places.length_m >= length_m  # a length that the points tell is not varied
+    full_length = places.length_m >= length_m  # a length that the points tell is not varied
     others = Leaves(
         parameters=_narrow(sure.parameters[drawn], places.width_m / places.length_m),
         base_m=places.base_m,
         orientation=places.orientation,
-        length_m=np.where(usual, sure.length_m[drawn] / float(np.median(sure.length_m)), 1.0) * places.length_m,
+        length_m=np.where(full_length, sure.length_m[drawn] / float(np.median(sure.length_m)), 1.0) * places.length_m,
         phase=np.zeros(len(drawn)),
-        color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_ALIKE),
+        color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_SPREAD),
     )
     leaves = join_leaves([placed, others])
     text = f"{len(others):,} leaves were put beside {len(placed):,} that were found"
@@ -144,7 +144,7 @@ def _fill(
         leaves=leaves,
         settings=LeafAssetSettings(representations=chosen),
         edits=captured.fitted.edits,
-        look=captured.fitted.look,
+        appearance=captured.fitted.appearance,
     )
     rows = (Row(name="found", value=f"{len(placed):,}"), Row(name="filled in", value=f"{len(others):,}"))
     return ChosenFoliage(leaves=foliage, kind="filled", remarks=(*remarks, remark("leaves-filled-in", text)), rows=rows)
@@ -167,11 +167,11 @@ def join_leaves(groups: Sequence[Leaves]) -> Leaves:
     )
     joined: dict[str, NDArray[np.generic] | None] = {}
     for name, none, kind in known:
-        held = [getattr(group, name) for group in groups]
+        arrays = [getattr(group, name) for group in groups]
         joined[name] = None
-        if any(values is not None for values in held):
+        if any(values is not None for values in arrays):
             joined[name] = np.concatenate(
-                [np.full(len(g), none, kind) if v is None else v for g, v in zip(groups, held, strict=True)]
+                [np.full(len(g), none, kind) if v is None else v for g, v in zip(groups, arrays, strict=True)]
             )
     colors = [group.color for group in groups]
     count = sum(map(len, groups))
@@ -213,14 +213,14 @@ def _choose(placed: Leaves | None, traced: TracedPlant | None, settings: BuildSe
     if not has_leaves:
         return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
     found = 0 if placed is None else len(placed)
-    if placed is not None and found >= settings.foliage.least_drawn:
+    if placed is not None and found >= settings.foliage.min_drawn:
         if not (len(leafy_m) and traced.knows_leaves):
             return "drawn", f"the cloud does not tell where leaves are: they are on the twigs, drawn from {found}"
         cover = leaf_cover(leafy_m, placed)
-        told = f"{found} leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
-        if cover >= settings.foliage.least_cover:
-            return "captured", f"{told}: they are where they were found"
-        return "filled", f"{told}: others like them are where the cloud has leaves besides"
+        text = f"{found} leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
+        if cover >= settings.foliage.min_cover:
+            return "captured", f"{text}: they are where they were found"
+        return "filled", f"{text}: others like them are where the cloud has leaves besides"
     what = f"{found} leaves were found, too few to draw from" if found else "no leaf was found"
     return "species", f"{what}: the leaves are on the twigs, of {settings.plant.species or 'no species in particular'}"
 
@@ -236,4 +236,4 @@ def _surest(leaves: Leaves) -> Leaves:
 def _representations(settings: BuildSettings, count: int) -> tuple[str, ...]:
     if settings.plant.representations is not None:
         return settings.plant.representations
-    return tuple(REPRESENTATIONS) if count <= MOST_LEAVES_OF_ALL else ("bezier",)
+    return tuple(REPRESENTATIONS) if count <= MAX_LEAVES_OF_ALL else ("bezier",)

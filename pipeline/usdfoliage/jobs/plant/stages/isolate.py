@@ -48,13 +48,13 @@ _DRAWN = "drawn_masks.txt"  # beside a capture whose masks were drawn here
 _MAPS = (IMAGES, CAMERAS, DEPTH_FOLDER, "confidence", "normals")
 _PICTURES = "pictures"
 _MIN_POINTS = 200  # of a plant
-_LEAST, _LITTLE = 0.0005, 0.005  # share of the points: below, it is no plant, or hardly one
+_NO_PLANT, _LITTLE = 0.0005, 0.005  # share of the points: below, it is no plant, or hardly one
 _MUCH = 0.9  # share of the points, from which on a floor or a background may be among them
 _WORTH = 0.002  # share of the points that must be left out, for masks to be worth having
 _EXPECTED_POINTS = 300_000  # of the plant, that are looked for in each photograph
 _LONGEST_PX = 3000  # side of the pictures that masks are drawn in; those of larger photographs are enlarged
 _PIXELS_AT_ONCE = 50_000_000  # of the photographs that are worked on at a time
-_SHOWN = 3  # photographs with the plant's outline
+_OUTLINED = 3  # photographs with the plant's outline
 
 
 def isolate_capture(call: StageCall) -> tuple[ResultFile, ...]:
@@ -117,7 +117,7 @@ def _isolate(call: StageCall, source: Path) -> None:
     share = found.share(PointKind.PLANT)
     remarks = list(found.remarks)
     plant = found.plant
-    if share < _LEAST or int(plant.sum()) < _MIN_POINTS:
+    if share < _NO_PLANT or int(plant.sum()) < _MIN_POINTS:
         text = (
             f"everything in the photographs is taken for the plant, as no more than {share:.2%} of the cloud's "
             f"{len(cloud):,} points were left without floor and surroundings"
@@ -167,7 +167,7 @@ def _isolate(call: StageCall, source: Path) -> None:
 
 def isolation_settings(settings: IsolationStageSettings) -> IsolationSettings:
     """The settings of the stage, as the reconstruction takes them."""
-    chosen = IsolationSettings(floor=settings.floor, container=settings.container, strays=settings.strays)
+    chosen = IsolationSettings(floor=settings.floor, container=settings.container, outliers=settings.outliers)
     return replace(
         chosen,
         support=replace(chosen.support, layer=settings.floor_layer),
@@ -208,7 +208,7 @@ def _draw_masks(
     chosen, apart_m = one_in_each_cell(own_m, _EXPECTED_POINTS)
     expected_m, apart_m = own_m[chosen], apart_m or grid.cell_m
     count = len(capture.views)
-    shown = set(np.linspace(0, count, min(count, _SHOWN), endpoint=False).astype(int).tolist())
+    outlined = set(np.linspace(0, count, min(count, _OUTLINED), endpoint=False).astype(int).tolist())
 
     undistorted = lru_cache(maxsize=4)(undistort)  # most captures have one lens
 
@@ -224,14 +224,16 @@ def _draw_masks(
         mask = draw_plant_mask(view.srgb, view.points(), grid, expect_plant(view.camera, expected_m, apart_m))
         mask = mask if aimed else ~mask
         mask = mask if view.mask is None else mask & view.mask
-        picture = draw_outline(view.srgb, mask) if index in shown else None
-        held = capture.views[index]
-        if not held.lens.is_pinhole:
-            mask = undistorted(scale_lens(held.lens, view.camera.width_px, view.camera.height_px)).distorted(mask)
+        picture = draw_outline(view.srgb, mask) if index in outlined else None
+        stored_view = capture.views[index]
+        if not stored_view.lens.is_pinhole:
+            mask = undistorted(scale_lens(stored_view.lens, view.camera.width_px, view.camera.height_px)).distorted(
+                mask
+            )
         mask = _enlarge(mask, size)
-        if given is not None and held.lens.is_pinhole:  # whose outline may be finer
+        if given is not None and stored_view.lens.is_pinhole:  # whose outline may be finer
             mask &= given
-        return _as_shown(held.photo, mask), picture
+        return _as_displayed(stored_view.photo, mask), picture
 
     largest_px = max(view.lens.width_px * view.lens.height_px for view in capture.views)
     at_once = max(1, min(share_cores(call.threads)[0], _PIXELS_AT_ONCE // largest_px))
@@ -257,7 +259,7 @@ def _enlarge(mask: NDArray[np.bool_], size: tuple[int, ...]) -> NDArray[np.bool_
     return np.asarray(large > 127)
 
 
-def _as_shown(photo: Path, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _as_displayed(photo: Path, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """A mask on the pixels that the cameras know, turned as the photograph is shown: so masks are read."""
     source = oiio.ImageInput.open(str(photo))
     if source is None:  # it was read before
@@ -292,9 +294,9 @@ def _rows(found: IsolatedPlant, points: int, kept: int, masks: Sequence[_DrawnMa
     for kind, what in (
         (PointKind.FLOOR, "what the plant stands on, and what is measured below"),
         (PointKind.CONTAINER, "and its soil"),
-        (PointKind.STRAY, "not linked with the plant"),
+        (PointKind.OUTLIER, "not linked with the plant"),
     ):
-        name = {PointKind.STRAY: "strays"}.get(kind, kind.name.lower())
+        name = {PointKind.OUTLIER: "strays"}.get(kind, kind.name.lower())
         rows.append(Row(name=name, value=f"{found.share(kind):.1%}", remark=f"of the cloud: {what}"))
     if found.support is not None:
         slope_deg = float(np.degrees(np.arctan(np.hypot(*found.support.plane[:2]))))

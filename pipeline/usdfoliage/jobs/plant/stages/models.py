@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.asset.packages.leaf_package import LeafLook
+from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.parts.branch_part import BranchAssetSettings, PlantBranches
 from usdfoliage.asset.parts.branches import SkeletonPrim
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, read_branches_model, read_traced_plant
@@ -42,15 +42,15 @@ def read_captured_leaves(folder: Path) -> CapturedLeaves | None:
     model = read_leaves_model(folder / LEAVES_MODEL)
     if not len(model.leaves):
         return None
-    fitted = FittedLeaves(leaves=model.leaves, edits=NEUTRAL, look=look_of(model, folder))
+    fitted = FittedLeaves(leaves=model.leaves, edits=NEUTRAL, appearance=look_of(model, folder))
     return CapturedLeaves(fitted=fitted, own_from_capture=model.asset_from_capture)
 
 
-def look_of(model: LeavesModel, folder: Path) -> LeafLook:
+def look_of(model: LeavesModel, folder: Path) -> LeafAppearance:
     """What the leaves in a result have in common."""
     texture = folder / AVERAGE_LEAF if model.texture_color is not None else None
-    look = LeafLook(texture=texture, texture_color=model.texture_color)
-    return look if model.plain_color is None else replace(look, color=model.plain_color)
+    appearance = LeafAppearance(texture=texture, texture_color=model.texture_color)
+    return appearance if model.plain_color is None else replace(appearance, color=model.plain_color)
 
 
 def read_leaf_frame(folder: Path) -> NDArray[np.float64] | None:

@@ -51,7 +51,7 @@ def _read_leaves(call: StageCall, made: Path) -> tuple[Frame, PartWriter | None]
         return None, None
     model = read_leaves_model(made / LEAVES_MODEL)
     settings = LeafAssetSettings(representations=("bezier",))
-    foliage = BranchLeaves(leaves=model.leaves, settings=settings, look=look_of(model, made))
+    foliage = BranchLeaves(leaves=model.leaves, settings=settings, appearance=look_of(model, made))
     return model.asset_from_capture, lambda place: write_leaf_part(place, foliage)
 
 

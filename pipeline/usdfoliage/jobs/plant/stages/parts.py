@@ -110,11 +110,11 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         call.out / PLANT_POINTS,
         TracedPlant(
             points_m=found.plant.points_m,
-            wood=found.shown.wood,
-            knows_leaves=found.shown.knows_leaves,
+            wood=found.drawn.wood,
+            knows_leaves=found.drawn.knows_leaves,
             colors=found.plant.colors,
             plant_from_capture=found.plant.asset_from_cloud,
-            skeleton=found.shown.skeleton,
+            skeleton=found.drawn.skeleton,
             lost=np.array(found.lost, np.int32),
         ),
     )
@@ -154,8 +154,10 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
     capture = call.request.capture if given and not isolated else plant_capture(call)
     if not given and settings.depth == "given":
         raise CaptureError(f"{capture} has depth but no cameras/ that it belongs to; set leaves.depth to estimated")
-    held = {field.name: getattr(settings, field.name) for field in fields(LeavesSettings)}
-    chosen = set_everywhere(set_everywhere(LeavesSettings(**held), "threads", call.threads), "seed", call.settings.seed)
+    values = {field.name: getattr(settings, field.name) for field in fields(LeavesSettings)}
+    chosen = set_everywhere(
+        set_everywhere(LeavesSettings(**values), "threads", call.threads), "seed", call.settings.seed
+    )
     request = LeavesRequest(
         capture=capture,
         output=call.out,

@@ -83,7 +83,7 @@ def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
         compared = draw_comparisons(
             _asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, call.report_parts
         )
-        held = [
+        pictures = [
             {
                 "name": each.name,
                 "photograph": Path(str(each.photograph)).name,
@@ -93,7 +93,7 @@ def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
             }
             for each in compared
         ]
-        (call.out / _COMPARED).write_text(json.dumps(held, indent=1))
+        (call.out / _COMPARED).write_text(json.dumps(pictures, indent=1))
 
     return _draw(call, draw)
 
@@ -103,11 +103,11 @@ def show_variants(call: StageCall) -> tuple[ResultFile, ...]:
 
     def draw() -> None:
         drawn = draw_variants(_asset_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts)
-        held = [
+        pictures = [
             {"set": each.set, "name": each.name, "picture": each.picture.name, "default": each.is_default}
             for each in drawn
         ]
-        (call.out / _COMPARED).write_text(json.dumps(held, indent=1))
+        (call.out / _COMPARED).write_text(json.dumps(pictures, indent=1))
 
     return _draw(call, draw)
 

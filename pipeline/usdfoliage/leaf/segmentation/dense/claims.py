@@ -45,13 +45,13 @@ class ClaimSettings:
     rows: int = 13  # The grid that stands for a leaf has this many rows from base to apex. Range: 3 or more.
     # Distances along the ray are computed with at least this cosine between a leaf's normal and the ray. Range: above
     # 0, up to 1.
-    least_cosine: float = 0.15
+    min_cosine: float = 0.15
 
     def __post_init__(self) -> None:
         if self.footprints < 0 or self.noises < 0 or self.penalty < 0:
             raise ValueError(f"footprints, noises and penalty must not be below 0, not {self}")
-        if not (self.beyond_side > 0 and self.beyond_end > 0 and 0 < self.least_cosine <= 1):
-            raise ValueError(f"beyond_side and beyond_end must be above 0 and least_cosine in (0, 1], not {self}")
+        if not (self.beyond_side > 0 and self.beyond_end > 0 and 0 < self.min_cosine <= 1):
+            raise ValueError(f"beyond_side and beyond_end must be above 0 and min_cosine in (0, 1], not {self}")
         if self.columns < 3 or self.rows < 3:
             raise ValueError(f"the grid must have 3 rows and columns, not {self}")
 
@@ -116,7 +116,7 @@ def claim_pixels(
             penalty=penalty,
             footprints=settings.footprints,
             noise_m=settings.noises * float(noise),
-            min_cosine=settings.least_cosine,
+            min_cosine=settings.min_cosine,
             threads=threads,
         )
         for view, depth_m, noise in zip(views, depths_m, noises, strict=True)

@@ -41,17 +41,17 @@ class CoherenceSettings:
     # deviations. Range: 0 or more.
     noises: float = 4.0
     # A pixel's depth is kept where at least this many depths agree, its own included. Range: 2 or more.
-    least_own: int = 2
+    min_own: int = 2
     # At least this many agreeing depths of other photographs replace a depth that is not confirmed, or fill a hole.
     # Range: 2 or more.
-    least_others: int = 3
+    min_others: int = 3
     # The noise of a photograph's depth is measured at this many pixels. Unit: pixels. Range: 1 or more.
     noise_samples: int = 10_000
 
     def __post_init__(self) -> None:
         if self.neighbors < 0 or self.footprints < 0 or self.noises < 0:
             raise ValueError(f"neighbors, footprints and noises must not be below 0, not {self}")
-        if self.least_own < 2 or self.least_others < 2:
+        if self.min_own < 2 or self.min_others < 2:
             raise ValueError(f"at least 2 depths must agree, not {self}")
         if self.noise_samples < 1:
             raise ValueError(f"noise_samples must be at least 1, not {self.noise_samples}")
@@ -108,8 +108,8 @@ def make_depth_coherent(
                 _native.FuseSettings,
                 settings,
                 noise_m=settings.noises * noise_m,
-                min_own=settings.least_own,
-                min_others=settings.least_others,
+                min_own=settings.min_own,
+                min_others=settings.min_others,
             ),
             threads=threads,
         )

@@ -84,9 +84,9 @@ def part_at_necks(
     return (np.cumsum(large) * large)[parts].astype(np.int32)
 
 
-def _without_specks(open_px: NDArray[np.bool_], most_px: int) -> NDArray[np.bool_]:
+def _without_specks(open_px: NDArray[np.bool_], max_px: int) -> NDArray[np.bool_]:
     """(H, W), with small islands of what is not open opened."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats((~open_px).astype(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] <= most_px
+    small = stats[:, cv2.CC_STAT_AREA] <= max_px
     small[0] = True  # what is open
     return np.asarray(small[labels])

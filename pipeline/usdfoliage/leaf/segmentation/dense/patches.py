@@ -39,15 +39,15 @@ class PatchSettings:
     min_px: int = 60  # Smaller patches are dropped. Unit: pixels. Range: 1 or more.
     # The area of a patch is computed with at least this cosine between normal and line of sight. Range: above 0, up
     # to 1.
-    least_cosine: float = 0.1
+    min_cosine: float = 0.1
 
     def __post_init__(self) -> None:
         if self.radius_px < 1 or self.min_px < 1:
             raise ValueError(f"radius_px and min_px must be at least 1, not {self}")
         if not (self.steepest > 0 and self.gap > 0 and self.edge >= 0):
             raise ValueError(f"steepest and gap must be above 0 and edge not below, not {self}")
-        if self.gap_noises < 0 or self.edge_noises < 0 or not 0 < self.least_cosine <= 1:
-            raise ValueError(f"noises must not be below 0 and least_cosine in (0, 1], not {self}")
+        if self.gap_noises < 0 or self.edge_noises < 0 or not 0 < self.min_cosine <= 1:
+            raise ValueError(f"noises must not be below 0 and min_cosine in (0, 1], not {self}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -184,7 +184,7 @@ def measure_patches(
 
     sums = _native.sum_points(seen, labels, count=count)
     axes, deviations = _principal_axes(sums)
-    extents = _native.measure_extents(seen, labels, axes=axes, min_cosine=settings.least_cosine)
+    extents = _native.measure_extents(seen, labels, axes=axes, min_cosine=settings.min_cosine)
     length, width, area = extents.length_m, extents.width_m, extents.area_m2
     at_edges = np.bincount(labels.ravel() * np.int64(4) + kind.ravel(), minlength=4 * (count + 1)).reshape(-1, 4)[1:]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -105,7 +105,7 @@ def fit_planes(
         )
     near = np.abs(np.einsum("ij,ij->i", local - anchors[owner], normals[owner])) <= limit[owner]
     near &= np.linalg.norm(local - middles[owner], axis=1) <= reach[owner]
-    normals, centroids, flatness = _least_squares(local, owner, near, count)
+    normals, centroids, flatness = _fit_by_squares(local, owner, near, count)
     residual = np.abs(np.einsum("ij,ij->i", local - centroids[owner], normals[owner]))
     near &= residual <= limit[owner]
 
@@ -214,7 +214,7 @@ def _medians(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[
     return np.asarray(in_order[np.arange(len(values)), middle])
 
 
-def _least_squares(
+def _fit_by_squares(
     local: NDArray[np.float64], owner: NDArray[np.intp], chosen: NDArray[np.bool_], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Normals, centroids, and whether the points span a plane at all."""
