@@ -14,7 +14,7 @@ from usdfoliage.__main__ import build_parser
 from usdfoliage.asset.locate import find_leaves
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.parts.leaves import read_leaves
-from usdfoliage.cli.edit_settings import EDIT_OPTIONS, parse_edits
+from usdfoliage.cli.options.edit import EDIT_OPTIONS, parse_edits
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.preview.recorder import find_interpreter
 from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits

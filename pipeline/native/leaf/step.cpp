@@ -4,8 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include "leaf/jacobian.h"
 #include "geometry/small_matrix.h"
+#include "leaf/jacobian.h"
+#include "leaf/limits.h"
 
 namespace usdfoliage {
 namespace {
@@ -27,33 +28,6 @@ constexpr Coordinate kCoordinates[3] = {
     {3, {0, 1, 2}, 10, {0, 1, 3, 4, 6, 7, 9, 10, 12, 13}},
     {5, {0, 1, 3, 4, 5}, 14, {2, 5, 6, 8, 9, 11, 12, 14, 15, 16, 17, 18, 19, 20}},
 };
-
-struct Bounds {
-    double low[kN], high[kN];
-};
-
-Bounds bounds_of(double half_width) {
-    Bounds bounds;
-    const auto set = [&](int number, double low, double high) {
-        bounds.low[number] = low;
-        bounds.high[number] = high;
-    };
-    for (int k = 0; k < 2; ++k) {
-        set(3 * k, -0.5, 0.5);
-        set(3 * k + 1, k == 0 ? 0.1 : 0.4, k == 0 ? 0.6 : 0.9);
-        set(3 * k + 2, -1.5, 1.5);
-    }
-    for (int i = 0; i < 3; ++i) {
-        set(6 + 3 * i, 0.25 * i + 0.05, 0.25 * i + 0.45);
-        set(7 + 3 * i, 0.0, 4 * half_width);
-        set(8 + 3 * i, -1.5, 1.5);
-        set(15 + i, -1.5, 1.5);
-        set(18 + i, -1.5, 1.5);
-    }
-    return bounds;
-}
-
-bool ordered(const double* leaf) { return leaf[1] < leaf[4] && leaf[6] < leaf[9] && leaf[9] < leaf[12]; }
 
 double pull_on(int number, double prior) { return prior + (number == 1 || number == 4 ? kPacePull : 0.0); }
 
@@ -212,7 +186,7 @@ double mean_change(const std::vector<LineMoments>& lines, const double* before, 
 }
 
 void minimise(const std::vector<LineMoments>& lines, const double* start, double prior, double half_width, double* leaf) {
-    const Bounds bounds = bounds_of(half_width);
+    const LeafLimits limits = leaf_limits(half_width);
     const double total = total_weight(lines);
     double cost = fit_cost(lines, start, prior, leaf), damping = kFirstDamping;
     double hessian[kN][kN], gradient[kN], matrix[kN][kN], step[kN], trial[kN];
@@ -220,7 +194,7 @@ void minimise(const std::vector<LineMoments>& lines, const double* start, double
         normal_equations(lines, total, start, prior, leaf, hessian, gradient);
         bool held[kN];  // at a bound and pushed against it
         for (int k = 0; k < kN; ++k)
-            held[k] = (leaf[k] <= bounds.low[k] && gradient[k] > 0) || (leaf[k] >= bounds.high[k] && gradient[k] < 0);
+            held[k] = (leaf[k] <= limits.low[k] && gradient[k] > 0) || (leaf[k] >= limits.high[k] && gradient[k] < 0);
         double fall = 0;
         bool better = false;
         for (int attempt = 0; attempt < kMaxTries && !better; ++attempt) {
@@ -231,8 +205,8 @@ void minimise(const std::vector<LineMoments>& lines, const double* start, double
             }
             double next = std::numeric_limits<double>::infinity();
             if (solve_positive<kN>(matrix, step)) {
-                for (int k = 0; k < kN; ++k) trial[k] = std::clamp(leaf[k] + step[k], bounds.low[k], bounds.high[k]);
-                if (ordered(trial)) next = fit_cost(lines, start, prior, trial);
+                for (int k = 0; k < kN; ++k) trial[k] = std::clamp(leaf[k] + step[k], limits.low[k], limits.high[k]);
+                if (silhouette_in_order(trial)) next = fit_cost(lines, start, prior, trial);
             }
             better = next < cost;
             if (better) {

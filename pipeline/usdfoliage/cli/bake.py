@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.leaf_options import add_representation, add_resolution, add_writing
+from usdfoliage.cli.options.leaf_commands import add_representation, add_resolution, add_writing
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,9 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.cli.bake_settings import read_bake_request
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.json_output import format_made
+    from usdfoliage.cli.options.bake import read_bake_request
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks, render_for
     from usdfoliage.jobs.edits.bake import bake_asset, plan_bake

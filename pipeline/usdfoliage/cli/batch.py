@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.build_options import add_ending, add_plan, add_where
+from usdfoliage.cli.options.build import add_ending, add_plan, add_where
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.call import BuildRequest
@@ -33,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.cli.build_options import read_where
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.options.build import read_where
     from usdfoliage.cli.plant_progress import PlantBar
     from usdfoliage.cli.plant_results import EXIT_CODES
     from usdfoliage.jobs.plant.library import LibraryIndex, describe_built, read_library
@@ -82,7 +82,7 @@ def _read_requests(
     """What can be asked for; and what not, since its plan cannot be read."""
     from dataclasses import replace
 
-    from usdfoliage.cli.build_options import read_request, read_settings
+    from usdfoliage.cli.options.build import read_request, read_settings
     from usdfoliage.errors import FoliageError
     from usdfoliage.jobs.plant.library import describe_failed, explain_entry
     from usdfoliage.jobs.plant.settings import with_seed

@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.leaf_options import add_representation, add_resolution
+from usdfoliage.cli.options.leaf_commands import add_representation, add_resolution
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -129,9 +129,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.cli.branches_settings import read_branches_request
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.json_output import format_made
+    from usdfoliage.cli.options.branches import read_branches_request
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
     from usdfoliage.jobs.branches.run import make_branches_asset, plan_branches_asset

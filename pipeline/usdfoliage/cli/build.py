@@ -13,8 +13,8 @@ import logging
 import sys
 from pathlib import Path
 
-from usdfoliage.cli.build_options import add_ending, add_plan, add_where
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.build import add_ending, add_plan, add_where
 
 logger = logging.getLogger(__name__)
 
@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.cli.build_options import read_request, read_settings, read_where
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.options.build import read_request, read_settings, read_where
     from usdfoliage.cli.plant_progress import PlantBar
     from usdfoliage.cli.plant_results import EXIT_CODES, format_plant, print_plant
     from usdfoliage.errors import FoliageError

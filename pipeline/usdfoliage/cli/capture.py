@@ -10,7 +10,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from usdfoliage.cli.leaf_options import add_writing
+from usdfoliage.cli.options.leaf_commands import add_writing
 
 QUALITIES = ("draft", "normal", "high")
 
@@ -90,8 +90,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.cli.capture_settings import read_capture_request, read_capture_run_settings
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.options.capture import read_capture_request, read_capture_run_settings
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
     from usdfoliage.jobs.capture.run import make_capture, plan_capture

@@ -85,9 +85,9 @@ def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.capture.cloud_files.read import is_cloud_input
-    from usdfoliage.cli.crown_settings import read_captured_crown_request, read_crown_request
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.json_output import format_made
+    from usdfoliage.cli.options.crown import read_captured_crown_request, read_crown_request
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
 

@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.leaf_options import accept_negative_numbers, add_writing
+from usdfoliage.cli.options.leaf_commands import accept_negative_numbers, add_writing
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,9 +68,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.cli.edit_settings import read_edit_request
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.json_output import format_made
+    from usdfoliage.cli.options.edit import read_edit_request
     from usdfoliage.cli.remarks import print_remarks
     from usdfoliage.jobs.edits.edit import plan_look, write_look
 

@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.leaf_options import add_representation, add_writing
+from usdfoliage.cli.options.leaf_commands import add_representation, add_writing
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.json_output import format_made
-    from usdfoliage.cli.leaves_settings import read_leaves_request, read_leaves_settings
+    from usdfoliage.cli.options.leaves import read_leaves_request, read_leaves_settings
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
     from usdfoliage.jobs.leaves.run import make_leaves_asset, plan_leaves_asset

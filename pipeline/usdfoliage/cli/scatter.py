@@ -8,7 +8,7 @@ import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.leaf_options import add_representation, add_resolution, add_writing
+from usdfoliage.cli.options.leaf_commands import add_representation, add_resolution, add_writing
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,9 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.json_output import format_made
+    from usdfoliage.cli.options.scatter import read_scatter_request
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks, render_for
-    from usdfoliage.cli.scatter_settings import read_scatter_request
     from usdfoliage.jobs.edits.scatter import plan_spray, scatter_asset
 
     handle_interrupts()

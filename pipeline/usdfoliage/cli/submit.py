@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.build_options import add_plan, add_publishing
+from usdfoliage.cli.options.build import add_plan, add_publishing
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.openjd_template import JobParameter
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.cli.build_options import read_request
+    from usdfoliage.cli.options.build import read_request
     from usdfoliage.errors import FoliageError
     from usdfoliage.jobs.plant.farm_steps import list_steps
     from usdfoliage.jobs.plant.openjd_template import FarmJob, write_bundle, write_template

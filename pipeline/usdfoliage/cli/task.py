@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.build_options import add_plan, add_publishing
+from usdfoliage.cli.options.build import add_plan, add_publishing
 
 if TYPE_CHECKING:
     from usdfoliage.cli.openjd_lines import OpenjdLines
@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         if options.threads < 0:
             raise FoliageError(f"--threads must be 0 or more, not {options.threads}")
-        from usdfoliage.cli.build_options import read_request
+        from usdfoliage.cli.options.build import read_request
         from usdfoliage.jobs.plant import farm_steps  # noqa: F401  # all that is heavy, before interrupts are handled
 
         request = read_request(options, options.capture, options.output, options.name)

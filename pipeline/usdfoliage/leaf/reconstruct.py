@@ -15,8 +15,8 @@ from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
+from usdfoliage.leaf.photographs.base_and_apex import DirectionSettings, distinguish_base_from_apex
 from usdfoliage.leaf.photographs.colors import PhotoColorSettings, sample_leaf_colors
-from usdfoliage.leaf.photographs.direction import DirectionSettings, distinguish_base_from_apex
 from usdfoliage.leaf.segmentation.dense.segment import segment_dense
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings
 from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing, nonzero

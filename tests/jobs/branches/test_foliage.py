@@ -11,7 +11,7 @@ from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.branch.foliage.species import load_species
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
-from usdfoliage.cli.branches_settings import read_branches_request
+from usdfoliage.cli.options.branches import read_branches_request
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.jobs.branches.foliage import FoliageRequest, grow_leaves, read_fitted_leaves
 from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits

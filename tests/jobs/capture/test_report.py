@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.errors import CaptureError
-from usdfoliage.jobs.capture import overlap
+from usdfoliage.jobs.capture import overlap_pictures as overlap
 from usdfoliage.jobs.capture import report as capture_report
 from usdfoliage.jobs.capture.map_pictures import (
     NOTHING,
@@ -22,7 +22,7 @@ from usdfoliage.jobs.capture.map_pictures import (
     draw_shared,
     in_words,
 )
-from usdfoliage.jobs.capture.overlap import find_groups, find_links
+from usdfoliage.jobs.capture.overlap_pictures import find_groups, find_links
 from usdfoliage.jobs.capture.report import (
     CapturePhotograph,
     CaptureReport,

@@ -23,16 +23,8 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.depth_tasks import MissingTasks, find_missing, plan_tasks, prepare_views, read_pixels
 from usdfoliage.jobs.capture.maps import ViewMaps
 from usdfoliage.jobs.capture.run import size_cells
-from usdfoliage.jobs.work.results import (
-    explain,
-    forget,
-    has_result,
-    lock_work,
-    read_result,
-    task_key,
-    write_result,
-    write_whole,
-)
+from usdfoliage.jobs.work.keys import task_key
+from usdfoliage.jobs.work.results import explain, forget, has_result, lock_work, read_result, write_result, write_whole
 
 from tests.support.capture_photos import LENS, poses, write_posed_photos
 

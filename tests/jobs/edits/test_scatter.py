@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from usdfoliage.cli.edit_settings import parse_edits
+from usdfoliage.cli.options.edit import parse_edits
 from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.edits.edit import changed_edits

@@ -9,7 +9,7 @@ from usdfoliage.files.code import PACKAGE, digest_code, list_code
 from usdfoliage.jobs.plant.tasks import STAGES as NAMES
 from usdfoliage.jobs.plant.tasks import build_code_version, code_of
 from usdfoliage.jobs.plant.worker import STAGES
-from usdfoliage.jobs.work.results import CODE_OF_RESULTS
+from usdfoliage.jobs.work.keys import CODE_OF_RESULTS
 
 from tests.support.imports import reached_files
 

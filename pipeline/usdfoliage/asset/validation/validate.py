@@ -1,8 +1,8 @@
 """Whether an asset is sound: every validator that is there, over every variant selection, loaded and unloaded.
 
-The validators are those of USD's registry, ours and a studio's among them, and NVIDIA's usd-validation-nvidia where it
-is installed. A scene that has plants is looked at as it is selected, by the registry's validators alone, and without
-what concerns only a file that others refer to.
+It runs validators, and holds none: ours are in usd_plugins/usdFoliageValidators. Beside them run those of USD's
+registry, a studio's, and NVIDIA's usd-validation-nvidia where it is installed. A scene that has plants is looked at as
+it is selected, by the registry's validators alone, and without what concerns only a file that others refer to.
 """
 
 import itertools

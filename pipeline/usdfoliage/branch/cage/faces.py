@@ -1,4 +1,4 @@
-"""Faces of a branch cage: rows along the tubes, holes where branches leave, caps."""
+"""Faces of a branch cage: rows along the tubes, the faces of each fork (its hole and the first rows), caps."""
 
 from dataclasses import dataclass
 

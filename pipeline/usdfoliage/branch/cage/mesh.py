@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from usdfoliage.branch.cage.check import find_fork_crossings
 from usdfoliage.branch.cage.exits import Exits
 from usdfoliage.branch.cage.faces import Faces, HolePlaces, build_faces, place_hole_vertices
-from usdfoliage.branch.cage.forks import Forks, gather_forks
+from usdfoliage.branch.cage.fork_surroundings import Forks, gather_forks
 from usdfoliage.branch.cage.holes import HOLE, Holes
 from usdfoliage.branch.cage.limit import pull_limit
 from usdfoliage.branch.cage.rings import Rings, Starts, build_rings

@@ -31,7 +31,8 @@ from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.threads import MAX_AT_ONCE, map_ahead, map_threaded, share_cores
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture.settings import DenseChoice
-from usdfoliage.jobs.work.results import explain, forget, has_result, read_result, task_key, write_result
+from usdfoliage.jobs.work.keys import task_key
+from usdfoliage.jobs.work.results import explain, forget, has_result, read_result, write_result
 from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark, remark, remark_from_json
 

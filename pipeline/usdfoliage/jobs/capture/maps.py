@@ -13,7 +13,8 @@ from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
 from usdfoliage.files.threads import map_threaded, share_cores
 from usdfoliage.jobs.capture.depth_tasks import DepthTasks, in_world, picture_of, read_estimate
-from usdfoliage.jobs.work.results import forget, task_key, write_whole
+from usdfoliage.jobs.work.keys import task_key
+from usdfoliage.jobs.work.results import forget, write_whole
 from usdfoliage.progress import Progress
 
 MAPS = "maps"  # in the work folder

@@ -23,7 +23,7 @@ from usdfoliage.jobs.capture.map_pictures import (
     in_words,
     make_legend,
 )
-from usdfoliage.jobs.capture.overlap import find_groups, find_links, write_matrix, write_plan
+from usdfoliage.jobs.capture.overlap_pictures import find_groups, find_links, write_matrix, write_plan
 from usdfoliage.jobs.capture.photograph import CapturePhotograph, DrawnMaps
 from usdfoliage.jobs.report.cloud_pictures import (
     Direction,

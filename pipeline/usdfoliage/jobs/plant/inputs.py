@@ -18,7 +18,8 @@ from usdfoliage.files.json import read_json
 from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, MASKS, find_photographs
 from usdfoliage.jobs.plant.settings import LeafDepth
 from usdfoliage.jobs.plant.store import Store
-from usdfoliage.jobs.work.results import task_key, write_whole
+from usdfoliage.jobs.work.keys import task_key
+from usdfoliage.jobs.work.results import write_whole
 from usdfoliage.remarks import Remark
 
 logger = logging.getLogger(__name__)

@@ -33,7 +33,8 @@ from usdfoliage.errors import FoliageError
 from usdfoliage.files.hashing import digest_file, digest_text, hash_file
 from usdfoliage.files.json import read_json
 from usdfoliage.files.locks import lacks_locks, open_lock, open_old_lock, try_lock, wait_for_lock
-from usdfoliage.jobs.work.results import explain, task_key, write_whole
+from usdfoliage.jobs.work.keys import task_key
+from usdfoliage.jobs.work.results import explain, write_whole
 
 logger = logging.getLogger(__name__)
 

@@ -18,7 +18,7 @@ from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.outside_tools import describe_interpreter, describe_validators
 from usdfoliage.jobs.plant.settings import BuildSettings, TaskSettings
 from usdfoliage.jobs.plant.store import Stamp, Store, find_finished
-from usdfoliage.jobs.work.results import task_key
+from usdfoliage.jobs.work.keys import task_key
 
 logger = logging.getLogger(__name__)
 

@@ -5,7 +5,6 @@ other photographs or settings does again only what they touch. The folder may be
 """
 
 import errno
-import functools
 import logging
 import os
 import shutil
@@ -16,11 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage import __version__
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import replace_file
-from usdfoliage.files.code import digest_code
-from usdfoliage.files.hashing import digest_values
 from usdfoliage.files.locks import lacks_locks, open_lock, try_lock
 from usdfoliage.files.npz import DAMAGED, find_damage, read_arrays, write_arrays
 
@@ -28,35 +24,6 @@ logger = logging.getLogger(__name__)
 
 WORK = ".usdfoliage/capture"
 _LOCK = "lock"
-# What depth and maps of a capture are made by: a test follows the imports.
-CODE_OF_RESULTS = (
-    "[!_]*.py",
-    "files/**/*",
-    "geometry/**/*",
-    "capture/**/*",
-    "jobs/capture/depth_tasks.py",
-    "jobs/capture/maps.py",
-    "jobs/capture/settings.py",
-    "jobs/work/**/*",
-)
-
-
-def task_key(*parts: object) -> str:
-    """The name of a result: a hash of this code and of all that went into it.
-
-    Args:
-        parts: Numbers, texts, arrays, None, sequences of them, and dataclasses of them, whose threads do not count.
-
-    Raises:
-        TypeError: A part is of another kind.
-    """
-    return digest_values(code_version(), *parts)[:32]
-
-
-@functools.cache
-def code_version() -> str:
-    """The version, and a hash of the code that measures: a build between two versions is another one."""
-    return f"{__version__} {digest_code(CODE_OF_RESULTS)}"
 
 
 @contextmanager

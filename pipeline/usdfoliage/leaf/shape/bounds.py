@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from usdfoliage import _native
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.shape.inputs import checked_leaves, checked_placements
 from usdfoliage.leaf.shape.jitter import NO_JITTER, Jitter
+from usdfoliage.leaf.shape.native_arguments import checked_leaves, checked_placements
 
 GROUP = 1024  # leaves that share a box on the way to the box of all
 

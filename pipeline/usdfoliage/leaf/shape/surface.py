@@ -15,8 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdfoliage import _native
-from usdfoliage.leaf.shape.inputs import checked_axis_places, checked_leaves, checked_placements, checked_places
 from usdfoliage.leaf.shape.jitter import NO_JITTER, WAVES, Jitter
+from usdfoliage.leaf.shape.native_arguments import (
+    checked_axis_places,
+    checked_leaves,
+    checked_placements,
+    checked_places,
+)
 
 LEFT_OF_AXIS = -1e-12  # u at which the left half's tangents and normals hold, and no coordinate differs
 

@@ -12,7 +12,7 @@ from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.branch.tracing.radii import RadiusSettings
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
-from usdfoliage.cli.leaf_options import name_option, read_resolution
+from usdfoliage.cli.options.leaf_commands import name_option, read_resolution
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import FITTED, NONE, FoliageRequest

@@ -6,7 +6,7 @@ import numpy as np
 
 from usdfoliage.asset.packages.leaf_package import AssetSettings
 from usdfoliage.asset.plant import asset_name
-from usdfoliage.cli.leaf_options import name_option
+from usdfoliage.cli.options.leaf_commands import name_option
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import FoliageError

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.leaf.fit.flip import flip_leaves
-from usdfoliage.leaf.photographs.direction import DirectionSettings, distinguish_base_from_apex, learn_direction
+from usdfoliage.leaf.photographs.base_and_apex import DirectionSettings, distinguish_base_from_apex, learn_direction
 from usdfoliage.leaf.photographs.stalks import StalkSettings, find_stalk_points
 from usdfoliage.leaf.shape.variation import default_leaf
 

@@ -5,7 +5,7 @@ import argparse
 from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.variants import REPRESENTATIONS
-from usdfoliage.cli.leaf_options import name_option, read_resolution
+from usdfoliage.cli.options.leaf_commands import name_option, read_resolution
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL, ScatterRequest, check_count, read_color, read_spray
 from usdfoliage.jobs.edits.settings import check_memory, check_pictures, read_representations, read_settings

@@ -2,7 +2,7 @@
 
 import argparse
 
-from usdfoliage.cli.leaf_options import read_resolution
+from usdfoliage.cli.options.leaf_commands import read_resolution
 from usdfoliage.jobs.edits.bake import BakeRequest
 from usdfoliage.jobs.edits.settings import read_representations
 

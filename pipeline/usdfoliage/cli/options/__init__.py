@@ -1,0 +1,1 @@
+"""From the options of a command to the settings of its job, one module a command."""
