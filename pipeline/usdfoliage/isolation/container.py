@@ -12,7 +12,7 @@ from usdfoliage.isolation.vegetation import MIN_EXCESS
 from usdfoliage.remarks import Remark, remark
 
 BESIDE = 1.5  # radii from the axis, within which what is not green and below the rim is the pot
-_FEW = 30  # cells of a slab, of which nothing is told
+_FEW = 30  # cells of a slab, about which nothing is known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class ContainerSettings:
 
     slabs: int = 48  # of the plant's height
     max_green: float = 0.35  # share of a slab's cells that are green, in a container
-    min_green: float = 0.15  # likewise of the whole cloud, without which colours tell nothing
+    min_green: float = 0.15  # likewise of the whole cloud, without which colours decide nothing
     excess_of_leaves: float = 0.35  # excess of green, for that of the plant's own leaves, from which on a cell is green
     green_above: float = 0.5  # likewise of what is above the container
     min_width: float = 0.15  # of the height
@@ -82,7 +82,7 @@ def find_container(
     Args:
         cells_m: (N, 3), Y up, a point for each cell of a grid, of the plant and what it stands in, without floor.
         heights_m: (N,) over the floor, or over any level.
-        excess: (N,) of green, as green_excess tells it.
+        excess: (N,) of green, as green_excess gives it.
         settings: What is a container.
     """
     if len(cells_m) < settings.slabs * _FEW // 4:
@@ -107,7 +107,7 @@ def find_container(
     run = 0
     while run < settings.slabs and greens[run] <= settings.max_green * counts[run]:
         run += 1
-    # Slabs without enough points tell nothing, and are no container's.
+    # Slabs without enough points decide nothing, and are no container's.
     full = counts[:run] >= max(_FEW, 0.1 * float(np.median(counts[counts > 0])))
     if run < settings.min_height * settings.slabs or full.mean() < 0.7:
         return ContainerSearch()

@@ -30,7 +30,7 @@ class Focus:
 def find_focus(
     positions_m: NDArray[np.float64], axes: NDArray[np.float64], settings: FocusSettings = FocusSettings()
 ) -> Focus | None:
-    """The point nearest to all optical axes, by least squares; None where the axes do not tell it.
+    """The point nearest to all optical axes, by least squares; None where the axes do not determine it.
 
     Photographs from the air look down side by side, and have none.
 

@@ -13,8 +13,8 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from usdfoliage.geometry.point_cells import touching_parts
 
-_FEW = 12  # cells of a floor, of which no edge is told
-_COARSER = 2.5  # cells' widths, in which it is told how densely the floor is seen
+_FEW = 12  # cells of a floor, of which no edge is found
+_COARSER = 2.5  # cells' widths, in which the density of the floor is measured
 _IN_CELL, _MIN_IN_CELL = 6.0, 2  # points of a floor in a cell: on the mean, and for it to be seen there
 _WIDEST = 4.0  # times, that cells may grow where points are few
 _LARGE = 0.25  # of the largest part of the floor: smaller ones are none of it
@@ -25,9 +25,9 @@ _SQUARE = np.ones((3, 3), bool)
 class HangingSettings:
     """What hangs from a plant."""
 
-    cell: float = 0.02  # of the cameras' distance, in which the floor's edge is told
+    cell: float = 0.02  # of the cameras' distance, in which the floor's edge is found
     reach: float = 2.0  # of the same, around the focus, within which the floor is looked at
-    max_green: float = 0.3  # share of a floor that is green: of lawns no edge is told
+    max_green: float = 0.3  # share of a floor that is green: of lawns no edge is found
     wide: float = 1.4  # of the plant's reach to its sides, within which what hangs must be
 
     def __post_init__(self) -> None:
@@ -93,7 +93,7 @@ def find_hanging(
 
 
 def _find_edges(floor_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64] | None:
-    """(E, 3) edges of a convex floor, outwards, x and z and distance; None where they are not told.
+    """(E, 3) edges of a convex floor, outwards, x and z and distance; None where they are not found.
 
     Args:
         floor_m: (N, 2), x and z of the floor's points.

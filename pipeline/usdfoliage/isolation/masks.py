@@ -1,4 +1,4 @@
-"""Where in a photograph the plant is, told by depth and by what the cloud's points are of. Our own."""
+"""Where in a photograph the plant is, by depth and by what the cloud's points are of. Our own."""
 
 from dataclasses import dataclass
 
@@ -19,11 +19,11 @@ class PlantMaskSettings:
     """How masks are drawn."""
 
     max_cells: int = 6_000_000  # of the grid that holds the plant
-    near_cells: float = 2.5  # up to which the nearest point tells what an empty cell is of
+    near_cells: float = 2.5  # up to which the nearest point decides what an empty cell is of
     reach: float = 0.02  # of the longer side: how far from known pixels others are drawn
     speck: float = 2e-5  # of the photograph's pixels: smaller pieces of either kind are none
     min_odds: float = 0.2  # of a colour among the plant's to the others', below which a pixel without depth is none
-    sure_px: int = 1  # by which what depth tells of the plant is shrunk before its outline is drawn
+    sure_px: int = 1  # by which what depth shows of the plant is shrunk before its outline is drawn
 
     def __post_init__(self) -> None:
         if self.max_cells < 1000 or not (self.near_cells > 0 and 0 < self.reach < 1 and 0 <= self.speck < 1):
@@ -49,7 +49,7 @@ class PlantGrid:
 def make_plant_grid(
     points_m: NDArray[np.float64], plant: NDArray[np.bool_], settings: PlantMaskSettings = PlantMaskSettings()
 ) -> PlantGrid:
-    """A grid that tells the plant's space from that of other points.
+    """A grid that distinguishes the plant's space from that of other points.
 
     Args:
         points_m: (N, 3).
@@ -124,13 +124,13 @@ def draw_plant_mask(
     plant |= _drop_specks(expected & ~known & ~unlike, min_px)
     markers = np.zeros((height, width), np.int32)
     kernel = np.ones((2 * settings.sure_px + 1,) * 2, np.uint8)
-    # Depth is coarse at outlines: what is in doubt there is left to the edges of the photograph.
+    # Depth is coarse at outlines: what is uncertain there is left to the edges of the photograph.
     markers[~plant & (cv2.erode((beside | unlike).astype(np.uint8), kernel) > 0)] = 1
     inner = cv2.erode(plant.astype(np.uint8), kernel) > 0
     markers[inner | (plant & ~_grown(inner, settings.sure_px))] = 2  # thin parts stay
     cv2.watershed(np.ascontiguousarray(srgb), markers)
     drawn = markers == 2
-    line = markers < 0  # between the two: of the plant where depth says so
+    line = markers < 0  # between the two: of the plant where depth shows it
     drawn[line] = plant[line]
     return _drop_specks(drawn, min_px)
 

@@ -15,7 +15,7 @@ class PieceSettings:
     """What belongs together."""
 
     gap: float = 0.03  # of the cameras' distance, without points, around what is a piece of its own
-    finer: tuple[float, ...] = (1.0, 0.67, 0.45, 0.3)  # of that gap: stray points may bridge it to a wall
+    finer: tuple[float, ...] = (1.0, 0.67, 0.45, 0.3)  # of that gap: outliers may bridge it to a wall
     inside: float = 0.8  # share of the main piece that must be about as near to the focus, for a gap to part it
     link_gap: float = 0.1  # likewise, that is bridged to other pieces of the plant: thin stems are seen in parts
     aim: float = 0.25  # likewise, around the focus, where the plant is

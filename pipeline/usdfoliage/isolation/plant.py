@@ -15,11 +15,11 @@ from usdfoliage.isolation.support import Support, SupportSettings, find_support
 from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
 from usdfoliage.remarks import Remark, remark
 
-_COARSE, _FINE = 0.008, 0.004  # of the scale, widths of cells in which the floor, and pieces of the plant, are told
+_COARSE, _FINE = 0.008, 0.004  # of the scale, widths of cells in which the floor, and pieces of the plant, are found
 _MAX_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
 _COLOR_CELLS = 1.5  # fine cells, width in which colours are taken together: single pixels of soil may be green
 _DIM = 0.05  # of white: about as dark, soil in the shade is of any hue
-_FEW = 200  # points, of which nothing is told
+_FEW = 200  # points, about which nothing is known
 _SPREAD = (0.02, 0.98)  # quantiles that a cloud without focus is measured between
 
 
@@ -72,7 +72,7 @@ def isolate_plant(
     axes: NDArray[np.float64],
     settings: IsolationSettings = IsolationSettings(),
 ) -> IsolatedPlant:
-    """Tell the plant of a cloud from the floor, its pot, and all that is not linked with it.
+    """Separate the plant of a cloud from the floor, its pot, and all that is not linked with it.
 
     Args:
         points_m: (N, 3), Y up as well as is known.

@@ -82,7 +82,7 @@ def find_support(
     within = np.abs(over_m) < layer_m
     if within.sum() < settings.min_cells or np.hypot(*plane[:2]) > np.tan(settings.steepest_rad):
         return None
-    # What stands beside the floor, as walls do, tells nothing of it.
+    # What stands beside the floor, as walls do, decides nothing about it.
     width_m = 0.05 * scale_m
     place = np.floor(near_m[:, [0, 2]] / width_m).astype(np.int64)
     place -= place.min(axis=0)

@@ -21,7 +21,7 @@ _MM = 0.001
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthMap:
-    """What a depth file says."""
+    """What a depth file states."""
 
     depth_m: NDArray[np.float32]  # (H, W), along the optical axis, finite, 0 where there is none
     channel: str  # where it stood, "Z" in a right OpenEXR, "" in a PNG
@@ -47,7 +47,7 @@ def read_depth(path: Path, width_px: int, height_px: int) -> DepthMap:
     """Read a depth map: OpenEXR in metres, channel Z; or PNG of 16 bits in millimetres, as depth cameras write.
 
     Values that are not finite, negative, or beyond 1000 km are taken as none, and counted. An OpenEXR may have a single
-    channel of another usual name (Y, R, depth) instead.
+    channel of another common name (Y, R, depth) instead.
 
     Args:
         path: The file.

@@ -46,7 +46,7 @@ class Photo:
 
     path: Path
     linear: NDArray[np.float32]  # (H, W, 3), linear Rec.709, scene-referred, not negative
-    alpha: NDArray[np.float32] | None  # (H, W) in [0, 1], a hint at the mask; None where it says nothing
+    alpha: NDArray[np.float32] | None  # (H, W) in [0, 1], a hint at the mask; None where it states nothing
     color_space: str  # what the file was read as
     orientation: int  # EXIF orientation that was undone, 1 for none
 
@@ -67,7 +67,7 @@ def read_photo(path: Path, color_space: str | None = None) -> Photo:
 
     Args:
         path: The file; of several pictures in it the first is taken.
-        color_space: Read as this, whatever the file says: sRGB, linear, Adobe RGB, Display P3, ACEScg, ACES2065-1,
+        color_space: Read as this, whatever the file states: sRGB, linear, Adobe RGB, Display P3, ACEScg, ACES2065-1,
             linear Rec.2020, or a name of the OpenColorIO configuration ($OCIO, else OpenColorIO's own).
 
     Raises:
@@ -86,7 +86,7 @@ def read_photo(path: Path, color_space: str | None = None) -> Photo:
 
 
 def _stated_color_space(raster: Raster) -> str:
-    """What the file says of its colours; for silence, sRGB for integers and linear for floats."""
+    """What the file states of its colours; for silence, sRGB for integers and linear for floats."""
     if raster.chromaticities:
         for space, expected in _CHROMATICITIES.items():
             if np.allclose(raster.chromaticities, expected, atol=2e-3):

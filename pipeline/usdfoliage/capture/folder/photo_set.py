@@ -305,7 +305,7 @@ def _with_exif(photo: PhotoFile) -> PhotoFile:
 
 
 def _focal_px(spec: Any, width_px: int, height_px: int) -> float | None:
-    """Focal length in pixels by the 35 mm equivalent or by the sensor's resolution; None where EXIF says nothing."""
+    """Focal length in pixels by the 35 mm equivalent or by the sensor's resolution; None where EXIF states nothing."""
     equivalent_mm = spec.get_float_attribute("Exif:FocalLengthIn35mmFilm", 0.0) or float(
         spec.get_int_attribute("Exif:FocalLengthIn35mmFilm", 0)
     )

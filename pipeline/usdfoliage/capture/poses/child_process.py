@@ -45,11 +45,11 @@ def run_items(
     An item at which a child ends is a failure, and a new child does what was left.
 
     Args:
-        job: What the worker is told besides its items.
+        job: What the worker is given besides its items.
         items: Each with the file that it makes, "out".
         work: Where the jobs are written.
         processes: At most so many at once.
-        progress: Told of items done, or of steps of the only item.
+        progress: Called with items done, or with steps of the only item.
         module: The worker.
 
     Raises:
@@ -153,7 +153,7 @@ def _run_child(
     events: "SimpleQueue[tuple[str, int, str]]",
     stop: threading.Event,
 ) -> tuple[set[int], str]:
-    """Items that a child has finished, and the last that it said."""
+    """Items that a child has finished, and its last output."""
     path = work / f".job-{uuid.uuid4().hex[:12]}.json"
     finished: set[int] = set()
     try:

@@ -13,7 +13,7 @@ _BLOCK = 4096  # rows compared at once
 
 @dataclass(frozen=True, kw_only=True)
 class MatchSettings:
-    """When two descriptors are alike."""
+    """When two descriptors are similar."""
 
     max_ratio: float = 0.8  # of the angle to the nearest and to the second nearest
     max_angle_rad: float = 0.7
@@ -33,7 +33,7 @@ def match_descriptors(
     Args:
         first: (N, 128), SIFT descriptors of unit length times 512.
         second: (M, 128).
-        settings: When they are alike.
+        settings: When they are similar.
 
     Returns:
         (K, 2), numbers of the first and of the second, in the order of the first.

@@ -115,7 +115,7 @@ def register_photos(
         photo_set: The photographs.
         work: A folder for features, matches and models; made where it is missing.
         settings: How.
-        progress: Told of the steps "features", "pairs", "matches" and "cameras".
+        progress: Called with the steps "features", "pairs", "matches" and "cameras".
 
     Raises:
         CaptureError: Fewer than two photographs; no two of them overlap; the camera did not move; the work folder
@@ -187,7 +187,7 @@ def _sizes(files: Sequence[Path], usable: Sequence[int]) -> dict[int, tuple[int,
 def _cameras(
     photos: Sequence[PhotoFile], features: Sequence[Path], usable: Sequence[int], settings: PoseEstimationSettings
 ) -> dict[int, dict[str, Any]]:
-    """What COLMAP is told of each photograph's camera, for the size that the features are of."""
+    """What COLMAP is given of each photograph's camera, for the size that the features are of."""
     cameras: dict[int, dict[str, Any]] = {}
     groups: dict[tuple[Any, ...], int] = {}
     for index, (width_px, height_px) in _sizes(features, usable).items():

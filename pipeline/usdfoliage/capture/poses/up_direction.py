@@ -40,7 +40,7 @@ def find_ups(
         registered: Cameras and points.
         poses: (N, 3, 4), cam_from_world of its photographs.
         centers: (N, 3), of the cameras.
-        files: What the files of the photographs say; None where there is none.
+        files: What the files of the photographs state; None where there is none.
         gps: Up by the positions in the files.
         distance: From the cameras to what they see, in units of the reconstruction.
     """

@@ -114,7 +114,7 @@ class _Gps(NamedTuple):
     up: Array  # (3,), unit, in the reconstruction
     residual_m: float  # rms
     spread_m: float  # rms
-    flat: float  # second largest spread over the largest: 0 on a line, which says nothing of up
+    flat: float  # second largest spread over the largest: 0 on a line, which has no information on up
 
 
 def read_scale_hints(values: Mapping[str, Any], where: str) -> tuple[KnownDistance | None, ScaleBar | None]:

@@ -131,7 +131,7 @@ def prepare_views(
         sky: What is left out of photographs without a mask; None for nothing.
         keep: Whether the work folder gets what is read; without it there are no pixels to go on with.
         threads: 0: one per core.
-        progress: Told of photographs done, and of all.
+        progress: Called with photographs done, and their number.
 
     Raises:
         CaptureError: Fewer than two can be read, or the work folder cannot be written.

@@ -56,7 +56,7 @@ __all__ = ["CapturePhotograph", "CaptureReport", "DrawnMaps", "capture_rows", "c
 PICTURE_PX = 720  # longer side of a photograph and its maps
 CLOUD_PX = 1000  # longest side of the pictures of the cloud
 BINS = 40
-FRAMING_POINTS = 300_000  # that tell what is shown of the cloud
+FRAMING_POINTS = 300_000  # that decide what part of the cloud is drawn
 HIGH_ERROR = 2.0  # times the median, from where there is a remark on a photograph's reprojection error
 
 

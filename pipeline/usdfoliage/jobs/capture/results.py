@@ -93,7 +93,7 @@ def lay_cameras(new: Path, model: Path) -> None:
 def describe_photographs(
     posed: PosedCapture, prepared: PreparedViews, tasks: DepthTasks, maps: Sequence[ViewMaps]
 ) -> list[CapturePhotograph]:
-    """What the report says of each photograph, those without a camera last."""
+    """What the report states of each photograph, those without a camera last."""
     coverage = {view_maps.name: view_maps.coverage for view_maps in maps}
     failures = failures_of(posed, prepared.dropped)
     numbers = {view.name: number for number, view in enumerate(tasks.views)}
