@@ -132,7 +132,8 @@ def test_the_report_shows_every_photograph(written, tmp_path):
     text = (folder / "index.html").read_text()
     page = Page(text)
     assert all((folder / name).is_file() for name in page.files)
-    assert {path.name for path in folder.iterdir()} == {name for name in page.files if "/" not in name} | {"index.html"}
+    shown = {name for name in page.files if "/" not in name}
+    assert {path.name for path in folder.iterdir()} == shown | {"index.html", "files.json"}
     assert "3 of 4 photographs are shown" in text
     assert re.findall(r"<h3>\d+: (.*)</h3>", text) == ["000.jpg", "002.jpg", "003.jpg"]
     for step in ("candidates in single views", "leaves of the scene", "fitted leaves", "kept leaves", "segmentation"):

@@ -73,7 +73,7 @@ def test_feet_become_metres(tmp_path, suffix, record):
 def test_without_a_unit_las_is_in_metres_however_large(tmp_path):
     cloud = read_cloud_input(write_las(tmp_path / "a.las", 1000 * some_points()))
     assert cloud.metres_per_unit == 1
-    assert "as usual for LAS" in cloud.remarks[0].text
+    assert "as in most LAS files" in cloud.remarks[0].text
     assert Setting(name="capture.toml:metres_per_unit") in cloud.remarks[0].remedy
     assert cloud.format_up == "+Z"
     named = read_cloud_input(write_las(tmp_path / "b.las", some_points(), vlrs=[keys((3072, 2263))]))

@@ -10,6 +10,7 @@ from usdfoliage.capture.mask_proposal.propose import MaskProposalSettings, propo
 from usdfoliage.capture.sky import segment_sky
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import decode_srgb
+from usdfoliage.remarks import Setting
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 
@@ -87,22 +88,30 @@ def test_brightness_of_an_exr_does_not_matter():
     assert iou(propose_mask(scene / 50).mask, crown) > 0.93
 
 
+def names_mask(error: FitError) -> bool:
+    """Whether the remedy is to give a mask."""
+    return any(isinstance(part, Setting) and part.name.endswith("mask") for part in error.remedy)
+
+
 @pytest.mark.parametrize("value", [0.0, 0.18, 1.0])
 def test_nothing_to_see(value):
-    with pytest.raises(FitError, match="--mask"):
+    with pytest.raises(FitError, match="no crown was found") as raised:
         propose_mask(np.full((200, 300, 3), value, np.float32))
+    assert names_mask(raised.value)
 
 
 def test_noise_is_no_crown():
     noise = np.random.default_rng(0).random((240, 320, 3), np.float32)
-    with pytest.raises(FitError, match="--mask"):
+    with pytest.raises(FitError, match="no crown was found") as raised:
         propose_mask(noise)
+    assert names_mask(raised.value)
 
 
 def test_smallest_photograph():
     scene, _ = draw_scene((60, 95, 40))
-    with pytest.raises(FitError, match="--mask"):  # a crown of 16 pixels has no silhouette
+    with pytest.raises(FitError, match="no crown was found") as raised:  # a crown of 16 pixels has no silhouette
         propose_mask(cv2.resize(scene, (16, 16), interpolation=cv2.INTER_AREA))
+    assert names_mask(raised.value)
 
 
 def test_wrong_arguments():
