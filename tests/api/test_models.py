@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 from usdfoliage import api
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
+from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.jobs.edits.scatter import read_spray
 
 from tests.support.usd_values import hashes

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.asset.provenance import Provenance
 
 from tests.support.leaves.captures import exact_leaves, known_foliage

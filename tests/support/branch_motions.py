@@ -5,10 +5,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from usdfoliage.asset.packages.branch_package import BranchSurfaces, write_branch_asset
+from usdfoliage.asset.packages.branch_package import write_branch_asset
 from usdfoliage.asset.parts.branches import SkeletonPrim
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.branch.cage.build import build_branch_cage
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.foliage.species import load_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.jobs.branches.foliage import FoliageRequest, GrownLeaves, grow_leaves

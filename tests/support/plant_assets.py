@@ -7,18 +7,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 from pxr import Usd
-from usdfoliage.asset.packages.branch_package import (
-    BranchAssetSettings,
-    BranchLeaves,
-    BranchSurfaces,
-    write_branch_asset,
-)
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
-from usdfoliage.asset.packages.other_parts import OtherParts, find_other_parts
+from usdfoliage.asset.packages.branch_package import write_branch_asset
+from usdfoliage.asset.packages.other_parts import find_other_parts
 from usdfoliage.asset.packages.plant_package import write_plant_asset
+from usdfoliage.asset.parts.branch_part import BranchAssetSettings
 from usdfoliage.asset.parts.branches import SkeletonPrim
+from usdfoliage.asset.parts.copied_parts import OtherParts
+from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAssetSettings
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.branch.cage.build import build_branch_cage
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.crown.model import CrownModel
 
 from tests.support.branch_shapes import fork

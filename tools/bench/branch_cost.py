@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from usdfoliage.branch.cage.build import BranchCageSettings, build_branch_cage
+from usdfoliage.branch.cage.build import build_branch_cage
+from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.reconstruct import reconstruct_branches

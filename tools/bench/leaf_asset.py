@@ -28,7 +28,8 @@ def write(out: Path, count: int, representation: str, repeat: int) -> dict[str, 
     """Write the same leaves into out, repeat times; in this process."""
     import numpy as np
     from usdfoliage.asset.materials.leaf import LEAF_COLOR
-    from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, write_leaf_asset
+    from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+    from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
     from usdfoliage.asset.provenance import Provenance
     from usdfoliage.leaf.shape.spray import scatter_spray
     from usdfoliage.leaf.shape.variation import vary_colors

@@ -11,7 +11,7 @@ from usdfoliage.api.evaluation import leaf_mesh, leaf_normals, leaf_points
 from usdfoliage.api.opening import open_asset, validate
 from usdfoliage.api.scattering import scatter_leaves
 from usdfoliage.api.writing import WrittenAsset, bake, write_asset, write_look
-from usdfoliage.asset.packages.leaf_package import LeafAppearance
+from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.findings import Finding
 from usdfoliage.asset.validation.validate import ValidationReport

@@ -1,6 +1,5 @@
 """From models to assets, looks and baked assets."""
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,11 +9,12 @@ from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.looks.look import write_look_layer
-from usdfoliage.asset.packages.branch_package import BranchAssetSettings, BranchLeaves, write_branch_asset
-from usdfoliage.asset.packages.leaf_package import LeafAppearance, write_leaf_asset
-from usdfoliage.asset.packages.other_parts import OtherParts, read_other_parts
+from usdfoliage.asset.packages.branch_package import write_branch_asset
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
+from usdfoliage.asset.parts.branch_part import BranchAssetSettings, PlantBranches
 from usdfoliage.asset.parts.branches import SkeletonPrim
+from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAppearance
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import publish_folder
@@ -104,21 +104,23 @@ def write_asset(
     remarks: list[Remark] = []
     with publish_folder(folder, force=force) as new:
         if crown is not None:
-            with tempfile.TemporaryDirectory(prefix="usdfoliage-branches-") as beside:
-                others = None
-                if skeleton is not None:
-                    others, remarks = _branches_alone(Path(beside), root, skeleton, record, matrix)
-                plant = PlantAssetSettings(version=version)
-                interface = write_plant_asset(
-                    new,
-                    root,
-                    provenance=record,
-                    asset_from_capture=matrix,
-                    branches=others,
-                    foliage=foliage,
-                    crown=crown,
-                    settings=plant,
+            branches = None
+            if skeleton is not None:
+                surfaces, remarks = build_surfaces(skeleton)
+                prim = SkeletonPrim(skeleton=skeleton)
+                branches = PlantBranches(
+                    skeleton=prim, surfaces=surfaces, settings=BranchAssetSettings(version=version)
                 )
+            interface = write_plant_asset(
+                new,
+                root,
+                provenance=record,
+                asset_from_capture=matrix,
+                branches=branches,
+                foliage=foliage,
+                crown=crown,
+                settings=PlantAssetSettings(version=version),
+            )
         elif skeleton is not None:
             surfaces, remarks = build_surfaces(skeleton)
             prim = SkeletonPrim(skeleton=skeleton)
@@ -206,13 +208,3 @@ def bake(
     )
     baked = bake_asset(request, progress)
     return WrittenAsset(asset=baked.asset, remarks=baked.remarks)
-
-
-def _branches_alone(
-    folder: Path, name: str, skeleton: Skeleton, provenance: Provenance, asset_from_capture: NDArray[np.float64]
-) -> tuple[OtherParts | None, list[Remark]]:
-    """The layers of branches for an asset of a whole plant, written into folder."""
-    surfaces, remarks = build_surfaces(skeleton)
-    prim = SkeletonPrim(skeleton=skeleton)
-    write_branch_asset(folder, name, prim, surfaces, provenance, asset_from_capture)
-    return read_other_parts(folder), remarks

@@ -22,9 +22,9 @@ from usdfoliage.asset.packages.contents import (
     representations,
     require_plant,
 )
-from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.packed_files import unpacked
 from usdfoliage.asset.parts.branches import read_skeleton
+from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.parts.leaf_primvars import place
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.asset.provenance import Provenance

@@ -12,7 +12,8 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 from usdfoliage.asset.locate import find_leaves, find_plants, require_leaves, select_representation
 from usdfoliage.asset.look_layer import EDITS
 from usdfoliage.asset.looks.look import open_asset, read_look, write_look_layer
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.asset.parts.leaf_primvars import read_edits
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.asset.provenance import Provenance

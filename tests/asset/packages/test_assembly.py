@@ -8,7 +8,6 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.packages import plant_package
 from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
-from usdfoliage.asset.packages.branch_package import BranchSurfaces
 from usdfoliage.asset.packages.other_parts import find_other_parts
 from usdfoliage.asset.packages.plant_package import write_plant_asset
 from usdfoliage.asset.parts.branch_part import BranchAssetSettings, PlantBranches, write_branch_part
@@ -18,6 +17,7 @@ from usdfoliage.asset.parts.part import AssetPlace, Part
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.branch.cage.build import build_branch_cage
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.jobs.branches.motion import BranchMotion, rig_branches

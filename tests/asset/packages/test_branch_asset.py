@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
-from usdfoliage.asset.packages.branch_package import (
-    BranchAssetSettings,
-    BranchLeaves,
-    BranchSurfaces,
-    write_branch_asset,
-)
+from usdfoliage.asset.packages.branch_package import write_branch_asset
+from usdfoliage.asset.parts.branch_part import BranchAssetSettings
 from usdfoliage.asset.parts.branches import SkeletonPrim
+from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.branch.cage.build import build_branch_cage
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
 
 from tests.support.branch_shapes import fork
 from tests.support.leaves.assets import two_leaves

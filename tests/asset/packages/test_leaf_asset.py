@@ -19,7 +19,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, UsdUtils
 from usdfoliage.asset.packages.contents import prototype_segments, read_leaf_appearance
-from usdfoliage.asset.packages.leaf_package import LeafAppearance, LeafAssetSettings, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
 from usdfoliage.asset.parts.leaves import PROTOTYPE_MARGIN, author_leaves, leaves_prim, read_leaves
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import validate_asset

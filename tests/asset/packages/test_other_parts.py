@@ -6,20 +6,17 @@ import cv2
 import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
-from usdfoliage.asset.packages.branch_package import (
-    BranchAssetSettings,
-    BranchLeaves,
-    BranchSurfaces,
-    write_branch_asset,
-)
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
+from usdfoliage.asset.packages.branch_package import write_branch_asset
 from usdfoliage.asset.packages.other_parts import find_other_parts, read_other_parts, write_leaves_beside
 from usdfoliage.asset.packages.plant_package import write_plant_asset
+from usdfoliage.asset.parts.branch_part import BranchAssetSettings
 from usdfoliage.asset.parts.branches import SkeletonPrim
+from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAssetSettings
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.branch.cage.build import build_branch_cage
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.errors import AssetError
 
 from tests.support.branch_shapes import fork

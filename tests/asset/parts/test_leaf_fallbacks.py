@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 from scipy.interpolate import BSpline
 from usdfoliage.asset.locate import find_leaves
-from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.parts.hero_leaf import author_hero_leaf, read_hero_leaf
+from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdSkel, Vt
 from scipy.spatial.transform import Rotation
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
-from usdfoliage.asset.packages.other_parts import find_other_parts, lost_leaf_motion, write_leaves_beside
+from usdfoliage.asset.packages.other_parts import find_other_parts, write_leaves_beside
+from usdfoliage.asset.parts.copied_parts import lost_leaf_motion
+from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.validate import validate_asset

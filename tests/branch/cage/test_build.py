@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from usdfoliage.branch.cage.build import BranchCageSettings, build_branch_cage, check_cage
+from usdfoliage.branch.cage.build import build_branch_cage, check_cage
+from usdfoliage.branch.cage.settings import BranchCageSettings
 
 from tests.support.branch_shapes import arc, fork, limit, off_axis, plant_of, volume
 

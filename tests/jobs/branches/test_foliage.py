@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import build_parser, main
-from usdfoliage.asset.packages.leaf_package import LeafAppearance
+from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.branch.foliage.species import load_species
 from usdfoliage.branch.tracing.reconstruct import BranchSettings

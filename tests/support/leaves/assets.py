@@ -1,7 +1,8 @@
 """Small sets of leaves with exact numbers, and assets of them."""
 
 import numpy as np
-from usdfoliage.asset.packages.leaf_package import LeafAppearance, LeafAssetSettings, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.jitter import spread_phases

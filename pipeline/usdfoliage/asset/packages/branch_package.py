@@ -8,17 +8,14 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
 from usdfoliage.asset.parts.branch_growth import BranchGrowth
-from usdfoliage.asset.parts.branch_part import ALL_ORDERS as ALL_ORDERS
-from usdfoliage.asset.parts.branch_part import BranchAssetSettings as BranchAssetSettings
-from usdfoliage.asset.parts.branch_part import BranchSurfaces as BranchSurfaces
-from usdfoliage.asset.parts.branch_part import PlantBranches, write_branch_part
+from usdfoliage.asset.parts.branch_part import BranchAssetSettings, PlantBranches, write_branch_part
 from usdfoliage.asset.parts.branch_rig import BranchRig
 from usdfoliage.asset.parts.branches import SkeletonPrim
 from usdfoliage.asset.parts.leaf_motion import RiggedLeaves
-from usdfoliage.asset.parts.leaf_part import BranchLeaves as BranchLeaves
-from usdfoliage.asset.parts.leaf_part import drawn_leaves, write_leaf_part
+from usdfoliage.asset.parts.leaf_part import BranchLeaves, drawn_leaves, write_leaf_part
 from usdfoliage.asset.parts.part import Part
 from usdfoliage.asset.provenance import Provenance
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
 
 
 def write_branch_asset(

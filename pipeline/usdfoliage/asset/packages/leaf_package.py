@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
 from usdfoliage.asset.parts.crown_part import write_crown_part
-from usdfoliage.asset.parts.leaf_part import BranchLeaves, write_leaf_part
-from usdfoliage.asset.parts.leaf_part import LeafAppearance as LeafAppearance
-from usdfoliage.asset.parts.leaf_part import LeafAssetSettings as LeafAssetSettings
+from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAppearance, LeafAssetSettings, write_leaf_part
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.leaf.model import Leaves

@@ -13,9 +13,7 @@ from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
 from usdfoliage.asset.packages.interface import PAYLOAD
 from usdfoliage.asset.packed_files import is_package
 from usdfoliage.asset.parts.bare_branches import BARE_LAYER
-from usdfoliage.asset.parts.copied_parts import OtherParts as OtherParts
-from usdfoliage.asset.parts.copied_parts import copy_near_part
-from usdfoliage.asset.parts.copied_parts import lost_leaf_motion as lost_leaf_motion
+from usdfoliage.asset.parts.copied_parts import OtherParts, copy_near_part
 from usdfoliage.asset.parts.crown_part import CROWN_LAYER
 from usdfoliage.asset.parts.leaf_part import (
     LEAVES_GUIDE,

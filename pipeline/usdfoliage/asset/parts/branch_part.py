@@ -22,7 +22,7 @@ from usdfoliage.asset.parts.leaf_motion import (
 from usdfoliage.asset.parts.part import AssetPlace, Part, copy_map
 from usdfoliage.asset.plant import BRANCHES, SKELETON
 from usdfoliage.asset.variants import VariantSet
-from usdfoliage.branch.cage.surfaces import BranchSurfaces as BranchSurfaces
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
 
 ALL_ORDERS = "all"  # variant of the set branches
 _SKELETON, _SURFACE, _RIG, _GROWTH = "skeleton.usdc", "branches.usdc", "rig.usdc", "growth.usdc"

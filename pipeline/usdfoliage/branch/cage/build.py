@@ -15,7 +15,7 @@ from usdfoliage.branch.cage.join import CROSSES, NO_ROOM, PARENT_DROPPED, join_b
 from usdfoliage.branch.cage.layout import Layout
 from usdfoliage.branch.cage.mesh import Built
 from usdfoliage.branch.cage.pieces import LoosePieces, cut_loose
-from usdfoliage.branch.cage.settings import BranchCageSettings as BranchCageSettings
+from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.model import Skeleton
 
 logger = logging.getLogger(__name__)

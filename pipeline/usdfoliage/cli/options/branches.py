@@ -3,7 +3,7 @@
 import argparse
 from dataclasses import replace
 
-from usdfoliage.asset.packages.branch_package import BranchAssetSettings
+from usdfoliage.asset.parts.branch_part import BranchAssetSettings
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.foliage.place import FoliageSettings

@@ -2,7 +2,7 @@
 
 import argparse
 
-from usdfoliage.asset.packages.leaf_package import LeafAppearance
+from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.cli.options.leaf_commands import name_option, read_resolution

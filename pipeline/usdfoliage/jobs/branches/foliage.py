@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.locate import require_leaves, select_representation
 from usdfoliage.asset.looks.look import open_asset
-from usdfoliage.asset.packages.branch_package import BranchLeaves
 from usdfoliage.asset.packages.contents import interface_of, matrix_in_plant, read_leaf_appearance, require_plant
-from usdfoliage.asset.packages.leaf_package import LeafAppearance
+from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAppearance
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.foliage.place import FoliageSettings, LeafPlaces, place_leaves

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.asset.packages.branch_package import ALL_ORDERS, BranchSurfaces
 from usdfoliage.asset.parts.branch_growth import BranchGrowth
+from usdfoliage.asset.parts.branch_part import ALL_ORDERS
 from usdfoliage.asset.parts.branch_rig import BranchRig
 from usdfoliage.asset.parts.leaf_motion import LeafMotion, RiggedLeaves
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.cage.build import BranchCage
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.motion.growth_stages import (
     GrownSurface,

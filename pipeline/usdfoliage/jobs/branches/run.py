@@ -9,19 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
-from usdfoliage.asset.packages.branch_package import (
-    BranchAssetSettings,
-    BranchLeaves,
-    BranchSurfaces,
-    write_branch_asset,
-)
+from usdfoliage.asset.packages.branch_package import write_branch_asset
 from usdfoliage.asset.parts.branch_growth import BranchGrowth
+from usdfoliage.asset.parts.branch_part import BranchAssetSettings
 from usdfoliage.asset.parts.branch_rig import BranchRig
 from usdfoliage.asset.parts.branches import SkeletonPrim
 from usdfoliage.asset.parts.leaf_motion import RiggedLeaves
+from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
-from usdfoliage.branch.cage.build import BranchCage, BranchCageSettings, build_branch_cage
+from usdfoliage.branch.cage.build import BranchCage, build_branch_cage
+from usdfoliage.branch.cage.settings import BranchCageSettings
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.free_axes import points_of_branches
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches

@@ -10,7 +10,6 @@ import numpy as np
 from usdfoliage import __version__
 from usdfoliage.asset.locate import find_leaves, require_leaves, select_leafy_lod, select_representation
 from usdfoliage.asset.looks.look import open_asset
-from usdfoliage.asset.packages.branch_package import BranchLeaves
 from usdfoliage.asset.packages.contents import (
     PlantFacts,
     count_changed_patches,
@@ -22,11 +21,13 @@ from usdfoliage.asset.packages.contents import (
     representations,
     require_plant,
 )
-from usdfoliage.asset.packages.leaf_package import LeafAppearance, LeafAssetSettings, write_leaf_asset
-from usdfoliage.asset.packages.other_parts import OtherParts, find_other_parts, lost_leaf_motion, write_leaves_beside
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+from usdfoliage.asset.packages.other_parts import find_other_parts, write_leaves_beside
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.parts.bare_branches import BARE_LAYER
+from usdfoliage.asset.parts.copied_parts import OtherParts, lost_leaf_motion
 from usdfoliage.asset.parts.hero_leaf import read_hero_leaf
+from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAppearance, LeafAssetSettings
 from usdfoliage.asset.parts.leaf_primvars import animated_edits, read_leaf_primvars
 from usdfoliage.asset.parts.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.plant import asset_name

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from usdfoliage.asset.materials.jitter_map import read_jitter_map
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
+from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.files.hashing import hash_each, hash_file

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
-from usdfoliage.asset.packages.leaf_package import LeafAppearance, LeafAssetSettings, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.asset.variants import REPRESENTATIONS

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
+from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branches.foliage import FoliageRequest

@@ -4,7 +4,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings, write_leaf_asset
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.capture.folder.read import read_capture
 from usdfoliage.capture.lens import Lens
 from usdfoliage.errors import AssetError

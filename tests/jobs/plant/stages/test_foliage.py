@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from usdfoliage.asset.packages.leaf_package import LeafAppearance
+from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.errors import FoliageError

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage.asset.packages.branch_package import BranchLeaves
-from usdfoliage.asset.packages.leaf_package import LeafAssetSettings
+from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAssetSettings
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.foliage.place import FoliageSettings as GrownSettings
 from usdfoliage.branch.foliage.species import GENERIC, load_species

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.asset.packages.leaf_package import LeafAppearance
 from usdfoliage.asset.parts.branch_part import BranchAssetSettings, PlantBranches
 from usdfoliage.asset.parts.branches import SkeletonPrim
+from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, read_branches_model, read_traced_plant
 from usdfoliage.crown.model_file import MadeCrown, read_crown_model
 from usdfoliage.jobs.branches.foliage import FittedLeaves
