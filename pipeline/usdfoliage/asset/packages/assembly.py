@@ -101,16 +101,29 @@ def close_asset(
     for part in parts:
         if part.finish is not None:
             part.finish(plant.extent_m)
+    write_payload_layer(place.payload / "payload.usda", place.name, shared, sets, _times_of(parts))
+    if needs_file(plant.provenance):
+        write_provenance_file(place.folder, plant.provenance)
+    return write_interface(place, parts, plant, sets)
+
+
+def write_interface(place: AssetPlace, parts: Sequence[Part], plant: Plant, sets: Sequence[VariantSet]) -> Path:
+    """Write the interface layer alone, anew where plant says more than it did; returns it.
+
+    Raises:
+        AssetError: It cannot be written.
+    """
+    interface = place.folder / f"{place.name}.usda"
+    frames = max((part.frames for part in parts), default=0)
+    write_interface_layer(interface, place.name, plant, sets, frames, _times_of(parts))
+    return interface
+
+
+def _times_of(parts: Sequence[Part]) -> dict[str, float]:
     times: dict[str, float] = {}
     for part in parts:
         times |= dict(part.times)
-    write_payload_layer(place.payload / "payload.usda", place.name, shared, sets, times)
-    interface = place.folder / f"{place.name}.usda"
-    frames = max((part.frames for part in parts), default=0)
-    write_interface_layer(interface, place.name, plant, sets, frames, times)
-    if needs_file(plant.provenance):
-        write_provenance_file(place.folder, plant.provenance)
-    return interface
+    return times
 
 
 def merge_collections(parts: Sequence[Part], names: Sequence[str]) -> Mapping[str, Sequence[str]]:

@@ -5,14 +5,14 @@ renderer that knows UsdLod chooses by itself. What a lod does not show, none of 
 """
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.asset.packages.assembly import Origin, begin_asset, close_asset, merge_collections
+from usdfoliage.asset.packages.assembly import Origin, begin_asset, close_asset, merge_collections, write_interface
 from usdfoliage.asset.packages.lods import (
     AUTO_LAYER,
     BOTH_LAYER,
@@ -36,6 +36,8 @@ from usdfoliage.errors import AssetError
 
 THUMBNAILS = "thumbnails"  # folder of the asset
 MAX_SIZE = 0.25  # of the picture's area: a plant that covers more is shown with its leaves, however small they are
+
+DrawThumbnail = Callable[[Path], Path | None]  # called with the interface layer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +70,7 @@ def write_plant_asset(
     foliage: BranchLeaves | None = None,
     crown: CrownModel | None = None,
     settings: PlantAssetSettings = PlantAssetSettings(),
-    thumbnail: Path | None = None,
+    thumbnail: Path | DrawThumbnail | None = None,
 ) -> Path:
     """Write an asset of a whole plant, inside publish_folder as leaf_package.write_crown_asset.
 
@@ -83,7 +85,8 @@ def write_plant_asset(
         foliage: Leaves in the plant's frame.
         crown: In the plant's frame; takes the place of the one that branches may have.
         settings: How it is written.
-        thumbnail: PNG picture of the plant, which is copied.
+        thumbnail: PNG picture of the plant, which is copied; or a function that draws it of the asset, or gives None
+            where it cannot.
 
     Returns:
         The interface layer, folder/<name>.usda.
@@ -118,7 +121,7 @@ def write_plant_asset(
     if crown is not None:
         parts.append(write_crown_part(place, crown, settings.crown_mesh_size))
     origin = Origin(provenance=provenance, asset_from_capture=asset_from_capture, version=settings.version)
-    return _write_whole(place, parts, origin, lods, settings, _copy_thumbnail(folder, name, thumbnail))
+    return _write_whole(place, parts, origin, lods, settings, thumbnail)
 
 
 def _write_whole(
@@ -127,7 +130,7 @@ def _write_whole(
     origin: Origin,
     lods: Sequence[str],
     settings: PlantAssetSettings,
-    thumbnail: str,
+    thumbnail: Path | DrawThumbnail | None,
 ) -> Path:
     """Put the parts of a plant together, each in the lods that show it; returns the interface layer."""
     near_m = [box for part in parts for box in part.near_m]
@@ -162,9 +165,14 @@ def _write_whole(
         version=origin.version,
         lods=boxes,
         collections=merge_collections(parts, COLLECTIONS),
-        thumbnail=thumbnail,
+        thumbnail="" if callable(thumbnail) else _copy_thumbnail(place, thumbnail),
     )
-    return close_asset(place, parts, plant, sets, [f"./{MATERIAL_LAYER}"])
+    interface = close_asset(place, parts, plant, sets, [f"./{MATERIAL_LAYER}"])
+    if callable(thumbnail):  # the interface alone is written again, once there is something to draw
+        picture = _copy_thumbnail(place, thumbnail(interface))
+        if picture:
+            interface = write_interface(place, parts, replace(plant, thumbnail=picture), sets)
+    return interface
 
 
 def _lods(near: bool, crown: bool) -> list[str]:
@@ -229,11 +237,11 @@ def _auto(boxes: PurposeBoxes, parts: Sequence[Part], settings: PlantAssetSettin
     return AutoLod(extent_m=boxes.default, threshold=threshold)
 
 
-def _copy_thumbnail(folder: Path, name: str, source: Path | None) -> str:
+def _copy_thumbnail(place: AssetPlace, source: Path | None) -> str:
     """Copy the picture; returns its path from the interface layer, empty without one."""
     if source is None:
         return ""
-    target = folder / THUMBNAILS / f"{name}.png"
+    target = place.folder / THUMBNAILS / f"{place.name}.png"
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         shutil.copyfile(source, target)

@@ -35,7 +35,7 @@ from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.reconstruct import describe_low_confidence
-from usdfoliage.remarks import remark
+from usdfoliage.remarks import Remark, remark
 
 _FEW = 0.2  # share of the cloud that is near leaves, below which they do not stand for the plant
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
@@ -83,24 +83,6 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         )
         remarks.append(remark("crown-left-out", text))
 
-    def write(folder: Path, thumbnail: Path | None) -> Path:
-        folder.mkdir()
-        return write_plant_asset(
-            folder,
-            call.request.name,
-            provenance=provenance_of(call),
-            asset_from_capture=plant_from_capture,
-            branches=branches,
-            foliage=chosen.leaves,
-            crown=crown,
-            settings=PlantAssetSettings(
-                crown_mesh_size=call.settings.crown.mesh_size,
-                version=call.settings.plant.version,
-                lod="crown" if few or reached < _REACHED else None,
-            ),
-            thumbnail=thumbnail,
-        )
-
     if few:
         instead = ", so that the lod crown is shown" if crown is not None else ""
         text = (
@@ -119,26 +101,41 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         low = describe_low_confidence(captured.fitted.leaves)
         if low:
             remarks.append(remark("plant-leaves-guessed", low))
-    poor = False
-    if call.settings.pictures.make:
-        with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
-            bare = write(Path(work) / ASSET_FOLDER, None)
+    undrawn: list[Remark] = []
+    with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
+
+        def draw(interface: Path) -> Path | None:
             try:
-                thumbnail = draw_thumbnail(bare, Path(work), call.settings.pictures)
+                return draw_thumbnail(interface, Path(work), call.settings.pictures)
             except PreviewError as error:
-                remarks.append(remark("thumbnail-missing", f"the asset has no thumbnail: {error}"))
-                poor = True
-                thumbnail = None
-            write(call.out / ASSET_FOLDER, thumbnail)
-    else:
-        write(call.out / ASSET_FOLDER, None)
+                undrawn.append(remark("thumbnail-missing", f"the asset has no thumbnail: {error}"))
+                return None
+
+        folder = call.out / ASSET_FOLDER
+        folder.mkdir()
+        write_plant_asset(
+            folder,
+            call.request.name,
+            provenance=provenance_of(call),
+            asset_from_capture=plant_from_capture,
+            branches=branches,
+            foliage=chosen.leaves,
+            crown=crown,
+            settings=PlantAssetSettings(
+                crown_mesh_size=call.settings.crown.mesh_size,
+                version=call.settings.plant.version,
+                lod="crown" if few or reached < _REACHED else None,
+            ),
+            thumbnail=draw if call.settings.pictures.make else None,
+        )
+    remarks += undrawn
     rows = [
         Row(name="leaves", value=f"{0 if chosen.leaves is None else len(chosen.leaves.leaves):,}", remark=chosen.kind),
         Row(name="branches", value=f"{0 if traced is None else len(traced.skeleton):,}"),
         *([Row(name="cover", value=f"{cover:.0%}", remark="of the cloud is near leaves")] if cover is not None else []),
         *[row for row in chosen.rows if row.name != "leaves"],
     ]
-    write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=poor))
+    write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(undrawn)))
     return ()
 
 
