@@ -83,7 +83,7 @@ class CrownInfo:
 
 @dataclass(frozen=True, kw_only=True)
 class AssetInfo:
-    """All that `usdfoliage info` says."""
+    """All that `usdfoliage info` prints."""
 
     name: str
     asset: str

@@ -350,7 +350,7 @@ def test_where_a_record_is_damaged_nothing_goes(
 def test_where_the_record_of_a_running_plant_is_gone_nothing_goes(request_of_shrub: BuildRequest) -> None:
     plan = built(request_of_shrub, "a")
     request_of_shrub.store.record(plant_key(request_of_shrub)).unlink()
-    with another_process(request_of_shrub, "plant"), pytest.raises(FoliageError, match="held by a running build"):
+    with another_process(request_of_shrub, "plant"), pytest.raises(FoliageError, match="locked by a running build"):
         prune_work(request_of_shrub.work)
     assert all(is_done(request_of_shrub.store, plan).values())
 

@@ -36,8 +36,8 @@ class PlantCloudRequest:
     path: Path
     roots: RootSettings
     given_roots: Sequence[tuple[float, float, float]] = ()  # in the cloud's own coordinates
-    up: str | None = None  # an axis of the cloud; None: told by the cloud
-    unit: str | None = None  # of UNITS; None: told by the file
+    up: str | None = None  # an axis of the cloud; None: estimated from the cloud
+    unit: str | None = None  # of UNITS; None: read from the file
     max_points: int = 400_000  # that branches are traced through
     internode_m: float | None = None  # None: from the height, as branches are traced
     has_ground: bool = True  # False: it was left out before, and what lies low is of the plant

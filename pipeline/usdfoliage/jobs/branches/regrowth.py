@@ -1,4 +1,4 @@
-"""Branches that are grown, where it is asked for: instead of traced ones, inside the crown, or as plants alike."""
+"""Branches that are grown, where the settings ask for it: instead of traced ones, in the crown, or as variations."""
 
 import math
 from collections.abc import Callable, Iterator

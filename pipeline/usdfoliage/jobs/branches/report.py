@@ -41,7 +41,7 @@ _FAR_QUANTILE = 0.99  # of the distances, that the scale of their picture ends w
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BranchesReport:
-    """What the report says besides what the branches show."""
+    """What the report has besides the branches themselves."""
 
     name: str
     capture: str
@@ -49,7 +49,7 @@ class BranchesReport:
     remarks: Sequence[Remark]  # what the reader should know first
     render_setting: RenderSetting
     settings: Mapping[str, str]
-    variations: Sequence[Path] = ()  # interfaces of plants alike
+    variations: Sequence[Path] = ()  # interfaces of variations of the plant
 
 
 def branch_rows(
@@ -58,7 +58,7 @@ def branch_rows(
     """The figures of branches, as the paper's tables 2 and 3 have them, for report and terminal.
 
     Args:
-        traced: Of which they are; what its circles told is of the branches that were traced.
+        traced: Of which they are; figures of its circles concern the branches that were traced.
         cage: Its surface.
         points_m: (N, 3), of wood.
         grown: Whether the skeleton was grown, and is not the one that was traced.
@@ -117,12 +117,12 @@ def write_branches_report(
     Args:
         folder: An existing folder.
         interface: The asset, which Storm draws; None for no such pictures.
-        report: What to say.
+        report: The rest of its content.
         traced: The branches.
         points_m: (N, 3), the cloud in the asset's frame.
         rows: The figures.
         seconds: By step.
-        progress: Told of the pictures of the asset.
+        progress: Called at each picture of the asset.
     """
     chosen = np.linspace(0, len(points_m) - 1, min(len(points_m), DRAWN_POINTS)).astype(np.int64)
     cloud_m, wood_m = points_m[chosen], points_m[chosen][traced.wood[chosen]]

@@ -45,7 +45,7 @@ from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, 
 
 logger = logging.getLogger(__name__)
 
-VARIATIONS = "variations"  # folder of the assets of plants alike
+VARIATIONS = "variations"  # folder of the assets of variations
 _LIT = 0.75  # quantile of colours: the middle of their lighter half
 _COARSER_ORDERS = (1, 2)  # variants of the surface
 CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
@@ -66,7 +66,7 @@ class BranchesRequest:
     asset: BranchAssetSettings = field(default_factory=BranchAssetSettings)
     seed: int = 0
     preview: bool = True
-    times: bool = True  # whether the report says how long each step took
+    times: bool = True  # whether the report lists how long each step took
     needs_stems: bool = False  # as trace_cloud takes it
     color_of_cloud: bool = False  # branches have the colour of the cloud's wood, where it has colours
     force: bool = False
@@ -79,7 +79,7 @@ class MadeBranches:
 
     asset: Path
     report: Path
-    variations: tuple[Path, ...]  # assets of plants alike
+    variations: tuple[Path, ...]  # assets of variations of the plant
     remarks: tuple[Remark, ...]
     measures: tuple[Row, ...]
     seconds: dict[str, float]
@@ -115,7 +115,7 @@ def find_branches(
         request: What was asked for.
         fitted: Leaves to be drawn from; None for leaves of the species, if any.
         seconds: What each step took is added.
-        progress: Told of each step.
+        progress: Called at each step.
 
     Raises:
         NoStemsError: The request needs stems, and the cloud shows none.
@@ -223,8 +223,8 @@ def write_report(
         found: The branches.
         seconds: By step.
         interface: Their asset, which Storm draws; None for no such pictures.
-        variations: Interface layers of plants alike.
-        progress: Told of Storm's pictures.
+        variations: Interface layers of variations of the plant.
+        progress: Called at each of Storm's pictures.
     """
     report = BranchesReport(
         name=request.name,
@@ -310,7 +310,7 @@ def _write_plant(
 
 
 def wood_color(colors: NDArray[np.float64]) -> tuple[float, float, float]:
-    """The usual colour, linear, of the lit half of points (N, 3): red, green, blue, 0 to 255, as photographs encode."""
+    """The median colour, linear, of the lit half of points (N, 3): red, green, blue, 0 to 255, display-encoded."""
     red, green, blue = decode_srgb(np.quantile(colors, _LIT, axis=0) / 255).tolist()
     return red, green, blue
 
@@ -350,8 +350,8 @@ def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[Re
         return [remark("cloud-leaves-left-out", text, remedy=remedy)]
     if settings.leaves == "auto" and not traced.knows_leaves:
         text = (
-            f"points are {1000 * traced.spacing_m:.0f} mm from their sixth neighbour, too far to tell leaves from "
-            "wood; all are taken for wood"
+            f"points are {1000 * traced.spacing_m:.0f} mm from their sixth neighbour, too far to separate leaves "
+            "from wood; all are taken for wood"
         )
         remedy = ("give ", Setting(name="branches.cloud_leaves", value='"on"'), " if the plant has leaves")
         return [remark("cloud-leaves-unknown", text, remedy=remedy)]

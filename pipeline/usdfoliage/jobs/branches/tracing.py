@@ -42,17 +42,17 @@ def trace_cloud(
     """Read a cloud and trace its branches.
 
     Where leaves are large for the plant and stems thin, as of a herb, fine slices of noisy leaves look like twigs, but
-    hardly one of them is round. Coarser ones tell them apart.
+    hardly one of them is round. Coarser slices separate them.
 
     Args:
         cloud: Which.
         settings: How.
         seconds: What each step took is added.
-        progress: Told of steps.
+        progress: Called at each step.
         needs_stems: Where hardly a branch is round trace more coarsely, and refuse what shows no stems then either.
 
     Raises:
-        NoStemsError: As it says.
+        NoStemsError: The cloud shows no stems.
         FoliageError: The cloud cannot be used, or has no branches.
     """
     found = _trace(cloud, settings, seconds, progress)

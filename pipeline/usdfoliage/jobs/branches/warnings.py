@@ -1,4 +1,4 @@
-"""Checks of an asset of branches: each returns what puts the asset in doubt, with what to do about it."""
+"""Checks of an asset of branches: each returns a warning with its remedy, or none."""
 
 from usdfoliage.capture.cloud_files.units import UNITS
 from usdfoliage.remarks import Remark, Remedy, Setting, remark

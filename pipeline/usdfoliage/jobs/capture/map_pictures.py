@@ -33,7 +33,7 @@ class LegendPicture:
 
 
 def depth_limits(depth_m: NDArray[np.floating], mask: NDArray[np.bool_] | None = None) -> tuple[float, float] | None:
-    """Nearest and farthest depth (H, W) that is told apart by colour, of the plant where a mask tells; None without."""
+    """Nearest and farthest depth (H, W) that colours resolve, of the plant where a mask is; None without depth."""
     known = depth_m > 0
     if mask is not None and (known & mask).any():
         known = known & mask
@@ -44,7 +44,7 @@ def depth_limits(depth_m: NDArray[np.floating], mask: NDArray[np.bool_] | None =
 
 
 def draw_depth(depth_m: NDArray[np.floating], limits: tuple[float, float] | None) -> NDArray[np.uint8]:
-    """(H, W, 3), near is red, far is blue, in even steps of the inverse: what a pixel tells of depth."""
+    """(H, W, 3), near is red, far is blue, in even steps of inverse depth, as pixels resolve it."""
     picture = np.full((*depth_m.shape, 3), NOTHING, np.uint8)
     known = depth_m > 0
     if limits is not None:

@@ -44,7 +44,7 @@ def lay_maps(new: Path, maps: Sequence[ViewMaps], places: Sequence[str]) -> None
                 there.parent.mkdir(parents=True, exist_ok=True)
                 try:
                     os.link(path, there)
-                except OSError:  # no links on this disk, or the disk is full: then the copy says so
+                except OSError:  # no links on this disk, or the disk is full: then the copy raises
                     shutil.copyfile(path, there)
             except OSError as error:
                 raise CaptureError(explain(there, error)) from error

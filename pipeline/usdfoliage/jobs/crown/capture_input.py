@@ -55,7 +55,7 @@ def read_crown_capture(
         request: The capture's folder, or a cloud, and what the user knows of it.
         plant: Points that were read already; their frame decides.
         asset_from_capture: (4, 4), the frame to use instead of the one that the cloud's root gives.
-        progress: Told of the cloud.
+        progress: Called as the cloud is read.
 
     Raises:
         CaptureError: The folder, its cameras or its cloud cannot be used.
@@ -80,7 +80,7 @@ def _read_points(
     remarks = list(cloud.remarks)
     foliage = None if cloud.colors is None else find_green_points(cloud.points_m, cloud.colors)
     if foliage is None:
-        text = "leaves are not told by their colour; what of the cloud is wide is taken for the crown"
+        text = "leaves are not recognised by their colour; what of the cloud is wide is taken for the crown"
         remarks.append(remark("crown-by-width", text))
     else:
         text = f"the crown is made of the {100 * foliage.mean():.0f} % of the plant's points that are green"

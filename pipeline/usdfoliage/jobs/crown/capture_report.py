@@ -68,7 +68,7 @@ def draw_captured_crown(
         model: The crown of the asset.
         views: All photographs.
         count: How many of them are shown, evenly chosen.
-        progress: Told of Storm's pictures.
+        progress: Called at each of Storm's pictures.
     """
     chosen = [views[len(views) * number // min(count, len(views))] for number in range(min(count, len(views)))]
     pairs, drawn = [], []

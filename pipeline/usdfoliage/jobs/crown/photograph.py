@@ -22,7 +22,7 @@ from usdfoliage.progress import StepProgress, follow_step
 STEPS = ("silhouette", "base surface", "radius", "photograph", "texture", "relief", "composition")
 
 
-MIN_SIZE = 32  # texels a side; in fewer no patch of foliage can be told from another
+MIN_SIZE = 32  # texels a side; in fewer, patches of foliage cannot be distinguished
 MAX_SIZE = 4096  # a map of it has 100 million texels
 EXPECTED_RELIEF_SIZE = 96  # texels a side are enough to know where the photograph will come to lie
 

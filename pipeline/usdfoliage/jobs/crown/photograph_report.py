@@ -33,7 +33,7 @@ UNFOLDED: Mapping[str, tuple[int, int]] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CrownReport:
-    """What the report says besides what the model shows."""
+    """What the report has besides the model itself."""
 
     name: str
     capture: str
@@ -57,7 +57,7 @@ def write_crown_report(
 
     Args:
         folder: An existing folder, which may hold the pictures that report.views name.
-        report: What to say.
+        report: The rest of its content.
         model: The crown.
         measures: Of the crown.
         color: (H, W, 3), the photograph, linear Rec.709.

@@ -51,7 +51,7 @@ class CapturedCrownRequest:
     species: str = ""
     force: bool = False
     preview: bool = True
-    times: bool = True  # whether the report says how long each step took
+    times: bool = True  # whether the report lists how long each step took
     report_views: int = 6  # photographs that the report shows
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
 
@@ -105,7 +105,7 @@ def find_captured_crown(
         request: What to make of which capture.
         progress: Called at each step.
         plant: Points that were read already, with leaves and frame; the cloud is not read then.
-        asset_from_capture: (4, 4), the frame of other stages, where plant does not say it.
+        asset_from_capture: (4, 4), the frame of other stages, where plant has none.
 
     Raises:
         FoliageError: The input is unusable.
@@ -160,7 +160,7 @@ def write_report(
         request: What was asked for.
         found: The crown.
         interface: Its asset, which Storm draws; None for no such pictures.
-        progress: Told of Storm's pictures.
+        progress: Called at each of Storm's pictures.
 
     Returns:
         What was drawn, and all remarks on the crown.

@@ -1,4 +1,4 @@
-"""What a user may say of the tangents at a crown's silhouette: a number, a formula in i and j, or a map."""
+"""The user's input for the tangents at a crown's silhouette: a number, a formula in i and j, or a map."""
 
 import ast
 import math
@@ -13,7 +13,7 @@ from usdfoliage.capture.folder.raster import read_raster
 from usdfoliage.errors import CaptureError, FoliageError
 
 FLATTEST, STEEPEST = 0.1, 10.0  # 2 makes a ball; beyond these a crown is a sheet or a needle
-FORMULA_SIZE = 256  # samples of a formula over the crown's bounds, each way
+FORMULA_SIZE = 256  # samples of a formula over the crown's bounds, along each axis
 
 _BINARY: dict[type[ast.operator], Callable[..., NDArray[np.float64]]] = {
     ast.Add: operator.add,

@@ -12,7 +12,7 @@ from usdfoliage.errors import AssetError
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, apply_edits
 
-RIGID = 1e-4  # how far a matrix may be from a turn and a scale alike for all axes, of its scale
+RIGID = 1e-4  # how far a matrix may be from a rotation and a uniform scale, as a share of its scale
 
 
 def bake_leaves(leaves: Leaves, edits: LeafEdits) -> Leaves:

@@ -48,7 +48,7 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedLook:
-    """What a look will say."""
+    """The content of a look that is not yet written."""
 
     edits: LeafEdits  # in the end
     prim: str | None
@@ -57,7 +57,7 @@ class PlannedLook:
 
 
 def plan_look(request: EditRequest) -> PlannedLook:
-    """What the look will say; writes nothing.
+    """The content of the look that a request asks for; writes nothing.
 
     Raises:
         FoliageError: The asset cannot be read or has no leaves, an edit leads out of its range, the jitter map
@@ -130,7 +130,7 @@ def _check_range(edits: LeafEdits) -> None:
         if np.abs(value).max() > MAX_NUMBER:
             raise FoliageError(
                 f"{name} would be {show_value(value)}, {MAX_NUMBER:g} is the most; "
-                "numbers are leaf lengths, usually below 1"
+                "numbers are leaf lengths, most often below 1"
             )
 
 

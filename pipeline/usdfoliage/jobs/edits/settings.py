@@ -1,4 +1,4 @@
-"""What a user says of how an asset of leaves is written, checked."""
+"""The user's settings of how an asset of leaves is written, checked."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence

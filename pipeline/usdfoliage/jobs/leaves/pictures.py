@@ -15,7 +15,7 @@ from usdfoliage.leaf.points import LeafPoints
 EDGE = (255, 255, 255)
 SUPERPIXEL_EDGE = (255, 210, 60)
 BASE = (255, 60, 40)
-SURE = 0.95  # certainty from which the base counts as told from the apex; below, its dot is hollow
+SURE = 0.95  # certainty from which base and apex count as known; below, the dot at the base is hollow
 DOT_PX = 3  # radius
 FILL = 0.55  # of the colour over the photograph
 SHADE = 0.45  # of the photograph where there is nothing to show
@@ -27,7 +27,7 @@ DRAWN_POINTS = 200_000  # of all leaves together
 MIN_DRAWN = 300  # of them of each leaf, however many leaves there are
 ELLIPSE = 4 * np.pi  # area of an even ellipse, in the root of its points' covariance's determinant
 BESIDE_PX = 1  # how far from a leaf a place of its axis may lie to be drawn
-NOISE_PX = 5  # side of the square whose majority tells whether a leaf is hidden there
+NOISE_PX = 5  # side of the square whose majority decides whether a leaf is hidden there
 BEHIND = 0.1  # leaf lengths by which a leaf may lie behind the depth that is seen and still count as seen
 DEPTHS = 2**16 - 1  # nearer to each other than the range of all in so many parts, points are drawn as they come
 

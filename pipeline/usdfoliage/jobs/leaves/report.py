@@ -37,7 +37,7 @@ MEAN_LEAF_PX = 320  # from base to apex
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeavesReport:
-    """What the report says besides what the reconstruction shows."""
+    """What the report has besides the reconstruction itself."""
 
     name: str
     capture: str
@@ -95,7 +95,7 @@ def write_leaves_report(
     if report.texture:
         caption = (
             "The average leaf that the material shows, from (0, 0) on the left below to (1, 1): the base is below, the "
-            "silhouette left and right. Its alpha tells how many of the leaves that go into it reach a place of the "
+            "silhouette left and right. Its alpha shows how many of the leaves that go into it reach a place of the "
             "surfaces that were fitted to them: opaque where three quarters or more do, clear (the checkers show) "
             "where a quarter or fewer do."
         )

@@ -62,7 +62,7 @@ class LeavesRequest:
     seed: int = 0
     report_views: int = 12
     preview: bool = True
-    times: bool = True  # whether the report says how long each step took
+    times: bool = True  # whether the report lists how long each step took
     force: bool = False
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
 

@@ -72,5 +72,5 @@ def digest_profile(request: BuildRequest) -> str:
     return digest_file(request.profile or default_profile())
 
 
-# A stage: fills the folder of its result, and says which files elsewhere in the work folder belong to it too.
+# A stage: fills the folder of its result, and returns which files elsewhere in the work folder belong to it too.
 Stage = Callable[[StageCall], tuple[ResultFile, ...]]

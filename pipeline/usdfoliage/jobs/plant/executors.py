@@ -1,6 +1,6 @@
 """Tasks of builds in their order: in this process, or on any executor of concurrent.futures.
 
-Which task is ready is told by graphlib. A worker that dies takes nothing along but its task, which is done again.
+graphlib decides which task is ready. A worker that dies loses only its task, which is done again.
 """
 
 import graphlib
@@ -43,7 +43,7 @@ class Done:
 
 @dataclass(frozen=True, kw_only=True)
 class TaskOrder:
-    """A task of a plant, as a worker anywhere is told of it."""
+    """A task of a plant, as it is sent to a worker."""
 
     request: BuildRequest
     name: str
@@ -152,7 +152,7 @@ def run_on(next_plant: NextPlant, run: RunTask, workers: Workers, threads: int) 
             number, when, name = running.pop(future)
             try:
                 done = future.result()
-            except Exception as error:  # noqa: BLE001  # whatever a worker says
+            except Exception as error:  # noqa: BLE001  # whatever a worker raises
                 is_broken |= isinstance(error, BrokenProcessPool)
                 tries[number, name] = tries.get((number, name), 0) + 1
                 given_up = _give_up(name, error, tries[number, name])
@@ -186,7 +186,7 @@ def sort_tasks(wanted: Wanted) -> "graphlib.TopologicalSorter[str]":
 
 def _give_up(name: str, error: Exception, tries: int) -> Done | None:
     """What became of a task whose worker did not answer; None where it is worth another try."""
-    # Dask says KilledWorker when it has tried several times itself.
+    # Dask raises KilledWorker after it has tried several times itself.
     killed = type(error).__name__ == "KilledWorker"
     if killed or isinstance(error, BrokenProcessPool | CancelledError):
         if not killed and tries < MAX_TRIES:

@@ -95,7 +95,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", digest_by
         has_cameras = any(name.startswith(f"{CAMERAS}/") for name in files)
         if (source / FILE_NAME).is_file():
             files[FILE_NAME] = source / FILE_NAME
-        read_capture_settings(source)  # what is wrong with it is said before anything runs
+        read_capture_settings(source)  # its errors are raised before anything runs
     _require_names(files)
     first = next(iter(given.photos.values()))
     return BuildInputs(

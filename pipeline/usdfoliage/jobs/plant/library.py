@@ -228,7 +228,7 @@ def describe_built(made: BuiltPlant, folder: Path) -> LibraryPlant:
 
 
 def describe_failed(name: str, capture: str, error: str, species: str = "") -> LibraryPlant:
-    """A plant that there is none of, and why; what our messages say after the last semicolon is what to do."""
+    """A plant that was not built, and why. In our messages the part after the last semicolon is the remedy."""
     message, _, advice = error.rpartition("; ")
     return LibraryPlant(
         name=name,
@@ -241,7 +241,7 @@ def describe_failed(name: str, capture: str, error: str, species: str = "") -> L
 
 
 def explain_entry(entry: LibraryEntry, error: FoliageError) -> str:
-    """What is told of an entry that cannot be asked for."""
+    """The message about an entry that is no valid request."""
     return f"{entry.place}: {error}"
 
 

@@ -5,7 +5,7 @@ from usdfoliage.progress import PlantProgress, StepProgress
 
 
 class Meter:
-    """How much of all the work is done: every plant counts alike, its tasks by what they were thought to take."""
+    """How much of all the work is done: every plant has the same weight, its tasks weigh by their estimated time."""
 
     def __init__(self, plants: int, progress: PlantProgress | None) -> None:
         self._progress = progress

@@ -101,7 +101,7 @@ def write_template(path: Path, job: FarmJob, *, force: bool = False) -> Path:
 
     Args:
         path: Of the template.
-        job: What it says.
+        job: Its content.
         force: Replace a file that is no job's.
 
     Raises:
@@ -119,7 +119,7 @@ def write_bundle(folder: Path, job: FarmJob, *, force: bool = False) -> None:
 
     Args:
         folder: Of the bundle.
-        job: What it says.
+        job: Its content.
         force: Write into a folder that holds something else.
 
     Raises:

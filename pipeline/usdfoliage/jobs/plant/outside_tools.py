@@ -1,6 +1,6 @@
 """What decides results and is not in the package: the validators of the place, and the interpreter that draws.
 
-Each is told by what it is, not by where it lies, where that can be: machines of a farm agree on a result's name.
+Where possible each is described by its content, not by its place, so that machines of a farm agree on a result's key.
 """
 
 import glob
@@ -22,7 +22,7 @@ PLUGIN_VARIABLE = "PXR_PLUGINPATH_NAME"
 _PLUGIN_INFO = "plugInfo.json"
 _MAX_FILES = 2000  # of a place that plug-ins are in; what comes after them is not looked at
 _MAX_FOLDERS = 2000  # of one
-_MAX_BYTES = 4_000_000  # of a file; larger ones, and libraries, are told by size and time
+_MAX_BYTES = 4_000_000  # of a file; larger ones, and libraries, are described by size and time
 _READ = (".py", ".json", ".usda")
 _LIBRARIES = (".so", ".dylib", ".pyd", ".dll")
 _DRAWS = re.compile(r"(bpy|usd_core|usd)-(.+)\.dist-info")
@@ -36,8 +36,10 @@ def describe_validators() -> tuple[tuple[tuple[str, str], ...], str]:
 
 
 def describe_interpreter() -> tuple[str, ...]:
-    """Which interpreter draws: the versions of its Blender and USD, as they are installed; of one that does not tell
-    them, the program. Nothing is started."""
+    """Which interpreter draws: the installed versions of its Blender and USD, or the program where they are unknown.
+
+    Nothing is started.
+    """
     try:
         python = find_interpreter()
     except PreviewError:

@@ -68,7 +68,7 @@ def estimate_s(wanted: Mapping[str, Task], where: ExecutorChoice) -> float:
 
 
 def in_words(seconds: float) -> str:
-    """A time as people say it."""
+    """A time in words, rounded."""
     if seconds < 90:
         return f"about {seconds:.0f} s"
     if seconds < 5400:

@@ -46,7 +46,7 @@ class StoredTask:
 def survey_work(folder: Path, keep_days: float = 0.0) -> tuple[StoredTask, ...]:
     """What every task has in a work folder, those first that are needed. Nothing is written, and nobody waits for it.
 
-    Where it cannot be told what some plant needs, what nobody else needs is unclear, and a warning says why.
+    Where it is unknown what some plant needs, all that nobody else needs is unclear, and a warning gives the reason.
 
     Args:
         folder: The work folder.
@@ -73,8 +73,8 @@ def prune_work(folder: Path, keep_days: float = 0.0) -> tuple[StoredTask, ...]:
         What was removed.
 
     Raises:
-        FoliageError: It is no work folder of builds, another process prunes it, it cannot be written, or it cannot be
-            told what some plant needs. Then nothing was removed.
+        FoliageError: It is no work folder of builds, another process prunes it, it cannot be written, or it is
+            unknown what some plant needs. Then nothing was removed.
     """
     store = open_work(folder)
     removed = []
@@ -113,18 +113,18 @@ def _plants(store: Store) -> tuple[str, ...]:
 
 
 def _find_unclear(store: Store, free: dict[str, bool]) -> list[str]:
-    """Why it cannot be told what some plant needs, which then may be anything: plants share results."""
+    """Why it is unknown what some plant needs. It may need any result, since plants share results."""
     records, damaged = read_records(store)
     remarks = [
-        f"{store.record(key)} cannot be read ({why}), and nobody can tell what that plant needs: nothing is removed; "
+        f"{store.record(key)} cannot be read ({why}), and what that plant needs is unknown: nothing is removed; "
         "build the plant again, which writes the file anew, or delete the file when no build of it runs, and its "
         "results count as nobody's"
         for key, why in damaged.items()
     ]
     known = {record.key for record in records}
     remarks += [
-        f"{store.plant_lock(key)} is held by a running build whose {store.record(key).name} is gone, and nobody can "
-        "tell what it needs: nothing is removed; try again when it is done"
+        f"{store.plant_lock(key)} is locked by a running build whose {store.record(key).name} is gone, and "
+        "what it needs is unknown: nothing is removed; try again when it is done"
         for key in sorted(free.keys() - known - damaged.keys())
         if not free[key]
     ]
@@ -232,7 +232,7 @@ def _views_of(store: Store, stamp: Stamp, kept: set[str]) -> Iterator[Path]:
 
 
 def _last_used_s(store: Store, key: str) -> float:
-    """When it was made, or a build last asked for it, which the time of its lock says."""
+    """When it was made, or when a build last asked for it, by the time of its lock."""
     own = (store.stamp(key), store.lock(key), store.result(key), store.scratch(key), store.views(key))
     times = []
     for path in own:

@@ -1,4 +1,4 @@
-"""What a user says of a build: every stage's settings, one table each."""
+"""A user's settings of a build: those of every stage, one table each."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args

@@ -1,16 +1,16 @@
-"""The work folder of builds: results of tasks by the hash of what they are made of, and how they are told from damage.
+"""The work folder of builds: results of tasks by the hash of their inputs, and how damage is found.
 
 ::
 
     tasks/KEY.json     the stamp of a finished task: every file of its result, with size and SHA-256, and its seconds
-    tasks/KEY.lock     held (flock) while the task runs, so that two runs do not do it twice
+    tasks/KEY.lock     locked (flock) while the task runs, so that two runs do not do it twice
     results/KEY/       its files
     scratch/KEY/       what a task that was killed may go on from
     views/KEY/         pictures and depth that the tasks of one set of photographs share, each file by its own hash
     published/KEY.json which result was put where, and the digests of its files there
     digests/KEY.json   digests of input files, by path, size and time
     builds/KEY.json    the tasks of the latest build of a plant, and those of earlier ones: record.py
-    builds/KEY.lock    held, shared, while a task of the plant runs, so that nobody prunes what it reads
+    builds/KEY.lock    locked (shared) while a task of the plant runs, so that nobody prunes what it reads
 
 A stamp is written last, when the files are in their places. Nothing is taken for a result because it is there: a file
 that is missing, cut short or altered makes its task undone. The folder may be deleted whenever no run uses it.
@@ -115,7 +115,7 @@ def read_stamp(store: Store, key: str) -> Stamp | None:
 
 
 def write_stamp(store: Store, stamp: Stamp) -> None:
-    """Say that a task is finished; CaptureError where it cannot be written."""
+    """Mark a task as finished; CaptureError where it cannot be written."""
     stored = {
         "key": stamp.key,
         "name": stamp.name,
@@ -156,7 +156,7 @@ def find_finished(store: Store, key: str, *, thorough: bool) -> Stamp | None:
 
 
 def stamp_mark(store: Store, key: str) -> int:
-    """What tells a stamp from one that was written later for the same task; 0 where there is none."""
+    """A number that differs between a stamp and a later one of the same task; 0 where there is none."""
     try:
         return store.stamp(key).stat().st_mtime_ns
     except OSError:
@@ -164,7 +164,7 @@ def stamp_mark(store: Store, key: str) -> int:
 
 
 def list_files(store: Store, folder: Path, there: Path | None = None) -> tuple[ResultFile, ...]:
-    """The files below a folder of the work folder, with what tells them from altered ones.
+    """The files below a folder of the work folder, with sizes and digests, by which altered ones are found.
 
     Args:
         store: Where.
@@ -252,7 +252,7 @@ def hold_work_lock(path: Path, *, shared: bool) -> Iterator[bool]:
     """Have a lock of the work folder, alone or with others who share it: waits for whoever has it otherwise.
 
     Yields:
-        Whether it is held: some file systems have no locks.
+        Whether it is locked: some file systems have no locks.
 
     Raises:
         FoliageError: The work folder cannot be written.
@@ -286,7 +286,7 @@ def try_work_lock(path: Path) -> Iterator[bool]:
             free = try_lock(lock)
         except OSError as error:
             raise FoliageError(
-                f"{path} cannot be locked ({error.strerror}), so that nobody can tell what is in use; remove what you "
+                f"{path} cannot be locked ({error.strerror}), so that what is in use is unknown; remove what you "
                 "like by hand while no run uses the folder"
             ) from error
         yield free

@@ -23,7 +23,7 @@ class StagePicture:
 
 @dataclass(frozen=True, kw_only=True)
 class StageSummary:
-    """What the report says of a stage."""
+    """The part of the report on one stage."""
 
     rows: Sequence[Row] = ()
     remarks: Sequence[Remark] = ()
@@ -65,7 +65,7 @@ def read_summary(folder: Path) -> StageSummary:
 
 
 def rename_paths(folder: Path, rename: Callable[[str], str]) -> None:
-    """Let all that a summary says name files otherwise; CaptureError where it cannot be read."""
+    """Rename the files in all texts of a summary; CaptureError where it cannot be read."""
     values = read_summary(folder)
     renamed = replace(
         values,

@@ -1,7 +1,7 @@
 """The tasks of a build: which there are, what each needs, and the hash that names its result.
 
 A task's key is known before anything runs: it is made of the code, the settings that matter to it, the input files and
-the keys of the tasks whose results it reads. So a plan can say what is done already, on any machine.
+the keys of the tasks whose results it reads. So a plan can list what is done already, on any machine.
 """
 
 import functools
@@ -70,7 +70,7 @@ class Task:
     round: int = 0  # of matching
     needs: tuple[str, ...] = ()  # names of tasks whose results it reads
     key: str = ""
-    estimate_s: float = 0.0  # on one core or two, as far as its size tells, or what others took (times.py)
+    estimate_s: float = 0.0  # on one core or two, estimated by its size or by what others took (times.py)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +144,7 @@ def plan_build(
         capture = settings.capture
         photographs = len(inputs.photographs)
         posing = (capture.poses, capture.mask, capture.sky, capture.pose_estimation, capture.world)
-        # A run that used doubtful poses leaves none for one that would have stopped at them; nobody doubts given ones.
+        # A run that used uncertain poses leaves none for one that would have stopped at them; given poses are certain.
         uncertain = capture.uncertain_poses if capture.poses == "estimate" or not inputs.has_cameras else ""
         deciding = (source, inputs.name, settings.seed, posing, uncertain, capture.depth.max_side_px)
         estimated = 0.0 if inputs.has_cameras else 1.0

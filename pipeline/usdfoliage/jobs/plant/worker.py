@@ -75,7 +75,7 @@ STAGES: Mapping[str, Stage] = {
     VARIANTS: show_variants,
     REPORT: report_plant,
 }
-# These read many files of others, each of which tells its own damage.
+# These read many files of others, each of which is checked for damage as it is read.
 _READ_MANY = (MATCHING, DEPTH)
 
 _NOT_WRITTEN = re.compile("was not written|cannot be written")
@@ -124,7 +124,7 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
             files, is_poor = _fill(order, inputs, plan, task, scratch, progress)
             seconds = time.perf_counter() - start
         except Exception:
-            _require_unchanged(order.request, inputs, task)  # which says more
+            _require_unchanged(order.request, inputs, task)  # its message is more precise
             if _lost_needs(store, plan, marks, sizes=True):
                 return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
             raise

@@ -282,7 +282,7 @@ def _write_together(files: Sequence[tuple[Path, bytes]]) -> None:
 def file_to_draw(usd_file: Path, work: Path) -> Path:
     """A look shows nothing by itself: for one, a layer in work that shows it over its asset."""
     layer, _ = try_layer(usd_file)
-    if layer is None or read_look(layer) is None:  # the recorder says what is wrong with a file that is no USD
+    if layer is None or read_look(layer) is None:  # the recorder reports what is wrong with a file that is no USD
         return usd_file
     drawn = work / f"{usd_file.stem}.usda"
     open_root_layer(usd_file).Export(str(drawn))

@@ -170,7 +170,7 @@ _DIAGNOSTIC = re.compile(r"^(?:Warning|Error|Runtime Error|Coding Error|Fatal Er
 
 
 def sort_complaints(text: str) -> tuple[list[str], list[str]]:
-    """The stderr of Storm as (faults, which leave prims undrawn; warnings), each said once and without C++ places."""
+    """The stderr of Storm as (faults, which leave prims undrawn; warnings), each once and without its place in C++."""
     faults: list[str] = []
     warnings: list[str] = []
     for raw in text.splitlines():
@@ -209,7 +209,7 @@ def describe_refusal(kind: str, message: str, usd_file: str) -> str:
 
 
 def describe_crash(code: int, complaints: str, python: Path) -> str:
-    """An interpreter that ended without a result, with what it said last."""
+    """An interpreter that ended without a result, with its last output."""
     if code < 0:
         ended = f"was ended by {signal.Signals(-code).name}"
     else:

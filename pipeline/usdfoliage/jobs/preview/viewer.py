@@ -75,7 +75,7 @@ def view_asset(asset: Path, settings: ViewerSettings = ViewerSettings()) -> None
         FoliageError: There is no such asset, no preview interpreter, no display, no OpenGL, or the window failed.
     """
     usd_file = find_interface(asset)
-    open_asset(usd_file)  # says what is wrong with it
+    open_asset(usd_file)  # raises where it cannot be opened
     python = find_interpreter()
     _require_display()
     layer, _ = try_layer(usd_file)
@@ -125,7 +125,7 @@ def _run_window(python: Path, request: Mapping[str, Any], work: Path) -> None:
             process.kill()  # does nothing to one that has ended
             process.wait()
     text = complaints_file.read_text(encoding="utf-8", errors="replace")
-    logger.info("the viewer said: %s", text.strip() or "nothing")
+    logger.info("output of the viewer: %s", text.strip() or "nothing")
     result = read_result(result_file)
     if result is None:
         raise PreviewError(_describe_end(process.returncode, text, python))
@@ -200,7 +200,7 @@ class _StoredLeaves:
 
 @lru_cache(maxsize=4)
 def _stored_leaves(asset: Path, stamp: int) -> list[_StoredLeaves]:
-    """The leaves of every prim; stamp tells versions of a file apart."""
+    """The leaves of every prim; stamp differs between versions of a file."""
     del stamp
     stage = open_asset(asset)
     select_leafy_lod(stage)

@@ -11,7 +11,7 @@ from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.geometry.pinhole import Pinhole
 
 PAPER = (250, 250, 248)  # behind a cloud, as the report's page
-BOUNDS = (0.002, 0.998)  # quantiles of a cloud's places that are shown: single points stray far
+BOUNDS = (0.002, 0.998)  # quantiles of a cloud's places that are shown: without single points far off
 MARGIN = 0.05  # around them, of the largest side
 DRAWN_POINTS = 1_500_000  # at most, evenly chosen
 SPLATS_PX = (1, 2, 3, 4, 5, 7, 9, 13)  # sides of the squares that points are drawn as

@@ -1,4 +1,4 @@
-"""What the fields of settings mean, as the comments beside them in the code say it: one place for both."""
+"""What the fields of settings mean, read from the comments beside them in the code: one place for both."""
 
 import ast
 import dataclasses

@@ -107,7 +107,7 @@ def write_whole(path: Path, data: bytes | memoryview) -> None:
 
 
 def explain(path: Path, error: OSError) -> str:
-    """What the user is told of a file that cannot be written."""
+    """The message about a file that cannot be written."""
     what = f"{path} was not written: {error.strerror or error}"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         there = path

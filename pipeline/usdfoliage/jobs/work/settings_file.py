@@ -24,7 +24,7 @@ Settings = TypeVar("Settings")
 
 
 def read_settings_file(path: Path, defaults: Settings) -> Settings:
-    """Settings with what a file says in place of the defaults.
+    """Settings with the values of a file in place of the defaults.
 
     Args:
         path: TOML; what it leaves out stays as it is. Names of the version before are read too, with a warning.
@@ -43,7 +43,7 @@ def read_settings_file(path: Path, defaults: Settings) -> Settings:
 
 
 def format_settings(settings: object, *, documented: bool = False) -> str:
-    """Settings as TOML that read_settings_file takes; documented says of each what it means, and of each table."""
+    """Settings as TOML that read_settings_file takes; documented adds what each setting and each table means."""
     tables: list[str] = []
     _format_table(settings, "", tables, documented)
     return "\n\n".join(tables) + "\n"
@@ -116,7 +116,7 @@ def _check(value: Any, wanted: Any, key: str, path: Path) -> Any:
 
 
 def _make(wanted: Any, value: Any, key: str, path: Path) -> Any:
-    """One of a list of tables: what has no default must be said."""
+    """One of a list of tables: a field without a default must be given."""
     fields = dataclasses.fields(wanted)
     names = {field.name for field in fields}
     needed = {field.name for field in fields if dataclasses.MISSING is field.default is field.default_factory}

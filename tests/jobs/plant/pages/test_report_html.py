@@ -206,11 +206,11 @@ def test_what_differs_from_the_defaults_is_marked():
 def test_the_verdict_follows_what_was_found():
     warned = replace(BARE, warnings=[ReportWarning(stage="", text="t")])
     error = Finding(severity="error", validator="v", error="", path="/", message="m")
-    assert "nothing is doubtful" in judge(BARE)
+    assert "without warnings" in judge(BARE)
     assert "one thing needs a look" in judge(warned)
     assert "should not be used" in judge(replace(warned, warnings=[ReportWarning(stage="", text="t", severe=True)]))
     assert "should not be used" in judge(replace(BARE, findings=[error]))
-    assert "nothing is doubtful" in judge(replace(BARE, findings=[replace(error, accepted="known")]))
+    assert "without warnings" in judge(replace(BARE, findings=[replace(error, accepted="known")]))
     assert "was not built" in judge(replace(BARE, state="failed"))
     assert judge(replace(BARE, verdict="Fine.")) == "Fine."
 

@@ -36,7 +36,7 @@ def choose_cameras(cameras: Sequence[Pinhole], box_m: NDArray[np.float64], max_c
     nearest = directions @ directions[chosen[0]]  # cosine of the angle to the nearest chosen one
     while len(chosen) < min(max_count, len(seeing)):
         nearest[chosen] = np.inf
-        chosen.append(int(np.argmin(np.round(nearest, 9))))  # rounded: of two alike the first, on any machine
+        chosen.append(int(np.argmin(np.round(nearest, 9))))  # rounded: of two equal ones the first, on any machine
         nearest = np.maximum(nearest, directions @ directions[chosen[-1]])
     return sorted(seeing[place] for place in chosen)
 

@@ -242,7 +242,7 @@ def _fit_shape(facts: PlantFacts, side_px: int) -> tuple[int, int]:
 
 
 def _three_quarter(facts: PlantFacts, output: Path, size_px: tuple[int, int]) -> PreviewView:
-    """From a quarter; of one camera for all variants, whose bounds may differ, where the asset tells its size."""
+    """From a quarter; with one camera for all variants, whose bounds may differ, where the asset has its extent."""
     if facts.extent is None:
         return PreviewView(output=output, direction="three-quarter", size_px=size_px)
     azimuth_rad, elevation_rad = DIRECTIONS["three-quarter"]

@@ -1,4 +1,4 @@
-"""The quality report of a whole plant, as a supervisor reads it: what is said in it, without how it looks."""
+"""The quality report of a whole plant, as a supervisor reads it: its content, without its layout."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class ReportWarning:
 class Picture:
     """A picture with what it shows."""
 
-    image: Path | NDArray[np.uint8]  # a file, or (H, W, 3) or (H, W, 4) sRGB; a file that is missing is said to be
+    image: Path | NDArray[np.uint8]  # a file, or (H, W, 3) or (H, W, 4) sRGB; a missing file is reported in its place
     caption: str
 
 
@@ -98,7 +98,7 @@ class InputFile:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlantReport:
-    """All that the report of a plant says; nothing in it differs between two runs of the same input."""
+    """The whole content of a plant's report; nothing in it differs between two runs of the same input."""
 
     name: str
     capture: str
@@ -138,7 +138,7 @@ class TaskTiming:
 
 @dataclass(frozen=True, kw_only=True)
 class Timings:
-    """How long a run took, which no two runs do alike: kept beside the report, not in it."""
+    """How long a run took. It differs from run to run, so it is kept beside the report, not in it."""
 
     executor: str  # in-process, 8 processes, Dask tcp://…
     seconds: float  # of the whole run, by the clock on the wall
@@ -169,7 +169,7 @@ def judge(report: PlantReport) -> str:
         return f"The plant was built; {'one thing needs' if count == 1 else f'{count} things need'} a look."
     if not report.validated:
         return "The plant was built; it has not been validated."
-    return "The plant was built, and nothing is doubtful."
+    return "The plant was built, without warnings."
 
 
 def is_unusable(report: PlantReport) -> bool:

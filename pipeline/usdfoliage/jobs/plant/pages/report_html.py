@@ -77,8 +77,8 @@ class _Badge:
 def write_plant_report(folder: Path, report: PlantReport) -> Path:
     """Write index.html into folder, which is made if need be; returns the page.
 
-    It is one file, with all pictures in it, and the same bytes for the same report. Pictures that are missing are told
-    of in their places.
+    It is one file, with all pictures in it, and the same bytes for the same report. A missing
+    picture is reported in its place.
 
     Raises:
         AssetError: The page cannot be written; what was there is unchanged.

@@ -41,9 +41,9 @@ _FEW = 0.2  # share of the cloud that is near leaves, below which they do not st
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
 _NEAR, _REACHED = 0.1, 0.5  # of the plant's height, and share of the cloud that is so near to branches or leaves
 _BETWEEN = (0.2, 0.4, 0.6, 0.8)  # places on a branch between two of its points
-_MAX_POINTS = 50_000  # that this is told by
+_MAX_POINTS = 50_000  # of the cloud, from which that share is measured
 _MAX_CHARACTERS = 400  # characters of why a part could not be made
-_LEFT_OUT = ("branches-left-out", "crown-of-no-leaves")  # codes of what says why a plant has no such part
+_LEFT_OUT = ("branches-left-out", "crown-of-no-leaves")  # codes of remarks on why a plant has no such part
 
 ASSET_FOLDER = "asset"  # in the result of a stage that writes one
 
@@ -54,7 +54,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     """One asset of the branches, leaves and crown that were made.
 
     Raises:
-        FitError: None was; the message says why, as there is no report that could.
+        FitError: None was made; the message gives the reasons, since there is no report.
         FoliageError: Leaves are wanted that there are none of.
     """
     traced = read_traced(call.result_of(BRANCHES)) if call.has(BRANCHES) else None
@@ -140,7 +140,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
 
 
 def _why_none(call: StageCall) -> str:
-    """What the stages of the parts said, as parts that could not be made do in their summaries."""
+    """Why no part was made: the reasons from the summaries of the parts' stages."""
     reasons = []
     for stage in (BRANCHES, LEAVES, CROWN):
         if not call.has(stage):
@@ -208,5 +208,5 @@ def provenance_of(call: StageCall) -> Provenance:
 
 
 def _decides(key: str) -> bool:
-    """Whether a setting decides anything: how many threads there are does not, and seeds are said once."""
+    """Whether a setting is listed: the number of threads changes no result, and the seed is listed once."""
     return key.rsplit(".", 1)[-1] not in ("threads", "seed")

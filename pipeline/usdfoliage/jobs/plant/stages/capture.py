@@ -127,7 +127,7 @@ def store_of_views(call: StageCall) -> Path:
 
 
 def _prepare(capture: Capture, store: Path, settings: CaptureRunSettings, threads: int) -> PreparedViews:
-    """Every task of one build must ask alike: the keys of what is matched are made of it."""
+    """Every task of one build must make the same request: the keys of matching are made of it."""
     return prepare_views(
         capture,
         store,

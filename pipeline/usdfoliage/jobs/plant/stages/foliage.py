@@ -35,8 +35,8 @@ from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 from usdfoliage.leaf.shape.variation import vary_colors
 from usdfoliage.remarks import Remark, remark
 
-_ACROSS, _ALONG = 5, 9  # points of a leaf that its cover is told by
-_NARROWEST = 0.1  # of a leaf's width: as slim as the points of a pod or a needle tell
+_ACROSS, _ALONG = 5, 9  # points of a leaf at which its cover is measured
+_NARROWEST = 0.1  # of a leaf's width: as slim as the points of a pod or a needle show it
 _NEAR = 0.25  # of a leaf's length, within which a point of the cloud is of it
 
 
@@ -56,7 +56,7 @@ def choose_foliage(
     settings: BuildSettings,
     plant_from_capture: NDArray[np.float64],
 ) -> ChosenFoliage:
-    """The leaves of a plant, as the settings say.
+    """The leaves of a plant, by the settings.
 
     Raises:
         FoliageError: Leaves are wanted that there are none of.
@@ -127,7 +127,7 @@ def _fill(
     settings_of_fill = FillSettings(max_leaves=max_added)
     places = fill_places(bare_m, traced.skeleton.points_m, length_m, rng, settings_of_fill, plant_m=traced.points_m)
     drawn = rng.integers(len(sure), size=len(places.base_m))
-    full_length = places.length_m >= length_m  # a length that the points tell is not varied
+    full_length = places.length_m >= length_m  # a length measured from the points is not varied
     others = Leaves(
         parameters=_narrow(sure.parameters[drawn], places.width_m / places.length_m),
         base_m=places.base_m,

@@ -216,7 +216,7 @@ def _draw_masks(
         """The mask, as the photograph is shown, and a picture of it; None of a photograph that cannot be read."""
         try:
             view = read_view(capture, index)
-        except CaptureError as error:  # which every stage that reads it says
+        except CaptureError as error:  # every stage that reads the view reports it
             logger.info("no mask: %s", error)
             return None, None
         size, given = view.depth_m.shape, view.mask

@@ -269,7 +269,7 @@ def _has_masks(call: StageCall) -> bool:
 
 
 def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[ResultFile, ...]:
-    """A part that cannot be made is left out, and the report says so first.
+    """A part that cannot be made is left out, and the report begins with that warning.
 
     Raises:
         FoliageError: It cannot be made here and now, as on a full disk; on another day it can.

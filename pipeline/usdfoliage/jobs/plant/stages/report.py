@@ -53,7 +53,7 @@ from usdfoliage.remarks import Remark, infos_of, merge_remarks, remark, warnings
 logger = logging.getLogger(__name__)
 
 FINISHED = "finished"  # the whole asset, in the result of the report
-VERDICT = "verdict.json"  # beside it: what validation says, and what the report says first
+VERDICT = "verdict.json"  # beside it: the findings of validation, and the report's first lines
 _PICTURES, _COMPARED = "pictures", "compared.json"
 
 TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each did
@@ -136,7 +136,7 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
 
 
 def _collect_remarks(call: StageCall) -> tuple[Remark, ...]:
-    """The remarks of every stage, each once, warnings first, and of these what says that a part could not be made."""
+    """The remarks of every stage, each once. Warnings come first, above all of parts that could not be made."""
     names = [name for name in (*TITLES, TURNTABLE, COMPARISONS, VARIANTS) if call.has(name)]
     summaries = sorted((read_summary(call.result_of(name)) for name in names), key=lambda each: not each.failure)
     remarks = merge_remarks(*(summary.remarks for summary in summaries))
@@ -280,7 +280,7 @@ def _asset_of(call: StageCall) -> Path:
 
 
 def _draw(call: StageCall, draw: Callable[[], object]) -> tuple[ResultFile, ...]:
-    """Without Storm there are no pictures, and the report says so."""
+    """Draw pictures; without Storm there are none, and the report has a remark about it."""
     (call.out / _PICTURES).mkdir()
     remarks = []
     try:
