@@ -58,11 +58,14 @@ find_opensubdiv() { # prints the folder of OpenSubdiv's source
   if [ ! -d "$work/opensubdiv/source" ]; then
     command -v apt-get >/dev/null || fail "no apt-get here; set OPENSUBDIV_SOURCE to the source of OpenSubdiv 3.5"
     say "OpenSubdiv: Debian's source package"
-    # Lists of its own: this machine's apt need not know source packages, and is left as it is.
-    local apt=$work/opensubdiv/apt
-    mkdir -p "$apt/lists/partial"
-    printf 'deb-src http://deb.debian.org/debian bookworm main\n' > "$apt/sources.list"
-    local options=(-qq -o "Dir::Etc::sourcelist=$apt/sources.list" -o Dir::Etc::sourceparts=/dev/null
+    # Lists of its own, the machine's with source packages in place of binary ones: its apt is left as it is.
+    local apt=$work/opensubdiv/apt list
+    rm -rf "$apt" && mkdir -p "$apt/lists/partial" "$apt/parts"
+    for list in /etc/apt/sources.list /etc/apt/sources.list.d/*.list /etc/apt/sources.list.d/*.sources; do
+      [ ! -f "$list" ] || sed -E 's/^deb[[:space:]]/deb-src /; s/^Types:.*/Types: deb-src/' "$list" > "$apt/parts/${list##*/}"
+    done
+    [ ! -f "$apt/parts/sources.list" ] || mv "$apt/parts/sources.list" "$apt/parts/machine.list"
+    local options=(-qq -o Dir::Etc::sourcelist=/dev/null -o "Dir::Etc::sourceparts=$apt/parts"
       -o "Dir::State::lists=$apt/lists" -o APT::Sandbox::User=root)
     (cd "$work/opensubdiv" && apt-get "${options[@]}" update && apt-get "${options[@]}" source --download-only opensubdiv) >&2 \
       || fail "the source package opensubdiv cannot be had; set OPENSUBDIV_SOURCE to the source of OpenSubdiv 3.5"
