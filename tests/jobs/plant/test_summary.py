@@ -7,8 +7,8 @@ from usdfoliage.remarks import Setting, remark
 
 HIGH = remark(
     "plant-height-improbable",
-    "the plant of /work/oak.ply is 900 m high",
-    subject="/work/oak.ply",
+    "the plant of /captures/oak.ply is 900 m high",
+    subject="/captures/oak.ply",
     remedy=("give ", Setting(name="branches.unit", value='"mm"')),
 )
 
@@ -17,13 +17,13 @@ def test_remarks_survive_the_file(tmp_path: Path) -> None:
     write_summary(tmp_path, StageSummary(remarks=[HIGH]))
     held = read_summary(tmp_path)
     assert held.remarks == (HIGH,)
-    assert held.warning_texts() == ['the plant of /work/oak.ply is 900 m high: give branches.unit = "mm"']
+    assert held.warning_texts() == ['the plant of /captures/oak.ply is 900 m high: give branches.unit = "mm"']
     assert held.info_texts() == []
 
 
 def test_files_are_renamed_in_remarks_too(tmp_path: Path) -> None:
-    write_summary(tmp_path, StageSummary(remarks=[HIGH], failure="/work/oak.ply is broken"))
-    rename_paths(tmp_path, lambda text: text.replace("/work/", ""))
+    write_summary(tmp_path, StageSummary(remarks=[HIGH], failure="/captures/oak.ply is broken"))
+    rename_paths(tmp_path, lambda text: text.replace("/captures/", ""))
     held = read_summary(tmp_path)
     assert held.remarks[0].subject == "oak.ply"
     assert held.remarks[0].text == "the plant of oak.ply is 900 m high"
