@@ -92,7 +92,7 @@ def remark_from_json(stored: Mapping[str, Any]) -> Remark:
 
 
 def warnings_of(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
-    """Those that put the result in doubt."""
+    """Those that put the result in question."""
     return tuple(each for each in remarks if each.severity == "warning")
 
 

@@ -208,12 +208,12 @@ def _copy_pictures(layer: Sdf.Layer, root: Sdf.Path, source: Path, target: Path)
     """Copy the files of the asset that attributes below root name; source and target are the payloads' folders."""
     named: set[str] = set()
 
-    def appearance(path: Sdf.Path) -> None:
+    def note_file(path: Sdf.Path) -> None:
         spec = layer.GetObjectAtPath(path) if path.IsPropertyPath() else None
         if isinstance(spec, Sdf.AttributeSpec) and isinstance(spec.default, Sdf.AssetPath):
             named.add(spec.default.path)
 
-    layer.Traverse(root, appearance)
+    layer.Traverse(root, note_file)
     for name in sorted(named):
         inside = os.path.normpath(source / name).startswith(f"{os.path.normpath(source.parent)}{os.sep}")
         if inside and (source / name).is_file() and not (target / name).exists():

@@ -134,7 +134,7 @@ def drawn_leaves(place: AssetPlace, foliage: BranchLeaves) -> DrawnLeaves:
 
 
 def leaf_jitter(edits: LeafEdits, appearance: LeafAppearance) -> Jitter:
-    """The jitter of edits, by the map of a look; CaptureError for a map that cannot be used."""
+    """The jitter of edits, by the map of an appearance; CaptureError for a map that cannot be used."""
     return Jitter(
         amplitude=edits.jitter_amplitude,
         frequency=edits.jitter_frequency,

@@ -42,11 +42,11 @@ def read_captured_leaves(folder: Path) -> CapturedLeaves | None:
     model = read_leaves_model(folder / LEAVES_MODEL)
     if not len(model.leaves):
         return None
-    fitted = FittedLeaves(leaves=model.leaves, edits=NEUTRAL, appearance=look_of(model, folder))
+    fitted = FittedLeaves(leaves=model.leaves, edits=NEUTRAL, appearance=appearance_of(model, folder))
     return CapturedLeaves(fitted=fitted, own_from_capture=model.asset_from_capture)
 
 
-def look_of(model: LeavesModel, folder: Path) -> LeafAppearance:
+def appearance_of(model: LeavesModel, folder: Path) -> LeafAppearance:
     """What the leaves in a result have in common."""
     texture = folder / AVERAGE_LEAF if model.texture_color is not None else None
     appearance = LeafAppearance(texture=texture, texture_color=model.texture_color)

@@ -17,7 +17,7 @@ from usdfoliage.jobs.plant.stages.assemble import ASSET_FOLDER, provenance_of
 from usdfoliage.jobs.plant.stages.models import (
     LEAVES_MODEL,
     REPORT_FOLDER,
-    look_of,
+    appearance_of,
     read_crown,
     read_plant_branches,
     read_traced,
@@ -51,7 +51,7 @@ def _read_leaves(call: StageCall, made: Path) -> tuple[Frame, PartWriter | None]
         return None, None
     model = read_leaves_model(made / LEAVES_MODEL)
     settings = LeafAssetSettings(representations=("bezier",))
-    foliage = BranchLeaves(leaves=model.leaves, settings=settings, appearance=look_of(model, made))
+    foliage = BranchLeaves(leaves=model.leaves, settings=settings, appearance=appearance_of(model, made))
     return model.asset_from_capture, lambda place: write_leaf_part(place, foliage)
 
 
