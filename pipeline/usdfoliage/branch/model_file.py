@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from usdfoliage.branch.cage.build import BranchCage, DroppedBranch
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.errors import CaptureError
-from usdfoliage.files.npz import DAMAGED, read_arrays, write_arrays
+from usdfoliage.files.npz import read_arrays, reading_model, write_model
 
 LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
 _CAGE = ("points_m", "faces", "st_m", "face_st", "curve", "order", "fork_faces", "fork_counts", "fork_curve")
@@ -61,7 +60,7 @@ def write_branches_model(path: Path, model: BranchesModel) -> None:
     arrays["color"] = np.array(model.color, np.float64)
     arrays["growth_names"] = np.array(list(model.growth), np.str_)
     arrays["growth_values"] = np.array(list(model.growth.values()), np.float64)
-    _write(path, arrays)
+    write_model(path, arrays)
 
 
 def read_branches_model(path: Path) -> BranchesModel:
@@ -70,7 +69,7 @@ def read_branches_model(path: Path) -> BranchesModel:
     Raises:
         CaptureError: The file is missing or damaged.
     """
-    try:
+    with reading_model(path, "branches"):
         arrays = read_arrays(path)
         red, green, blue = map(float, arrays["color"])
         names, values = arrays["growth_names"].tolist(), arrays["growth_values"].tolist()
@@ -84,8 +83,6 @@ def read_branches_model(path: Path) -> BranchesModel:
             color=(red, green, blue),
             growth=dict(zip(names, values, strict=True)),
         )
-    except (*DAMAGED, TypeError) as error:
-        raise CaptureError(f"{path} holds no branches ({error}); run the same command again") from error
 
 
 def write_traced_plant(path: Path, traced: TracedPlant) -> None:
@@ -97,7 +94,7 @@ def write_traced_plant(path: Path, traced: TracedPlant) -> None:
     arrays = {name: np.asarray(getattr(traced, name)) for name in _CLOUD}
     arrays["knows_leaves"] = np.array(traced.knows_leaves)
     arrays["colors"] = np.zeros((0, 3), np.float32) if traced.colors is None else traced.colors.astype(np.float32)
-    _write(path, arrays | _pack_skeleton(traced.skeleton))
+    write_model(path, arrays | _pack_skeleton(traced.skeleton))
 
 
 def read_traced_plant(path: Path) -> TracedPlant:
@@ -106,7 +103,7 @@ def read_traced_plant(path: Path) -> TracedPlant:
     Raises:
         CaptureError: The file is missing or damaged.
     """
-    try:
+    with reading_model(path, "traced cloud"):
         arrays = read_arrays(path)
         count = len(arrays["points_m"])
         expected = {"points_m": (count, 3), "wood": (count,), "plant_from_capture": (4, 4)}
@@ -119,8 +116,6 @@ def read_traced_plant(path: Path) -> TracedPlant:
             colors=arrays["colors"].astype(np.float64) if len(arrays["colors"]) else None,
             skeleton=_unpack_skeleton(arrays),
         )
-    except (*DAMAGED, TypeError) as error:
-        raise CaptureError(f"{path} holds no traced cloud ({error}); run the same command again") from error
 
 
 def _pack_skeleton(skeleton: Skeleton) -> dict[str, NDArray[Any]]:
@@ -146,10 +141,3 @@ def _unpack_cage(name: str, arrays: Mapping[str, NDArray[Any]]) -> BranchCage:
         dropped=tuple(DroppedBranch(curve=each, why=reason) for each, reason in zip(dropped, why, strict=True)),
         loose=tuple(arrays[f"cage_{name}_loose"].tolist()),
     )
-
-
-def _write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    try:
-        write_arrays(path, arrays)
-    except OSError as error:
-        raise CaptureError(f"{path} was not written: {error.strerror or error}; make room there") from error

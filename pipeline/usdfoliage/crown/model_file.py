@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from usdfoliage.crown.model import CrownModel
-from usdfoliage.errors import CaptureError
-from usdfoliage.files.npz import DAMAGED, read_arrays, write_arrays
+from usdfoliage.files.npz import read_arrays, reading_model, write_model
 
 _SHAPES = ("radius_m", "color", "center_m", "asset_from_photo")
 
@@ -28,10 +27,7 @@ def write_crown_model(path: Path, made: MadeCrown) -> None:
     """
     arrays = {name: np.asarray(getattr(made.model, name)) for name in _SHAPES}
     arrays |= {"relief_weight": np.array(made.model.relief_weight), "overlap": np.array(made.overlap)}
-    try:
-        write_arrays(path, arrays)
-    except OSError as error:
-        raise CaptureError(f"{path} was not written: {error.strerror or error}; make room there") from error
+    write_model(path, arrays)
 
 
 def read_crown_model(path: Path) -> MadeCrown:
@@ -40,7 +36,7 @@ def read_crown_model(path: Path) -> MadeCrown:
     Raises:
         CaptureError: The file is missing or damaged.
     """
-    try:
+    with reading_model(path, "crown"):
         arrays = read_arrays(path, (*_SHAPES, "relief_weight", "overlap"))
         texels = arrays["radius_m"].shape
         expected = {"radius_m": texels, "color": (*texels, 3), "center_m": (3,), "asset_from_photo": (4, 4)}
@@ -51,5 +47,3 @@ def read_crown_model(path: Path) -> MadeCrown:
             model=CrownModel(**{name: arrays[name] for name in _SHAPES}, relief_weight=float(arrays["relief_weight"])),
             overlap=float(arrays["overlap"]),
         )
-    except (*DAMAGED, TypeError) as error:
-        raise CaptureError(f"{path} holds no crown ({error}); run the same command again") from error

@@ -3,13 +3,15 @@
 import io
 import zipfile
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import replace_file
 
 # What reading a damaged file raises.
@@ -27,6 +29,35 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, compressed: 
     (np.savez_compressed if compressed else np.savez)(packed, **named)
     with replace_file(path) as new:
         new.write_bytes(packed.getbuffer())
+
+
+def write_model(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Put the arrays of a model into a file that one stage hands on to others, as write_arrays.
+
+    Raises:
+        CaptureError: It cannot be written.
+    """
+    try:
+        write_arrays(path, arrays)
+    except OSError as error:
+        raise CaptureError(f"{path} was not written: {error.strerror or error}; make room there") from error
+
+
+@contextmanager
+def reading_model(path: Path, what: str) -> Iterator[None]:
+    """The block that makes a model of the arrays of such a file.
+
+    Args:
+        path: The file.
+        what: The model, in the plural or with its article, as in "holds no leaves".
+
+    Raises:
+        CaptureError: What the block reads is missing, damaged, or no such model.
+    """
+    try:
+        yield
+    except (*DAMAGED, TypeError) as error:
+        raise CaptureError(f"{path} holds no {what} ({error}); run the same command again") from error
 
 
 def read_arrays(path: Path, names: Iterable[str] | None = None) -> dict[str, NDArray[Any]]:

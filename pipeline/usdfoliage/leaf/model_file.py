@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.errors import CaptureError
-from usdfoliage.files.npz import DAMAGED, read_arrays, write_arrays
+from usdfoliage.files.npz import read_arrays, reading_model, write_model
 from usdfoliage.leaf.model import Leaves, unit_quaternions
 
 _NUMBERS = ("parameters", "base_m", "length_m", "phase")
@@ -50,10 +49,7 @@ def write_leaves_model(path: Path, model: LeavesModel) -> None:
         if color is not None:
             arrays[name] = np.asarray(color, np.float32)
     arrays["asset_from_capture"] = np.asarray(model.asset_from_capture, np.float64)
-    try:
-        write_arrays(path, arrays)
-    except OSError as error:
-        raise CaptureError(f"{path} was not written: {error.strerror or error}; make room there") from error
+    write_model(path, arrays)
 
 
 def read_leaves_model(path: Path) -> LeavesModel:
@@ -62,7 +58,7 @@ def read_leaves_model(path: Path) -> LeavesModel:
     Raises:
         CaptureError: The file is missing or damaged.
     """
-    try:
+    with reading_model(path, "leaves"):
         arrays = read_arrays(path)
         named = [*_NUMBERS, "orientation", *(name for name in _FACTS if name in arrays)]
         numbers: dict[str, Any] = {
@@ -73,8 +69,6 @@ def read_leaves_model(path: Path) -> LeavesModel:
         if matrix.shape != (4, 4):
             raise ValueError(f"asset_from_capture must be (4, 4), not {matrix.shape}")
         colors = {name: _read_color(arrays[name]) for name in _COLORS if name in arrays}
-    except (*DAMAGED, TypeError) as error:
-        raise CaptureError(f"{path} holds no leaves ({error}); run the same command again") from error
     return LeavesModel(leaves=leaves, asset_from_capture=matrix, **colors)
 
 
