@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 from usdfoliage.cli.json_output import add_json
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.crown.run_capture import MadeCapturedCrown
-    from usdfoliage.jobs.crown.run_photograph import MadeCrown
+    from usdfoliage.jobs.crown.written import WrittenCrown
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
 
-    made: MadeCrown | MadeCapturedCrown
+    made: WrittenCrown
     if options.photo.is_dir() or is_cloud_input(options.photo):
         from usdfoliage.jobs.crown.run_capture import (
             make_captured_crown_asset,

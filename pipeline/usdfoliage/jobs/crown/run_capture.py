@@ -32,6 +32,7 @@ from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
 from usdfoliage.jobs.crown.capture_report import DrawnCrown, captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
+from usdfoliage.jobs.crown.written import WrittenCrown
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.progress import StepProgress
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks, remark
@@ -54,17 +55,6 @@ class CapturedCrownRequest:
     times: bool = True  # whether the report lists how long each step took
     report_views: int = 6  # photographs that the report shows
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MadeCapturedCrown:
-    """What was written, and what the user should know of it."""
-
-    asset: Path
-    report: Path
-    preview: Path | None
-    remarks: tuple[Remark, ...]
-    measures: tuple[Row, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,7 +107,7 @@ def find_captured_crown(
     return FoundCrown(read=read, read_s=read_s, model=model, measures=measures)
 
 
-def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgress | None = None) -> MadeCapturedCrown:
+def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgress | None = None) -> WrittenCrown:
     """Reconstruct the crown of a capture and publish its asset; the old asset stays until the new one is whole.
 
     Raises:
@@ -137,7 +127,7 @@ def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgr
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
         drawn, remarks = write_report(report_folder, request, found, interface if request.preview else None, progress)
-    return MadeCapturedCrown(
+    return WrittenCrown(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         preview=request.output / "report" / drawn.views[0].file if drawn.views else None,

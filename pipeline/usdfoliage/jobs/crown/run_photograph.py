@@ -20,8 +20,9 @@ from usdfoliage.errors import AssetError, FoliageError, PreviewError
 from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
 from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, write_crown_report
+from usdfoliage.jobs.crown.written import WrittenCrown
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
-from usdfoliage.jobs.report.table import ReportView, Row
+from usdfoliage.jobs.report.table import ReportView
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
 
@@ -54,17 +55,6 @@ class CrownRequest:
     force: bool = False
     preview: bool = True
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
-
-
-@dataclass(frozen=True, kw_only=True)
-class MadeCrown:
-    """What was written, and what the user should know of it."""
-
-    asset: Path
-    report: Path
-    preview: Path | None
-    remarks: tuple[Remark, ...]
-    measures: tuple[Row, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +95,7 @@ def read_crown_input(request: CrownRequest) -> CrownInput:
     return CrownInput(photo=photo, mask=crown.mask, foliage=crown.foliage, proposed=proposed, remarks=tuple(remarks))
 
 
-def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None) -> MadeCrown:
+def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None) -> WrittenCrown:
     """Reconstruct the crown and publish its asset; the old asset stays until the new one is whole.
 
     Raises:
@@ -150,7 +140,7 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
         )
         write_crown_report(report_folder, report, model, measures, given.photo.linear, given.mask)
         _keep_mask(request, folder)
-    return MadeCrown(
+    return WrittenCrown(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         preview=request.output / "report" / views[0].file if views else None,
