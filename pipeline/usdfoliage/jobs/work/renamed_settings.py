@@ -1,5 +1,6 @@
 """Settings that had another name in the version before: their old names are still read, with a warning."""
 
+import copy
 import dataclasses
 import logging
 from collections.abc import Mapping
@@ -56,7 +57,7 @@ def with_new_names(table: Mapping[str, Any], defaults: object, path: Path) -> di
     Raises:
         FoliageError: The file has a setting by both of its names.
     """
-    renamed = _copy(table)
+    renamed = copy.deepcopy(dict(table))
     for old, new in RENAMED_SETTINGS.items():
         for old_name, new_name in ((old, new), (old.partition(".")[2], new.partition(".")[2])):
             if has_setting(defaults, new_name):
@@ -95,7 +96,3 @@ def _inner_table(table: dict[str, Any], name: str) -> tuple[dict[str, Any] | Non
     for place in places:
         inner = inner.get(place) if isinstance(inner, dict) else None
     return inner if isinstance(inner, dict) else None, last
-
-
-def _copy(table: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: _copy(value) if isinstance(value, dict) else value for name, value in table.items()}
