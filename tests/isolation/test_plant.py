@@ -8,10 +8,14 @@ from usdfoliage.isolation.plant import IsolatedPlant, IsolationSettings, PointKi
 from tests.support.isolated_plants import BARK, CLOTH, LEAF, POT, Scene, potted_plant, ring_of_cameras, tilt
 
 
-def isolate(scene: Scene, aim_m=(0, 0.35, 0), distance_m: float = 0.9, tilt_rad: float = 0.0, **said) -> IsolatedPlant:
+def isolate(
+    scene: Scene, aim_m=(0, 0.35, 0), distance_m: float = 0.9, tilt_rad: float = 0.0, **options
+) -> IsolatedPlant:
     places, axes = ring_of_cameras(aim_m, distance_m)
     turn = tilt(tilt_rad)
-    return isolate_plant(scene.turned(tilt_rad), scene.srgb, places @ turn.T, axes @ turn.T, IsolationSettings(**said))
+    return isolate_plant(
+        scene.turned(tilt_rad), scene.srgb, places @ turn.T, axes @ turn.T, IsolationSettings(**options)
+    )
 
 
 def kept(scene: Scene, found: IsolatedPlant, name: str) -> float:
@@ -19,11 +23,11 @@ def kept(scene: Scene, found: IsolatedPlant, name: str) -> float:
 
 
 @pytest.mark.parametrize("tilt_deg", [0.0, 8.0, -12.0])
-def test_a_potted_plant_is_told_from_floor_pot_and_strays(tilt_deg: float) -> None:
+def test_a_potted_plant_is_separated_from_floor_pot_and_outliers(tilt_deg: float) -> None:
     scene = potted_plant()
     found = isolate(scene, tilt_rad=np.radians(tilt_deg))
     assert kept(scene, found, "plant") > 0.97
-    for name in ("floor", "pot", "soil", "reflections", "strays"):
+    for name in ("floor", "pot", "soil", "reflections", "outliers"):
         assert kept(scene, found, name) < 0.02, name
     assert found.container is not None
     assert found.support is not None
@@ -101,7 +105,7 @@ def test_a_square_pot_is_one_too() -> None:
     assert kept(scene, found, "plant") > 0.97
 
 
-def test_what_may_be_a_pot_but_is_seen_from_one_side_stays_and_that_is_said() -> None:
+def test_a_possible_pot_seen_from_one_side_alone_stays_with_a_remark() -> None:
     scene = potted_plant()
     hidden = (scene.of("pot") | scene.of("soil")) & (scene.points_m[:, 0] < 0.02)
     places, axes = ring_of_cameras((0, 0.35, 0), 0.9)

@@ -24,7 +24,7 @@ def surfaces_of(plant: Skeleton) -> BranchSurfaces:
 
 
 def leaves_on(plant: Skeleton, *representations: str, seed: int = 0) -> GrownLeaves:
-    """Leaves on the twigs of a plant, in bezier alone if nothing is said."""
+    """Leaves on the twigs of a plant, in bezier alone if no representation is given."""
     species = replace(load_species("maple"), twig_radius_m=0.03, internode_m=0.1)
     request = FoliageRequest(kind="template", species=species, representations=representations or ("bezier",))
     grown = grow_leaves(plant, request, None, seed)

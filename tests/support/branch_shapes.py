@@ -44,7 +44,7 @@ def arc(radius_m: float, angle_rad: float, count: int) -> np.ndarray:
     return radius_m * np.stack([1 - np.cos(turn), np.sin(turn), 0 * turn], axis=1)
 
 
-def random_tree(seed: int, most: int = 20, wild: bool = False) -> Skeleton:
+def random_tree(seed: int, max_branches: int = 20, wild: bool = False) -> Skeleton:
     """A tree of up to so many branches in up to four orders; a wild one zigzags, repeats points and thickens."""
     rng = np.random.default_rng(seed)
     branches: list[tuple] = []
@@ -64,7 +64,7 @@ def random_tree(seed: int, most: int = 20, wild: bool = False) -> Skeleton:
         orders.append(0 if parent is None else orders[parent] + 1)
 
     grow([0, 0, 0], np.array([0, 1, 0]), rng.uniform(0.5, 3), rng.uniform(0.02, 0.15), None, -1)
-    for _ in range(int(rng.integers(0, most))):
+    for _ in range(int(rng.integers(0, max_branches))):
         parent = int(rng.integers(0, len(branches)))
         points, radii, _, _ = branches[parent]
         if orders[parent] >= 3:

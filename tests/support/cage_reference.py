@@ -189,18 +189,18 @@ def _place(want: Want, blocks: list[_Block], low: float, high: float, gap: float
             if best is None or moved < best[0]:
                 best = (moved, None, middle, press)
         for number, block in enumerate(blocks):
-            most = 1.6 * max(block.high_m - block.low_m, 2 * half)
-            away = max(block.low_m - want.arc_m, want.arc_m - block.high_m) - most
+            max_span = 1.6 * max(block.high_m - block.low_m, 2 * half)
+            away = max(block.low_m - want.arc_m, want.arc_m - block.high_m) - max_span
             if (best is not None and away > best[0]) or not has_room(block.members, want):
                 continue
             # A block may grow towards what it takes in, but stays about as long as its longest.
             floor = max(low, blocks[number - 1].high_m + gap) if number else low
             roof = min(high, blocks[number + 1].low_m - gap) if number + 1 < len(blocks) else high
-            grow_low, grow_high = max(floor, block.high_m - most), min(roof, block.low_m + most)
+            grow_low, grow_high = max(floor, block.high_m - max_span), min(roof, block.low_m + max_span)
             if grow_high - grow_low < 2 * half:
                 continue
             middle = min(max(want.arc_m, grow_low + half), grow_high - half)
-            if max(block.high_m, middle + half) - min(block.low_m, middle - half) > most * (1 + 1e-9):
+            if max(block.high_m, middle + half) - min(block.low_m, middle - half) > max_span * (1 + 1e-9):
                 middle = min(max(want.arc_m, block.low_m + half), block.high_m - half)
                 if block.high_m - block.low_m < 2 * half:
                     continue

@@ -75,7 +75,7 @@ def draw(leaves: list[Leaf], camera: Pinhole) -> tuple[NDArray[np.uint8], NDArra
     rays = camera.rays() @ camera.cam_from_world[:, :3]
     depth = np.full(rays.shape[:2], np.inf)
     color = np.zeros((*rays.shape[:2], 3), np.uint8)
-    shown = np.full(rays.shape[:2], -1, np.int32)
+    leaf_ids = np.full(rays.shape[:2], -1, np.int32)
     for number, leaf in enumerate(leaves):
         normal = np.cross(leaf.along, leaf.across)
         distance = (leaf.center_m - camera.position_m) @ normal / (rays @ normal)
@@ -88,8 +88,8 @@ def draw(leaves: list[Leaf], camera: Pinhole) -> tuple[NDArray[np.uint8], NDArra
             inside &= u**2 + v**2 < 1
         x, y = ((u + 1) / 2 * width - 0.5).astype(np.float32), ((v + 1) / 2 * height - 0.5).astype(np.float32)
         seen = cv2.remap(leaf.texture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        color[inside], depth[inside], shown[inside] = seen[inside], distance[inside], number
-    return color, np.where(np.isfinite(depth), depth, 0).astype(np.float32), shown
+        color[inside], depth[inside], leaf_ids[inside] = seen[inside], distance[inside], number
+    return color, np.where(np.isfinite(depth), depth, 0).astype(np.float32), leaf_ids
 
 
 def write_photos(

@@ -15,7 +15,7 @@ DIAMOND = {"a": [], "b": ["a"], "c": ["a"], "d": ["b", "c"]}
 
 
 def fake_plant(folder: Path, name: str, tasks: dict[str, Sequence[str]]) -> Wanted:
-    """A plant whose tasks need each other as said; what they do is written into folder."""
+    """A plant whose tasks need each other as given; what they do is written into folder."""
     made = {
         task: Task(name=task, stage=task, needs=tuple(needs), key=task, estimate_s=1.0) for task, needs in tasks.items()
     }

@@ -74,7 +74,7 @@ def ring_of_cameras(aim_m, distance_m: float, count: int = 16) -> tuple[np.ndarr
 
 
 def potted_plant() -> Scene:
-    """A ball of leaves on stems in a pot on a floor, its reflections below, and strays behind."""
+    """A ball of leaves on stems in a pot on a floor, its reflections below, and outliers behind."""
     scene = Scene()
     scene.floor(1.6)
     scene.tube("pot", 0.09, 0.005, 0.18, POT, 12_000)
@@ -86,5 +86,5 @@ def potted_plant() -> Scene:
     scene.shell((0, -0.2, 0), 0.12, 900, POT, "reflections")
     for k in range(6):
         turn = 1 + k
-        scene.shell((1.2 * np.cos(turn), 0.3 + 0.05 * k, 1.2 * np.sin(turn)), 0.03, 300, CLOTH, "strays")
+        scene.shell((1.2 * np.cos(turn), 0.3 + 0.05 * k, 1.2 * np.sin(turn)), 0.03, 300, CLOTH, "outliers")
     return scene

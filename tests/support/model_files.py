@@ -30,8 +30,8 @@ def check_model_file(
     found = read(path)
     write(tmp_path / "again.npz", found)
     assert data == (tmp_path / "again.npz").read_bytes()
-    with np.load(path, allow_pickle=False) as held:
-        arrays = dict(held)
+    with np.load(path, allow_pickle=False) as loaded:
+        arrays = dict(loaded)
     np.savez(tmp_path / "lost.npz", **{name: array for name, array in arrays.items() if name != lost})
     np.savez(tmp_path / "shape.npz", **(arrays | {lost: arrays[lost][..., :-1]}))
     np.savez(tmp_path / "pickle.npz", **(arrays | {lost: np.array([{}], object)}))

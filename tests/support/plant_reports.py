@@ -1,4 +1,4 @@
-"""Reports of a plant that was never built, and what a page says, for tests of pages."""
+"""Reports of a plant that was never built, and the text of a page, for tests of pages."""
 
 from html.parser import HTMLParser
 from pathlib import Path

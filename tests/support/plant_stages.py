@@ -127,7 +127,7 @@ def radius_map(size: int = 8) -> np.ndarray:
 
 
 def write_cubemap(path: Path, channels: dict[str, np.ndarray], *, header: dict[str, object] | None = None) -> None:
-    """Channels (6, N, N) in one file, as a cubemap unless the header says otherwise."""
+    """Channels (6, N, N) in one file, as a cubemap unless the header states another kind."""
     path.parent.mkdir(parents=True, exist_ok=True)
     whole = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "envmap": OpenEXR.ENVMAP_CUBE}
     pixels = {name: np.ascontiguousarray(channel.reshape(-1, channel.shape[-1])) for name, channel in channels.items()}
@@ -168,8 +168,8 @@ def build_lobed_leaf(stage: Usd.Stage, path: str = "/Lobed") -> Usd.Prim:
         "bend:keyCounts": [2, 0],
         "bend:keys": [Gf.Vec2f(0, 0), Gf.Vec2f(1, 30)],
     }
-    for name, held in values.items():
-        prim.GetAttribute(f"foliage:lobed:{name}").Set(held)
+    for name, value in values.items():
+        prim.GetAttribute(f"foliage:lobed:{name}").Set(value)
     return prim
 
 
@@ -192,8 +192,8 @@ def build_forest(stage: Usd.Stage, path: str = "/Forest") -> Usd.Prim:
         "lodJitter": [0.0, 0.3, 0.7, 1.0],
         "lodDistance": Gf.Vec2f(120, 200),
     }
-    for name, held in values.items():
-        prim.GetAttribute(f"foliage:forest:{name}").Set(held)
+    for name, value in values.items():
+        prim.GetAttribute(f"foliage:forest:{name}").Set(value)
     return prim
 
 
@@ -241,5 +241,5 @@ def _new_stage(path: Path, root: str) -> Usd.Stage:
     return stage
 
 
-def _primvar(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, held: object, interpolation: str) -> None:
-    UsdGeom.PrimvarsAPI(prim).CreatePrimvar(f"leaf:{name}", kind, interpolation).Set(held)
+def _primvar(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: object, interpolation: str) -> None:
+    UsdGeom.PrimvarsAPI(prim).CreatePrimvar(f"leaf:{name}", kind, interpolation).Set(value)

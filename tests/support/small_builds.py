@@ -42,7 +42,7 @@ def write_quick_plan(path: Path) -> Path:
 
 
 def digests(asset: Path) -> dict[str, str]:
-    """Of every file of an asset but the one that says how long it took."""
+    """The digests of all files of an asset but the one with how long it took."""
     files = [path for path in sorted(asset.rglob("*")) if path.is_file() and path.name != "timings.js"]
     return {path.relative_to(asset).as_posix(): sha256(path.read_bytes()).hexdigest() for path in files}
 

@@ -48,9 +48,9 @@ def draw(cam, surfaces, name="", plain=False):
     origin = cam.position_m
     depth = np.full((HEIGHT, WIDTH), np.inf)
     tint = np.zeros((HEIGHT, WIDTH, 3))
-    for normal, shown, color in surfaces:
+    for normal, is_on_surface, color in surfaces:
         away = (1 - origin @ normal) / (rays @ normal)
-        hit = (away > 0) & shown(origin + away[..., None] * rays) & (away < depth)
+        hit = (away > 0) & is_on_surface(origin + away[..., None] * rays) & (away < depth)
         depth = np.where(hit, away, depth)
         tint[hit] = color
     points = origin + np.where(np.isfinite(depth), depth, 0)[..., None] * rays

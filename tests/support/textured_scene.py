@@ -45,9 +45,9 @@ def render(pose: NDArray[np.float64], seed: int = 0, lens: Lens = LENS) -> NDArr
             along = -place[axis] / rays[..., axis]
         hit = place + along[..., None] * rays
         u, v = (hit[..., other] * (TEXTURE_PX / EXTENT) for other in others)
-        shown = (along > 0) & (along < nearest) & (np.minimum(u, v) > 0) & (np.maximum(u, v) < TEXTURE_PX - 1)
+        visible = (along > 0) & (along < nearest) & (np.minimum(u, v) > 0) & (np.maximum(u, v) < TEXTURE_PX - 1)
         value = cv2.remap(noises[axis], u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR)
-        nearest[shown], picture[shown] = along[shown], value[shown]
+        nearest[visible], picture[visible] = along[visible], value[visible]
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
 

@@ -41,8 +41,8 @@ def nearest(tubes, tube, at, places):
             return (place - tubes.points_m[k]) @ tubes.direction[k]
 
         def away(k, place=place, along=along):
-            held = np.clip(along(k), 0, tubes.arc_m[k + 1] - tubes.arc_m[k])
-            return np.linalg.norm(place - tubes.points_m[k] - held * tubes.direction[k])
+            nearest = np.clip(along(k), 0, tubes.arc_m[k + 1] - tubes.arc_m[k])
+            return np.linalg.norm(place - tubes.points_m[k] - nearest * tubes.direction[k])
 
         while True:
             step = tubes.arc_m[segment + 1] - tubes.arc_m[segment]
@@ -60,7 +60,7 @@ def nearest(tubes, tube, at, places):
 
 def fill_gaps(tubes, tube, gaps, tolerance, longest):
     """Gaps and arcs of rings, gap after gap."""
-    most_reach = 0.25 * tubes.stride_m
+    max_reach = 0.25 * tubes.stride_m
     added = []
     for number, (of, (low, length, below, above)) in enumerate(zip(tube.tolist(), gaps.tolist(), strict=True)):
         own = np.full(2, of)
@@ -71,7 +71,7 @@ def fill_gaps(tubes, tube, gaps, tolerance, longest):
         local = axis(tubes, of, arc)[1]
         wanted = np.minimum(below + GROWTH * (arc - low), above + GROWTH * (low + length - arc))
         wanted = np.minimum(wanted, longest * local)
-        wanted = np.minimum(wanted, bend_spacing(tubes, of, arc, local, tolerance, most_reach))
+        wanted = np.minimum(wanted, bend_spacing(tubes, of, arc, local, tolerance, max_reach))
         walked = np.cumsum(length / count / np.maximum(wanted, 0.9 * local))
         rows = max(round(walked[-1]), 1)
         aims = walked[-1] * np.arange(1, rows) / rows
@@ -80,9 +80,9 @@ def fill_gaps(tubes, tube, gaps, tolerance, longest):
     return added
 
 
-def bend_spacing(tubes, tube, arc, radius, tolerance, most_reach):
+def bend_spacing(tubes, tube, arc, radius, tolerance, max_reach):
     at = tubes.segment(tube, arc)
-    key, reach = tube * tubes.stride_m, np.minimum(radius, most_reach)
+    key, reach = tube * tubes.stride_m, np.minimum(radius, max_reach)
     ahead = np.interp(key + np.minimum(arc + reach, tubes.length_m[tube]), tubes.key_m, tubes.turned_rad)
     behind = np.interp(key + np.maximum(arc - reach, 0), tubes.key_m, tubes.turned_rad)
     spacing = np.sqrt(8 * tolerance * radius / np.maximum((ahead - behind) / (2 * reach), 1e-12))
@@ -105,14 +105,14 @@ def round_rings(tube, center, tangent, first, second, angles, radius, at_vertice
     return points, radius
 
 
-def bend_start(points, radius, step, held, fade, samples, least_apart):
+def bend_start(points, radius, step, kept, fade, samples, min_apart):
     """Old arcs, points, radii, by how much they moved, and new arcs."""
     arc = arcs_along(points)
-    added = held + fade * np.linspace(0, 1, samples + 1)
+    added = kept + fade * np.linspace(0, 1, samples + 1)
     added = added[added < arc[-1]]
-    apart = np.abs(added[:, None] - arc).min(axis=1) > least_apart * fade
+    apart = np.abs(added[:, None] - arc).min(axis=1) > min_apart * fade
     both = np.sort(np.concatenate([arc, added[apart]]))
-    share = np.clip((both - held) / fade, 0, 1)
+    share = np.clip((both - kept) / fade, 0, 1)
     moved = (1 - share**2 * (3 - 2 * share))[:, None] * step
     bent = np.stack([np.interp(both, arc, column) for column in points.T], axis=1) + moved
     return both, bent, np.interp(both, arc, radius), moved, arcs_along(bent)

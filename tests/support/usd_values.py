@@ -1,4 +1,4 @@
-"""What an asset says: its composed values as text to compare with tests/golden, its bytes as hashes."""
+"""The values of an asset: the composed ones as text to compare with tests/golden, its bytes as hashes."""
 
 import hashlib
 import os

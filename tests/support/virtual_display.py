@@ -23,8 +23,8 @@ def virtual_display() -> Iterator[str]:
     )
     os.close(ready)
     try:
-        with os.fdopen(number) as said:
-            yield f":{said.readline().strip()}"
+        with os.fdopen(number) as answer:
+            yield f":{answer.readline().strip()}"
     finally:
         server.terminate()
         server.wait()

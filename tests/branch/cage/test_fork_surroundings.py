@@ -155,7 +155,7 @@ def test_few_branches_of_usual_trees_are_dropped():
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 1000))
 def test_a_cage_moves_with_its_tree(seed):
-    plant = random_tree(seed, most=6)
+    plant = random_tree(seed, max_branches=6)
     moved = type(plant)(
         points_m=plant.points_m + np.array([4.0, -2.0, 8.0]),
         radius_m=plant.radius_m,

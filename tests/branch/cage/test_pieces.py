@@ -75,7 +75,7 @@ def test_branches_that_would_cross_are_in_the_surface(seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_segments_near_some_places_hold_the_nearest_places(seed):
-    plant = random_tree(seed, most=14)
+    plant = random_tree(seed, max_branches=14)
     step_m = 0.01
     places_m = plant.points_m[-1] + np.random.default_rng(seed).normal(size=(30, 3)) * 0.1
     near = _segments_near(plant, list(range(len(plant))), places_m, step_m)
@@ -84,6 +84,6 @@ def test_the_segments_near_some_places_hold_the_nearest_places(seed):
 
 
 def test_few_segments_are_near_a_twig():
-    plant = random_tree(2, most=14)
+    plant = random_tree(2, max_branches=14)
     near = _segments_near(plant, list(range(len(plant))), plant.points_m[-1:], 0.01)
     assert len(near) < 0.5 * (plant.counts - 1).sum()

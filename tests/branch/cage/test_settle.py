@@ -31,7 +31,7 @@ def exits_of(plant):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_beside_a_fork_is_what_leaves_the_same_parent_nearby(seed):
-    _, tubes, exits = exits_of(random_tree(seed, most=14))
+    _, tubes, exits = exits_of(random_tree(seed, max_branches=14))
     forks = np.random.default_rng(seed).choice(len(exits.tube), len(exits.tube) // 3, replace=False)
     apart = np.abs(exits.hole_arc_m[:, None] - exits.hole_arc_m[forks])
     near = (exits.parent[:, None] == exits.parent[forks]) & (apart <= TOGETHER * exits.parent_radius_m[forks])
@@ -61,7 +61,7 @@ def test_a_parent_that_is_taken_alone_begins_where_it_is_clear():
 
 
 def test_what_may_not_move_stays():
-    plant = random_tree(5, most=14)
+    plant = random_tree(5, max_branches=14)
     moved, held = find_paths(plant)[0], find_paths(plant)[0]
     for paths in (moved, held):
         ease_bends(paths)

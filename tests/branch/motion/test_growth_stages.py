@@ -99,7 +99,7 @@ def test_growth_adds_and_ends_with_the_plant(seed, count):
 
 @pytest.mark.parametrize("seed", [0, 3, 5])
 def test_a_surface_grows_inside_what_it_becomes(seed):
-    plant = random_tree(seed, most=6)
+    plant = random_tree(seed, max_branches=6)
     cage = build_branch_cage(plant)
     stages = plan_stages(plant, 0.02 * float(np.ptp(plant.points_m, axis=0).max()), 6)
     surface = carry_surface(cage, plant)

@@ -115,7 +115,7 @@ def test_settings_that_cannot_be_are_refused(bad):
 @given(seed=st.integers(0, 10_000))
 @settings(max_examples=10)
 def test_at_rest_a_surface_stays(seed):
-    plant = random_tree(seed, most=6)
+    plant = random_tree(seed, max_branches=6)
     cage = build_branch_cage(plant)
     places = cage_places(cage, plant)
     rig = build_rig(plant)

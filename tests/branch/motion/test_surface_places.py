@@ -21,7 +21,7 @@ def test_the_nearest_place_of_a_branch_is_found():
 
 @given(seed=st.integers(0, 10_000), share=st.floats(0, 1))
 def test_a_length_along_a_branch_and_its_place_are_one(seed, share):
-    plant = random_tree(seed, most=6)
+    plant = random_tree(seed, max_branches=6)
     curve = np.arange(len(plant))
     there = places_at(plant, curve, share * plant.lengths_m)
     assert there.arc_m == pytest.approx(share * plant.lengths_m)

@@ -72,7 +72,7 @@ def test_no_leaves_and_leaves_without_points():
     none = sample_points(leaf_points(known_leaves(0)), 200, 100, 100.0)
     assert none.offsets.tolist() == [0]
 
-    empty = sample_points(leaf_points(known_leaves(3), shown=[(0, 1), (2, 3), (0, 1)]), 20, 10, 100.0)
+    empty = sample_points(leaf_points(known_leaves(3), v_range=[(0, 1), (2, 3), (0, 1)]), 20, 10, 100.0)
     assert np.diff(empty.offsets).tolist() == [30, 0, 30]
 
 

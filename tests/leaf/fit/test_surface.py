@@ -133,10 +133,10 @@ def test_blades_of_grass_are_trusted_less():
 
 def test_hidden_halves_are_as_their_siblings_have_them():
     leaves = known_leaves(40, seed=1, amount=0.5)
-    shown = np.tile([0.0, 1.0], (40, 1))
-    shown[::4, 1] = 0.5
+    v_range = np.tile([0.0, 1.0], (40, 1))
+    v_range[::4, 1] = 0.5
 
-    fitted = fit_leaves_to_surface(leaf_points(leaves, shown=shown))
+    fitted = fit_leaves_to_surface(leaf_points(leaves, v_range=v_range))
 
     half = np.isin(fitted.source, np.arange(0, 40, 4))
     length_error = np.abs(fitted.leaves.length_m / leaves[3][fitted.source] - 1)
@@ -191,8 +191,8 @@ def test_one_leaf_alone():
 def test_no_leaves_and_leaves_without_points():
     assert len(fit_leaves_to_surface(leaf_points(known_leaves(0))).leaves) == 0
 
-    shown = [(0.0, 1.0), (2.0, 3.0), (0.0, 1.0)]
-    fitted = fit_leaves_to_surface(leaf_points(known_leaves(3), shown=shown))
+    v_range = [(0.0, 1.0), (2.0, 3.0), (0.0, 1.0)]
+    fitted = fit_leaves_to_surface(leaf_points(known_leaves(3), v_range=v_range))
 
     assert fitted.source.tolist() == [0, 2]
     assert fitted.dropped == {"too few points": 1}

@@ -17,8 +17,8 @@ from tests.support.branch_shapes import random_tree
 WANT = [field.name for field in fields(plain.Want)]
 
 
-def tubes_of(seed, most=12):
-    return pack_paths(find_paths(random_tree(seed, most=most))[0])
+def tubes_of(seed, max_branches=12):
+    return pack_paths(find_paths(random_tree(seed, max_branches=max_branches))[0])
 
 
 @settings(max_examples=25, deadline=None)
@@ -155,7 +155,7 @@ def test_tubes_walk_out_as_far(seed, thickest):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_references_are_carried_alike(seed):
+def test_references_are_carried_as_in_plain_python(seed):
     tubes = tubes_of(seed)
     expected = np.zeros_like(tubes.reference)
     expected[tubes.first] = tubes.reference[tubes.first]

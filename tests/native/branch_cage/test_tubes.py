@@ -13,7 +13,7 @@ SEEDS = range(6)
 
 
 def tubes_of(seed):
-    return pack_paths(find_paths(random_tree(seed, most=12, wild=seed % 2 == 1))[0])
+    return pack_paths(find_paths(random_tree(seed, max_branches=12, wild=seed % 2 == 1))[0])
 
 
 def places_of(tubes, seed, count=9000):
@@ -81,7 +81,7 @@ def test_the_nearest_places_are_the_same(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_gaps_are_filled_alike(seed):
+def test_gaps_are_filled_as_in_the_reference(seed):
     tubes = tubes_of(seed)
     rng = np.random.default_rng(seed)
     tube = np.sort(rng.integers(0, len(tubes), 150))
@@ -113,7 +113,7 @@ def test_gaps_are_filled_alike(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_rings_in_bends_are_made_smaller_alike(seed):
+def test_rings_in_bends_are_made_smaller_as_in_the_reference(seed):
     tubes = tubes_of(seed)
     count = 4000
     tube, arc = places_of(tubes, seed, count)
@@ -146,14 +146,14 @@ def test_rings_in_bends_are_made_smaller_alike(seed):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_starts_are_bent_alike(seed):
+def test_starts_are_bent_as_in_the_reference(seed):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(2, 30))
     points = np.cumsum(rng.normal(size=(count, 3)), axis=0)
     radius = rng.uniform(0.1, 1, count)
-    step, held, fade = rng.normal(size=3), float(rng.uniform(0, 2)), float(rng.uniform(0.1, 20))
-    expected = plain.bend_start(points, radius, step, held, fade, 8, 0.02)
-    settings = _native.StartBendSettings(kept_m=held, fade_m=fade, samples=8, min_apart=0.02)
+    step, kept, fade = rng.normal(size=3), float(rng.uniform(0, 2)), float(rng.uniform(0.1, 20))
+    expected = plain.bend_start(points, radius, step, kept, fade, 8, 0.02)
+    settings = _native.StartBendSettings(kept_m=kept, fade_m=fade, samples=8, min_apart=0.02)
     bent = _native.bend_start(points, radius, step_m=step, settings=settings)
     found = bent.old_arc_m, bent.points_m, bent.radius_m, bent.moved_m, bent.new_arc_m
     for one, other in zip(found, expected, strict=True):

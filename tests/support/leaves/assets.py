@@ -60,8 +60,8 @@ def random_leaves(count: int, seed: int = 0, facts: bool = False) -> Leaves:
     if facts:
         numbers["confidence"] = rng.uniform(0, 1, count)
         numbers["residual_m"] = rng.uniform(0, 0.01, count)
-    held = {name: array.astype(np.float32).astype(np.float64) for name, array in numbers.items()}
-    return Leaves(**held, view=rng.integers(-1, 20, count).astype(np.int32) if facts else None)
+    rounded = {name: array.astype(np.float32).astype(np.float64) for name, array in numbers.items()}
+    return Leaves(**rounded, view=rng.integers(-1, 20, count).astype(np.int32) if facts else None)
 
 
 def write_spray(folder, leaves=None, appearance=LeafAppearance(), edits=None, **settings):

@@ -31,7 +31,7 @@ def refused(capsys, *words: object) -> str:
 
 
 def printed(capsys, *words: object) -> list[str]:
-    """What a command that succeeds says, line by line."""
+    """What a command that succeeds prints, line by line."""
     capsys.readouterr()
     assert run(*words) == 0
     return capsys.readouterr().out.splitlines()

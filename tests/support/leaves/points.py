@@ -23,11 +23,11 @@ def world_points(leaves, uv):
     )
 
 
-def leaf_points(leaves, seed=0, shown=(0.0, 1.0), interior=400, edge=120, noise_m=0.0, outliers=0.0, outlier_m=0.0):
-    """Points of the leaves, those with v in shown[i] alone if there is a row for each."""
+def leaf_points(leaves, seed=0, v_range=(0.0, 1.0), interior=400, edge=120, noise_m=0.0, outliers=0.0, outlier_m=0.0):
+    """Points of the leaves with v in v_range; v_range is one pair, or a row for each leaf."""
     rng = np.random.default_rng(seed)
     count = len(leaves[0])
-    low, high = np.broadcast_to(shown, (count, 2)).T
+    low, high = np.broadcast_to(v_range, (count, 2)).T
     uv = rng.uniform((-1, 0), (1, 1), (count, interior, 2))
     ends = np.stack([rng.choice([-1.0, 1.0], (count, edge)), rng.random((count, edge))], axis=-1)
     uv = np.concatenate([uv, ends], axis=1)

@@ -14,7 +14,7 @@ FEWEST_PX = 150  # of a leaf in its best view
 def segment_truly(
     views: Sequence[View], leaf_ids: Mapping[str, NDArray[np.integer]], confidence: float = 0.9
 ) -> Segmentation:
-    """Leaves in the view that shows most of them.
+    """Leaves in the view that shows max_pixels of them.
 
     Args:
         views: With depth.
@@ -29,16 +29,16 @@ def segment_truly(
         candidates.append(Candidates(labels=labels, confidence=np.full(np.count_nonzero(found), confidence)))
         pixels.append(np.bincount(ids.ravel(), minlength=1 + max(int(ids.max()) for ids in leaf_ids.values())))
     best = np.argmax(pixels, axis=0)
-    most = np.max(pixels, axis=0)
-    leaves = [leaf for leaf in range(1, len(most)) if most[leaf] >= FEWEST_PX]
+    max_pixels = np.max(pixels, axis=0)
+    leaves = [leaf for leaf in range(1, len(max_pixels)) if max_pixels[leaf] >= FEWEST_PX]
     kinds = {view.name: _kinds(view, leaf_ids[view.name]) for view in views}
     points, normals, seen_by = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros(0, np.int32)]
     kind = [np.zeros(0, np.uint8)]
     for leaf in leaves:
         view = views[best[leaf]]
-        shown = (leaf_ids[view.name] == leaf) & (view.depth_m > 0)
-        mine = view.points()[shown]
-        kind.append(kinds[view.name][shown])
+        visible = (leaf_ids[view.name] == leaf) & (view.depth_m > 0)
+        mine = view.points()[visible]
+        kind.append(kinds[view.name][visible])
         _, _, axes = np.linalg.svd(mine - mine.mean(axis=0), full_matrices=False)
         normal = axes[2] * (1 if (view.camera.position_m - mine.mean(axis=0)) @ axes[2] > 0 else -1)
         points.append(mine)
@@ -53,10 +53,10 @@ def segment_truly(
             kind=np.concatenate(kind),
             point_view=np.concatenate(seen_by),
             offsets=np.cumsum([len(part) for part in points]).astype(np.int64),
-            confidence=confidence * most[leaves] / max(most[1:].max(initial=1), 1),
+            confidence=confidence * max_pixels[leaves] / max(max_pixels[1:].max(initial=1), 1),
             view=best[leaves].astype(np.int32),
         ),
-        dropped={"seen in few pixels": len(most) - 1 - len(leaves)},
+        dropped={"seen in few pixels": len(max_pixels) - 1 - len(leaves)},
     )
 
 

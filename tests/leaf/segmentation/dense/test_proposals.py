@@ -110,7 +110,7 @@ def test_each_leaf_is_fitted_for_itself(known, found):
 
 
 def test_a_prior_of_the_set_completes_leaves_seen_in_part(known):
-    half = leaf_points(known, shown=(0.0, 0.6), noise_m=0.0005)
+    half = leaf_points(known, v_range=(0.0, 0.6), noise_m=0.0005)
     truth = as_leaves(known)
     first = propose_leaves(half, LENGTH_M, WIDTH, TOLERANCE_M)
     prior = learn_prior(
