@@ -1,4 +1,4 @@
-"""Allometry: radii by what branches carry, as equation 5 says."""
+"""Allometry: radii by what branches carry, after equation 5."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -26,7 +26,7 @@ def test_carried_is_all_above_and_half_an_internode():
 
 
 @pytest.mark.parametrize("exponent", [0.3, 0.45, 1.0])
-def test_at_a_fork_the_arms_are_as_thick_as_the_equation_says(exponent):
+def test_at_a_fork_the_arms_have_the_thickness_of_the_equation(exponent):
     radius_m = grow_radii(FORK, STEPS_M, 0.1, AllometrySettings(exponent=exponent))
     assert radius_m[0] == 0.1
     assert radius_m[3] / radius_m[2] == pytest.approx((2.5 / 4.5) ** exponent)

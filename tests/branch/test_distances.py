@@ -34,7 +34,7 @@ def test_radii_between_vertices_are_those_of_a_cone():
 
 @given(away=st.floats(0, 5), turn=st.floats(0, 7), height_m=st.floats(0.3, 1.7), radius_m=st.floats(0.01, 0.2))
 def test_a_point_is_as_far_as_it_is_from_the_cylinder(away, turn, height_m, radius_m):
-    """Inside as well: how far it is from a place of the axis says nothing there."""
+    """Inside as well, where the distance from a place of the axis is no measure."""
     point_m = np.array([[away * radius_m * np.cos(turn), height_m, away * radius_m * np.sin(turn)]])
     found_m = distances_to_surface(point_m, pole(radius_m), STEP_M)[0]
     assert found_m == pytest.approx(abs(away - 1) * radius_m, abs=1e-9)

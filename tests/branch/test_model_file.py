@@ -42,8 +42,8 @@ def test_branches_come_back_with_all_their_surfaces(tmp_path):
     assert [order for order, _ in found.surfaces.by_order] == [1]
     for one, other in ((found.surfaces.whole, whole), (found.surfaces.by_order[0][1], coarse)):
         for field in fields(BranchCage):
-            held, wanted = getattr(one, field.name), getattr(other, field.name)
-            assert np.array_equal(held, wanted) if isinstance(wanted, np.ndarray) else held == wanted, field.name
+            loaded, wanted = getattr(one, field.name), getattr(other, field.name)
+            assert np.array_equal(loaded, wanted) if isinstance(wanted, np.ndarray) else loaded == wanted, field.name
     assert found.surfaces.coarsest is found.surfaces.by_order[0][1]
     assert found.color == (0.1, 1 / 3, 0.2)
     assert found.growth == {"rootDiameter": 0.1, "internodeLength": 1 / 7}

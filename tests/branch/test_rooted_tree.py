@@ -1,4 +1,4 @@
-"""Trees of nodes: sums and ways equal those of a loop, whatever order the nodes come in."""
+"""Trees of nodes: sums and paths equal those of a loop, whatever order the nodes come in."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -9,10 +9,10 @@ from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def random_parents(seed: int, most: int = 40) -> np.ndarray:
+def random_parents(seed: int, max_nodes: int = 40) -> np.ndarray:
     """Parents of a forest whose nodes come in any order."""
     rng = np.random.default_rng(seed)
-    count = int(rng.integers(1, most))
+    count = int(rng.integers(1, max_nodes))
     parent = np.array([rng.integers(-1, node) if rng.random() < 0.9 else -1 for node in range(count)])
     name = rng.permutation(count)
     renamed = np.full(count, -1, np.int32)
@@ -20,23 +20,23 @@ def random_parents(seed: int, most: int = 40) -> np.ndarray:
     return renamed
 
 
-def way_to_root(parent: np.ndarray, node: int) -> list[int]:
-    way = [node]
-    while parent[way[-1]] >= 0:
-        way.append(int(parent[way[-1]]))
-    return way
+def path_to_root(parent: np.ndarray, node: int) -> list[int]:
+    path = [node]
+    while parent[path[-1]] >= 0:
+        path.append(int(parent[path[-1]]))
+    return path
 
 
 @given(seed=SEEDS)
 def test_sums_are_those_of_a_loop(seed):
     parent = random_parents(seed)
     tree, own = RootedTree(parent), np.random.default_rng(seed).uniform(0, 1, len(parent))
-    ways = [way_to_root(parent, node) for node in range(len(parent))]
-    above = [[other for other in range(len(parent)) if node in ways[other]] for node in range(len(parent))]
-    assert tree.depth.tolist() == [len(way) - 1 for way in ways]
-    assert tree.sum_below(own) == pytest.approx([own[way].sum() for way in ways])
+    paths = [path_to_root(parent, node) for node in range(len(parent))]
+    above = [[other for other in range(len(parent)) if node in paths[other]] for node in range(len(parent))]
+    assert tree.depth.tolist() == [len(path) - 1 for path in paths]
+    assert tree.sum_below(own) == pytest.approx([own[path].sum() for path in paths])
     assert tree.sum_above(own) == pytest.approx([own[nodes].sum() for nodes in above])
-    farthest = [max(own[ways[o][: ways[o].index(n)]].sum() for o in above[n]) for n in range(len(parent))]
+    farthest = [max(own[paths[o][: paths[o].index(n)]].sum() for o in above[n]) for n in range(len(parent))]
     assert tree.farthest_above(own) == pytest.approx(farthest)
 
 

@@ -15,8 +15,8 @@ TRUNK = np.array([[0, 0, 0], [0, 1, 0], [0, 2, 0]], float)
 def leaving(angle_deg, azimuth_deg=0.0, start=(0, 1, 0), length_m=1.0):
     """A straight branch that leaves at an angle from the trunk."""
     angle, azimuth = np.radians([angle_deg, azimuth_deg])
-    way = [np.sin(angle) * np.cos(azimuth), np.cos(angle), np.sin(angle) * np.sin(azimuth)]
-    return np.array([start, start + length_m * np.array(way)])
+    direction = [np.sin(angle) * np.cos(azimuth), np.cos(angle), np.sin(angle) * np.sin(azimuth)]
+    return np.array([start, start + length_m * np.array(direction)])
 
 
 def assert_whole(plant, cage, dropped=0, loose=0):
@@ -146,7 +146,7 @@ def test_any_tree_gives_one_closed_surface(seed, wild):
         assert len(cage.dropped) <= 1 + len(plant) // 3
 
 
-def test_few_branches_of_usual_trees_are_dropped():
+def test_few_branches_of_typical_trees_are_dropped():
     trees = [random_tree(seed) for seed in range(30)]
     dropped = sum(len(build_branch_cage(tree).dropped) for tree in trees)
     assert dropped <= 0.03 * sum(len(tree) for tree in trees)

@@ -62,14 +62,14 @@ def test_a_parent_that_is_taken_alone_begins_where_it_is_clear():
 
 def test_what_may_not_move_stays():
     plant = random_tree(5, max_branches=14)
-    moved, held = find_paths(plant)[0], find_paths(plant)[0]
-    for paths in (moved, held):
+    moved, fixed = find_paths(plant)[0], find_paths(plant)[0]
+    for paths in (moved, fixed):
         ease_bends(paths)
-    before = [path.points_m for path in held]
+    before = [path.points_m for path in fixed]
     tries = np.zeros(len(plant), np.int64)
     settle(moved, tries, 0.2, {})
-    settle(held, tries, 0.2, {}, np.zeros(len(plant), bool))
-    assert all(np.array_equal(path.points_m, points) for path, points in zip(held, before, strict=True))
+    settle(fixed, tries, 0.2, {}, np.zeros(len(plant), bool))
+    assert all(np.array_equal(path.points_m, points) for path, points in zip(fixed, before, strict=True))
     assert not all(np.array_equal(path.points_m, points) for path, points in zip(moved, before, strict=True))
 
 

@@ -142,7 +142,7 @@ def test_the_base_of_a_shoot_is_bare():
     assert along_m.min() == pytest.approx(0.14)
 
 
-def test_leaves_end_as_far_from_the_tip_as_the_species_says():
+def test_leaves_end_at_the_distance_from_the_tip_that_the_species_gives():
     skeleton, unit = twig(length_m=2.0)
     along_m = place(skeleton, replace(SPIRAL, shoot_m=0.2)).base_m @ unit
     assert (along_m.min(), along_m.max()) == (pytest.approx(1.8), pytest.approx(2.0))

@@ -51,7 +51,7 @@ def test_a_name_is_found_however_it_is_written():
     assert load_species("  Pentagon Maple").name == load_species("PENTAGON_maple").name == "pentagon-maple"
 
 
-def test_an_unknown_name_tells_the_known_ones(tmp_path):
+def test_the_error_of_an_unknown_name_lists_the_known_ones(tmp_path):
     with pytest.raises(FoliageError, match=r"no species 'mapel'; the library has alder, apple.*willow; .*species-file"):
         load_species("mapel")
     extra = write(tmp_path / "mine.toml", "[yew]\n")
@@ -63,13 +63,13 @@ def test_a_file_changes_and_adds_species(tmp_path):
     extra = write(
         tmp_path / "mine.toml", "[Maple]\nleaf_length_m = 0.2\n[yew]\ndivergence_deg = 180\nleaf_width = 0.1\n"
     )
-    maple, usual = load_species("maple", extra), load_species("maple")
+    maple, plain = load_species("maple", extra), load_species("maple")
     assert maple.leaf_length_m == 0.2
-    assert (maple.leaves_per_node, maple.exponent) == (usual.leaves_per_node, usual.exponent)
+    assert (maple.leaves_per_node, maple.exponent) == (plain.leaves_per_node, plain.exponent)
     yew, generic = load_species("Yew", extra), load_species(GENERIC)
     assert (yew.divergence_rad, yew.leaf_width) == (pytest.approx(np.pi), 0.1)
     assert (yew.internode_m, yew.color) == (generic.internode_m, generic.color)
-    assert load_species("maple") == usual
+    assert load_species("maple") == plain
 
 
 @pytest.mark.parametrize(
@@ -101,9 +101,9 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["maple", "generic", "willow"])
-def test_a_species_is_told_as_a_file_has_it(tmp_path, name):
+def test_a_description_of_a_species_can_be_read_as_a_file(tmp_path, name):
     species = load_species(name)
-    told = dict(each.split(" ", 1) for each in describe_species(species).split(", "))
-    told["color"] = f"[{told['color'].replace(' ', ', ')}]"
-    extra = write(tmp_path / "mine.toml", "[copy]\n" + "\n".join(f"{key} = {value}" for key, value in told.items()))
+    values = dict(each.split(" ", 1) for each in describe_species(species).split(", "))
+    values["color"] = f"[{values['color'].replace(' ', ', ')}]"
+    extra = write(tmp_path / "mine.toml", "[copy]\n" + "\n".join(f"{key} = {value}" for key, value in values.items()))
     assert describe_species(load_species("copy", extra)) == describe_species(species)

@@ -1,4 +1,4 @@
-"""Growth towards points whose place tells what has to come of it."""
+"""Growth towards points whose places decide what must grow."""
 
 import numpy as np
 import pytest

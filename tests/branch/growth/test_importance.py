@@ -1,4 +1,4 @@
-"""Importance: many alike around a point of a line, few around one of a blob."""
+"""Importance: many neighbours run parallel to a point of a line, few to one of a blob."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -16,8 +16,8 @@ def weigh_by_hand(points_m: np.ndarray, reach_m: float, min_cosine: float) -> li
         near_m = points_m[np.linalg.norm(points_m - point_m, axis=1) <= reach_m]
         principal.append(np.linalg.svd(near_m - near_m.mean(axis=0))[2][0])
     away_m = np.linalg.norm(points_m[:, None] - points_m, axis=2)
-    alike = np.abs(np.array(principal) @ np.transpose(principal)) > min_cosine
-    return ((away_m <= reach_m) & alike & ~np.eye(len(points_m), dtype=bool)).sum(axis=1).tolist()
+    parallel = np.abs(np.array(principal) @ np.transpose(principal)) > min_cosine
+    return ((away_m <= reach_m) & parallel & ~np.eye(len(points_m), dtype=bool)).sum(axis=1).tolist()
 
 
 @examples(max_examples=30)
@@ -63,6 +63,6 @@ def test_points_out_of_reach_weigh_nothing():
 
 
 @pytest.mark.parametrize("change", [{"reach_internodes": 0}, {"min_cosine": 1.1}, {"neighbors": 2}])
-def test_settings_to_which_nothing_is_alike_are_refused(change):
+def test_settings_outside_their_ranges_are_refused(change):
     with pytest.raises(ValueError, match="reach above 0, cosine in"):
         ImportanceSettings(**change)

@@ -1,4 +1,4 @@
-"""Logistic growth, as equations 6 and 7 say."""
+"""Logistic growth, after equations 6 and 7."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -24,7 +24,7 @@ def test_the_paper_s_plant_begins_at_2_m_and_ends_at_10():
     share=st.floats(0.01, 0.9),
     units=st.floats(0.05, 2),
 )
-def test_units_are_what_the_way_grows_by(cycle, longest, share, units):
+def test_units_are_the_growth_of_the_longest_path(cycle, longest, share, units):
     settings = LogisticSettings(longest=longest, initial_share=share, initial_units=units)
     step = 1e-4
     slope = (longest_path(cycle + step, settings) - longest_path(cycle - step, settings)) / (2 * step)

@@ -29,7 +29,7 @@ def test_a_joint_stands_where_its_branch_springs_and_points_along_it():
 
 @given(seed=st.integers(0, 10_000), order=st.integers(0, 3))
 @settings(max_examples=30)
-def test_the_way_through_the_rests_is_the_bind(seed, order):
+def test_the_product_of_the_rest_transforms_is_the_bind_transform(seed, order):
     plant = random_tree(seed)
     rig = build_rig(plant, RigSettings(order=order))
     assert list(rig.curve) == np.flatnonzero(plant.order <= order).tolist()

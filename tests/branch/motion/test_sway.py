@@ -33,7 +33,7 @@ def test_a_seed_decides():
     assert not np.array_equal(sway(plant, seed=3), sway(plant, seed=4))
 
 
-def test_slender_branches_swing_farther_and_a_trunk_least():
+def test_slender_branches_swing_farther_than_thick_ones_and_than_a_trunk():
     trunk = [[0, 0, 0], [0, 1, 0], [0, 2, 0]]
     side = [[0, 1, 0], [1, 1, 0]]
     plant = plant_of((trunk, 0.1, None, 0), (side, 0.02, 0, 1), (side, 0.04, 0, 1), (side, 0.03, 0, 1))

@@ -78,10 +78,10 @@ def test_no_axis_is_left_out_that_is_long_enough(seed, min_m):
     axes = find_axes(centers_m, parent, min_m)
     begins = axes.nodes[axes.first[:-1][axes.parent >= 0] + 1]
     assert (reach_m[begins] >= min_m).all()
-    held = np.isin(np.arange(len(parent)), axes.nodes)
-    springs = ~held & (parent >= 0) & held[parent]
+    on_axis = np.isin(np.arange(len(parent)), axes.nodes)
+    springs = ~on_axis & (parent >= 0) & on_axis[parent]
     assert (reach_m[springs] < min_m).all()
-    assert held[parent < 0].all()
+    assert on_axis[parent < 0].all()
 
 
 def test_a_lone_root_is_an_axis_of_one_node():

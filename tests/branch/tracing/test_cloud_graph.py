@@ -74,7 +74,7 @@ def shortest_bridges_m(points_m: np.ndarray, group: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(("clumps", "points"), [(1500, 10), (20, 500)])
-def test_of_many_clumps_each_is_bridged_once_and_by_the_shortest_way(clumps, points):
+def test_each_of_many_clumps_is_bridged_once_by_the_shortest_link(clumps, points):
     rng = np.random.default_rng(5)
     middle_m = rng.uniform(0, 10, (clumps, 1, 3))
     points_m = (middle_m + rng.normal(0, 0.005, (clumps, points, 3))).reshape(-1, 3)

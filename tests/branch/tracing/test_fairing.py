@@ -29,7 +29,7 @@ def test_straight_branches_stay(stiffness):
 
 
 @given(height_m=st.floats(-1, 1), stiffness=st.floats(0.01, 100))
-def test_three_nodes_move_as_the_formula_says(height_m, stiffness):
+def test_three_nodes_move_by_the_formula(height_m, stiffness):
     nodes_m = np.array([[-1, 0, 0], [0, height_m, 0], [1, 0, 0]], float)
     fair_m = fair_axes(nodes_m, one_axis(3), np.ones(3), stiffness)
     share = 2 * stiffness / (1 + 6 * stiffness)  # by Woodbury: one second difference, of norm 6
@@ -106,7 +106,7 @@ def test_nodes_stay_about_as_near_as_they_must():
     np.testing.assert_allclose(tight_m[40:], free_m[40:], atol=0.2)
 
 
-def test_what_moves_little_is_not_held():
+def test_a_small_movement_is_not_limited():
     nodes_m, axes = fork(0.001)
     free_m = fair_axes(nodes_m, axes, np.ones(55), 4.0)
     np.testing.assert_array_equal(fair_axes(nodes_m, axes, np.ones(55), 4.0, 0.1), free_m)

@@ -30,7 +30,7 @@ def test_all_pairs_with_an_empty_ball_between_them_are_linked_and_no_others(seed
     assert linked(points_m) == set(zip(one.tolist(), other.tolist(), strict=True))
 
 
-def test_cheapest_ways_by_squares_of_lengths_use_no_other_links():
+def test_cheapest_paths_by_squares_of_lengths_use_no_other_links():
     points_m = np.random.default_rng(2).normal(size=(40, 3))
     square = np.square(cdist(points_m, points_m))
     cheapest = square.copy()

@@ -26,10 +26,10 @@ def away_m(found_m: np.ndarray, true_m) -> np.ndarray:
 
 
 @examples(max_examples=20, deadline=None)
-@given(turn=st.floats(0, 2 * np.pi), far_m=st.floats(2.5, 6), slope=st.floats(0.15, 0.55), told=st.booleans())
-def test_a_tree_up_a_slope_is_a_root_whether_its_number_is_told_or_not(turn, far_m, slope, told):
+@given(turn=st.floats(0, 2 * np.pi), far_m=st.floats(2.5, 6), slope=st.floats(0.15, 0.55), count_given=st.booleans())
+def test_a_tree_up_a_slope_is_a_root_with_and_without_a_given_number(turn, far_m, slope, count_given):
     foot_m = far_m * np.array([np.cos(turn), slope, np.sin(turn)])
-    roots_m = find_roots(up_the_slope(foot_m), RootSettings(count=2 if told else None))
+    roots_m = find_roots(up_the_slope(foot_m), RootSettings(count=2 if count_given else None))
     assert len(roots_m) == 2
     assert away_m(roots_m, [[0, 0, 0], foot_m]).max() < 0.05
 
@@ -41,7 +41,7 @@ def test_each_of_a_row_of_trees_up_a_slope_is_a_root():
     assert away_m(roots_m, [[0, 0, 0], *feet_m]).max() < 0.05
 
 
-def test_no_more_than_the_told_number_come_of_a_slope():
+def test_no_more_than_the_given_number_are_found_on_a_slope():
     assert len(find_roots(up_the_slope([3.0, 1.5, 0]), RootSettings(count=1))) == 1
 
 
@@ -81,7 +81,7 @@ def test_what_is_not_round_and_upright_is_no_foot(shape):
 
 
 def test_where_the_ground_is_known_height_above_it_counts():
-    # Stems too ragged to be told by themselves, where each begins on a slope.
+    # Stems too ragged to be found by themselves, each beginning on a slope.
     rng = np.random.default_rng(2)
     bush = np.concatenate([cone([0, 0, 0], [x, 1.2, z], (0.03, 0.01), 1500, 4) for x, z in ((0.5, 0.1), (-0.4, 0.3))])
     feet_m = np.array([[-1.5, -0.6, 0], [1.5, 0.6, 0]])

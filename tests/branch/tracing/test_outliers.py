@@ -1,4 +1,4 @@
-"""What is far beside a plant and small is a stray; what is below or above it is not, nor another plant."""
+"""What is far beside a plant and small is an outlier; what is below or above it is not, nor another plant."""
 
 import numpy as np
 import pytest
@@ -20,11 +20,11 @@ def bit(rng: np.random.Generator, count: int, middle_m: tuple[float, float, floa
     return np.array(middle_m) + rng.normal(0, 0.02, (count, 3))
 
 
-def test_a_plant_has_no_strays(rng):
+def test_a_plant_has_no_outliers(rng):
     assert not find_outliers(plant(rng)).any()
 
 
-def test_bits_beside_a_plant_are_strays(rng):
+def test_bits_beside_a_plant_are_outliers(rng):
     points_m = np.concatenate([plant(rng), bit(rng, 40, (2.5, 0.1, 0)), bit(rng, 30, (0, 1, -3))])
     np.testing.assert_array_equal(find_outliers(points_m), np.arange(len(points_m)) >= 2200)
 
@@ -34,18 +34,18 @@ def test_a_foot_below_a_crown_whose_trunk_was_not_seen_stays(rng):
     assert not find_outliers(points_m).any()
 
 
-def test_another_plant_is_no_stray(rng):
+def test_another_plant_is_no_outlier(rng):
     assert not find_outliers(np.concatenate([plant(rng), plant(rng) + np.array([4.0, 0, 0])])).any()
 
 
 @pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
-def test_strays_are_the_same_at_every_size(rng, scale):
+def test_outliers_are_the_same_at_every_size(rng, scale):
     points_m = np.concatenate([plant(rng), bit(rng, 40, (2.5, 0.1, 0))])
     assert find_outliers(scale * points_m).sum() == 40
 
 
 @pytest.mark.parametrize("points_m", [np.zeros((0, 3)), np.zeros((5, 3))])
-def test_what_has_no_height_has_no_strays(points_m):
+def test_points_without_height_have_no_outliers(points_m):
     assert not find_outliers(points_m).any()
 
 

@@ -57,7 +57,7 @@ def test_the_exponent_is_the_one_that_circles_show(exponent):
     np.testing.assert_allclose(radii.radius_m, tapering(exponent), rtol=0.05)
 
 
-def test_what_no_circle_tells_allometry_does():
+def test_where_there_is_no_circle_allometry_gives_the_radius():
     circles = circles_of(np.where(NODES_M[:, 1] < 1.5, tapering(), np.nan))
     radii = estimate_radii(NODES_M, PARENT, circles)
     assert not radii.believed[NODES_M[:, 1] >= 1.5].any()
@@ -103,7 +103,7 @@ def test_circles_that_are_none_are_not_believed(circles):
 
 @examples(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_radii_never_grow_outwards_whatever_circles_say(seed):
+def test_radii_never_grow_outwards_whatever_the_circles_are(seed):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 80))
     parent = np.array([rng.integers(max(-1, node - 4), node) for node in range(count)], np.int32)

@@ -121,10 +121,10 @@ def test_the_same_cloud_gives_the_same_skeleton():
 def test_a_tree_far_away_is_the_same_tree():
     path_m = np.array([-1000, 1000, 1000])
     far = reconstruct_branches(tree_cloud() + path_m, FOOT_M + path_m, SETTINGS).skeleton
-    assert_alike(trace(0.0).skeleton, far, path_m)
+    assert_same_tree(trace(0.0).skeleton, far, path_m)
 
 
-def assert_alike(one: Skeleton, other: Skeleton, path_m=(0, 0, 0)) -> None:
+def assert_same_tree(one: Skeleton, other: Skeleton, path_m=(0, 0, 0)) -> None:
     """The long branches are the same; the bumps of the bark need not be, as digits and order decide of them."""
     assert other.lengths_m.sum() == pytest.approx(one.lengths_m.sum(), rel=0.1)
     assert sorted(one.order[long_ones(one)]) == sorted(other.order[long_ones(other)])
@@ -138,7 +138,7 @@ def assert_alike(one: Skeleton, other: Skeleton, path_m=(0, 0, 0)) -> None:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_order_of_the_points_does_not_matter(seed):
     shuffled_m = np.random.default_rng(seed).permutation(tree_cloud(0.002))
-    assert_alike(trace(0.002).skeleton, reconstruct_branches(shuffled_m, FOOT_M, SETTINGS).skeleton)
+    assert_same_tree(trace(0.002).skeleton, reconstruct_branches(shuffled_m, FOOT_M, SETTINGS).skeleton)
 
 
 def test_points_that_come_twice_lose_no_branch():
@@ -235,13 +235,13 @@ def test_a_bare_stem_has_its_radius():
     assert len(long_ones(skeleton, 0.3)) == 1
 
 
-def test_progress_is_told():
-    told = []
+def test_progress_is_reported():
+    calls = []
     reconstruct_branches(
-        line([0, 0, 0], [0, 1, 0], 20), FOOT_M, progress=lambda name, share: told.append((name, share))
+        line([0, 0, 0], [0, 1, 0], 20), FOOT_M, progress=lambda name, share: calls.append((name, share))
     )
-    assert [share for _, share in told] == sorted(share for _, share in told)
-    assert told[-1] == ("branches", 1.0)
+    assert [share for _, share in calls] == sorted(share for _, share in calls)
+    assert calls[-1] == ("branches", 1.0)
 
 
 @pytest.mark.parametrize("count", [0, 1])

@@ -22,9 +22,9 @@ def bush(stems: int, height_m: float = 2.0, lean: float = 0.2) -> np.ndarray:
 
 
 @pytest.mark.parametrize("stems", [1, 2, 3, 5])
-@pytest.mark.parametrize("told", [True, False])
-def test_as_many_stems_are_as_many_roots_at_their_places(stems, told):
-    roots_m = find_roots(bush(stems), RootSettings(count=stems if told else None))
+@pytest.mark.parametrize("count_given", [True, False])
+def test_as_many_stems_are_as_many_roots_at_their_places(stems, count_given):
+    roots_m = find_roots(bush(stems), RootSettings(count=stems if count_given else None))
     assert len(roots_m) == stems
     away_m = np.linalg.norm(roots_m[:, None, [0, 2]] - PLACES_M[:stems], axis=2)
     assert (np.sort(away_m.argmin(axis=1)) == np.arange(stems)).all()
@@ -51,7 +51,7 @@ def test_the_densest_come_first_and_no_more_than_are_wanted():
     assert second[[0, 2]] == pytest.approx([0.8, 0.1], abs=0.02)
 
 
-def test_stems_that_stand_close_are_told_apart_where_their_number_is_told():
+def test_stems_that_stand_close_are_separated_where_their_number_is_given():
     points_m = np.concatenate([cone([x, 0, 0], [3 * x, 2, 0], 0.02, 2000, 7) for x in (-0.08, 0.08)])
     roots_m = find_roots(points_m, RootSettings(count=2))
     assert np.sort(roots_m[:, 0]) == pytest.approx([-0.08, 0.08], abs=0.02)

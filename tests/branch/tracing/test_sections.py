@@ -1,4 +1,4 @@
-"""Slices along the ways to the root: rings of a cylinder, and parents that are always nearer to the root."""
+"""Slices along the paths to the root: rings of a cylinder, and parents that are always nearer to the root."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -34,14 +34,14 @@ def hairpin() -> tuple[np.ndarray, csr_array]:
     return points_m, graph_of(points_m, [*((k, k + 1) for k in range(30)), (0, 30)])
 
 
-def ways_from(lengths_m: csr_array, *roots: int, power: float = 1.0, straight=None):
+def paths_from(lengths_m: csr_array, *roots: int, power: float = 1.0, straight=None):
     return find_paths(lengths_m, np.array(roots), np.arange(len(roots)), power, straight)
 
 
 def test_sections_of_a_cylinder_are_its_rings_in_order():
     points_m, lengths_m = cylinder()
-    ways = find_paths(lengths_m, np.arange(24), np.zeros(24, int))
-    sections = cut_sections(points_m, lengths_m, ways, 0.0499)
+    paths = find_paths(lengths_m, np.arange(24), np.zeros(24, int))
+    sections = cut_sections(points_m, lengths_m, paths, 0.0499)
     order = np.argsort(sections.center_m[:, 1])
     heights_m = 0.05 * (np.arange(12) + 0.5)
     np.testing.assert_allclose(sections.center_m[order], heights_m[:, None] * [0, 1, 0], atol=1e-12)
@@ -64,7 +64,7 @@ def test_a_slice_of_two_branches_is_two_sections():
     points_m = np.concatenate([points_m, points_m[11:] * [-1, 1, 1]])
     links = [(k, k + 1) for k in range(20)] + [(10, 21)] + [(k, k + 1) for k in range(21, 30)]
     lengths_m = graph_of(points_m, links)
-    sections = cut_sections(points_m, lengths_m, ways_from(lengths_m, 0), 0.3)
+    sections = cut_sections(points_m, lengths_m, paths_from(lengths_m, 0), 0.3)
     forks = RootedTree(sections.parent).child_counts()
     assert (forks == 2).sum() == 1
     assert forks.max() == 2
@@ -75,28 +75,28 @@ def test_thick_slices_where_they_are_asked_for():
     points_m = line([0, 0, 0], [0, 4, 0], 401)
     lengths_m = graph_of(points_m, [(k, k + 1) for k in range(400)])
     thickness_m = np.where(points_m[:, 1] < 2, 0.2, 0.05)
-    sections = cut_sections(points_m, lengths_m, ways_from(lengths_m, 0), thickness_m)
+    sections = cut_sections(points_m, lengths_m, paths_from(lengths_m, 0), thickness_m)
     assert len(sections) == pytest.approx(2 / 0.2 + 2 / 0.05, abs=2)
 
 
-def test_with_power_2_ways_keep_to_the_dense_line_where_with_1_they_leap():
+def test_with_power_2_paths_keep_to_the_dense_line_where_with_1_they_leap():
     _, lengths_m = hairpin()
-    leaping, keeping = (ways_from(lengths_m, 0, power=power).before for power in (1.0, 2.0))
+    leaping, keeping = (paths_from(lengths_m, 0, power=power).before for power in (1.0, 2.0))
     assert leaping[30] == 0
     assert keeping[30] == 29  # 30 links of 0.1 cost less than one of 1
     assert keeping[1:].tolist() == list(range(30))
 
 
-def test_on_a_stem_ways_are_straight_whatever_the_power():
+def test_on_a_stem_paths_are_straight_whatever_the_power():
     _, lengths_m = hairpin()
-    assert ways_from(lengths_m, 0, power=2.0, straight=np.ones(31, bool)).before[30] == 0
+    assert paths_from(lengths_m, 0, power=2.0, straight=np.ones(31, bool)).before[30] == 0
 
 
 @given(power=st.floats(1, 4), scale=st.floats(0.01, 100))
-def test_ways_do_not_depend_on_the_unit(power, scale):
+def test_paths_do_not_depend_on_the_unit(power, scale):
     _, lengths_m = hairpin()
-    first, second = (ways_from(unit * lengths_m, 3, power=power) for unit in (1, scale))
-    along = np.arange(6, 28)  # far from where two ways are as long as each other
+    first, second = (paths_from(unit * lengths_m, 3, power=power) for unit in (1, scale))
+    along = np.arange(6, 28)  # far from where two paths are as long as each other
     assert (first.before[along] == second.before[along]).mean() > 0.9
 
 
@@ -107,11 +107,11 @@ def test_parents_are_always_nearer_to_the_root(seed, count, roots):
     points_m = rng.normal(size=(count, 3)) * rng.uniform(0.1, 3, 3)
     lengths_m = link_points(points_m, CloudGraphSettings(neighbors=int(rng.integers(1, 8)))).lengths_m
     chosen = rng.choice(count, min(roots, count), replace=False)
-    ways = ways_from(lengths_m, *chosen, power=float(rng.uniform(1, 3)))
+    paths = paths_from(lengths_m, *chosen, power=float(rng.uniform(1, 3)))
     thickness_m = float(rng.uniform(0.05, 2))
-    sections = cut_sections(points_m, lengths_m, ways, thickness_m)
+    sections = cut_sections(points_m, lengths_m, paths, thickness_m)
 
-    path_m = RootedTree(ways.before).sum_below(step_lengths(points_m, ways.before) / thickness_m)
+    path_m = RootedTree(paths.before).sum_below(step_lengths(points_m, paths.before) / thickness_m)
     slice_of = np.full(len(sections), -1)
     slice_of[sections.section] = np.floor(path_m)
     assert (slice_of[sections.section] == np.floor(path_m)).all()  # a section is of one slice
@@ -120,8 +120,8 @@ def test_parents_are_always_nearer_to_the_root(seed, count, roots):
     assert (~has).sum() == len(chosen)
     assert sections.points.sum() == count
     root_of = np.full(len(sections), -1)
-    root_of[sections.section] = ways.root
-    assert (root_of[sections.section] == ways.root).all()  # and of one root
+    root_of[sections.section] = paths.root
+    assert (root_of[sections.section] == paths.root).all()  # and of one root
     assert (root_of[sections.parent[has]] == root_of[has]).all()
     for number in range(len(sections)):
         np.testing.assert_allclose(sections.center_m[number], points_m[sections.section == number].mean(axis=0))
@@ -130,20 +130,20 @@ def test_parents_are_always_nearer_to_the_root(seed, count, roots):
 def test_every_point_goes_to_the_root_it_is_nearest_to():
     points_m = line([0, 0, 0], [9, 0, 0], 10)
     lengths_m = graph_of(points_m, [(k, k + 1) for k in range(9)])
-    ways = ways_from(lengths_m, 8, 1)
-    assert ways.root.tolist() == [1] * 5 + [0] * 5
-    assert ways.before.tolist() == [1, -1, 1, 2, 3, 6, 7, 8, -1, 8]
+    paths = paths_from(lengths_m, 8, 1)
+    assert paths.root.tolist() == [1] * 5 + [0] * 5
+    assert paths.before.tolist() == [1, -1, 1, 2, 3, 6, 7, 8, -1, 8]
 
 
 def test_points_that_are_all_roots_are_sections_of_their_own():
     points_m = line([0, 0, 0], [3, 0, 0], 4)
     lengths_m = graph_of(points_m, [(k, k + 1) for k in range(3)])
-    sections = cut_sections(points_m, lengths_m, ways_from(lengths_m, 0, 1, 2, 3), 1.0)
+    sections = cut_sections(points_m, lengths_m, paths_from(lengths_m, 0, 1, 2, 3), 1.0)
     assert sections.parent.tolist() == [-1] * 4
 
 
 def test_what_is_thicker_than_the_plant_is_one_section():
     points_m, lengths_m = cylinder()
-    sections = cut_sections(points_m, lengths_m, ways_from(lengths_m, 0), 10.0)
+    sections = cut_sections(points_m, lengths_m, paths_from(lengths_m, 0), 10.0)
     assert sections.parent.tolist() == [-1]
     assert sections.points.tolist() == [len(points_m)]

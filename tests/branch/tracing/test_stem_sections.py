@@ -1,4 +1,4 @@
-"""Circles across axes: exact on cylinders, seen in part as well, and none where points tell none."""
+"""Circles across axes: exact on cylinders, seen in part as well, and none where points show none."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -47,7 +47,7 @@ def test_an_arc_is_enough(share, seen):
 
 
 @pytest.mark.parametrize("end_m", [[0, 1, 0], [1, 0, 0], [0.3, 0.2, -0.9]])
-def test_noise_hardly_moves_the_circle_whichever_way_the_branch_goes(end_m):
+def test_noise_hardly_moves_the_circle_in_any_direction_of_the_branch(end_m):
     error = []
     for noise_m in (0.001, 0.01):
         circles = fit(cone([0, 0, 0], end_m, 0.1, 8000, 1, noise_m), line([0, 0, 0], end_m, 21))
@@ -59,8 +59,8 @@ def test_noise_hardly_moves_the_circle_whichever_way_the_branch_goes(end_m):
 
 def test_what_is_far_from_the_circle_does_not_count():
     points_m = rings(0.1, HEIGHTS_M, 48)
-    strays_m = np.random.default_rng(0).uniform([0.12, 0, -0.1], [0.2, 1, 0.1], (len(points_m) // 8, 3))
-    circles = fit(np.concatenate([points_m, strays_m]), upright())
+    outliers_m = np.random.default_rng(0).uniform([0.12, 0, -0.1], [0.2, 1, 0.1], (len(points_m) // 8, 3))
+    circles = fit(np.concatenate([points_m, outliers_m]), upright())
     np.testing.assert_allclose(circles.radius_m, 0.1, rtol=0.02)
 
 
@@ -69,7 +69,7 @@ def test_a_cone_has_at_each_node_the_radius_it_has_there():
     np.testing.assert_allclose(circles.radius_m[2:-2], (0.1 - 0.05 * HEIGHTS_M)[2:-2], rtol=0.02)
 
 
-def test_points_are_as_far_apart_as_their_share_of_the_surface_says():
+def test_the_spacing_of_points_follows_from_their_share_of_the_surface():
     circles = fit(rings(0.1, HEIGHTS_M), upright(), 0.12)
     assert circles.points[10] == 5 * 24
     assert circles.apart_m[10] == pytest.approx(np.sqrt(2 * np.pi * 0.1 * 0.2 / 120))
@@ -86,7 +86,7 @@ def test_points_are_as_far_apart_as_their_share_of_the_surface_says():
     ],
     ids=["a line along", "a plane along", "one place", "too few", "none"],
 )
-def test_points_that_tell_no_circle_have_none(points_m):
+def test_points_that_show_no_circle_have_none(points_m):
     circles = fit(points_m, upright())
     assert np.isnan(circles.radius_m).all()
     assert not circles.offset_m.any()

@@ -69,7 +69,7 @@ def test_no_part_of_a_small_tree_is_better_than_the_best(seed, count):
     assert gain[kept].sum() == pytest.approx(max(totals))
 
 
-def test_a_straight_way_looks_more_like_wood_than_a_zigzag():
+def test_a_straight_path_looks_more_like_wood_than_a_zigzag():
     straight_m = line([0, 0, 0], [0, 2, 0], 401)
     zigzag_m = straight_m + np.where(np.arange(401) % 8 < 4, 0.03, -0.03)[:, None] * [1.0, 0, 0]
     straight, zigzag = (wood_features(points_m, chain(points_m), 0.015) for points_m in (straight_m, zigzag_m))
@@ -77,7 +77,7 @@ def test_a_straight_way_looks_more_like_wood_than_a_zigzag():
     assert (straight[inner, :2] > zigzag[inner, :2] + 0.5).all()
 
 
-def test_a_straight_way_is_as_straight_as_its_windows_are_long():
+def test_the_straightness_of_a_straight_path_follows_from_the_length_of_its_windows():
     points_m = line([0, 0, 0], [0, 2, 0], 2001)
     features = wood_features(points_m, chain(points_m), 0.01)
     # Evenly spread over a window's length, the standard deviation is that length by the root of twelve.
@@ -157,7 +157,7 @@ def test_points_far_apart_do_not_show_leaves():
     assert sparse.wood.all()
 
 
-def test_points_that_come_twenty_times_are_told_each():
+def test_points_that_come_twenty_times_have_one_label():
     points_m = np.repeat(leafy_cloud()[0][::3], 20, axis=0)
     traced = reconstruct_branches(points_m, FOOT_M, BranchSettings(leaves="on"))
     assert traced.wood.shape == (len(points_m),)
@@ -178,12 +178,12 @@ def test_settings_that_cannot_be_are_refused(change):
         WoodSettings(**change)
 
 
-def test_what_leaves_may_be_is_said():
+def test_the_error_of_a_wrong_leaves_setting_lists_its_values():
     with pytest.raises(ValueError, match="auto, on, off"):
         BranchSettings(leaves="perhaps")  # type: ignore[arg-type]
 
 
-def test_of_a_dense_cloud_leaves_are_told_by_some_of_its_points():
+def test_leaves_of_a_dense_cloud_are_found_by_some_of_its_points():
     points_m, is_wood = leafy_cloud()
     some = len(points_m) * 2 // 3
     settings = BranchSettings(leaves="on", wood=WoodSettings(max_points=some, few_points=some))

@@ -23,7 +23,7 @@ def paint(rng: np.random.Generator, is_wood: np.ndarray, leaf: tuple[int, int, i
 
 
 @pytest.mark.parametrize("leaf", [GREEN, AUTUMN])
-def test_colours_that_differ_tell_wood_though_it_was_taken_for_leaves(rng, leaf):
+def test_colours_that_differ_separate_wood_that_was_taken_for_leaves(rng, leaf):
     is_wood = np.arange(8000) < 3000
     taken = np.where(rng.random(8000) < 0.3, ~is_wood, is_wood)
     odds = color_odds(paint(rng, is_wood, leaf), taken)
@@ -32,7 +32,7 @@ def test_colours_that_differ_tell_wood_though_it_was_taken_for_leaves(rng, leaf)
     assert np.abs(odds).max() < 2.5  # no surer than what it was learnt from
 
 
-def test_like_colours_tell_nothing(rng):
+def test_similar_colours_separate_nothing(rng):
     is_wood = np.arange(20_000) < 8000
     assert np.abs(color_odds(paint(rng, is_wood, BARK), is_wood)).mean() < 0.15
 
@@ -43,7 +43,7 @@ def test_of_too_few_points_nothing_is_learnt(rng, wood):
 
 
 @pytest.mark.parametrize("color", [(0, 0, 0), (255, 255, 255), (9, 200, 9)])
-def test_a_single_colour_tells_nothing(color):
+def test_a_single_colour_separates_nothing(color):
     odds = color_odds(np.tile(color, (1000, 1)), np.arange(1000) < 400)
     np.testing.assert_allclose(odds, 0, atol=0.3)
 
