@@ -28,11 +28,11 @@ std::vector<double> gaps_between(const std::vector<HoleWant>& wants, const Ranke
 }
 
 // Whether the other columns have room between the sectors.
-bool fits(const std::vector<double>& gaps, double least_column) {
+bool fits(const std::vector<double>& gaps, double min_column) {
     long columns = 0;
     for (const double gap : gaps) {
         if (gap < 0) return false;
-        columns += static_cast<long>(gap / least_column);
+        columns += static_cast<long>(gap / min_column);
     }
     return columns >= kCageSides - static_cast<long>(gaps.size());
 }
@@ -61,18 +61,18 @@ Columns6 share_out(const std::vector<HoleWant>& wants, const Ranked& ranked, con
 }  // namespace
 
 bool has_room(const std::vector<HoleWant>& wants, const std::vector<std::size_t>& members, std::size_t want,
-              double least_column) {
+              double min_column) {
     if (members.empty() || members.size() >= kCageSides) return false;
     Ranked ranked = members;
     ranked.push_back(want);
     std::stable_sort(ranked.begin(), ranked.end(), [&](std::size_t a, std::size_t b) {
         return wrapped(wants[a].azimuth) < wrapped(wants[b].azimuth);
     });
-    return fits(gaps_between(wants, ranked, &HoleWant::tight), least_column);
+    return fits(gaps_between(wants, ranked, &HoleWant::tight), min_column);
 }
 
 BlockColumns arrange_columns(std::vector<HoleWant>& wants, const std::vector<std::size_t>& members, double phase,
-                             double least_column) {
+                             double min_column) {
     const std::size_t count = members.size();
     std::vector<std::size_t> order(count);
     for (std::size_t k = 0; k < count; ++k) order[k] = k;
@@ -83,7 +83,7 @@ BlockColumns arrange_columns(std::vector<HoleWant>& wants, const std::vector<std
     for (std::size_t k = 0; k < count; ++k) ranked[k] = members[order[k]];
     double HoleWant::* half = &HoleWant::half;
     std::vector<double> gaps = gaps_between(wants, ranked, half);
-    if (!fits(gaps, least_column)) {
+    if (!fits(gaps, min_column)) {
         half = &HoleWant::tight;
         gaps = gaps_between(wants, ranked, half);
     }

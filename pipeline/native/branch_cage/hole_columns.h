@@ -20,14 +20,14 @@ struct BlockColumns {
 
 // Whether a ring that these members (indices of wants) leave through has a sector for another.
 bool has_room(const std::vector<HoleWant>& wants, const std::vector<std::size_t>& members, std::size_t want,
-              double least_column);
+              double min_column);
 
 // Angles of the six columns, and the sector of each member; members get azimuths on the same turn.
 //
 // Each sector ends at its branch's edges, or half-way to a neighbour that has the next sector; what is left of the circle
 // is shared by the other columns. Of the six numberings the one nearest to the phase is taken, NaN for any.
 BlockColumns arrange_columns(std::vector<HoleWant>& wants, const std::vector<std::size_t>& members, double phase,
-                             double least_column);
+                             double min_column);
 
 double mean_turn(const Columns6& angles);
 Columns6 even_columns(double phase);

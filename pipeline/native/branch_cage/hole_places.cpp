@@ -115,15 +115,15 @@ class Placer {
               double press, Place& best) const {
         const HoleWant& want = wants_[number];
         const Block& block = blocks[k];
-        const double half = press * want.half_block, most = 1.6 * std::max(block.high - block.low, 2 * half);
-        const double away = std::max(block.low - want.arc, want.arc - block.high) - most;
+        const double half = press * want.half_block, max_extent = 1.6 * std::max(block.high - block.low, 2 * half);
+        const double away = std::max(block.low - want.arc, want.arc - block.high) - max_extent;
         if ((best.found && away > best.cost) || !has_room(wants_, block.members, number, settings_.min_column_rad)) return;
         const double floor = k ? std::max(low, blocks[k - 1].high + gap) : low;
         const double roof = k + 1 < blocks.size() ? std::min(high, blocks[k + 1].low - gap) : high;
-        const double grow_low = std::max(floor, block.high - most), grow_high = std::min(roof, block.low + most);
+        const double grow_low = std::max(floor, block.high - max_extent), grow_high = std::min(roof, block.low + max_extent);
         if (grow_high - grow_low < 2 * half) return;
         double middle = std::min(std::max(want.arc, grow_low + half), grow_high - half);
-        if (std::max(block.high, middle + half) - std::min(block.low, middle - half) > most * (1 + 1e-9)) {
+        if (std::max(block.high, middle + half) - std::min(block.low, middle - half) > max_extent * (1 + 1e-9)) {
             if (block.high - block.low < 2 * half) return;
             middle = std::min(std::max(want.arc, block.low + half), block.high - half);
         }

@@ -62,7 +62,7 @@ struct HolePlacement {
 
 // Find a place for each want, those of a tube in their order: the first move least. What has none takes its own along.
 //
-// @param wants         by parents as want_first says, first those that are to move least.
+// @param wants         by parents in the order of want_first: first those that are to move least.
 HolePlacement place_holes(const HoleTubes& tubes, std::vector<HoleWant> wants, const HoleSettings& settings);
 
 }  // namespace usdfoliage

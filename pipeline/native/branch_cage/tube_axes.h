@@ -49,7 +49,7 @@ inline std::int64_t tube_segment(const TubeAxes& axes, std::int64_t tube, double
     return std::clamp(static_cast<std::int64_t>(found), first, last);
 }
 
-// Point and radius, held at the ends.
+// Point and radius; beyond the ends those of the end.
 inline TubePlace tube_axis(const TubeAxes& axes, std::int64_t tube, double arc) {
     const std::int64_t at = tube_segment(axes, tube, arc);
     const double share = std::clamp((arc - axes.arc[at]) / (axes.arc[at + 1] - axes.arc[at]), 0.0, 1.0);
@@ -63,7 +63,7 @@ inline TubePlace tube_axis(const TubeAxes& axes, std::int64_t tube, double arc) 
 inline TubeVector tube_tangent(const TubeAxes& axes, std::int64_t tube, double arc, double reach) {
     TubeVector chord = between(tube_axis(axes, tube, std::max(arc - reach, 0.0)).point,
                                tube_axis(axes, tube, std::min(arc + reach, tube_length(axes, tube))).point);
-    // Where the axis comes back on itself the chord says nothing, and the segment does.
+    // Where the axis comes back on itself the chord has no direction, and the segment's is taken.
     if (length(chord) < 0.2 * reach) chord = vector_at(axes.direction, tube_segment(axes, tube, arc));
     const double size = length(chord);
     return {chord[0] / size, chord[1] / size, chord[2] / size};
@@ -75,17 +75,17 @@ inline double segment_share(const TubeAxes& axes, std::int64_t at, const TubeVec
 
 inline double segment_distance(const TubeAxes& axes, std::int64_t at, const TubeVector& place) {
     TubeVector offset = between(vector_at(axes.points, at), place);
-    const TubeVector way = vector_at(axes.direction, at);
-    const double along = std::clamp(dot(offset, way), 0.0, axes.arc[at + 1] - axes.arc[at]);
-    for (std::size_t k = 0; k < 3; ++k) offset[k] -= along * way[k];
+    const TubeVector direction = vector_at(axes.direction, at);
+    const double along = std::clamp(dot(offset, direction), 0.0, axes.arc[at + 1] - axes.arc[at]);
+    for (std::size_t k = 0; k < 3; ++k) offset[k] -= along * direction[k];
     return length(offset);
 }
 
 // The place of a tube next to a point, from the segment (in and out) where the last one was.
-inline TubePlace tube_nearest(const TubeAxes& axes, std::int64_t tube, const TubeVector& place, int most_steps,
+inline TubePlace tube_nearest(const TubeAxes& axes, std::int64_t tube, const TubeVector& place, int max_steps,
                               std::int64_t& at) {
     const std::int64_t low = axes.first[tube], high = low + axes.counts[tube] - 2;
-    for (int step = 0; step < most_steps; ++step) {
+    for (int step = 0; step < max_steps; ++step) {
         const double share = segment_share(axes, at, place);
         const std::int64_t next = share > 1 && at < high ? at + 1 : share < 0 && at > low ? at - 1 : at;
         // Only to a neighbour that is nearer, or a corner would be stepped over for ever.
@@ -93,9 +93,9 @@ inline TubePlace tube_nearest(const TubeAxes& axes, std::int64_t tube, const Tub
         at = next;
     }
     const double share = std::clamp(segment_share(axes, at, place), 0.0, 1.0);
-    const TubeVector start = vector_at(axes.points, at), way = vector_at(axes.direction, at);
+    const TubeVector start = vector_at(axes.points, at), direction = vector_at(axes.direction, at);
     const double along = share * (axes.arc[at + 1] - axes.arc[at]);
-    return {{start[0] + along * way[0], start[1] + along * way[1], start[2] + along * way[2]},
+    return {{start[0] + along * direction[0], start[1] + along * direction[1], start[2] + along * direction[2]},
             axes.arc[at] + along,
             axes.radius[at] + share * (axes.radius[at + 1] - axes.radius[at])};
 }

@@ -22,7 +22,7 @@ struct ExitWalkSettings {
 // @param tube, parent  of n walks.
 // @param clearance     of its radius, by how much a disc is to be clear.
 // @param at            the parent's segment next to the walk, in and out.
-// @param arc           where on the tube the walk is, in and out; held at the tip.
+// @param arc           where on the tube the walk is, in and out; at most that of the tip.
 // @param done          whether it came out.
 void walk_out(const TubeAxes& axes, const std::int64_t* tube, const std::int64_t* parent, const double* clearance,
               std::size_t n, const ExitWalkSettings& settings, std::int64_t* at, double* arc, std::uint8_t* done, int threads);

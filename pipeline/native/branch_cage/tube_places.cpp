@@ -45,11 +45,11 @@ void find_frames(const TubeAxes& axes, const double* reference, const std::int64
     });
 }
 
-void find_nearest(const TubeAxes& axes, const std::int64_t* tube, const double* places, std::size_t n, int most_steps,
+void find_nearest(const TubeAxes& axes, const std::int64_t* tube, const double* places, std::size_t n, int max_steps,
                   std::int64_t* at, double* points, double* arc, double* radius, int threads) {
     for_each_place(n, threads, [&](std::size_t k) {
         const TubeVector place = vector_at(places, static_cast<std::int64_t>(k));
-        const TubePlace near = tube_nearest(axes, tube[k], place, most_steps, at[k]);
+        const TubePlace near = tube_nearest(axes, tube[k], place, max_steps, at[k]);
         put(near.point, points + 3 * k);
         arc[k] = near.arc;
         radius[k] = near.radius;

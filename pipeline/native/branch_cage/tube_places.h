@@ -9,7 +9,7 @@
 
 namespace usdfoliage {
 
-// Points (3 each) and radii at n places, held at the ends of the tubes.
+// Points (3 each) and radii at n places; beyond an end of a tube those of the end.
 void find_axis(const TubeAxes& axes, const std::int64_t* tube, const double* arc, std::size_t n, double* points,
                double* radius, int threads);
 
@@ -27,7 +27,7 @@ void find_frames(const TubeAxes& axes, const double* reference, const std::int64
 // The place of a tube next to each of n points (3 each): points (3 each), arcs and radii there.
 //
 // @param at  the tube's segment where the search begins, in and out.
-void find_nearest(const TubeAxes& axes, const std::int64_t* tube, const double* places, std::size_t n, int most_steps,
+void find_nearest(const TubeAxes& axes, const std::int64_t* tube, const double* places, std::size_t n, int max_steps,
                   std::int64_t* at, double* points, double* arc, double* radius, int threads);
 
 }  // namespace usdfoliage

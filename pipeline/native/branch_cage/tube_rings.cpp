@@ -98,11 +98,11 @@ class Rounding {
     bool folded(std::size_t k) const {
         const auto at = static_cast<std::int64_t>(k);
         const TubeVector low = vector_at(rings_.tangent, at), high = vector_at(rings_.tangent, at + 1),
-                         way{low[0] + high[0], low[1] + high[1], low[2] + high[2]};
-        const double least = kMinForward * length(between(vector_at(rings_.center, at), vector_at(rings_.center, at + 1)));
+                         ahead{low[0] + high[0], low[1] + high[1], low[2] + high[2]};
+        const double min_dot = kMinForward * length(between(vector_at(rings_.center, at), vector_at(rings_.center, at + 1)));
         const auto vertex = static_cast<std::int64_t>(kSides);
         for (std::int64_t side = 0; side < vertex; ++side)
-            if (dot(between(vector_at(points_, vertex * at + side), vector_at(points_, vertex * (at + 1) + side)), way) < least)
+            if (dot(between(vector_at(points_, vertex * at + side), vector_at(points_, vertex * (at + 1) + side)), ahead) < min_dot)
                 return true;
         return false;
     }

@@ -154,9 +154,9 @@ std::vector<std::int64_t> bridge_pieces(const double* points, const std::int32_t
         std::vector<Found> best(pieces);
         std::vector<std::size_t> start(pieces, 0);
         const auto offer = [&](std::size_t i) {
-            Found& held = best[tree.piece[i]];
-            if (nearest[i].square < held.square) {
-                held = nearest[i];
+            Found& shortest = best[tree.piece[i]];
+            if (nearest[i].square < shortest.square) {
+                shortest = nearest[i];
                 start[tree.piece[i]] = i;
             }
         };
@@ -166,9 +166,9 @@ std::vector<std::int64_t> bridge_pieces(const double* points, const std::int32_t
             if (known[i]) offer(i);
         }
         for (std::size_t i = 0; i < n; ++i) {
-            const Found& held = best[tree.piece[i]];
-            if (tree.piece[i] == largest || known[i] || nearest[i].square >= held.square) continue;
-            Found found{held.square, n};
+            const Found& shortest = best[tree.piece[i]];
+            if (tree.piece[i] == largest || known[i] || nearest[i].square >= shortest.square) continue;
+            Found found{shortest.square, n};
             tree.find_other(i, 0, found);
             nearest[i] = found;
             known[i] = found.point < n;

@@ -79,7 +79,7 @@ class Refinement {
         if (s_.known[pixel] == 2) return;
         Place best = source_at(s_, pixel);
         if (settled(y, x, best)) return;
-        std::int64_t least = cost(y, x, best, std::numeric_limits<std::int32_t>::max());
+        std::int64_t lowest = cost(y, x, best, std::numeric_limits<std::int32_t>::max());
 
         std::array<Place, 64> seen;
         std::size_t n_seen = 0;
@@ -90,10 +90,10 @@ class Refinement {
                 if (seen[i] == p) return;
             }
             if (n_seen < seen.size()) seen[n_seen++] = p;
-            const std::int64_t limit = least * denominator / numerator;
+            const std::int64_t limit = lowest * denominator / numerator;
             const std::int64_t found = cost(y, x, p, limit);
             if (found < limit) {
-                least = found;
+                lowest = found;
                 best = p;
             }
         };

@@ -105,10 +105,10 @@ std::vector<double> khachiyan_weights(const std::vector<double>& points, double 
             for (double& weight : weights) weight *= 1 - share;
             weights[far] += share;
         } else {
-            const double most = weights[near] < 1 ? weights[near] / (1 - weights[near]) : 0.0;
-            const double best = kappa[near] > 1 ? (3 - kappa[near]) / (3 * (kappa[near] - 1)) : most;
-            const bool leaves = best >= most;
-            const double share = leaves ? most : best;
+            const double max_share = weights[near] < 1 ? weights[near] / (1 - weights[near]) : 0.0;
+            const double best = kappa[near] > 1 ? (3 - kappa[near]) / (3 * (kappa[near] - 1)) : max_share;
+            const bool leaves = best >= max_share;
+            const double share = leaves ? max_share : best;
             for (double& weight : weights) weight *= 1 + share;
             weights[near] = leaves ? 0.0 : weights[near] - share;
         }
@@ -153,7 +153,7 @@ Ellipse enclosing_ellipse(const double* points, std::size_t n, double tolerance)
     const std::size_t h = corners.size() / 2;
     const Spread spread = spread_of(corners);
     const double cosine = spread.along[0], sine = spread.along[1];
-    // Both axes of the spread are made alike, which the smallest ellipse does not mind but its arithmetic does.
+    // Both axes of the spread are made equally long, which the smallest ellipse does not mind but its arithmetic does.
     std::vector<double> even(corners.size());
     double low = std::numeric_limits<double>::infinity(), high = -low;
     for (std::size_t i = 0; i < h; ++i) {

@@ -125,13 +125,13 @@ class GridCut {
     }
 
     std::int32_t bottleneck(std::int32_t i) const {
-        std::int32_t least = std::numeric_limits<std::int32_t>::max();
+        std::int32_t narrowest = std::numeric_limits<std::int32_t>::max();
         for (; parent_[i] != kTerminal;) {
             const std::int32_t up = neighbour(i, parent_[i]);
-            least = std::min(least, residual(second_[i], up, i, opposite(parent_[i])));
+            narrowest = std::min(narrowest, residual(second_[i], up, i, opposite(parent_[i])));
             i = up;
         }
-        return std::min(least, second_[i] ? -terminal_[i] : terminal_[i]);
+        return std::min(narrowest, second_[i] ? -terminal_[i] : terminal_[i]);
     }
 
     void push(std::int32_t i, std::int32_t flow) {

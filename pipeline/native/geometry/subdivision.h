@@ -8,7 +8,7 @@
 
 namespace usdfoliage {
 
-// A polygon cage. Boundary vertices and edges are interpolated as USD's "edgeAndCorner" says.
+// A polygon cage. Boundary vertices and edges are interpolated as by USD's "edgeAndCorner".
 struct Cage {
     const double* points;  // n_points * 3
     std::size_t n_points;

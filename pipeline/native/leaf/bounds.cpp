@@ -54,16 +54,16 @@ Reach jitter_reach(const double* leaf, double reach) {
     AxisAt from = axis_at(leaf, 0);
     for (int r = 0; r < kAlong; ++r) {
         const AxisAt to = axis_at(leaf, (r + 1) * step);
-        double least[2], most[2];  // of the sizes of the tangent's parts
+        double smallest[2], largest[2];  // of the sizes of the tangent's parts
         for (int c = 0; c < 2; ++c) {
             const double low = std::min(from.slope[c], to.slope[c]) - rise[c], high = std::max(from.slope[c], to.slope[c]) + rise[c];
-            least[c] = std::max({low, -high, 0.0});
-            most[c] = std::max(-low, high);
+            smallest[c] = std::max({low, -high, 0.0});
+            largest[c] = std::max(-low, high);
         }
         const double middle = 2 * std::clamp(0.5, r * step, (r + 1) * step) - 1, squared = middle * middle;
         const double faded = reach * (1 - squared * squared * squared * squared);
         for (int c = 0; c < 2; ++c) {  // the normal is (t_y, -t_x)
-            const double far = most[1 - c], near = least[c], size = std::sqrt(far * far + near * near);
+            const double far = largest[1 - c], near = smallest[c], size = std::sqrt(far * far + near * near);
             bounded.cell[r][c] = size > 0 ? faded * far / size : 0;
         }
         from = to;
@@ -125,10 +125,10 @@ void component_bounds(const Net& net, const double* reach, double* low, double* 
     for (const auto& row : net) {
         for (const double value : row) hull_low = std::min(hull_low, value), hull_high = std::max(hull_high, value);
     }
-    double most_reach = 0;
-    for (int r = 0; r < kAlong && reach != nullptr; ++r) most_reach = std::max(most_reach, reach[r]);
-    hull_low -= most_reach;
-    hull_high += most_reach;
+    double max_reach = 0;
+    for (int r = 0; r < kAlong && reach != nullptr; ++r) max_reach = std::max(max_reach, reach[r]);
+    hull_low -= max_reach;
+    hull_high += max_reach;
     if (hull_low >= *low && hull_high <= *high) return;
     const BendAlong along(net);
     double sample_low = *low, sample_high = *high;

@@ -42,21 +42,21 @@ void sample_surface(const LeafCurves& curves, Samples<Columns * Rows>& samples) 
 
 // Look for the closest sample to each point, some samples at once; of equal ones the first.
 //
-// @param least   squared distance of the closest so far, written again
-// @param number  which it is, likewise
+// @param closest  squared distance of the closest so far, written again
+// @param number   which it is, likewise
 USDFOLIAGE_VECTOR_CLONES
 void compare_samples(const double (&samples)[3][kTogether], double first, const double* __restrict px,
-                     const double* __restrict py, const double* __restrict pz, std::size_t n, double* __restrict least,
+                     const double* __restrict py, const double* __restrict pz, std::size_t n, double* __restrict closest,
                      double* __restrict number) {
     for (std::size_t i = 0; i < n; ++i) {
-        double best = least[i], which = number[i];
+        double best = closest[i], which = number[i];
         for (std::size_t k = 0; k < kTogether; ++k) {
             const double x = samples[0][k] - px[i], y = samples[1][k] - py[i], z = samples[2][k] - pz[i];
             const double square = x * x + y * y + z * z;
             which = square < best ? first + static_cast<double>(k) : which;
             best = square < best ? square : best;
         }
-        least[i] = best;
+        closest[i] = best;
         number[i] = which;
     }
 }
@@ -64,14 +64,14 @@ void compare_samples(const double (&samples)[3][kTogether], double first, const 
 template <std::size_t N>
 void begin_at_closest(const Samples<N>& samples, const double* const points[3], std::size_t n, double* u, double* v) {
     static_assert(N % kTogether == 0);
-    double* least = u;
+    double* closest = u;
     double* number = v;
-    std::fill(least, least + n, std::numeric_limits<double>::infinity());
+    std::fill(closest, closest + n, std::numeric_limits<double>::infinity());
     std::fill(number, number + n, 0.0);
     for (std::size_t k = 0; k < N; k += kTogether) {
         double some[3][kTogether];
         for (int c = 0; c < 3; ++c) std::copy(samples.point[c] + k, samples.point[c] + k + kTogether, some[c]);
-        compare_samples(some, static_cast<double>(k), points[0], points[1], points[2], n, least, number);
+        compare_samples(some, static_cast<double>(k), points[0], points[1], points[2], n, closest, number);
     }
     for (std::size_t i = 0; i < n; ++i) {
         const auto k = static_cast<std::size_t>(number[i]);

@@ -42,10 +42,10 @@ void leaf_nets(const double* leaves, std::size_t n, double* nets, int threads) {
     for_each_leaf(n, threads, [&](std::size_t i) { leaf_net(leaves + kLeafNumbers * i, nets + 105 * i); });
 }
 
-void leaf_axes(const double* leaves, std::size_t n, const double* v, std::size_t p, bool alike, double* points, double* normals,
-               int threads) {
+void leaf_axes(const double* leaves, std::size_t n, const double* v, std::size_t p, bool shared_v, double* points,
+               double* normals, int threads) {
     for_each_leaf(n, threads, [&](std::size_t i) {
-        const double* at_v = alike ? v : v + p * i;
+        const double* at_v = shared_v ? v : v + p * i;
         for (std::size_t k = 0; k < p; ++k) {
             const AxisAt at = axis_at(leaves + kLeafNumbers * i, at_v[k]);
             if (points != nullptr) std::copy(at.point, at.point + 3, points + 3 * (p * i + k));

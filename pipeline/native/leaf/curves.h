@@ -177,10 +177,10 @@ void leaf_nets(const double* leaves, std::size_t n, double* nets, int threads);
 
 // The axis and its normals in the leaf's plane.
 //
-// @param v        n * p, or p for all leaves alike
+// @param v        n * p, or p that all leaves share
 // @param points   n * p * 3, written; may be null
 // @param normals  n * p * 3, written; may be null
-void leaf_axes(const double* leaves, std::size_t n, const double* v, std::size_t p, bool alike, double* points, double* normals,
-               int threads);
+void leaf_axes(const double* leaves, std::size_t n, const double* v, std::size_t p, bool shared_v, double* points,
+               double* normals, int threads);
 
 }  // namespace usdfoliage

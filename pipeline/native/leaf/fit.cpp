@@ -17,7 +17,7 @@ namespace {
 constexpr double kDeviation = 1.482602218505602;  // standard deviations a median absolute deviation of normal noise counts
 constexpr double kTukey = 4.685, kHuber = 1.345;  // 95 % as good as least squares where there are no outliers
 constexpr double kExact = 1e-5;                   // leaf lengths; what is closer to the surface is no outlier
-constexpr int kWeightTurns = 4;                   // then the weights are held, or they and the mapping may chase each other
+constexpr int kWeightTurns = 4;                   // then the weights stay, or they and the mapping may chase each other
 constexpr std::size_t kMinLines = 8;
 constexpr int kNearestSteps = 6;
 
@@ -158,9 +158,9 @@ Alternation alternate(const std::vector<double>& points, const std::vector<unsig
 
 }  // namespace
 
-std::size_t scanline_count(std::size_t points, std::size_t most) {
+std::size_t scanline_count(std::size_t points, std::size_t max_lines) {
     const auto wanted = static_cast<std::size_t>(0.8 * std::sqrt(static_cast<double>(points)));
-    return std::min(std::max(wanted, std::min(kMinLines, most)), most);
+    return std::min(std::max(wanted, std::min(kMinLines, max_lines)), max_lines);
 }
 
 void ellipse_leaf(double half_width, double* leaf) {

@@ -43,7 +43,7 @@ void fit_leaves(const double* points, const double* normals, const long long* of
                 const LeafFitSettings& settings, const LeafFits& fits, int threads);
 
 // Scanlines for this many points: enough of them for a few points on either half of a line.
-std::size_t scanline_count(std::size_t points, std::size_t most);
+std::size_t scanline_count(std::size_t points, std::size_t max_lines);
 
 // Flat leaves whose silhouette follows the ellipse around (0, 1/2, 0) with these half widths.
 void ellipse_leaf(double half_width, double* leaf);

@@ -175,8 +175,8 @@ std::vector<double> neighbour_distances(const std::vector<Point>& places) {
                     if (other == i) continue;
                     const double x = places[other][0] - places[i][0], y = places[other][1] - places[i][1];
                     double square = x * x + y * y;
-                    for (double& held : nearest)
-                        if (square < held) std::swap(square, held);
+                    for (double& closer : nearest)
+                        if (square < closer) std::swap(square, closer);
                 }
             }
             const double fourth = std::sqrt(nearest[kNeighbour - 1]);
@@ -200,9 +200,9 @@ void leave_out_isolated(const std::vector<Point>& local, double isolation, std::
     if (places.size() <= kNeighbour) return;
     const std::vector<double> distances = neighbour_distances(places);
     std::vector<double> sorted = distances;
-    const double usual = median_of(sorted);
+    const double median = median_of(sorted);
     for (std::size_t k = 0; k < places.size(); ++k)
-        if (distances[k] > isolation * usual) (*kept)[numbers[k]] = 0;
+        if (distances[k] > isolation * median) (*kept)[numbers[k]] = 0;
 }
 
 // How far the points nearest to a place stand off the quadric: their median.

@@ -15,7 +15,7 @@ enum LeafOutcome : int { kFitted = 0, kTooFewPoints = 1, kNotFinite = 2, kDegene
 struct LeafFrameSettings {
     std::size_t min_points;
     bool robust;       // leave out points that stand off the surface, and isolated ones
-    double isolation;  // a point whose fourth neighbour is this many times farther than usual is isolated
+    double isolation;  // a point whose fourth neighbour is this many times farther than the median is isolated
 };
 
 // Leaf space in the points' frame, and the ellipse around the points in it: around (0, 1/2, 0).

@@ -19,10 +19,10 @@ CurveSlopes curve_slopes(const double* leaf) {
         const AxisAt at = axis_at(leaf, v);
         const AxisFrame frame = axis_frame(at);
         const Along along = along_at(v), along_slope = along_slope_at(v);
-        const bool held = !(frame.speed > kNoDirection);
+        const bool upright = !(frame.speed > kNoDirection);
         const auto turned = [&](double dx, double dy, double* normal) {
             normal[0] = normal[1] = 0;
-            if (!held) turn_normal(frame, dx, dy, normal);
+            if (!upright) turn_normal(frame, dx, dy, normal);
         };
         for (int c = 0; c < 3; ++c) slopes.foot_v[i][c] = at.slope[c];
         double by_x[2], by_y[2], by_v[2];
@@ -78,7 +78,7 @@ void write_jacobian(const CurveSlopes& slopes, const Along& along, const Across&
 }
 
 template <typename Real>
-void leaf_jacobians(const double* leaves, std::size_t n, const double* uv, std::size_t p, bool alike, Real* points,
+void leaf_jacobians(const double* leaves, std::size_t n, const double* uv, std::size_t p, bool shared_uv, Real* points,
                     Real* jacobians, int threads) {
     if (p == 0) return;
     const std::size_t block = std::max<std::size_t>(1, kBlockSamples / p);
@@ -87,7 +87,7 @@ void leaf_jacobians(const double* leaves, std::size_t n, const double* uv, std::
             const double* leaf = leaves + kLeafNumbers * i;
             const LeafCurves curves = leaf_curves(leaf);
             const CurveSlopes slopes = curve_slopes(leaf);
-            const double* place = alike ? uv : uv + 2 * p * i;
+            const double* place = shared_uv ? uv : uv + 2 * p * i;
             for (std::size_t k = 0; k < p; ++k, place += 2) {
                 const Along along = along_at(place[1]);
                 const Across across = across_at(place[0]);

@@ -18,7 +18,7 @@ struct NearFold {
 // Those among some places spread over both halves where the area element is too small for the leaf's width.
 std::vector<NearFold> find_near_folds(const double* parameters);
 
-// Derivatives of the scaled area element by the parameters, with the scale held.
+// Derivatives of the scaled area element by the parameters, with the scale kept as it is.
 //
 // @param slopes_of_area  21, written
 void write_area_slopes(const LeafCurves& curves, const CurveSlopes& slopes, const NearFold& near, double* slopes_of_area);

@@ -12,15 +12,15 @@ namespace usdfoliage {
 namespace {
 
 constexpr int kBits = 6;              // of the curve, an axis
-constexpr std::size_t kNeighbor = 4;  // whose distance tells whether a point lies apart
+constexpr std::size_t kNeighbor = 4;  // whose distance decides whether a point lies apart
 
 bool is_finite(const double* point) {
     return std::isfinite(point[0]) && std::isfinite(point[1]) && std::isfinite(point[2]);
 }
 
 // At most so many of the indices, at even steps.
-std::vector<std::int64_t> thin(const std::vector<std::int64_t>& indices, std::int64_t most) {
-    const std::int64_t count = static_cast<std::int64_t>(indices.size()), kept = std::min(count, most);
+std::vector<std::int64_t> thin(const std::vector<std::int64_t>& indices, std::int64_t max_count) {
+    const std::int64_t count = static_cast<std::int64_t>(indices.size()), kept = std::min(count, max_count);
     std::vector<std::int64_t> result;
     result.reserve(static_cast<std::size_t>(kept));
     for (std::int64_t rank = 0, before = -1; rank < count; ++rank) {
@@ -57,7 +57,7 @@ void order_by_curve(const double* points, std::vector<std::int64_t>& indices) {
     for (std::size_t k = 0; k < indices.size(); ++k) indices[k] = coded[k].second;
 }
 
-// Which points have their fourth neighbour farther than is usual.
+// Which points have their fourth neighbour far beyond the median distance.
 void distinguish(const double* points, const std::int64_t* indices, std::size_t count, double factor, std::uint8_t* apart) {
     std::fill(apart, apart + count, std::uint8_t{0});
     if (count <= kNeighbor) return;
@@ -73,22 +73,22 @@ void distinguish(const double* points, const std::int64_t* indices, std::size_t 
             const double a = x[k] - x[i], b = y[k] - y[i], c = z[k] - z[i];
             square[k] = a * a + b * b + c * c;
         }
-        std::array<double, kNeighbor + 1> least;  // with the point itself
-        least.fill(std::numeric_limits<double>::infinity());
+        std::array<double, kNeighbor + 1> closest;  // with the point itself
+        closest.fill(std::numeric_limits<double>::infinity());
         for (const double each : square) {
-            if (!(each < least[kNeighbor])) continue;
+            if (!(each < closest[kNeighbor])) continue;
             std::size_t place = kNeighbor;
-            for (; place > 0 && each < least[place - 1]; --place) least[place] = least[place - 1];
-            least[place] = each;
+            for (; place > 0 && each < closest[place - 1]; --place) closest[place] = closest[place - 1];
+            closest[place] = each;
         }
-        distance[i] = std::sqrt(least[kNeighbor]);
+        distance[i] = std::sqrt(closest[kNeighbor]);
     }
     std::vector<double> ordered = distance;
     const auto middle = ordered.begin() + static_cast<std::ptrdiff_t>(count / 2);
     std::nth_element(ordered.begin(), middle, ordered.end());
-    double usual = *middle;
-    if (count % 2 == 0) usual = (usual + *std::max_element(ordered.begin(), middle)) / 2;
-    for (std::size_t i = 0; i < count; ++i) apart[i] = distance[i] > factor * usual;
+    double median = *middle;
+    if (count % 2 == 0) median = (median + *std::max_element(ordered.begin(), middle)) / 2;
+    for (std::size_t i = 0; i < count; ++i) apart[i] = distance[i] > factor * median;
 }
 
 }  // namespace
@@ -118,14 +118,14 @@ SampledPoints sample_leaf_points(const LeafCloud& cloud, const SampleSettings& s
         order_by_curve(cloud.points, order);
 
         // Either kind is thinned along the curve; how many are left is known.
-        const std::array<std::int64_t, 2> most = {settings.interior, settings.edge};
+        const std::array<std::int64_t, 2> max_points = {settings.interior, settings.edge};
         std::array<std::int64_t, 2> count = {0, 0}, rank = {0, 0}, before = {-1, -1};
         for (const std::int64_t i : order) ++count[cloud.edge[i] ? 1 : 0];
         const std::size_t first = static_cast<std::size_t>(sampled.offsets[leaf]);
         std::size_t next = first;
         for (const std::int64_t i : order) {
             const std::size_t kind = cloud.edge[i] ? 1 : 0;
-            const std::int64_t now = rank[kind]++ * std::min(count[kind], most[kind]) / count[kind];
+            const std::int64_t now = rank[kind]++ * std::min(count[kind], max_points[kind]) / count[kind];
             if (now != before[kind]) sampled.index[next++] = i;
             before[kind] = now;
         }

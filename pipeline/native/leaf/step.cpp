@@ -15,8 +15,8 @@ constexpr int kN = static_cast<int>(kLeafNumbers);
 constexpr int kMaxSteps = 20, kMaxTries = 8;
 constexpr double kFirstDamping = 1e-4;
 constexpr double kDone = 1e-6;      // share by which the cost falls in the last step
-// What points of the leaf's plane hardly tell and turns of mapping and fitting would drift in: at which pace the axis runs
-// along itself, and whether it sways to both sides. Pulls as shares of what all points pull.
+// What points in the leaf's plane hardly determine, so that turns of mapping and fitting would drift in it: at which pace
+// the axis runs along itself, and whether it sways to both sides. Pulls as shares of what all points pull.
 constexpr double kPacePull = 0.1, kSwayPull = 0.03;
 
 // Which terms and which parameters a coordinate has.
@@ -192,16 +192,16 @@ void minimise(const std::vector<LineMoments>& lines, const double* start, double
     double hessian[kN][kN], gradient[kN], matrix[kN][kN], step[kN], trial[kN];
     for (int round = 0; round < kMaxSteps; ++round) {
         normal_equations(lines, total, start, prior, leaf, hessian, gradient);
-        bool held[kN];  // at a bound and pushed against it
+        bool bounded[kN];  // at a bound and pushed against it
         for (int k = 0; k < kN; ++k)
-            held[k] = (leaf[k] <= limits.low[k] && gradient[k] > 0) || (leaf[k] >= limits.high[k] && gradient[k] < 0);
+            bounded[k] = (leaf[k] <= limits.low[k] && gradient[k] > 0) || (leaf[k] >= limits.high[k] && gradient[k] < 0);
         double fall = 0;
         bool better = false;
         for (int attempt = 0; attempt < kMaxTries && !better; ++attempt) {
             for (int k = 0; k < kN; ++k) {
-                for (int m = 0; m <= k; ++m) matrix[k][m] = held[k] || held[m] ? 0.0 : hessian[k][m];
-                matrix[k][k] = held[k] ? 1.0 : hessian[k][k] * (1 + damping);
-                step[k] = held[k] ? 0.0 : -gradient[k];
+                for (int m = 0; m <= k; ++m) matrix[k][m] = bounded[k] || bounded[m] ? 0.0 : hessian[k][m];
+                matrix[k][k] = bounded[k] ? 1.0 : hessian[k][k] * (1 + damping);
+                step[k] = bounded[k] ? 0.0 : -gradient[k];
             }
             double next = std::numeric_limits<double>::infinity();
             if (solve_positive<kN>(matrix, step)) {

@@ -173,19 +173,19 @@ void write_slopes(const std::vector<LeafRow>& rows, const std::vector<LeafRow>& 
 }  // namespace
 
 template <typename Real>
-void leaf_samples(const double* leaves, std::size_t n, const double* uv, std::size_t p, bool alike, const LeafJitter& jitter,
-                  const double* placements, const LeafSamples<Real>& samples, int threads) {
+void leaf_samples(const double* leaves, std::size_t n, const double* uv, std::size_t p, bool shared_uv,
+                  const LeafJitter& jitter, const double* placements, const LeafSamples<Real>& samples, int threads) {
     if (p == 0) return;
     Places shared;
-    if (alike) shared.set(uv, p);
+    if (shared_uv) shared.set(uv, p);
     const bool slopes = samples.tangents_u || samples.tangents_v || samples.normals || samples.areas;
     const std::size_t block = std::max<std::size_t>(1, kBlockSamples / p);
     parallel_for((n + block - 1) / block, threads, [&](std::size_t b) {
         Places own;
         std::vector<LeafRow> rows, row_slopes;
         for (std::size_t i = b * block; i < std::min(n, (b + 1) * block); ++i) {
-            if (!alike) own.set(uv + 2 * p * i, p);
-            const Places& places = alike ? shared : own;
+            if (!shared_uv) own.set(uv + 2 * p * i, p);
+            const Places& places = shared_uv ? shared : own;
             const double* leaf = leaves + kLeafNumbers * i;
             const LeafCurves curves = leaf_curves(leaf);
             rows.clear(), row_slopes.clear();

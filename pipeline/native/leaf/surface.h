@@ -27,11 +27,11 @@ struct LeafSamples {
 // Evaluate n leaves at p places each.
 //
 // @param leaves      n * 21
-// @param uv          n * p * 2, or p * 2 for all leaves alike; places that follow each other at one v cost less
+// @param uv          n * p * 2, or p * 2 that all leaves share; places that follow each other at one v cost less
 // @param placements  n * 12, rows of 3 x 4 matrices for column vectors; null to stay in leaf space
 // @param threads     at most this many, 0 for one per core; the result does not depend on it
 template <typename Real>
-void leaf_samples(const double* leaves, std::size_t n, const double* uv, std::size_t p, bool alike, const LeafJitter& jitter,
-                  const double* placements, const LeafSamples<Real>& samples, int threads);
+void leaf_samples(const double* leaves, std::size_t n, const double* uv, std::size_t p, bool shared_uv,
+                  const LeafJitter& jitter, const double* placements, const LeafSamples<Real>& samples, int threads);
 
 }  // namespace usdfoliage

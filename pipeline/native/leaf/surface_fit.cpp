@@ -209,9 +209,9 @@ void Fit::run(LeafPose& pose, double* costs) {
         bool better = false, settled = false;
         if (solve_positive<static_cast<int>(kLeafUnknowns)>(damped.matrix, damped.right)) {
             double* step = damped.right;
-            double most = 0;
-            for (std::size_t k = 0; k < kLeafUnknowns; ++k) most = std::max(most, std::abs(step[k]));
-            const double shorter = most > kMaxTurn ? kMaxTurn / most : 1.0;
+            double largest = 0;
+            for (std::size_t k = 0; k < kLeafUnknowns; ++k) largest = std::max(largest, std::abs(step[k]));
+            const double shorter = largest > kMaxTurn ? kMaxTurn / largest : 1.0;
             for (std::size_t k = 0; k < kLeafUnknowns; ++k) step[k] *= shorter;
             const LeafPose next = moved_pose(pose, step, step + kLeafTurn, step + kLeafShift, step[kLeafGrowth]);
             tried_.begin_at(places_);

@@ -1,7 +1,7 @@
 // Depth beside an edge that is of the background and has got the depth of what stands before it.
 //
 // A matching window at the background beside a twig sees the twig, and matches best where the twig does. The pixel's colour
-// tells: it is that of what lies farther, or has no depth, around it, rather than that of what has its depth.
+// shows it: it is that of what lies farther, or has no depth, around it, rather than that of what has its depth.
 
 #pragma once
 

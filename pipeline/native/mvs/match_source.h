@@ -1,4 +1,4 @@
-// A photograph that another one is matched with, and what its depth says of a place.
+// A photograph that another one is matched with, and what its depth shows at a place.
 
 #pragma once
 

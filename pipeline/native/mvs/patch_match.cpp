@@ -227,7 +227,7 @@ inline float plane_cost(const Match& match, const Window& window, const Plane& p
         const bool asked = enough > 0 && n + 1 >= enough && seeing >= std::min(enough, kMinSeeing);
         if (asked && best[0] >= bound) return 2 * kWorstCost;
     }
-    // What lies outside a photograph says nothing against the plane; one alone says too little for it.
+    // A plane outside a photograph is no evidence against it; one photograph alone is too little evidence for it.
     const std::size_t counted = std::clamp(seeing, std::min(wanted, kMinSeeing), wanted);
     float sum = 0;
     for (std::size_t i = 0; i < counted; ++i) sum += best[i];
@@ -373,7 +373,7 @@ void improve_row(const Match& match, int row, int half, int iteration, float* pl
 
 // How far the middle of the picture moves in the most moving photograph over the range of inverse depth.
 float movement_px(const MatchReference& reference, const std::vector<MatchSource>& sources, const PatchMatchSettings& settings) {
-    double most = 0;
+    double max_px = 0;
     const double u = 0.5 * reference.width;
     const double v = 0.5 * reference.height;
     for (const MatchSource& source : sources) {
@@ -390,9 +390,9 @@ float movement_px(const MatchReference& reference, const std::vector<MatchSource
             at[k][0] = seen[0] / seen[2];
             at[k][1] = seen[1] / seen[2];
         }
-        if (ahead) most = std::max(most, std::hypot(at[0][0] - at[1][0], at[0][1] - at[1][1]));
+        if (ahead) max_px = std::max(max_px, std::hypot(at[0][0] - at[1][0], at[0][1] - at[1][1]));
     }
-    return static_cast<float>(std::max(most, 1.0));
+    return static_cast<float>(std::max(max_px, 1.0));
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // Depth and normals of a photograph by PatchMatch stereo with slanted planes.
 //
-// Every pixel has a plane, held as the inverse depth over the picture, which is linear there: its value at the pixel and
+// Every pixel has a plane, kept as the inverse depth over the picture, which is linear there: its value at the pixel and
 // its slopes to the right and down. Planes spread over a checkerboard, so that each half of it reads only the other, and
 // random numbers are a function of seed, pixel and iteration: the result is the same for any number of threads.
 

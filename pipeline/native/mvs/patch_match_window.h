@@ -131,7 +131,8 @@ struct WindowPlaces {
 // How unlike a window and a photograph are; kWorstCost where not all of it is seen.
 //
 // One minus their weighted correlation, which is blind to the mean of either, and for that what their mean brightness and
-// the tint of their middles differ by: it tells a twig from the wall behind it, which has no more texture than noise.
+// the tint of their middles differ by: it distinguishes a twig from the wall behind it,
+// which has no more texture than noise.
 inline float window_cost(const WindowPattern& pattern, const Window& window, const PackedPicture& picture,
                          const WindowPlaces& places, std::size_t lane, const std::uint8_t* own_tint,
                          const std::uint8_t* tint) {

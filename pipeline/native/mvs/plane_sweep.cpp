@@ -234,8 +234,8 @@ void add_direction(const std::uint8_t* cost, std::size_t planes, const Brightnes
                 std::uint16_t* to = now.data() + 1;
                 for (std::size_t d = 0; d < planes; ++d) {
                     const auto step = static_cast<std::uint16_t>(std::min(from[d], from[d + 2]) + small_step);
-                    const std::uint16_t way = std::min(std::min(from[d + 1], step), jump);
-                    to[d] = static_cast<std::uint16_t>(own[d] + way - lowest);
+                    const std::uint16_t cheapest = std::min(std::min(from[d + 1], step), jump);
+                    to[d] = static_cast<std::uint16_t>(own[d] + cheapest - lowest);
                     next_lowest = std::min(next_lowest, to[d]);
                 }
             }

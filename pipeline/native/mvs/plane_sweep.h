@@ -26,9 +26,9 @@ struct SweepCostSettings {
 
 // Census cost of every pixel of a photograph on every plane.
 //
-// In the window around a pixel each compared pixel is darker, alike or brighter than the centre; the cost counts how
-// far the warped photograph differs in that, as in Zabih and Woodfill, Non-parametric local transforms, 1994, with the
-// third state against noise.
+// In the window around a pixel each compared pixel is darker than, equal to or brighter than the centre; the cost counts
+// how far the warped photograph differs in that, as in Zabih and Woodfill, Non-parametric local transforms, 1994, with
+// the third state against noise.
 //
 // @param homographies  others x planes x 9 numbers, rows first: pixel indices of the other photograph (x, y, 1) from
 //                      those of this one.

@@ -1,4 +1,4 @@
-// What the depth of several photographs says of one another.
+// How far the depths of several photographs agree.
 
 #pragma once
 

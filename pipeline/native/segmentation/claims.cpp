@@ -70,8 +70,8 @@ void claim_pixels(const LeafGrids& grids, const DepthView& view, const Tolerance
     parallel_for(bands, threads, [&](std::size_t band) {
         const int top = static_cast<int>(band) * kBandRows, bottom = std::min(view.height, top + kBandRows) - 1;
         const std::size_t width = static_cast<std::size_t>(view.width), start = static_cast<std::size_t>(top) * width;
-        std::vector<float> least(static_cast<std::size_t>(bottom - top + 1) * width, std::numeric_limits<float>::infinity());
-        std::fill(labels + start, labels + start + least.size(), 0);
+        std::vector<float> lowest(static_cast<std::size_t>(bottom - top + 1) * width, std::numeric_limits<float>::infinity());
+        std::fill(labels + start, labels + start + lowest.size(), 0);
 
         const auto draw = [&](std::size_t leaf, std::size_t ia, std::size_t ib, std::size_t ic) {
             const Corner *all = &corners[leaf * per_leaf], &a = all[ia], &b = all[ib], &c = all[ic];
@@ -100,7 +100,7 @@ void claim_pixels(const LeafGrids& grids, const DepthView& view, const Tolerance
                     const double away = std::fabs(depth - seen) * cosine;
                     if (away > allowed) continue;
                     const double cost = away + allowed * (wa * grids.penalty[ia] + wb * grids.penalty[ib] + wc * grids.penalty[ic]);
-                    float& best = least[i - start];
+                    float& best = lowest[i - start];
                     if (static_cast<float>(cost) < best) {
                         best = static_cast<float>(cost);
                         labels[i] = static_cast<std::int32_t>(leaf) + 1;

@@ -19,7 +19,7 @@ constexpr float kMinSupport = 4;      // neighbours that a plane needs
 constexpr float kReach = 0.75f;         // of the first tolerance: a surface this part of the steepest slope off counts
 constexpr float kNoises = 3;            // standard deviations that count as near
 constexpr float kSlopePrior = 1e-3f;    // holds the slope of neighbours in a line
-constexpr float kMinSpread = 1e-6f;   // of the neighbours over the window, that tells a slope
+constexpr float kMinSpread = 1e-6f;   // of the neighbours over the window, that determines a slope
 
 struct Neighbour {
     float right;
@@ -238,15 +238,15 @@ void measure_gaps(const DepthView& view, const float* planes, int threads, float
 }
 
 std::int32_t join_pixels(const DepthView& view, const float* right, const float* down, const std::uint8_t* valid,
-                         double limit, double noise_m, std::size_t least, std::int32_t* labels) {
+                         double limit, double noise_m, std::size_t min_pixels, std::int32_t* labels) {
     const std::size_t n = view.pixels(), width = static_cast<std::size_t>(view.width);
     std::vector<std::int32_t> parent(n);
     std::iota(parent.begin(), parent.end(), 0);
-    const float noise = static_cast<float>(noise_m * view.focal_mean()), most = static_cast<float>(limit);
+    const float noise = static_cast<float>(noise_m * view.focal_mean()), max_gap = static_cast<float>(limit);
     const auto belongs = [&](std::size_t i) { return valid[i] && view.depth_m[i] > 0; };
     for (std::size_t i = 0; i < n; ++i) {
         if (!belongs(i)) continue;
-        const float allowed = most + noise / view.depth_m[i];
+        const float allowed = max_gap + noise / view.depth_m[i];
         // the last column's gap to the right is no surface, and so is the last row's below
         if (right[i] < allowed && belongs(i + 1)) join(parent, static_cast<std::int32_t>(i), static_cast<std::int32_t>(i + 1));
         if (down[i] < allowed && belongs(i + width)) join(parent, static_cast<std::int32_t>(i), static_cast<std::int32_t>(i + width));
@@ -260,7 +260,7 @@ std::int32_t join_pixels(const DepthView& view, const float* right, const float*
         labels[i] = 0;
         if (!belongs(i)) continue;
         const std::size_t root = static_cast<std::size_t>(root_of(parent, static_cast<std::int32_t>(i)));
-        if (static_cast<std::size_t>(size[root]) < least) continue;
+        if (static_cast<std::size_t>(size[root]) < min_pixels) continue;
         labels[i] = root == i ? ++count : labels[root];  // the root is the first of its pixels
     }
     return count;
@@ -305,7 +305,7 @@ void classify_edges(const DepthView& view, const std::int32_t* labels, const std
 }
 
 void place_edges(const DepthView& view, const std::int32_t* labels, const float* planes, const std::int64_t* pixels,
-                 const std::uint8_t* kinds, std::size_t n, int most, int threads, double* places, double* depths) {
+                 const std::uint8_t* kinds, std::size_t n, int max_steps, int threads, double* places, double* depths) {
     const std::ptrdiff_t width = view.width, height = view.height;
     const auto own = [&](std::ptrdiff_t pixel, std::ptrdiff_t column, std::ptrdiff_t row) {
         const std::ptrdiff_t j = row * width + column;
@@ -330,7 +330,7 @@ void place_edges(const DepthView& view, const std::int32_t* labels, const float*
                 const double norm = std::hypot(right, down);
                 if (norm > kOneSided) {
                     int steps = 1;
-                    for (; steps < most; ++steps) {
+                    for (; steps < max_steps; ++steps) {
                         const std::ptrdiff_t x = column + std::lround(steps * right / norm), y = row + std::lround(steps * down / norm);
                         if (!inside(x, y) || (view.depth_m[y * width + x] > 0 && !own(pixel, x, y))) break;
                     }

@@ -50,12 +50,12 @@ void measure_gaps(const DepthView& view, const float* planes, int threads, float
 
 // Connected pieces: pixels joined where their gap is below limit + noise_m / footprint.
 //
-// @param valid  height x width, 0 where a pixel belongs to none; pixels without depth never do.
-// @param least  smaller pieces are dropped.
-// @param labels height x width written: 0 for none, others numbered in the order of their first pixels.
-// @return       the number of pieces.
+// @param valid       height x width, 0 where a pixel belongs to none; pixels without depth never do.
+// @param min_pixels  smaller pieces are dropped.
+// @param labels      height x width written: 0 for none, others numbered in the order of their first pixels.
+// @return            the number of pieces.
 std::int32_t join_pixels(const DepthView& view, const float* right, const float* down, const std::uint8_t* valid,
-                         double limit, double noise_m, std::size_t least, std::int32_t* labels);
+                         double limit, double noise_m, std::size_t min_pixels, std::int32_t* labels);
 
 // Kinds of pixels of a piece.
 enum EdgeKind : std::uint8_t { kInterior = 0, kFreeEdge = 1, kHiddenEdge = 2, kUnknownEdge = 3 };
@@ -76,20 +76,20 @@ void classify_edges(const DepthView& view, const std::int32_t* labels, const std
 //
 // The centre of the last pixel that shows a surface lies inside of it; where depth is missing beside edges, by much.
 //
-// @param labels  height x width, as for classify_edges
-// @param planes  n x 3, around the pixels
-// @param pixels  n indices of pixels
-// @param kinds   n, as classify_edges tells; all but kFreeEdge stay at the pixel's centre
-// @param most    pixels without depth that are passed to see what is behind
-// @param places  n x 2 written: x and y in pixels
-// @param depths  n written, on the plane around the pixel
+// @param labels     height x width, as for classify_edges
+// @param planes     n x 3, around the pixels
+// @param pixels     n indices of pixels
+// @param kinds      n, by classify_edges; all but kFreeEdge stay at the pixel's centre
+// @param max_steps  pixels without depth that are passed to see what is behind
+// @param places     n x 2 written: x and y in pixels
+// @param depths     n written, on the plane around the pixel
 void place_edges(const DepthView& view, const std::int32_t* labels, const float* planes, const std::int64_t* pixels,
-                 const std::uint8_t* kinds, std::size_t n, int most, int threads, double* places, double* depths);
+                 const std::uint8_t* kinds, std::size_t n, int max_steps, int threads, double* places, double* depths);
 
 // Sums over the points of each of count labels, in the camera's axes: 10 numbers a label.
 //
-// @return  the number of pixels, then the sums of x, y, z, xx, xy, xz, yy, yz, zz about the label's first point, which
-//          first_m, count x 3, tells.
+// @param first_m  count x 3 written: the first point of each label
+// @return         the number of pixels, then the sums of x, y, z, xx, xy, xz, yy, yz, zz about the label's first point
 std::vector<double> sum_points(const DepthView& view, const std::int32_t* labels, std::size_t count, std::vector<double>& first_m);
 
 // Extents of each label along its own axes, and its area.
