@@ -32,7 +32,7 @@ def test_a_wrong_bit_is_found(tmp_path: Path, compressed: bool) -> None:
         read_arrays(path)
 
 
-def test_what_is_missing_is_told_apart_from_what_is_damaged(tmp_path: Path) -> None:
+def test_missing_files_and_arrays_raise_and_damage_is_returned(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         find_damage(tmp_path / "a.npz")
     write_arrays(tmp_path / "a.npz", ARRAYS)

@@ -34,7 +34,7 @@ def test_a_folder_is_gone_afterwards_also_after_a_failure():
     assert not work.exists()
 
 
-def test_what_goes_wrong_on_a_full_disk_says_so(full_disk):
+def test_an_error_on_a_full_disk_states_the_free_space(full_disk):
     with (
         pytest.raises(PreviewError, match=r"No space left on device.*; 0 MB are free .*TMPDIR"),
         temporary_folder("preview", PreviewError) as work,
@@ -60,7 +60,7 @@ def fail_without(work: Path) -> NoReturn:
     raise AssetError("no leaves")
 
 
-def test_without_a_place_for_temporary_files_it_is_said(tmp_path, monkeypatch):
+def test_a_missing_folder_for_temporary_files_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "absent"))
     with (
         pytest.raises(FoliageError, match="no place for temporary files: No such file or directory"),
@@ -70,7 +70,7 @@ def test_without_a_place_for_temporary_files_it_is_said(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("left_kb", [0, 4, 8, 12, 16])
-def test_a_picture_that_finds_no_room_is_told_of(full_disk, tmp_path, left_kb):
+def test_a_picture_without_room_on_the_disk_is_reported(full_disk, tmp_path, left_kb):
     """The disk is full after the request, with the words of Storm, in the picture."""
     with full_disk.open("r+b") as file:
         file.truncate(max(0, full_disk.stat().st_size - 1024 * left_kb))
