@@ -42,7 +42,7 @@ def test_the_tree_keeps_its_contracts(copied: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("module", "line", "broken", "shown"),
+    ("module", "line", "broken", "import_chain"),
     [
         (
             "geometry/pinhole.py",
@@ -70,7 +70,7 @@ def test_the_tree_keeps_its_contracts(copied: Path) -> None:
         ),
     ],
 )
-def test_a_wrong_import_breaks_a_contract(copied: Path, module: str, line: str, broken: str, shown: str) -> None:
+def test_a_wrong_import_breaks_a_contract(copied: Path, module: str, line: str, broken: str, import_chain: str) -> None:
     path = copied / "usdfoliage" / module
     before = path.read_text(encoding="utf-8")
     path.write_text(f"{before}\n{line}\n", encoding="utf-8")
@@ -80,4 +80,4 @@ def test_a_wrong_import_breaks_a_contract(copied: Path, module: str, line: str, 
         path.write_text(before, encoding="utf-8")
     assert found.returncode == 1
     assert f"{broken} BROKEN" in found.stdout
-    assert shown in found.stdout.replace("\n", " ")
+    assert import_chain in found.stdout.replace("\n", " ")

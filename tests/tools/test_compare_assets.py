@@ -36,13 +36,13 @@ def compare(capsys, monkeypatch):
 
 
 def change(folder, layer, path, value, time=None):
-    held = Sdf.Layer.FindOrOpen(str(folder / "payload" / layer))
-    attribute = held.GetAttributeAtPath(path)
+    opened = Sdf.Layer.FindOrOpen(str(folder / "payload" / layer))
+    attribute = opened.GetAttributeAtPath(path)
     if time is None:
         attribute.default = value(attribute.default)
     else:
-        held.SetTimeSample(path, time, value(attribute.default))
-    held.Save()
+        opened.SetTimeSample(path, time, value(attribute.default))
+    opened.Save()
 
 
 def test_a_plant_is_as_itself_in_every_selection_and_under_another_name(compare, whole, tmp_path):

@@ -66,8 +66,8 @@ def test_every_leaf_pixel_lies_on_its_leaf():
     for view, ids in zip(foliage.views, foliage.leaf_ids, strict=True):
         points = view.points()
         for number in np.unique(ids[ids > 0])[::5]:
-            shown = points[ids == number]
-            nearest, _ = cKDTree(surfaces[number - 1]).query(shown)
+            leaf_points_m = points[ids == number]
+            nearest, _ = cKDTree(surfaces[number - 1]).query(leaf_points_m)
             assert nearest.max() < 0.06 * foliage.truth.length_m[number - 1]
 
 
@@ -80,7 +80,7 @@ def test_leaves_are_seen_and_stand_apart():
     assert foliage.truth.surface_m[..., 1].min() > 0  # above the ground
 
 
-def test_pictures_show_leaves_green_and_the_labels_tell_them():
+def test_pictures_show_green_leaves_where_the_labels_have_them():
     foliage = known_foliage()
     for view, seen in zip(foliage.views, foliage.capture.seen, strict=True):
         assert set(np.unique(seen.label)) <= {SKY, WOOD, LEAF, BACKDROP}
@@ -174,7 +174,7 @@ def test_the_product_reads_a_written_capture(tmp_path, depth):
         assert np.abs(view.srgb.astype(int) - made.srgb).mean() < 6
 
 
-def test_points_of_the_cameras_are_seen_where_they_say(tmp_path):
+def test_points_of_the_cameras_are_seen_at_their_places(tmp_path):
     foliage = known_foliage(leaves=12, views=2, size=(160, 120))
     write_capture(tmp_path / "bed", foliage.capture)
     lines = (tmp_path / "bed" / "cameras" / "points3D.txt").read_text().splitlines()[1:]
@@ -203,10 +203,10 @@ def test_without_a_wall_there_is_sky_without_depth():
 
 
 def test_leaves_can_be_narrower():
-    usual, narrow = (
+    default, narrow = (
         build_scene(SceneSettings(leaves=12, views=1, width_px=80, height_px=60, width=width)) for width in (1.0, 0.5)
     )
-    ratio = leaf_width(narrow.leaves.parameters).mean() / leaf_width(usual.leaves.parameters).mean()
+    ratio = leaf_width(narrow.leaves.parameters).mean() / leaf_width(default.leaves.parameters).mean()
     assert 0.4 < ratio < 0.65
 
 

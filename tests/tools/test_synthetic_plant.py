@@ -71,20 +71,20 @@ def test_the_truth_is_in_the_frame_of_the_cameras(tmp_path):
     capture = write_known_plant(tmp_path / "plant", masks=True)
     folder = tmp_path / "plant"
     assert tomllib.loads((folder / "capture.toml").read_text())["up_axis"] == "Z"
-    with np.load(folder / "truth" / "skeleton.npz") as held:
-        points, radius = held["points"], held["radius"]
+    with np.load(folder / "truth" / "skeleton.npz") as truth:
+        points, radius = truth["points"], truth["radius"]
         skeleton = Skeleton(
             points_m=points,
             radius_m=radius,
-            counts=held["counts"],
-            parent_curve=held["parent_curve"],
-            parent_vertex=held["parent_vertex"],
-            order=held["order"],
+            counts=truth["counts"],
+            parent_curve=truth["parent_curve"],
+            parent_vertex=truth["parent_vertex"],
+            order=truth["order"],
         )
     assert set(skeleton.order) == {0, 1, 2}
     assert points[:, 2].min() == 0  # the foot, Z up
-    with np.load(folder / "truth" / "leaves.npz") as held:
-        base, branch, vertices = held["base"], held["branch"], held["vertices"]
+    with np.load(folder / "truth" / "leaves.npz") as truth:
+        base, branch, vertices = truth["base"], truth["branch"], truth["vertices"]
     assert distances_to_surface(base.astype(np.float64), skeleton, 0.004).max() < 0.03  # a petiole away from the bark
     assert (skeleton.order[branch] > 0).any()
     top = max(points[:, 2].max(), vertices[:, 2].max())
@@ -96,8 +96,8 @@ def test_the_truth_is_in_the_frame_of_the_cameras(tmp_path):
         places, depth_m = view.camera.project(vertices)
         column, row = np.floor(places).astype(int).T
         before = view.depth_m[row, column]
-        shown = np.abs(depth_m - before) < 0.01
-        assert 0.2 < shown.mean() < 1
+        visible = np.abs(depth_m - before) < 0.01
+        assert 0.2 < visible.mean() < 1
         label = cv2.imread(str(folder / "truth" / f"{number:03d}_label.png"), cv2.IMREAD_UNCHANGED)
         np.testing.assert_array_equal(label, seen.label)
         mask = cv2.imread(str(folder / "masks" / f"{number:03d}.png"), cv2.IMREAD_UNCHANGED)
