@@ -249,7 +249,7 @@ def test_library_is_codeless_and_has_only_api_schemas() -> None:
     lines = (FOLDER / "plugInfo.json").read_text().splitlines()
     (plugin,) = json.loads("\n".join(line for line in lines if not line.startswith("#")))["Plugins"]
     assert (plugin["Name"], plugin["Type"], plugin["LibraryPath"]) == ("usdFoliage", "resource", "")
-    kinds = {held["schemaIdentifier"]: held["schemaKind"] for held in plugin["Info"]["Types"].values()}
+    kinds = {schema["schemaIdentifier"]: schema["schemaKind"] for schema in plugin["Info"]["Types"].values()}
     assert kinds == dict.fromkeys(SCHEMAS, "singleApplyAPI")
 
 
@@ -312,7 +312,7 @@ def test_registering_again_changes_nothing() -> None:
 
 
 def run_python(program: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    clean = {name: held for name, held in os.environ.items() if name not in ("PXR_PLUGINPATH_NAME", "PYTHONPATH")}
+    clean = {name: value for name, value in os.environ.items() if name not in ("PXR_PLUGINPATH_NAME", "PYTHONPATH")}
     return subprocess.run(
         [sys.executable, "-c", textwrap.dedent(program), *arguments],
         env={**clean, **environment},
@@ -336,7 +336,7 @@ def test_import_is_harmless_where_the_environment_has_registered_the_plugin() ->
         assert sorted(json.loads(outcome.stdout.replace("'", '"'))) == ["usdFoliage", "usdFoliageValidators"]
 
 
-def test_import_after_the_first_stage_is_told() -> None:
+def test_an_import_after_the_first_stage_is_reported() -> None:
     program = """
         from pxr import Usd
         Usd.Stage.CreateInMemory().DefinePrim("/Prim", "Xform")
@@ -375,11 +375,11 @@ def test_nothing_is_lost_without_the_plugin(tmp_path: Path) -> None:
         found = {}
         for prim in stage.TraverseAll():
             found[str(prim.GetPath())] = [prim.GetTypeName(), prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
-            for held in prim.GetAuthoredProperties():
-                value = held.Get() if isinstance(held, Usd.Attribute) else held.GetTargets()
-                kind = str(held.GetTypeName()) if isinstance(held, Usd.Attribute) else "rel"
-                metadata = {name: value for name, value in held.GetAllAuthoredMetadata().items() if name != "custom"}
-                found[str(held.GetPath())] = [kind, str(value), sorted(map(str, metadata.items()))]
+            for field in prim.GetAuthoredProperties():
+                value = field.Get() if isinstance(field, Usd.Attribute) else field.GetTargets()
+                kind = str(field.GetTypeName()) if isinstance(field, Usd.Attribute) else "rel"
+                metadata = {name: value for name, value in field.GetAllAuthoredMetadata().items() if name != "custom"}
+                found[str(field.GetPath())] = [kind, str(value), sorted(map(str, metadata.items()))]
         stage.GetRootLayer().Export(sys.argv[2])
         print(json.dumps(found))
     """
@@ -390,11 +390,11 @@ def test_nothing_is_lost_without_the_plugin(tmp_path: Path) -> None:
     expected: dict[str, list[object]] = {}
     for prim in stage.TraverseAll():
         expected[str(prim.GetPath())] = [prim.GetTypeName(), list(prim.GetPrimTypeInfo().GetAppliedAPISchemas())]
-        for held in prim.GetAuthoredProperties():
-            is_attribute = isinstance(held, Usd.Attribute)
-            value = held.Get() if is_attribute else held.GetTargets()
-            kind = str(held.GetTypeName()) if is_attribute else "rel"
-            metadata = {name: value for name, value in held.GetAllAuthoredMetadata().items() if name != "custom"}
-            expected[str(held.GetPath())] = [kind, str(value), sorted(map(str, metadata.items()))]
+        for field in prim.GetAuthoredProperties():
+            is_attribute = isinstance(field, Usd.Attribute)
+            value = field.Get() if is_attribute else field.GetTargets()
+            kind = str(field.GetTypeName()) if is_attribute else "rel"
+            metadata = {name: value for name, value in field.GetAllAuthoredMetadata().items() if name != "custom"}
+            expected[str(field.GetPath())] = [kind, str(value), sorted(map(str, metadata.items()))]
     assert json.loads(outcome.stdout) == expected
     assert len(expected) > 80
