@@ -21,7 +21,7 @@ READMES = tuple(
     for folder in ("schemas", "usd_plugins", "hydra_preview", "tools")
     for path in sorted((ROOT / folder).rglob("README.md"))
 )
-COMING: tuple[str, ...] = ()  # told of already; their lines are checked once they are there
+COMING: tuple[str, ...] = ()  # described before they exist; their lines are checked once they are there
 _LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 _HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 _PROGRAMS = ("usdfoliage", ".venv/bin/usdfoliage")
@@ -30,7 +30,7 @@ _PATH = re.compile(r"`((?:docs|pipeline|schemas|usd_plugins|hydra_preview|tools|
 
 def code_lines(text: str) -> Iterator[str]:
     """The lines of code blocks, fenced or indented, with continued lines joined and their comments gone."""
-    held = ""
+    code = ""
     fenced = False
     for line in text.splitlines():
         if line.startswith("```"):
@@ -38,18 +38,18 @@ def code_lines(text: str) -> Iterator[str]:
             continue
         if not fenced and not line.startswith("    "):
             continue
-        held += line.strip()
-        if held.endswith("\\"):
-            held = held[:-1]
+        code += line.strip()
+        if code.endswith("\\"):
+            code = code[:-1]
             continue
-        yield re.sub(r"(^|\s)#.*$", "", held).strip()
-        held = ""
+        yield re.sub(r"(^|\s)#.*$", "", code).strip()
+        code = ""
 
 
 def inline_code(text: str) -> Iterator[str]:
     """Code within sentences, which may go on over a line's end."""
     blocks = re.sub(r"^(    .*|```.*?^```)$", "", text, flags=re.MULTILINE | re.DOTALL)
-    yield from (" ".join(held.split()) for held in re.findall(r"`([^`]+)`", blocks))
+    yield from (" ".join(code.split()) for code in re.findall(r"`([^`]+)`", blocks))
 
 
 def command_lines(text: str) -> Iterator[list[str]]:

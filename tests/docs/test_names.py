@@ -52,7 +52,7 @@ def test_options_exist(page: Path) -> None:
 def test_settings_exist(page: Path) -> None:
     pattern = rf"`((?:{'|'.join(TABLES)})(?:\.(?!toml|py)[a-z_]+)+)(?: = [^`]*)?`"
     for name in set(re.findall(pattern, text_of(page))) - set(RENAMED_SETTINGS):  # their page names the old ones too
-        held: object = BuildSettings()
+        value: object = BuildSettings()
         for part in name.split("."):
-            assert hasattr(held, part), f"there is no setting {name}"
-            held = getattr(held, part)
+            assert hasattr(value, part), f"there is no setting {name}"
+            value = getattr(value, part)

@@ -1,4 +1,4 @@
-"""The pages that are made from the code say what the code says."""
+"""The pages that are made from the code are up to date with it."""
 
 import ast
 import dataclasses
@@ -17,7 +17,7 @@ from tools.settings_reference import ONCE, SETTINGS_PAGE, settings_page, split_c
 ROOT = Path(__file__).parents[2]
 
 
-def test_every_setting_of_a_build_says_what_it_is():
+def test_every_setting_of_a_build_is_described():
     bare = [
         f"{place}.{field.name}"
         for place, settings in walk_settings(BuildSettings())
@@ -26,7 +26,7 @@ def test_every_setting_of_a_build_says_what_it_is():
         if not (place and field.name in ONCE)
         if not field_comments(type(settings)).get(field.name)
     ]
-    assert not bare, f"say what it is in a comment beside the field: {', '.join(bare)}"
+    assert not bare, f"describe each in a comment beside the field: {', '.join(bare)}"
 
 
 def test_the_meaning_of_every_setting_is_a_sentence_with_unit_and_range():
@@ -45,7 +45,7 @@ def test_the_meaning_of_every_setting_is_a_sentence_with_unit_and_range():
     assert not wrong
 
 
-def test_every_table_of_settings_says_what_it_is():
+def test_every_table_of_settings_is_described():
     # The doc that a dataclass without one gets begins with its name.
     bare = [
         place
@@ -55,17 +55,17 @@ def test_every_table_of_settings_says_what_it_is():
     assert not bare
 
 
-def test_the_printed_plan_says_it_of_every_setting():
+def test_the_printed_plan_describes_every_setting():
     lines = [line for line in format_settings(BuildSettings(), documented=True).splitlines() if " = " in line]
     assert len(lines) > 200
     assert not [line for line in lines if "  # " not in line]
 
 
-def test_the_page_of_settings_is_what_the_code_says():
+def test_the_page_of_settings_is_up_to_date():
     assert SETTINGS_PAGE.read_text(encoding="utf-8") == settings_page(), "run tools/settings_reference.py"
 
 
-def test_the_page_of_schemas_is_what_their_source_says():
+def test_the_page_of_schemas_is_up_to_date():
     assert SCHEMA_PAGE.read_text(encoding="utf-8") == schema_page(), "run tools/schema_reference.py"
 
 
@@ -95,16 +95,16 @@ def test_a_doc_is_split_at_its_parts(doc: str, parts: dict[str, str]):
 
 
 def test_the_rez_package_needs_what_the_product_needs():
-    said: dict[str, object] = {}
+    assigned: dict[str, object] = {}
     for node in ast.parse((ROOT / "package.py").read_text(encoding="utf-8")).body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            said[node.targets[0].id] = ast.literal_eval(node.value)
-    requires = said["requires"]
+            assigned[node.targets[0].id] = ast.literal_eval(node.value)
+    requires = assigned["requires"]
     assert isinstance(requires, list)
-    held = {_plain(text) for text in requires}
+    required = {_plain(text) for text in requires}
     lines = (ROOT / "requirements" / "product.in").read_text(encoding="utf-8").splitlines()
     needed = {_plain(line) for line in lines if line and not line.startswith("#")}
-    assert needed <= held, f"package.py lacks {needed - held}"
+    assert needed <= required, f"package.py lacks {needed - required}"
 
 
 def _plain(requirement: str) -> str:
