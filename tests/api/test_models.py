@@ -172,8 +172,8 @@ def test_points_are_those_of_the_meshes_in_the_asset(tmp_path: Path) -> None:
     mesh = api.leaf_mesh(spray(), edits)
     stage = Usd.Stage.Open(str(written.asset))
     stage.GetDefaultPrim().GetVariantSets().SetSelection("representation", "mesh")
-    held = UsdGeom.Mesh(stage.GetPrimAtPath("/fern/geo/render/Leaves"))
-    np.testing.assert_array_equal(np.array(held.GetPointsAttr().Get()), mesh.points_m)
+    leaves = UsdGeom.Mesh(stage.GetPrimAtPath("/fern/geo/render/Leaves"))
+    np.testing.assert_array_equal(np.array(leaves.GetPointsAttr().Get()), mesh.points_m)
     vertices = len(mesh.points_m) // 20
     uv = np.column_stack([2 * mesh.st[:vertices, 0] - 1, mesh.st[:vertices, 1]])
     points_m = api.leaf_points(spray(), uv, edits)

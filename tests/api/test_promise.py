@@ -19,14 +19,14 @@ _MODULE = re.compile(r"\b(?:[a-z_]\w*\.)+(?=[A-Za-z_])")
 
 def signature(function: object) -> str:
     """Arguments, types and defaults, without the modules that the types come from."""
-    held = inspect.signature(function)  # type: ignore[arg-type]
+    call = inspect.signature(function)  # type: ignore[arg-type]
     parameters = []
-    for parameter in held.parameters.values():
+    for parameter in call.parameters.values():
         default = parameter.default
         if dataclasses.is_dataclass(default):
             parameter = parameter.replace(default=_Default(type(default).__name__))
         parameters.append(parameter)
-    text = str(held.replace(parameters=parameters)).replace(str(ArrayLike), "ArrayLike")
+    text = str(call.replace(parameters=parameters)).replace(str(ArrayLike), "ArrayLike")
     return _MODULE.sub("", _ARRAY.sub(r"NDArray[\1]", text))
 
 
@@ -42,15 +42,15 @@ class _Default:
 
 def promise() -> Iterator[str]:
     for name in sorted(api.__all__):
-        held = getattr(api, name)
-        if not callable(held):
-            yield f"{name}: {type(held).__name__}"
+        entry = getattr(api, name)
+        if not callable(entry):
+            yield f"{name}: {type(entry).__name__}"
             continue
-        yield f"{name}{'' if is_error(held) else signature(held)}"
-        if not inspect.isclass(held):
+        yield f"{name}{'' if is_error(entry) else signature(entry)}"
+        if not inspect.isclass(entry):
             continue
-        for member, value in sorted(vars(held).items()):
-            if member.startswith("_") or (dataclasses.is_dataclass(held) and member in held.__dataclass_fields__):
+        for member, value in sorted(vars(entry).items()):
+            if member.startswith("_") or (dataclasses.is_dataclass(entry) and member in entry.__dataclass_fields__):
                 continue
             if inspect.isfunction(value):
                 yield f"{name}.{member}{signature(value)}"
@@ -58,8 +58,8 @@ def promise() -> Iterator[str]:
                 yield f"{name}.{member}"
 
 
-def is_error(held: object) -> bool:
-    return inspect.isclass(held) and issubclass(held, Exception)
+def is_error(entry: object) -> bool:
+    return inspect.isclass(entry) and issubclass(entry, Exception)
 
 
 def test_names_and_signatures_are_those_that_were_promised() -> None:
@@ -68,17 +68,17 @@ def test_names_and_signatures_are_those_that_were_promised() -> None:
 
 @pytest.mark.parametrize("name", [name for name in api.__all__ if callable(getattr(api, name))])
 def test_every_name_is_documented(name: str) -> None:
-    held = getattr(api, name)
-    text = vars(held).get("__doc__") if inspect.isclass(held) else held.__doc__
+    entry = getattr(api, name)
+    text = vars(entry).get("__doc__") if inspect.isclass(entry) else entry.__doc__
     assert text
-    if not inspect.isclass(held):
+    if not inspect.isclass(entry):
         assert "Args:" in text or "Arguments" in text
         assert "Raises:" in text or name == "bake_leaves"  # its arguments have been checked when they were made
         return
-    fields = getattr(held, "__dataclass_fields__", {})
-    if held is not api.BuildSettings:  # whose tables docs/settings.md describes
+    fields = getattr(entry, "__dataclass_fields__", {})
+    if entry is not api.BuildSettings:  # whose tables docs/settings.md describes
         assert not [field for field in fields if f"\n        {field}: " not in text]
-    members = [value for member, value in vars(held).items() if not member.startswith("_") and member not in fields]
+    members = [value for member, value in vars(entry).items() if not member.startswith("_") and member not in fields]
     assert all(member.__doc__ for member in members)
 
 
