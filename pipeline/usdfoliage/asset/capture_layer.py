@@ -30,10 +30,10 @@ _FILM_M = 0.036  # longer side of a film frame: only its ratio to the focal leng
 _TENTHS = 10.0  # USD counts film and focal length in tenths of the stage's unit
 _BEHIND = 1.05  # how far behind the farthest point an image plane stands
 _NEAR = 0.5  # of the nearest point's depth, where the picture begins
-_MIN_NEAR = 1e-4  # of the farthest depth: the depth buffer cannot tell more
+_MIN_NEAR = 1e-4  # of the farthest depth: a depth buffer does not resolve a longer range
 _PLANE_CELLS = 48  # along the longer side of an image plane whose lens distorts
 _WIDEST = 10.0  # tangent of the angle from the axis up to which there is a plane
-_FEW = 20_000  # points that tell how far the cloud is from a camera
+_FEW = 20_000  # points are enough to measure how far the cloud is from a camera
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""What a look says and where it says it, in plain USD.
+"""The opinions of a look and the specs that they stand at, in plain USD.
 
 Nothing but pxr is imported, not even of this package: usd_plugins/usdviewFoliage loads this file by itself, in programs
 that may have neither numpy nor the rest of usdfoliage, so that a look is made up in one place.
@@ -55,7 +55,7 @@ def author_edit(prim: Usd.Prim, name: str, value: EditValue) -> None:
 def author_edits(
     stage: Usd.Stage, path: Sdf.Path, edits: Mapping[str, EditValue], stored: Mapping[str, EditValue]
 ) -> None:
-    """Say of leaves at path, in a look, what edits they shall have in the end, where they have others without it."""
+    """Author in a look the edits that leaves at path shall have in the end, where they have others without the look."""
     for name, primvar in EDITS.items():
         if name in edits and not same_value(edits[name], stored.get(name)):
             author_edit(stage.OverridePrim(path), primvar, edits[name])
@@ -95,15 +95,15 @@ def build_look(
     author_leaves: Callable[[Usd.Stage], None],
     placement: str | None = None,
 ) -> Sdf.Layer:
-    """A layer, in memory, that says of a plant's class what leaves are edited by.
+    """A layer, in memory, with the edits of leaves as opinions of a plant's class.
 
     Args:
         plant: Composed, where its leaves can be edited.
         class_path: From find_class or placement_class.
         look_of: The asset's interface layer, as seen from where the look will lie.
-        author_leaves: Called with the look's stage to say what the leaves that plant now has are edited by
-            (author_edits), and how far they then reach (widen_extents): once, or once in each lod that shows leaves,
-            selected on plant in its stage's session layer; what it authors lies in the variants of the leaves.
+        author_leaves: Called with the look's stage to author the edits of the leaves that plant now has (author_edits),
+            and how far they then reach (widen_extents): once, or once in each lod that shows leaves, selected on plant
+            in its stage's session layer; what it authors lies in the variants of the leaves.
         placement: The one prim that the look is for, where class_path is a class of its own.
     """
     layer = Sdf.Layer.CreateAnonymous(".usda")

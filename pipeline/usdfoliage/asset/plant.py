@@ -36,7 +36,7 @@ class PurposeBoxes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plant:
-    """What the root prim says, whatever the asset holds."""
+    """What is authored on the root prim, whatever parts the asset has."""
 
     provenance: Provenance
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors

@@ -1,4 +1,4 @@
-"""Numbers in layers that others worked on: USD gives back whatever the strongest layer says, of whatever type."""
+"""Numbers in layers that others worked on: USD returns the value of the strongest layer, of whatever type it is."""
 
 from collections.abc import Sequence
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from pxr import Sdf, Usd
 
-from usdfoliage.asset.look_layer import each_variant as each_variant  # there, for looks are authored without us
-
 
 @dataclass(frozen=True, kw_only=True)
 class VariantSet:
@@ -44,7 +42,7 @@ def author_variant_references(stage: Usd.Stage, path: Sdf.Path, sets: Sequence[V
 def _fill(
     owner: Sdf.PrimSpec | Sdf.VariantSpec, prim: Sdf.PrimSpec, entry: VariantSet, inner: Sequence[VariantSet]
 ) -> None:
-    """Fill a set of owner, the prim or a variant of it; prim is what owner says of the prim."""
+    """Fill a set of owner, the prim or a variant of it; prim is the spec of the prim within owner."""
     prim.variantSetNameList.prependedItems.append(entry.name)
     variant_set = Sdf.VariantSetSpec(owner, entry.name)
     for member, layers in entry.variants.items():

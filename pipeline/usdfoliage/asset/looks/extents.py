@@ -1,4 +1,4 @@
-"""Extents in a look: edited leaves may reach further than the asset says, and what an extent lacks is culled."""
+"""Extents in a look: edited leaves may reach beyond the asset's extents, and renderers cull what lies outside."""
 
 from dataclasses import replace
 

@@ -7,7 +7,7 @@ from usdfoliage.asset.parts.leaf_primvars import author_jitter_map
 
 
 def author_look_jitter_map(stage: Usd.Stage, path: Sdf.Path, plant: Usd.Prim, instancer: Usd.Prim, file: str) -> None:
-    """Author what a look says of the map.
+    """Author a look's opinions of the jitter map.
 
     Args:
         stage: Of the look.

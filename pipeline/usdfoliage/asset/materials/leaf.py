@@ -24,12 +24,12 @@ _PHASE_UNIT = 1 / 512
 class LeafMaterial:
     """What the leaves' material needs to know; paths as seen from the layer's folder.
 
-    The numbers are those of the shader's parameters, which say more of each.
+    The numbers are the shader's parameters; their documentation explains each.
     """
 
     shaders: str  # the folder with LEAF_SHADERS
     texture: str | None = None  # picture of a leaf in its st, with opacity; takes the place of displayColor
-    texture_color: tuple[float, float, float] | None = None  # usual one of it: displayColor by this tints it
+    texture_color: tuple[float, float, float] | None = None  # median of the texture: displayColor over it is the tint
     jitter_map: str | None = None  # one cycle of the silhouette's jitter, see FoliageLeafAPI
     color: tuple[float, float, float] = LEAF_COLOR  # where a gprim has no displayColor
     translucency: float = 0.7  # light that shines through, as a part of what is scattered back

@@ -85,7 +85,7 @@ def close_asset(
     Args:
         place: Where the parts were written.
         parts: All of them.
-        plant: What the root prim says.
+        plant: What is authored on the root prim.
         sets: All variant sets.
         shared: Layers of the payload's folder in every variant.
 
@@ -108,7 +108,7 @@ def close_asset(
 
 
 def write_interface(place: AssetPlace, parts: Sequence[Part], plant: Plant, sets: Sequence[VariantSet]) -> Path:
-    """Write the interface layer alone, anew where plant says more than it did; returns it.
+    """Write the interface layer alone, or again where plant now holds more; returns the layer's path.
 
     Raises:
         AssetError: It cannot be written.

@@ -1,4 +1,4 @@
-"""What two of the lods of a whole plant say besides the parts that they show: both and auto.
+"""What two of the lods of a whole plant have besides the parts that they show: both and auto.
 
 Renderers that do not know UsdLod see of auto the leaves and branches: the crown is authored invisible, as the manual of
 UsdLod asks for (section Legacy Renderer Compatibility). One that knows it makes visible what it chooses.
@@ -43,7 +43,7 @@ def switch_threshold(
 
     Args:
         extent_m: (2, 3), of the plant.
-        leaf_m: Usual length of a leaf.
+        leaf_m: Median length of the leaves.
         leaf_px: What it shall be in the picture.
         picture_px: Width and height.
         max_share: The threshold is no more than that, however small the leaves are.

@@ -42,10 +42,10 @@ DrawThumbnail = Callable[[Path], Path | None]  # called with the interface layer
 
 @dataclass(frozen=True, kw_only=True)
 class PlantAssetSettings:
-    """How an asset of a whole plant is written; how its leaves are is said with them."""
+    """How an asset of a whole plant is written; the leaves have settings of their own."""
 
     crown_mesh_size: int = 129  # vertices along a cube edge, as AssetSettings
-    switch_leaf_px: float = 2.0  # in the lod auto the crown takes over where the usual leaf is no longer than that
+    switch_leaf_px: float = 2.0  # in the lod auto the crown takes over where the median leaf is no longer than that
     picture_px: tuple[int, int] = (1920, 1080)  # in a picture so wide and high
     switch_size: float = 0.05  # the same for a plant without leaves: the share of the picture's area that it covers
     version: str = "1"  # assetInfo

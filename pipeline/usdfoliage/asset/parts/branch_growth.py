@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from pxr import Sdf, UsdGeom, Vt
 
 from usdfoliage.asset.layer import FIRST_FRAME, author_frames, export_layer, new_layer
+from usdfoliage.asset.look_layer import each_variant
 from usdfoliage.asset.parts.leaf_motion import LeafMotion
 from usdfoliage.asset.plant import BRANCHES, SKELETON
-from usdfoliage.asset.variants import each_variant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,8 +15,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 from scipy.spatial.transform import Rotation
 
 from usdfoliage.asset.layer import FIRST_FRAME, author_frames, author_scopes, export_layer, new_layer
+from usdfoliage.asset.look_layer import each_variant
 from usdfoliage.asset.plant import BRANCHES
-from usdfoliage.asset.variants import each_variant
 from usdfoliage.branch.motion.rig import Rig, Skin
 
 SKEL_ROOT = "geo/render"

@@ -19,7 +19,7 @@ def author_leaf_mesh(
     """Define a mesh of leaves at path.
 
     Args:
-        count: How many leaves it has, divided alike.
+        count: How many leaves it has, all with the same division.
         extent: (2, 3); that of the points without it.
     """
     mesh = UsdGeom.Mesh.Define(stage, path)
@@ -37,7 +37,7 @@ def author_leaf_mesh(
 
 
 def author_st(gprim: UsdGeom.Gprim, st: NDArray[np.float32], count: int) -> None:
-    """Where on a leaf every point is, (P, 2), kept once for leaves that are divided alike."""
+    """Where on a leaf every point is, (P, 2), kept once for leaves of the same division."""
     primvar = UsdGeom.PrimvarsAPI(gprim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
     of_one = len(st) // count
     primvar.Set(Vt.Vec2fArray.FromNumpy(st[:of_one]))
@@ -56,7 +56,7 @@ def author_leaf_gprim(gprim: UsdGeom.Gprim, color: tuple[float, float, float]) -
 
 
 def author_leaf_colors(mesh: UsdGeom.Mesh, colors: NDArray[np.floating], faces: int) -> None:
-    """A colour for each of the leaves of one mesh, (N, 3), that has so many faces, divided alike."""
+    """A colour for each of the leaves of one mesh, (N, 3); the mesh has so many faces, every leaf the same number."""
     primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("displayColor")
     primvar.SetInterpolation(UsdGeom.Tokens.uniform)
     primvar.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(colors, np.float32)))

@@ -14,6 +14,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.layer import FIRST_FRAME, author_frames, export_layer, new_layer
 from usdfoliage.asset.locate import open_copy
+from usdfoliage.asset.look_layer import each_variant
 from usdfoliage.asset.parts.branch_rig import JOINTS, author_skin
 from usdfoliage.asset.parts.hero_leaf import patch_matrices, patch_nets
 from usdfoliage.asset.parts.leaf_fallbacks import patch_paths
@@ -21,7 +22,7 @@ from usdfoliage.asset.parts.leaf_gprims import outward_corners
 from usdfoliage.asset.parts.leaves import PLACE, edited_leaves, set_places
 from usdfoliage.asset.plant import LEAVES, box_around
 from usdfoliage.asset.stored_numbers import stored_numbers
-from usdfoliage.asset.variants import REPRESENTATIONS, each_variant
+from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.motion.rig import Skin
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.bounds import leaf_bounds_m
@@ -88,8 +89,8 @@ def write_leaf_growth_layer(path: Path, name: str, drawn: DrawnLeaves, motion: L
 def write_leaf_rig_layer(path: Path, name: str, drawn: DrawnLeaves, rigged: RiggedLeaves) -> Box:
     """Write leaves that follow joints; returns a box around them in all frames of the animation.
 
-    mesh and subdiv are bound to the joints, a leaf's points all alike. No renderer skins an instancer, or patches: they
-    have time samples of the animation, where there is one; too many patches stay.
+    mesh and subdiv are bound to the joints, all points of a leaf with the same weights. No renderer skins an instancer,
+    or patches: they have time samples of the animation, where there is one; too many patches stay.
     """
     stage = new_layer(path, name)
     motion = rigged.motion

@@ -59,7 +59,7 @@ class LeafAppearance:
     Attributes:
         color: Linear Rec.709, of leaves that have no colour of their own.
         texture: A picture of a leaf in its st, with opacity; it takes the place of the colour.
-        texture_color: The mean colour of the texture, linear; the leaves' own colours tint it. None: no tint.
+        texture_color: The median colour of the texture, linear; the leaves' own colours tint it. None: no tint.
         jitter_map: An image whose first row is one cycle of the jitter. None: the built-in wave.
     """
 

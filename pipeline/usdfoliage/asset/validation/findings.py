@@ -8,7 +8,7 @@ SEVERITIES = ("error", "warning", "info")
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something that a validator says of an asset.
+    """Something that a validator reports of an asset.
 
     Attributes:
         severity: One of SEVERITIES: error, warning, info.

@@ -1,4 +1,4 @@
-"""What validators said of the parts that several selections of an asset's variants share, so that they are asked once.
+"""Findings on the parts that several selections of an asset's variants share, so that validators check them once.
 
 Two parts are shared. Some rules look at files alone, and those are the same in every selection. Some rules look at
 nothing but the properties of one prim, and a prim that is composed of the same specs has the same properties.
@@ -25,9 +25,9 @@ class KnownFindings:
 def key_prims(prims: Iterable[Usd.Prim]) -> Iterator[tuple[Usd.Prim, PrimKey]]:
     """Each prim with what is equal only where its properties and their values are.
 
-    That is its path, the specs that say something of it, strongest first, and how they are moved in time. The session
+    That is its path, the specs that hold opinions of it, strongest first, and how they are moved in time. The session
     layer of a selection is another one each time and counts by the variants that it selects. Whether a prim is a guide,
-    which may be said above it, counts too: validators of leaves ask for it.
+    which may be authored on a prim above it, counts too: validators of leaves ask for it.
     """
     for prim in prims:
         session = prim.GetStage().GetSessionLayer()

@@ -54,13 +54,13 @@ def nvidia_version() -> str:
 
 
 def run_nvidia_rules(stage: Usd.Stage, known: KnownFindings) -> list[Finding]:
-    """What the default rules say of one composition; nothing where they are not installed.
+    """What the default rules report of one composition; nothing where they are not installed.
 
-    Of a stage with more than MAX_CORNERS corners of faces they say nothing but that.
+    A stage with more than MAX_CORNERS corners of faces is not checked; the one finding states that.
 
     Args:
         stage: With its own session layer, which holds nothing but selections of variants.
-        known: What they said of other compositions of the same root layer; what they say of this one is added.
+        known: Their findings on other compositions of the same root layer; those on this one are added.
     """
     if importlib.util.find_spec(PACKAGE) is None:
         return []
@@ -122,7 +122,7 @@ def _engine(rules: Sequence[Any]) -> Any:
 
 
 def _check_prims(stage: Usd.Stage, known: KnownFindings) -> list[Finding]:
-    """What the rules of prims say, of those that they do not know yet, as the engine would ask them."""
+    """What the rules of prims report of prims that are not in known, called as the engine calls them."""
     findings: list[Finding] = []
     with Ar.ResolverContextBinder(stage.GetPathResolverContext()), Ar.ResolverScopedCache():
         for prim, key in key_prims(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
@@ -186,9 +186,9 @@ def _with_our_rules(finding: Finding, stage: Usd.Stage) -> Finding:
     if finding.severity != "error" or leaves is None or not leaves.IsA(UsdGeom.PointInstancer):
         return finding
     if finding.validator == "nvidia:ExtentsChecker" and prim != leaves:
-        ours = "leaves are displaced beyond the points; LeafShape tells whether the extent contains them"
+        ours = "leaves are displaced beyond the points; LeafShape checks whether the extent contains them"
     elif finding.validator == "nvidia:IndexedPrimvarChecker" and not UsdGeom.PointInstancer(leaves).GetInstanceCount():
-        ours = "an asset of no leaves has empty arrays; LeafArrays tells whether they are right"
+        ours = "an asset of no leaves has empty arrays; LeafArrays checks whether they are right"
     else:
         return finding
     return replace(finding, severity="warning", message=f"{finding.message} ({ours})")

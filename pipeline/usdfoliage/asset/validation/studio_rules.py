@@ -19,7 +19,7 @@ _NO_TEXTURES = (".glslfx", ".mtlx", ".osl", ".html", ".json")  # what an asset m
 
 
 def check_composition(stage: Usd.Stage, rules: StudioRules) -> Iterator[Finding]:
-    """What the rules say of an asset in one selection of its variants."""
+    """What the rules report of an asset in one selection of its variants."""
     plant = stage.GetDefaultPrim()
     if not plant:
         return
@@ -47,7 +47,7 @@ def check_composition(stage: Usd.Stage, rules: StudioRules) -> Iterator[Finding]
 
 
 def check_files(interface: Path, rules: StudioRules) -> Iterator[Finding]:
-    """What the rules say of an asset's files."""
+    """What the rules report of an asset's files."""
     if rules.asset_name is not None and not re.fullmatch(rules.asset_name, interface.stem):
         yield _finding(
             rules, "AssetName", None, f"its name {interface.stem} is no {rules.asset_name}; rename the asset"

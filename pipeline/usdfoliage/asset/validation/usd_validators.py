@@ -30,11 +30,11 @@ OF_PRIMS = (
 
 
 def run_usd_validators(stage: Usd.Stage, known: KnownFindings) -> list[Finding]:
-    """What the registry's validators say of one composition.
+    """What the registry's validators report of one composition.
 
     Args:
         stage: With its own session layer, which holds nothing but selections of variants.
-        known: What they said of other compositions of the same root layer; what they say of this one is added.
+        known: Their findings on other compositions of the same root layer; those on this one are added.
     """
     keyed = list(key_prims(Usd.PrimRange.Stage(stage, PRESENT)))
     in_instances = list(key_prims(prim for prim in iterate_prims(stage, PRESENT) if prim.IsInstanceProxy()))
@@ -62,7 +62,7 @@ def run_usd_validators(stage: Usd.Stage, known: KnownFindings) -> list[Finding]:
 def _validate_prims(
     name: str, context: Any, keyed: Sequence[tuple[Usd.Prim, PrimKey]], known: KnownFindings
 ) -> list[Finding]:
-    """What one validator of prims says, of those that it does not know yet."""
+    """What one validator of prims reports of prims that are not in known."""
     new = [(prim, key) for prim, key in keyed if (name, key) not in known.of_prims]
     by_prim: dict[str, list[Finding]] = {}
     for finding in _findings(name, context.Validate([prim for prim, _ in new]) if new else ()):

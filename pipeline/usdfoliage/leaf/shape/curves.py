@@ -11,7 +11,6 @@ from usdfoliage.leaf.shape.surface import evaluate_points, grid_places, leaf_net
 
 # Columns of a leaf's control net: the left half mirrors the right one.
 _COLUMNS = (("silhouette", 0), ("outer", 1), ("inner", 2), ("inner", 4), ("outer", 5), ("silhouette", 6))
-_AXIS_CONTROLS = 4  # of a cubic
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
