@@ -34,7 +34,7 @@ class TracedPlant:
 
     points_m: NDArray[np.float64]  # (N, 3), the cloud without its ground
     wood: NDArray[np.bool_]  # (N,), points of branches; the others are of leaves
-    knows_leaves: bool  # whether the cloud is dense enough to tell them apart
+    knows_leaves: bool  # whether the cloud is dense enough to distinguish leaves from branches
     colors: NDArray[np.float64] | None  # (N, 3), red, green and blue, 0 to 255
     plant_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
     skeleton: Skeleton

@@ -64,6 +64,6 @@ def settle_attachments(skeleton: Skeleton) -> Skeleton:
 
 
 def _pointing_best(from_m: NDArray[np.float64], to_m: NDArray[np.float64], direction: NDArray[np.float64]) -> int:
-    """Of places (K, 3) the one from which the way to a point is most in a direction."""
+    """Of places (K, 3) the one from which the line to a point is nearest to a direction."""
     path_m = to_m - from_m
     return int(np.argmax(path_m @ direction / np.maximum(np.linalg.norm(path_m, axis=1), 1e-12)))

@@ -49,7 +49,7 @@ class Axes:
         return before
 
     def lengths_along(self, center_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(M,) way along its axis from the first node; nodes at center_m (S, 3)."""
+        """(M,) length along its axis from the first node; nodes at center_m (S, 3)."""
         points_m = center_m[self.nodes]
         steps_m = np.concatenate([[0.0], np.linalg.norm(np.diff(points_m, axis=0), axis=1)])
         steps_m[self.first[:-1]] = 0
@@ -63,7 +63,7 @@ def find_axes(center_m: NDArray[np.float64], parent: NDArray[np.int32], min_m: N
     Args:
         center_m: (S, 3), of the nodes.
         parent: (S,), -1 for a root.
-        min_m: Of a node (S,) or all: a branch that springs there and whose longest way is shorter is left out.
+        min_m: Of a node (S,) or all: a branch that springs there and whose longest path is shorter is left out.
     """
     step_m = step_lengths(center_m, parent)
     tree = RootedTree(parent)

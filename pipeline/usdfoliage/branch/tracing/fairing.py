@@ -19,7 +19,7 @@ def fair_axes(
     stiffness: float,
     max_moved_m: NDArray[np.floating] | float = np.inf,
 ) -> NDArray[np.float64]:
-    """Nodes (S, 3) moved so that their axes bend little: least squares of the way moved and of second differences.
+    """Nodes (S, 3) moved so that their axes bend little: least squares of the distance moved and of second differences.
 
     Axes are made fair after their parents, whose node they keep to. Nodes that would move too far are pulled back the
     more, turn by turn: a few may still end a little farther than they should.

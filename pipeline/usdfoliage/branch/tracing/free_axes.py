@@ -26,7 +26,7 @@ class FreeAxisSettings:
     stem: float = 0.3  # length of a stem at least,
     free: float = 0.25  # of which so much must stand free,
     rise: float = 0.2  # and there rise, or hang, so far
-    straight: float = 0.6  # from its root to where it last stands free, over the way: what leads over leaves winds
+    straight: float = 0.6  # distance from its root to where it last stands free, over the path: over leaves, axes wind
     max_hidden: float = 0.5  # share of the stems that need not
     twig: float = 0.04  # length of another branch at least: half of it must stand free
 
@@ -149,7 +149,7 @@ def _last_free(skeleton: Skeleton, free: NDArray[np.bool_]) -> NDArray[np.int64]
 
 
 def _straightness(skeleton: Skeleton, last: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(B,) how far the vertex `last` of each branch is from its first, over the way there."""
+    """(B,) how far the vertex `last` of each branch is from its first, over the length of the path there."""
     apart_m = np.linalg.norm(skeleton.points_m[last] - skeleton.points_m[skeleton.first], axis=1)
     return np.asarray(apart_m / np.maximum(skeleton.arcs_m[last], 1e-12))
 

@@ -1,9 +1,9 @@
 """Links across gaps: from where a branch leaves off to where it goes on, when none of its own points lie between.
 
 Nearest points are linked with what is near, and there is much of it: at the edge of a gap all of them are on the same
-side, so that a way through the graph goes round by whatever touches. Two points see each other across a gap if the ball
-between them is empty (K. Gabriel and R. Sokal, A new statistical approach to geographic variation analysis, 1969); the
-cheapest ways over all pairs of points, where a link costs the square of its length, use no other links than these.
+side, so that a path through the graph goes round by whatever touches. Two points see each other across a gap if the
+ball between them is empty (K. Gabriel and R. Sokal, A new statistical approach to geographic variation analysis, 1969);
+the cheapest paths over all pairs of points, where a link costs the square of its length, use no other links than these.
 """
 
 import numpy as np

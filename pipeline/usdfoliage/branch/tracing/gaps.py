@@ -12,7 +12,7 @@ _GAP = 3.0  # typical steps, from which on there is a gap between a section and 
 def find_beyond_gaps(
     sections: SectionTree, typical_m: NDArray[np.floating] | float, max_gap: float
 ) -> NDArray[np.bool_]:
-    """(S,) sections that are reached across a gap longer than the way through all that lies beyond it.
+    """(S,) sections that are reached across a gap longer than the path through all that lies beyond it.
 
     Every point is linked with the rest of the plant at last, however far it is; a branch across the air that leads to
     a handful of points is none, while one that leads to half a crown was hidden.
@@ -20,7 +20,7 @@ def find_beyond_gaps(
     Args:
         sections: Of the cloud.
         typical_m: Step from a section to its parent where there is no gap, everywhere or at each (S,).
-        max_gap: Of the way beyond it, that a gap may be long.
+        max_gap: Of the path beyond it, that a gap may be long.
     """
     tree = RootedTree(sections.parent)
     step_m = step_lengths(sections.center_m, sections.parent)

@@ -15,7 +15,7 @@ from usdfoliage.branch.tracing.stem_sections import StemSections
 
 logger = logging.getLogger(__name__)
 
-_TRUNK = (0.03, 0.2)  # of the longest way: where trunks are measured, above the flare of their base
+_TRUNK = (0.03, 0.2)  # of the longest path: where trunks are measured, above the flare of their base
 _FEW_SECTIONS = 3  # circles that a trunk must have to be measured
 _TRUNK_OF_HEIGHT = 0.01  # radius of a trunk that cannot be measured
 _EXPONENT_PRIOR = 5.0  # circles that the exponent of the settings is worth

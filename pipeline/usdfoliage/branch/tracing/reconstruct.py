@@ -56,7 +56,7 @@ class BranchSettings:
     sparse_spacings: float = 0.14  # distances to the sixth neighbour, thickness of a slice there
     stem_share: float = 0.3  # of the radius of a thick stem, thickness of its slices
     min_length: float = 1.0  # slices, that a branch must reach beyond its parent's surface
-    max_gap: float = 1.0  # of the way beyond it, that a gap between a branch and the rest may be long
+    max_gap: float = 1.0  # of the path beyond it, that a gap between a branch and the rest may be long
     stiffness: float = 4.0
     radii: RadiusSettings = field(default_factory=RadiusSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)

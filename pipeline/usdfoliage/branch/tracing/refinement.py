@@ -96,7 +96,7 @@ def round_bends(skeleton: Skeleton, settings: RefinementSettings = RefinementSet
     into = before_m / lengths_m[0][sharp, None]
     out = after_m / lengths_m[1][sharp, None]
     start_m, end_m = skeleton.points_m[at] - reach_m * into, skeleton.points_m[at] + reach_m * out
-    pull_m = 2 * reach_m  # tangents as long as the way round the corner
+    pull_m = 2 * reach_m  # tangents as long as the path round the corner
     repeats = np.ones(count, np.int64)
     repeats[at] = _ROUNDED
     points_m, radius_m = np.repeat(skeleton.points_m, repeats, axis=0), np.repeat(skeleton.radius_m, repeats)

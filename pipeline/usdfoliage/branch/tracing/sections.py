@@ -15,9 +15,9 @@ _STEM = 0.25  # of its length, that a link on a stem costs: less than the many s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Paths:
-    """From every point one way to a root, along the graph."""
+    """From every point one path to a root, along the graph."""
 
-    before: NDArray[np.int32]  # (N,), the point before it on that way, -1 for a root
+    before: NDArray[np.int32]  # (N,), the point before it on that path, -1 for a root
     root: NDArray[np.int32]  # (N,), which of the roots it leads to
 
 
@@ -52,14 +52,14 @@ def find_paths(
     power: float = 1.0,
     straight: NDArray[np.bool_] | None = None,
 ) -> Paths:
-    """The cheapest way from every point to a root, where a link costs a power of its length.
+    """The cheapest path from every point to a root, where a link costs a power of its length.
 
-    With 1 ways are the shortest and leap from point to point; above it they keep to where points are close together,
+    With 1 paths are the shortest and leap from point to point; above it they keep to where points are close together,
     and so to the branch that they are on, but wander on the surface of a thick stem.
 
     Args:
         lengths_m: (N, N), symmetric, of a graph in which every point is linked with a root.
-        roots: (R,), points at which ways end.
+        roots: (R,), points at which paths end.
         of_root: (R,), root that each of them is of, numbered from 0.
         power: 1 or more.
         straight: (N,), points of thick stems: links between them cost their length alone, and a share of that.

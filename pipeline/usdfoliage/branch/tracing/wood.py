@@ -18,11 +18,11 @@ from usdfoliage.branch.tracing.sections import SectionTree
 from usdfoliage.geometry.point_cells import cell_means, number_cells
 
 # Lengths in distances to the sixth neighbour.
-_WINDOWS = (10.0, 20.0)  # of a way, to both sides, over which it is straight or not
+_WINDOWS = (10.0, 20.0)  # of a path, to both sides, over which its straightness is measured
 _CELL = 1.0  # of which filled ones are counted
 _AROUND = 1.5  # of a section, where they are counted
 _BLUR = 0.1  # that a path wanders in any case
-_MAX_SECTIONS = 250  # of a way within a window
+_MAX_SECTIONS = 250  # of a path within a window
 # Logarithm of the odds for wood: constant; straightness in both windows, fewness of points, emptiness around. Logistic
 # regression, rounded, on a simulated tree with leaves of several sizes, scanned and sampled at several spacings and
 # noises, the same without leaves, and two real clouds without leaves and with simulated ones.
@@ -137,10 +137,10 @@ def _straightness(
     window_m: float,
     blur_m: float,
 ) -> NDArray[np.float64]:
-    """(S,) logarithm of how much longer than wide the way is, on both sides of each section, within window_m."""
+    """(S,) logarithm of how much longer than wide the path is, on both sides of each section, within window_m."""
     center_m, count = sections.center_m, len(sections)
     count_near = np.ones(count)
-    total = np.zeros((count, 3))  # of the way's sections, from the own one, so that no digits are lost
+    total = np.zeros((count, 3))  # of the path's sections, from the own one, so that no digits are lost
     square = np.zeros((count, 3, 3))
     for upwards in (False, True):
         own: NDArray[np.signedinteger] = np.arange(count)
