@@ -1,4 +1,4 @@
-"""Checks of an asset of branches: each returns a warning with its remedy, or none."""
+"""Checks of an asset of branches: each returns a list of warnings with their remedies, empty where all is well."""
 
 from usdfoliage.capture.cloud_files.units import UNITS
 from usdfoliage.remarks import Remark, Remedy, Setting, remark

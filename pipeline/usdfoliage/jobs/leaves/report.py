@@ -150,12 +150,12 @@ def certainty_rows(certainty: NDArray[np.floating]) -> list[Row]:
         return []
     guessed = int(np.count_nonzero(certainty < SURE))
     remark = f"0.5 nothing is known to 1; {guessed:,} of {len(certainty):,} leaves are below {SURE:g}, a guess"
-    return [Row(name="base told from apex: certainty", value=_spread(certainty, ""), remark=remark)]
+    return [Row(name="certainty of base and apex", value=_spread(certainty, ""), remark=remark)]
 
 
 def certainty_histograms(certainty: NDArray[np.floating]) -> list[Histogram]:
     """The same as bars."""
-    return [_histogram(certainty, "base told from apex: certainty", 0.5, 1.0)] if len(certainty) else []
+    return [_histogram(certainty, "certainty of base and apex", 0.5, 1.0)] if len(certainty) else []
 
 
 def leaf_histograms(leaves: Leaves) -> list[Histogram]:

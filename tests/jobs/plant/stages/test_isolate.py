@@ -110,7 +110,7 @@ def test_the_result_is_a_capture_of_the_plant_alone(result: Path, tmp_path: Path
     summary = read_summary(out)
     assert not warnings_of(summary.remarks)
     names = [row.name for row in summary.rows]
-    assert names[:4] == ["points kept", "floor", "container", "strays"]
+    assert names[:4] == ["points kept", "floor", "container", "outliers"]
     assert len(summary.pictures) == 5
     assert all((out / picture.file).is_file() for picture in summary.pictures)
 

@@ -279,7 +279,7 @@ def _write_pictures(
     pictures = []
     for name, picture in draw_kinds(points_m, found):
         file = write_picture(folder / f"kinds_{name}.png", picture)
-        caption = f"Plant (green), floor (grey), container (blue), strays (red), {name}"
+        caption = f"Plant (green), floor (grey), container (blue), outliers (red), {name}"
         pictures.append(StagePicture(file=f"{_PICTURES}/{file}", caption=caption))
     for drawn in masks:
         if drawn.picture is not None:
@@ -296,7 +296,7 @@ def _rows(found: IsolatedPlant, points: int, kept: int, masks: Sequence[_DrawnMa
         (PointKind.CONTAINER, "and its soil"),
         (PointKind.OUTLIER, "not linked with the plant"),
     ):
-        name = {PointKind.OUTLIER: "strays"}.get(kind, kind.name.lower())
+        name = {PointKind.OUTLIER: "outliers"}.get(kind, kind.name.lower())
         rows.append(Row(name=name, value=f"{found.share(kind):.1%}", remark=f"of the cloud: {what}"))
     if found.support is not None:
         slope_deg = float(np.degrees(np.arctan(np.hypot(*found.support.plane[:2]))))

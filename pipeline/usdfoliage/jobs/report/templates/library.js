@@ -7,7 +7,7 @@
   const tiles = [...list.children];
   const plain = (text) => text.normalize("NFKD").replace(/\p{M}/gu, "").toLowerCase();
   const texts = new Map(tiles.map((tile) => [tile, plain(tile.querySelector(".about").textContent)]));
-  /* Plants are written in the order of their names, so that a number says it; the largest comes first of the others. */
+  /* data-name is a plant's number in the order of names. Heights and counts are negative: the largest comes first. */
   const keys = {
     name: (tile) => Number(tile.dataset.name),
     state: (tile) => Number(tile.dataset.rank),

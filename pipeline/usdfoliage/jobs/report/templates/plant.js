@@ -10,18 +10,18 @@ for (const table of document.querySelectorAll(".turntable")) {
   if (!slider) continue;
   const count = frames.length;
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
-  let shown = 0, playing = false, over = false, held = null, timer = 0;
+  let current = 0, playing = false, over = false, grabbed = null, timer = 0;
   const show = (frame) => {
-    frames[shown].classList.remove("on");
-    shown = ((frame % count) + count) % count;
-    frames[shown].classList.add("on");
-    slider.value = shown;
-    slider.setAttribute("aria-valuetext", Math.round((360 * shown) / count) + " degrees");
+    frames[current].classList.remove("on");
+    current = ((frame % count) + count) % count;
+    frames[current].classList.add("on");
+    slider.value = current;
+    slider.setAttribute("aria-valuetext", Math.round((360 * current) / count) + " degrees");
   };
   const settle = () => {
     clearInterval(timer);
-    const runs = held === null && (playing || (over && !calm.matches));
-    if (runs) timer = setInterval(() => show(shown + 1), 7000 / count);
+    const runs = grabbed === null && (playing || (over && !calm.matches));
+    if (runs) timer = setInterval(() => show(current + 1), 7000 / count);
     button.textContent = playing ? "Pause" : "Play";
     button.setAttribute("aria-pressed", String(playing));
   };
@@ -37,17 +37,17 @@ for (const table of document.querySelectorAll(".turntable")) {
   stage.addEventListener("pointerleave", () => { over = false; settle(); });
   stage.addEventListener("pointerdown", (event) => {
     playing = over = false;
-    held = { x: event.clientX, frame: shown };
+    grabbed = { x: event.clientX, frame: current };
     stage.setPointerCapture(event.pointerId);
-    stage.classList.add("held");
+    stage.classList.add("grabbed");
     settle();
   });
   stage.addEventListener("pointermove", (event) => {
-    /* To the right turns the front to the right, as a hand would: the camera goes the other way. */
-    if (held) show(held.frame - Math.round(((event.clientX - held.x) / stage.clientWidth) * count));
+    /* A drag to the right turns the front to the right, as a hand would: the camera turns in the opposite direction. */
+    if (grabbed) show(grabbed.frame - Math.round(((event.clientX - grabbed.x) / stage.clientWidth) * count));
   });
   for (const end of ["pointerup", "pointercancel"]) {
-    stage.addEventListener(end, () => { held = null; stage.classList.remove("held"); settle(); });
+    stage.addEventListener(end, () => { grabbed = null; stage.classList.remove("grabbed"); settle(); });
   }
 }
 
