@@ -123,7 +123,7 @@ def cloud_of(sides, count=4000, center=(0, 0, 0)):
 @pytest.mark.parametrize(
     ("points", "metres", "words"),
     [
-        (cloud_of((3, 3, 5)), 1.0, "metres are assumed, as it is 4.98 wide"),
+        (cloud_of((3, 3, 5)), 1.0, "metres are assumed, as it is 4.98 units wide"),
         (cloud_of((30, 30, 25)), 1.0, "metres"),
         (cloud_of((5000, 4000, 8000)), 0.001, "millimetres are assumed"),
         (cloud_of((250, 200, 300)), 0.001, "millimetres"),  # in a pot

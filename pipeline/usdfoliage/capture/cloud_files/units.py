@@ -90,19 +90,19 @@ def guess_unit(points: NDArray[np.float64]) -> GuessedUnit:
     if _MIN_MM < largest <= _MAX_MM:
         reason = None
         if away > _FAR * largest:
-            reason = f"lie {away:,.0f} from the origin, as on a map"
+            reason = f"lie {away:,.0f} units from the origin, as on a map"
         elif flatness < (_LAND_FLATNESS if largest < _PLANT_SIZED else _TILE_FLATNESS):
             reason = "are as flat as land"
         else:
             spacing = _median_spacing(points)
             if not _FINEST_MM <= spacing <= _COARSEST * largest:
-                reason = f"are {spacing:.3g} apart"
+                reason = f"are {spacing:.3g} units apart"
         if reason is None:
-            return _assume(0.001, f"millimetres are assumed, as it is {largest:,.0f} wide")
-        return _assume(1.0, f"metres are assumed, though it is {largest:,.0f} wide, as its points {reason}")
+            return _assume(0.001, f"millimetres are assumed, as it is {largest:,.0f} units wide")
+        return _assume(1.0, f"metres are assumed, though it is {largest:,.0f} units wide, as its points {reason}")
     if largest > _LARGEST_PLANT_M:
-        return _assume(1.0, f"metres are assumed, though it is {largest:,.0f} wide")
-    return _assume(1.0, f"metres are assumed, as it is {largest:.3g} wide")
+        return _assume(1.0, f"metres are assumed, though it is {largest:,.0f} units wide")
+    return _assume(1.0, f"metres are assumed, as it is {largest:.3g} units wide")
 
 
 def _assume(metres_per_unit: float, why: str) -> GuessedUnit:
