@@ -1,4 +1,4 @@
-"""What a job of Open Job Description tells the farm on stdout, a line each."""
+"""What a job of Open Job Description reports to the farm on stdout, a line each."""
 
 from dataclasses import dataclass, field
 
@@ -20,7 +20,7 @@ class OpenjdLines:
         self.progress(0.0)
 
     def progress(self, share: float) -> None:
-        """The share that is done, 0 to 1; said when it is a percent more than was said last."""
+        """The share that is done, 0 to 1; printed when it is a percent more than was printed last."""
         percent = round(100 * min(max(share, 0.0), 1.0), 1)
         if percent >= self._percent + 1 or (percent == 100 and self._percent < 100):
             self._percent = percent

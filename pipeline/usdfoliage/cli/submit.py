@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.jobs.plant.run import plan_plant
 
     if options.template is None and options.bundle is None:
-        raise FoliageError("say where the job goes: --template JOB.yaml, --bundle FOLDER, or both")
+        raise FoliageError("name where the job goes: --template JOB.yaml, --bundle FOLDER, or both")
     if options.threads < 0:
         raise FoliageError(f"--threads must be 0 or more, not {options.threads}")
     output = options.output or Path(options.capture.absolute().stem)

@@ -10,7 +10,7 @@ def read_json(path: Path) -> Any:
 
     Raises:
         OSError: It is missing, a folder, or cannot be read.
-        ValueError: It is no JSON, no regular file, or too deep; the message says why and does not name the file.
+        ValueError: It is no JSON, no regular file, or too deep; the message states why and does not name the file.
     """
     if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe would be waited for
         raise ValueError("it is no regular file")

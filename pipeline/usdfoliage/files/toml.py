@@ -15,7 +15,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises:
         OSError: It is missing, a folder, or cannot be read.
         ValueError: It is no TOML in UTF-8, no regular file, or larger, deeper or with longer numbers than settings are;
-            the message says why and does not name the file.
+            the message states why and does not name the file.
     """
     if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe would be waited for
         raise ValueError("it is no regular file")

@@ -87,7 +87,7 @@ def isolate_plant(
     if points_m.ndim != 2 or points_m.shape[1] != 3 or colors.shape != points_m.shape:
         raise ValueError(f"points and colours must be (N, 3), not {points_m.shape} and {colors.shape}")
     if positions_m.shape != axes.shape:
-        raise ValueError(f"cameras' places and axes must be alike, not {positions_m.shape} and {axes.shape}")
+        raise ValueError(f"cameras' places and axes must have the same shape, not {positions_m.shape} and {axes.shape}")
     kind = np.full(len(points_m), PointKind.PLANT, np.uint8)
     focus = find_focus(positions_m, axes, settings.focus)
     remarks: list[Remark] = []

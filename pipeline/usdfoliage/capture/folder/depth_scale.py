@@ -115,7 +115,7 @@ def _factors_between(views: Sequence[View], points_m: NDArray[np.float64]) -> ND
         if len(ratios) >= _MIN_SAMPLES:
             by_points[place] = np.log(np.median(ratios))
     apart = quantiles[:, None] - quantiles[None]
-    # The smaller of both where they have the same sign, else they do not tell of a unit.
+    # The smaller of both where they have the same sign; else no other unit explains them.
     by_depth = np.where(np.prod(np.sign(apart), axis=2) > 0, np.abs(apart).min(axis=2), 0.0)
     by_depth *= np.sign(apart[..., 0])
     exact = by_points[:, None] - by_points[None]

@@ -1,4 +1,4 @@
-"""What is reported of a registration: why photographs have no camera, and why cameras may be wrong."""
+"""What is reported of estimated poses: why photographs have no camera, and why cameras may be wrong."""
 
 import math
 from collections import Counter
@@ -86,7 +86,7 @@ def describe_poses(
         share = float(np.median(found.verified[inside][looked_at] / np.maximum(found.similar[inside][looked_at], 1)))
         if share < _STILL_SHARE:
             text = (
-                f"only {share:.0%} of what looks alike in two photographs fits one motion of the camera; "
+                f"only {share:.0%} of what looks the same in two photographs fits one motion of the camera; "
                 f"leaves may have moved in the wind between them, or much repeats"
             )
             remarks.append(remark("matches-fit-no-motion", text))

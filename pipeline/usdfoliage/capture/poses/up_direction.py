@@ -1,4 +1,4 @@
-"""Where up is in a world of cameras: by how photographs were held, by where they were taken, by ground and trunk."""
+"""Where up is in a world of cameras: by how cameras were turned, by where they stood, by ground and trunk."""
 
 import math
 from collections.abc import Sequence
@@ -90,13 +90,13 @@ def _level(picture_right: Array, towards: Array) -> UpDirection | None:
     values, vectors = np.linalg.eigh(picture_right.T @ picture_right / len(picture_right))
     roll, turned = np.sqrt(max(values[0], 0)), np.sqrt(max(values[1], 0))
     if turned < 3 * roll or turned < 0.05:
-        return None  # all look one way: rolled or not, they cannot tell
+        return None  # all look in one direction, and so their roll is unknown
     up = vectors[:, 0] * (1 if vectors[:, 0] @ towards >= 0 else -1)
     return UpDirection("level", up, math.atan(roll / (turned * math.sqrt(len(picture_right)))) + _LEVEL_RAD)
 
 
 def _by_elevation(picture_right: Array, forward: Array, files: Sequence[PhotoFile | None]) -> UpDirection | None:
-    """Up by the angle above the horizon at which cameras say they looked."""
+    """Up by the angle above the horizon that the photographs' EXIF states."""
     known = [number for number, file in enumerate(files) if file is not None and file.elevation_deg is not None]
     if len(known) < 3:
         return None

@@ -104,7 +104,7 @@ def read_request(
     from usdfoliage.jobs.plant.call import BuildRequest
 
     if options.profile is not None:
-        read_profile(options.profile)  # what is wrong with it is said now, not when all else is done
+        read_profile(options.profile)  # its errors are reported now, not when all else is done
     return BuildRequest(
         capture=capture.absolute(),
         output=output.absolute(),
