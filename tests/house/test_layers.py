@@ -1,10 +1,12 @@
 """The contracts of the layers hold, and a wrong import breaks them."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 import sysconfig
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,25 @@ def test_the_tree_keeps_its_contracts(copied: Path) -> None:
     found = check_layers(copied)
     assert found.returncode == 0, found.stdout + found.stderr
     assert "0 broken" in found.stdout
+
+
+def read_layers() -> list[str]:
+    """The layers of the contract, from the top; those of one layer with a comma between them, in alphabetical order."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = settings["tool"]["importlinter"]["contracts"][0]["layers"]
+    return [", ".join(sorted(re.split(r" \| ", layer))) for layer in layers]
+
+
+def test_the_pages_have_the_layers_of_the_contract() -> None:
+    named = re.search(r"`(cli, api → [^`]*)`", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
+    assert named is not None
+    layers = [re.split(r",\s+", layer) for layer in re.split(r"\s+→\s+", named[1])]
+    assert [", ".join(sorted(layer)) for layer in layers] == read_layers()
+
+    _, _, page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("```\n")
+    lines = page.partition("```")[0].splitlines()
+    words = [re.match(r" {3}(\w+(?: │ \w+)*)", line) for line in lines]
+    assert [", ".join(sorted(word[1].split(" │ "))) for word in words if word] == read_layers()
 
 
 @pytest.mark.parametrize(
