@@ -47,7 +47,7 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/build_faults.py
 	@$(PYTHON_VENV) tools/bench/depth.py --variants ours plain
 	@captures=$$(ls -d ../shared/data/synthetic/*/images 2>/dev/null | xargs -r -n 1 dirname); \
-		[ -z "$$captures" ] || $(PYTHON_VENV) tools/bench/registration.py $$captures
+		[ -z "$$captures" ] || $(PYTHON_VENV) tools/bench/poses.py $$captures
 	@$(PYTHON_VENV) -m pytest -m slow || [ $$? = 5 ]
 	@HYPOTHESIS_PROFILE=explore $(PYTHON_VENV) -m pytest -m "hypothesis and not slow"
 

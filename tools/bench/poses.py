@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How well and how fast the cameras of captures are found.
 
-usage: tools/bench/registration.py CAPTURE... [--work DIR] [--reference NAME] [--set NAME=VALUE ...]
+usage: tools/bench/poses.py CAPTURE... [--work DIR] [--reference NAME] [--set NAME=VALUE ...]
 
 For each capture: photographs registered, mean reprojection error, wall and processor seconds by step, and, where a
 COLMAP model of the same photographs lies in cameras/ (or NAME), the error of the cameras' places and turns once the
@@ -115,7 +115,7 @@ def main() -> int:
     parser.add_argument("captures", nargs="+", type=Path)
     parser.add_argument("--work", type=Path, help="keep features and matches here")
     parser.add_argument("--reference", default="cameras", help="folder of the capture with the true cameras")
-    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="settings of the registration")
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="settings of the pose estimation")
     arguments = parser.parse_args()
     settings = PoseEstimationSettings()
     kinds = {field.name: type(getattr(settings, field.name)) for field in fields(settings)} | {"focal_px": float}
