@@ -125,7 +125,7 @@ def test_a_camera_has_a_film_of_36_mm_in_tenths_of_metres():
 
 
 def test_depths_of_what_is_not_seen_come_from_the_cameras():
-    cameras = [held.camera for held in ring_cameras()]
+    cameras = [each.camera for each in ring_cameras()]
     nearest, middle, farthest = depth_range(cameras[0], np.zeros((0, 3)), cameras)
     assert nearest < middle < farthest
     away = np.linalg.norm(cameras[0].position_m - cameras[1].position_m)
@@ -155,14 +155,14 @@ def stage() -> Usd.Stage:
     return Usd.Stage.CreateInMemory()
 
 
-def plane_of(stage: Usd.Stage, held: CaptureCamera) -> UsdGeom.Mesh:
-    return author_image_plane(stage, Sdf.Path("/Plane"), held, 2.0)
+def plane_of(stage: Usd.Stage, camera: CaptureCamera) -> UsdGeom.Mesh:
+    return author_image_plane(stage, Sdf.Path("/Plane"), camera, 2.0)
 
 
 @pytest.mark.parametrize("lens", [LENS, WIDE], ids=["pinhole", "distorted"])
 def test_an_image_plane_shows_every_pixel_where_its_lens_saw_it(stage, lens):
-    held = replace(ring_cameras(1, lens)[0], lens=lens)
-    mesh = plane_of(stage, held)
+    camera = replace(ring_cameras(1, lens)[0], lens=lens)
+    mesh = plane_of(stage, camera)
     points = np.array(mesh.GetPointsAttr().Get(), np.float64)
     st_ = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").Get(), np.float64)
     faces = np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 4)
@@ -177,8 +177,8 @@ def test_an_image_plane_shows_every_pixel_where_its_lens_saw_it(stage, lens):
         undistortion = undistort(lens)
         inside = np.all((places > 1) & (places < (lens.width_px - 1, lens.height_px - 1)), axis=1)
         at = np.float32(places[inside] - 0.5)[None]
-        for axis, held_map in enumerate((undistortion.x, undistortion.y)):
-            expected = cv2.remap(held_map, at[..., 0], at[..., 1], cv2.INTER_LINEAR)[0] + 0.5
+        for axis, pixel_map in enumerate((undistortion.x, undistortion.y)):
+            expected = cv2.remap(pixel_map, at[..., 0], at[..., 1], cv2.INTER_LINEAR)[0] + 0.5
             np.testing.assert_allclose(photo[inside, axis], expected, atol=0.05)
     a, b, c = (points[faces[:, corner]] for corner in (0, 1, 2))
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()  # it faces the camera
@@ -274,12 +274,12 @@ def test_nothing_heavy_is_read_without_the_payload(tmp_path):
 
 
 def test_the_same_capture_gives_the_same_bytes(tmp_path):
-    held = []
+    written = []
     for name in ("a", "b"):
         write(tmp_path / name)
-        held.append({path.name: path.read_bytes() for path in sorted((tmp_path / name).iterdir())})
-    assert list(held[0]) == ["capture.usda", "capture_cloud.usdc"]
-    assert held[0] == held[1]
+        written.append({path.name: path.read_bytes() for path in sorted((tmp_path / name).iterdir())})
+    assert list(written[0]) == ["capture.usda", "capture_cloud.usdc"]
+    assert written[0] == written[1]
 
 
 def test_writing_again_replaces_what_is_open(tmp_path):
@@ -343,7 +343,7 @@ def draw(layer: Path, camera: str, size: tuple[int, int], planes: bool = False) 
 
 
 def painted(lens: Lens) -> np.ndarray:
-    """A photograph (H, W, 3) in soft colours, of which no two places look alike."""
+    """A photograph (H, W, 3) in soft colours, of which no two places look the same."""
     y, x = np.mgrid[: lens.height_px, : lens.width_px] + 0.5
     waves = [np.sin(x / 17) * np.cos(y / 23), np.cos(x / 29 + y / 19), x / lens.width_px * 2 - 1]
     return np.rint(127.5 + 110 * np.stack(waves, -1)).astype(np.uint8)
@@ -354,10 +354,10 @@ def test_a_photograph_with_distortion_stands_where_its_camera_sees_it(tmp_path):
     photo = painted(WIDE)
     (tmp_path / "images").mkdir()
     (tmp_path / "images" / "a.png").write_bytes(encode_png(photo))
-    held = CaptureCamera(
+    camera = CaptureCamera(
         name="a.png", photo="images/a.png", camera=WIDE.pinhole(look_at((1, 2, 3), (0, 0, 0))), lens=WIDE
     )
-    write_capture_layer(tmp_path / "capture.usda", [held], some_cloud(0))
+    write_capture_layer(tmp_path / "capture.usda", [camera], some_cloud(0))
     drawn = draw(tmp_path / "capture.usda", f"{CAMERAS}/a", (WIDE.width_px, WIDE.height_px), planes=True)
     undistortion = undistort(WIDE)
     seen = undistortion.inside & (drawn[..., 3] > 250)
@@ -400,13 +400,13 @@ BLENDER = """
 import json, sys, bpy
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.ops.wm.usd_import(filepath=sys.argv[1])
-held = {"points": [len(o.data.points) for o in bpy.data.objects if o.type == "POINTCLOUD"], "cameras": {}}
+found = {"points": [len(o.data.points) for o in bpy.data.objects if o.type == "POINTCLOUD"], "cameras": {}}
 for o in bpy.data.objects:
     if o.type == "CAMERA":
         c = o.data
         numbers = [c.lens, c.sensor_width, c.sensor_height, c.shift_x, c.shift_y, *o.matrix_world.translation]
-        held["cameras"][o.name] = numbers
-print("HELD" + json.dumps(held))
+        found["cameras"][o.name] = numbers
+print("FOUND" + json.dumps(found))
 """
 
 
@@ -420,11 +420,11 @@ def test_blender_has_the_cameras_and_the_cloud(tmp_path):
         pytest.skip(f"{python} has no bpy, which is Blender as a module")
     write(tmp_path)
     words = [python, "-c", BLENDER, str(tmp_path / "capture.usda")]
-    said = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    held = json.loads(next(line for line in said.splitlines() if line.startswith("HELD"))[4:])
-    assert held["points"] == [200]
+    printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    found = json.loads(next(line for line in printed.splitlines() if line.startswith("FOUND"))[5:])
+    assert found["points"] == [200]
     for camera, pose in zip(("view_000", "view_001", "view_002"), ring_cameras(), strict=True):
-        lens_mm, width_mm, height_mm, x, y, *place_m = held["cameras"][camera]
+        lens_mm, width_mm, height_mm, x, y, *place_m = found["cameras"][camera]
         assert lens_mm / width_mm == pytest.approx(LENS.focal_px[0] / LENS.width_px, rel=1e-5)
         assert lens_mm / height_mm == pytest.approx(LENS.focal_px[1] / LENS.height_px, rel=1e-5)
         assert width_mm == pytest.approx(36)

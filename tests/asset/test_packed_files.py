@@ -39,12 +39,12 @@ def test_a_package_holds_the_files_of_its_asset(packed):
     assert not missing
     assert [file.path for file in layers] == [file.path for file in expected_layers]
     assert {file.path for file in expected_others} == {file.path for file in others}
-    with zipfile.ZipFile(package) as held:
-        sizes = {each.filename: each.file_size for each in held.infolist()}
+    with zipfile.ZipFile(package) as archive:
+        sizes = {each.filename: each.file_size for each in archive.infolist()}
     assert {file.path: file.size_bytes for file in (*layers, *others)} == sizes
 
 
-def test_what_a_package_holds_is_told_as_of_a_folder(packed):
+def test_a_package_is_described_as_its_folder_is(packed):
     info, expected = (describe_asset(path) for path in packed)
     assert info.crown == expected.crown  # its cubemaps were read out of the package
     assert info.branches == expected.branches

@@ -1,4 +1,4 @@
-"""What an asset says of the runs that made it."""
+"""What an asset records of the runs that made it."""
 
 import hashlib
 import json
@@ -38,10 +38,10 @@ def test_all_inputs_are_in_the_file_and_one_digest_in_the_layer(tmp_path):
     assert record["inputCount"] == 100
     assert record["versions"]["numpy"] == np.__version__
     assert "images/" not in asset.read_text()
-    told = json.loads((asset.parent / record["provenance"]).read_text())
-    assert told["inputs"] == INPUTS
-    assert list(told["inputs"]) == sorted(INPUTS)
-    assert told["stages"] == FULL.stages
+    written = json.loads((asset.parent / record["provenance"]).read_text())
+    assert written["inputs"] == INPUTS
+    assert list(written["inputs"]) == sorted(INPUTS)
+    assert written["stages"] == FULL.stages
 
 
 def test_it_is_read_again(tmp_path):

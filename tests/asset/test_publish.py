@@ -18,7 +18,7 @@ from usdfoliage.errors import AssetError
 
 
 def write_asset(folder, text):
-    """The least that is an asset of ours, and a file that tells two of them apart."""
+    """The smallest asset of ours, and a file that distinguishes two of them."""
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.customLayerData = {CUSTOM_DATA_KEY: {"generator": "test"}}
     assert layer.Export(str(folder / "oak.usda"))
@@ -107,7 +107,7 @@ def test_error_leaves_no_parents_behind(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_full_disk_is_told_and_changes_nothing(out):
+def test_a_full_disk_is_reported_and_changes_nothing(out):
     message = r"oak was not written: No space left on device.*MB are free.*unchanged"
     with pytest.raises(AssetError, match=message), publish_folder(out):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "maps/x.exr")
@@ -239,7 +239,7 @@ def test_symbolic_links(tmp_path, out):
     assert which(out) == "new"
 
 
-def test_unwritable_parent_is_told():
+def test_an_unwritable_parent_is_reported():
     if not Path("/proc/self").exists():
         pytest.skip("/proc, where nobody can write, is absent")
     with pytest.raises(AssetError, match="/proc/oak"), publish_folder(Path("/proc/oak")):
@@ -333,9 +333,9 @@ def test_kill_at_any_moment_leaves_one_whole_asset(out, moment, expected):
 
 
 def refused_by(check, out, force):
-    with pytest.raises(AssetError) as said:
+    with pytest.raises(AssetError) as refused:
         check(out, force)
-    return str(said.value)
+    return str(refused.value)
 
 
 def really_publish(out, force):
@@ -363,16 +363,16 @@ def test_a_plan_refuses_what_a_run_refuses(out, place, force, tmp_path, monkeypa
         monkeypatch.chdir(strange)
     if place == "foreign":
         (out / "mine.txt").write_text("mine")
-    held = sorted(tmp_path.rglob("*"))
+    before = sorted(tmp_path.rglob("*"))
     if force and place in ("strange", "foreign"):
         assert plan_folder(named, "oak.usda", force) == f"would replace: {named / 'oak.usda'}"
     else:
         planned = refused_by(lambda path, force: plan_folder(path, "oak.usda", force), named, force)
         assert planned == refused_by(really_publish, named, force)
-    assert sorted(tmp_path.rglob("*")) == held
+    assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_a_plan_says_whether_something_is_replaced(out, tmp_path):
+def test_a_plan_reports_whether_something_is_replaced(out, tmp_path):
     assert plan_folder(out, "oak.usda") == f"would replace: {out / 'oak.usda'}"
     assert plan_folder(tmp_path / "a" / "b", "b.usda") == f"would write: {tmp_path / 'a' / 'b' / 'b.usda'}"
     assert not (tmp_path / "a").exists()

@@ -130,7 +130,7 @@ def test_look_brings_no_plant_of_its_own(
     assert {path.name for path in added} == ({"JitterMap", "St"} if load == Usd.Stage.LoadAll else set())
 
 
-def test_look_says_only_what_differs_from_the_asset(oak: Path, tmp_path: Path) -> None:
+def test_a_look_authors_only_what_differs_from_the_asset(oak: Path, tmp_path: Path) -> None:
     look = write_look_layer(tmp_path / "look.usda", oak, LeafEdits(axis1=(0.0, 0.0, 0.25)))
     assert authored(look) == {"primvars:leaf:edit:axis1", "extent", "extentsHint"}
     assert authored(write_look_layer(tmp_path / "none.usda", oak, NEUTRAL)) == set()
@@ -186,15 +186,15 @@ def test_extents_hold_the_edited_leaves(
     drawn = grid.points.reshape(len(leaves), -1, 3)
     matrices = leaves.asset_from_leaf()
     placed = np.einsum("nij,npj->npi", matrices[:, :, :3], drawn) + matrices[:, None, :, 3]
-    held = extents(stage)
+    bounds = extents(stage)
     for name, points in (("/oak/geo/render/Leaves/Prototypes/Leaf", drawn), ("/oak/geo/render/Leaves", placed)):
         flat = points.reshape(-1, 3)
         slack = 2e-5 * np.ptp(flat, axis=0).max()
-        assert (held[name][0] <= flat.min(axis=0) + slack).all()
-        assert (held[name][1] >= flat.max(axis=0) - slack).all()
+        assert (bounds[name][0] <= flat.min(axis=0) + slack).all()
+        assert (bounds[name][1] >= flat.max(axis=0) - slack).all()
     hint = np.array(UsdGeom.ModelAPI(stage.GetPrimAtPath("/oak")).GetExtentsHintAttr().Get())
-    assert (hint[0] <= held["/oak/geo/render/Leaves"][0] + 1e-5).all()
-    assert (hint[1] >= held["/oak/geo/render/Leaves"][1] - 1e-5).all()
+    assert (hint[0] <= bounds["/oak/geo/render/Leaves"][0] + 1e-5).all()
+    assert (hint[1] >= bounds["/oak/geo/render/Leaves"][1] - 1e-5).all()
 
 
 def test_extents_only_grow(oak: Path, tmp_path: Path) -> None:

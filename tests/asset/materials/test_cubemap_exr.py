@@ -136,11 +136,11 @@ def test_reading_what_is_no_cubemap(tmp_path):
 
 def test_exrheader_names_it_a_cubemap(tmp_path, radius_m):
     write_radius_cubemap(tmp_path / "r.exr", radius_m, {})
-    shown = run_tool("exrheader", str(tmp_path / "r.exr"))
-    assert shown.returncode == 0, shown.stderr
-    assert "cube-face map" in shown.stdout
-    assert "R, 32-bit floating-point" in shown.stdout
-    assert 'foliage:cube:sampling (type string): "edge"' in shown.stdout
+    header = run_tool("exrheader", str(tmp_path / "r.exr"))
+    assert header.returncode == 0, header.stderr
+    assert "cube-face map" in header.stdout
+    assert "R, 32-bit floating-point" in header.stdout
+    assert 'foliage:cube:sampling (type string): "edge"' in header.stdout
 
 
 def test_exrenvmap_finds_each_colour_in_its_direction(tmp_path):

@@ -72,8 +72,8 @@ def with_fruit(monkeypatch):
 
 
 @pytest.mark.usefixtures("with_fruit")
-@pytest.mark.parametrize(("lod", "shown"), [("leaves", True), ("both", True), ("auto", True), ("crown", False)])
-def test_a_new_part_is_in_the_lods_that_show_the_plant_itself(tmp_path, lod, shown):
+@pytest.mark.parametrize(("lod", "has_fruit"), [("leaves", True), ("both", True), ("auto", True), ("crown", False)])
+def test_a_new_part_is_in_the_lods_that_show_the_plant_itself(tmp_path, lod, has_fruit):
     interface = write_plant_asset(
         tmp_path,
         "oak",
@@ -86,11 +86,11 @@ def test_a_new_part_is_in_the_lods_that_show_the_plant_itself(tmp_path, lod, sho
     session = Sdf.Layer.CreateAnonymous(".usda")
     Sdf.CreatePrimInLayer(session, "/oak").variantSelections["lod"] = lod
     stage = Usd.Stage.Open(layer, session)
-    assert bool(stage.GetPrimAtPath("/oak/geo/render/Fruit")) == shown
+    assert bool(stage.GetPrimAtPath("/oak/geo/render/Fruit")) == has_fruit
     plant = stage.GetDefaultPrim()
     assert plant.GetAppliedSchemas()[-3:] == ["CollectionAPI:leaves", "CollectionAPI:crown", "CollectionAPI:fruit"]
     hint = np.array(UsdGeom.ModelAPI(plant).GetExtentsHint()).reshape(-1, 2, 3)
-    assert (hint[:, 1, 0].max() > 9.9) == shown
+    assert (hint[:, 1, 0].max() > 9.9) == has_fruit
     errors = [each for each in validate_asset(interface, read_profile(default_profile())).findings if not each.accepted]
     assert [each for each in errors if each.severity == "error"] == []
 
@@ -165,9 +165,9 @@ def test_what_moves_in_models_moves_in_the_plant(tmp_path):
     stages = []
     for layer in (moving, interface):
         session = Sdf.Layer.CreateAnonymous(".usda")
-        held = Sdf.Layer.FindOrOpen(str(layer))
-        Sdf.CreatePrimInLayer(session, f"/{held.defaultPrim}").variantSelections["rig"] = "skel"
-        stages.append(Usd.Stage.Open(held, session))
+        root = Sdf.Layer.FindOrOpen(str(layer))
+        Sdf.CreatePrimInLayer(session, f"/{root.defaultPrim}").variantSelections["rig"] = "skel"
+        stages.append(Usd.Stage.Open(root, session))
     assert (stages[1].GetStartTimeCode(), stages[1].GetEndTimeCode()) == (1, 3)
     turns = [
         stage.GetPrimAtPath(f"{stage.GetDefaultPrim().GetPath()}/geo/render/Rig/Animation").GetAttribute("rotations")

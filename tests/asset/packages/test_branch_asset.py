@@ -41,11 +41,11 @@ def test_the_skeleton_is_a_guide_with_parents_orders_and_diameters(asset):
     assert np.array(curves.GetPointsAttr().Get()) == pytest.approx(plant.points_m)
     assert np.array(curves.GetWidthsAttr().Get()) == pytest.approx(2 * plant.radius_m)
     assert curves.GetWidthsInterpolation() == UsdGeom.Tokens.vertex
-    held = curves.GetPrim()
-    assert list(held.GetAttribute("foliage:parentCurve").Get()) == [-1, 0, 1]
-    assert list(held.GetAttribute("foliage:parentVertex").Get()) == [-1, 1, 4]
-    assert list(held.GetAttribute("foliage:order").Get()) == [0, 1, 2]
-    assert held.GetAttribute("foliage:growth:internodeLength").Get() == pytest.approx(0.05)
+    prim = curves.GetPrim()
+    assert list(prim.GetAttribute("foliage:parentCurve").Get()) == [-1, 0, 1]
+    assert list(prim.GetAttribute("foliage:parentVertex").Get()) == [-1, 1, 4]
+    assert list(prim.GetAttribute("foliage:order").Get()) == [0, 1, 2]
+    assert prim.GetAttribute("foliage:growth:internodeLength").Get() == pytest.approx(0.05)
     targets = stage.GetDefaultPrim().GetRelationship("foliage:skeleton").GetTargets()
     assert targets == [Sdf.Path("/fork/geo/guide/Skeleton")]
 

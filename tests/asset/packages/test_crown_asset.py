@@ -80,7 +80,7 @@ def test_layout(oak):
     assert oak.read_text().startswith("#usda 1.0")
 
 
-def test_interface_says_what_the_asset_is(oak):
+def test_the_interface_describes_the_asset(oak):
     stage = Usd.Stage.Open(str(oak), Usd.Stage.LoadNone)
     root = stage.GetDefaultPrim()
     assert root.GetPath() == "/oak"

@@ -22,7 +22,7 @@ def material_of(stage, path):
 
 
 def assert_layered(stage):
-    """What the scene says of its two plants."""
+    """The opinions of the scene reach its two plants."""
     one, two = (stage.GetPrimAtPath(f"{path}/geo/render/Leaves") for path in (ONE, TWO))
     assert one.IsA(UsdGeom.PointInstancer)
     assert UsdGeom.PointInstancer(one).GetInstanceCount() == 12
@@ -42,17 +42,17 @@ def assert_layered(stage):
 
 def values(stage):
     """Every attribute and relationship of what a scene draws, by path; files by where they are."""
-    held = {}
+    authored = {}
     for prim in stage.Traverse():
-        held[prim.GetPath()] = (prim.GetTypeName(), tuple(prim.GetAppliedSchemas()))
+        authored[prim.GetPath()] = (prim.GetTypeName(), tuple(prim.GetAppliedSchemas()))
         for attribute in prim.GetAuthoredAttributes():
             value = attribute.Get()
             if isinstance(value, Sdf.AssetPath):
                 value = value.resolvedPath
-            held[attribute.GetPath()] = (value, str(attribute.GetTypeName()), tuple(attribute.GetConnections()))
+            authored[attribute.GetPath()] = (value, str(attribute.GetTypeName()), tuple(attribute.GetConnections()))
         for relationship in prim.GetAuthoredRelationships():
-            held[relationship.GetPath()] = tuple(relationship.GetTargets())
-    return held
+            authored[relationship.GetPath()] = tuple(relationship.GetTargets())
+    return authored
 
 
 def test_two_placements_differ_in_variants_and_overrides(scene):

@@ -67,11 +67,11 @@ def leaves_of():
 def assert_same_leaves(found, wanted):
     """The same but for what float32 cannot hold, and not even that where the numbers are float32."""
     for field in fields(Leaves):
-        held, expected = getattr(found, field.name), getattr(wanted, field.name)
-        assert (held is None) == (expected is None), field.name
+        actual, expected = getattr(found, field.name), getattr(wanted, field.name)
+        assert (actual is None) == (expected is None), field.name
         if expected is not None:
             kind = np.int32 if field.name == "view" else np.float32
-            np.testing.assert_array_equal(held.astype(kind), expected.astype(kind), err_msg=field.name)
+            np.testing.assert_array_equal(actual.astype(kind), expected.astype(kind), err_msg=field.name)
 
 
 def test_golden(spray):
@@ -92,7 +92,7 @@ def test_layout(spray):
     assert "shaders/usdFoliageCrown.glslfx" not in files
 
 
-def test_interface_says_what_the_asset_is(spray):
+def test_the_interface_describes_the_asset(spray):
     stage = Usd.Stage.Open(str(spray), Usd.Stage.LoadNone)
     root = stage.GetDefaultPrim()
     assert root.GetPath() == "/spray"
@@ -123,7 +123,7 @@ def test_bounds_contain_what_is_drawn(tmp_path):
     assert (points <= high + 1e-6).all()
     matrix = leaves.asset_from_leaf()
     points_m = np.einsum("nij,nvuj->nvui", matrix[:, :, :3], points) + matrix[:, None, None, :, 3]
-    # Far enough for edits that nobody told the asset of.
+    # Far enough for edits that the asset does not know.
     np.testing.assert_array_less(points.reshape(-1, 3).max(axis=0) + 0.99 * PROTOTYPE_MARGIN, high)
     np.testing.assert_array_less(low, points.reshape(-1, 3).min(axis=0) - 0.99 * PROTOTYPE_MARGIN)
     low_m, high_m = np.array(instancer.GetExtentAttr().Get())
@@ -324,16 +324,16 @@ def test_a_texture_that_is_missing_is_refused(tmp_path):
 def test_a_tinted_texture_is_read_back(tmp_path):
     image = tmp_path / "leaf.png"
     cv2.imwrite(str(image), np.full((4, 4, 4), 128, np.uint8))
-    usual = (0.25, 0.5, 0.125)
+    median = (0.25, 0.5, 0.125)
     for name, look in (
-        ("tinted", LeafAppearance(texture=image, texture_color=usual)),
+        ("tinted", LeafAppearance(texture=image, texture_color=median)),
         ("plain", LeafAppearance(texture=image)),
     ):
         interface = write_spray(tmp_path / name, appearance=look)
         stage = Usd.Stage.Open(str(interface))
-        held = read_leaf_appearance(stage.GetPrimAtPath("/spray/geo/render/Leaves"), None)
-        assert held.texture_color == look.texture_color
-        # MaterialX multiplies by what the leaf's colour is of the picture's usual one.
+        appearance = read_leaf_appearance(stage.GetPrimAtPath("/spray/geo/render/Leaves"), None)
+        assert appearance.texture_color == look.texture_color
+        # MaterialX multiplies by the ratio of the leaf's colour to the picture's median.
         assert bool(stage.GetPrimAtPath("/spray/mtl/Leaf/MtlxTint")) == (look.texture_color is not None)
 
 

@@ -60,11 +60,11 @@ def test_it_moves_as_the_branches_did(assets, lod, chosen):
             assert other.GetAttribute(attribute.GetName()).GetTimeSamples() == times
             moved += len(times) > 1
             for time in times:
-                held, wanted = other.GetAttribute(attribute.GetName()).Get(time), attribute.Get(time)
+                found, wanted = other.GetAttribute(attribute.GetName()).Get(time), attribute.Get(time)
                 if attribute.GetName() == "extent":  # worked out again
-                    np.testing.assert_allclose(np.array(held), np.array(wanted), atol=1e-3)
+                    np.testing.assert_allclose(np.array(found), np.array(wanted), atol=1e-3)
                 else:
-                    assert held == wanted, attribute
+                    assert found == wanted, attribute
     assert moved
 
 

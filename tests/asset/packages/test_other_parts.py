@@ -109,7 +109,7 @@ def test_branches_of_a_scene_are_not_guessed_at(plant, tmp_path):
 def test_hints_hold_every_surface_and_leaves_that_there_are_none_of(tmp_path):
     """A fork beside the origin: its surfaces of several orders reach differently far; no leaves are at the origin."""
     parts = fork_branches(tmp_path / "fork", at_m=(5.0, 0.0, 3.0))
-    assert len(parts.extents_m) == len(next(held for held in parts.sets if held.name == "branches").variants) >= 2
+    assert len(parts.extents_m) == len(next(each for each in parts.sets if each.name == "branches").variants) >= 2
     folder = tmp_path / "oak"
     folder.mkdir()
     nothing = some_leaves(2, "bezier", "mesh")

@@ -35,7 +35,7 @@ def used_layers(stage):
 
 
 @pytest.mark.parametrize(
-    ("lod", "shown"),
+    ("lod", "expected"),
     [
         ("leaves", {"Leaves", "Branches", "Skeleton"}),
         ("both", {"Leaves", "Branches", "Skeleton", "Crown"}),
@@ -43,12 +43,12 @@ def used_layers(stage):
         ("auto", {"Leaves", "Branches", "Crown"}),
     ],
 )
-def test_each_lod_has_its_parts_and_opens_no_others(asset, lod, shown):
+def test_each_lod_has_its_parts_and_opens_no_others(asset, lod, expected):
     stage = open_with(asset, lod=lod, representation="mesh", branches="order1")
-    assert drawn(stage) == shown
+    assert drawn(stage) == expected
     used = used_layers(stage)
-    assert ("crown.usdc" in used) == ("Crown" in shown)
-    assert ("branches_order1.usdc" in used) == ("leaves_mesh.usdc" in used) == ("Leaves" in shown)
+    assert ("crown.usdc" in used) == ("Crown" in expected)
+    assert ("branches_order1.usdc" in used) == ("leaves_mesh.usdc" in used) == ("Leaves" in expected)
     assert not used & {"branches.usdc", "leaves_nurbs.usdc", "leaves_subdiv.usdc"}
 
 
@@ -76,9 +76,9 @@ def test_leaves_come_first_and_all_sets_are_seen_unloaded(asset):
 )
 def test_only_lods_with_content_are_offered(tmp_path, parts, lods):
     stage = Usd.Stage.Open(str(write_whole_plant(tmp_path / "oak", **parts)))
-    held = stage.GetDefaultPrim().GetVariantSet("lod")
-    assert sorted(held.GetVariantNames()) == lods
-    assert held.GetVariantSelection() == ("leaves" if "leaves" in lods else "crown")
+    lod = stage.GetDefaultPrim().GetVariantSet("lod")
+    assert sorted(lod.GetVariantNames()) == lods
+    assert lod.GetVariantSelection() == ("leaves" if "leaves" in lods else "crown")
 
 
 def test_a_plant_of_no_parts_is_refused(tmp_path):
@@ -96,8 +96,8 @@ def test_purposes_are_authored_in_both_alone(asset, lod):
     }
     assert purposes == ({"render", "proxy"} if lod == "both" else {"default"})
     render = stage.GetPrimAtPath("/oak/geo/render")
-    held = UsdGeom.Imageable(render).ComputeProxyPrim() if render else None
-    assert (held[0].GetPath() if held else None) == (Sdf.Path("/oak/geo/proxy") if lod == "both" else None)
+    proxy_prim = UsdGeom.Imageable(render).ComputeProxyPrim() if render else None
+    assert (proxy_prim[0].GetPath() if proxy_prim else None) == (Sdf.Path("/oak/geo/proxy") if lod == "both" else None)
 
 
 @pytest.mark.parametrize("lod", LODS)
@@ -152,7 +152,7 @@ def test_auto_goes_from_leaves_to_crown_where_a_leaf_is_two_pixels(asset):
     assert lods[3:] == [1, 1]
 
 
-def test_collections_hold_what_they_say(asset):
+def test_collections_have_the_parts_they_are_named_after(asset):
     stage = open_with(asset, lod="both")
     plant = stage.GetDefaultPrim()
     for name, path in (
@@ -182,9 +182,9 @@ def test_materials_of_all_parts_are_bound(asset):
 def test_the_thumbnail_is_found_from_the_asset(asset):
     stage = Usd.Stage.Open(str(asset), Usd.Stage.LoadNone)
     plant = stage.GetDefaultPrim()
-    held = UsdMedia.AssetPreviewsAPI(plant).GetDefaultThumbnails().defaultImage
-    assert held.path == "./thumbnails/oak.png"
-    assert held.resolvedPath == str(asset.parent / "thumbnails" / "oak.png")
+    image = UsdMedia.AssetPreviewsAPI(plant).GetDefaultThumbnails().defaultImage
+    assert image.path == "./thumbnails/oak.png"
+    assert image.resolvedPath == str(asset.parent / "thumbnails" / "oak.png")
 
 
 def test_the_asset_is_sound_in_every_selection(asset):

@@ -89,11 +89,11 @@ def test_baking_carries_branches_crown_and_thumbnail_over(asset, tmp_path, selec
     for part in ("geo/render/Branches", "geo/guide/Skeleton", "geo/proxy/Crown"):
         before, after = old.GetPrimAtPath(f"/oak/{part}"), new.GetPrimAtPath(f"/ash/{part}")
         for attribute in before.GetAuthoredAttributes():
-            held = attribute.Get()
-            if isinstance(held, Sdf.AssetPath):
+            value = attribute.Get()
+            if isinstance(value, Sdf.AssetPath):
                 assert after.GetAttribute(attribute.GetName()).Get().resolvedPath.startswith(str(made.parent))
             else:
-                assert after.GetAttribute(attribute.GetName()).Get() == held
+                assert after.GetAttribute(attribute.GetName()).Get() == value
     bound, _ = UsdShade.MaterialBindingAPI(new.GetPrimAtPath("/ash/geo/proxy/Crown")).ComputeBoundMaterial()
     assert bound.GetPath() == Sdf.Path("/ash/mtl/Crown")
 
@@ -125,7 +125,7 @@ def test_baking_an_older_asset_puts_its_crown_on_the_trunk(older, tmp_path):
     show(stage, "crown")
     bound, _ = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/ash/geo/proxy/Branches")).ComputeBoundMaterial()
     assert bound.GetPath() == Sdf.Path("/ash/mtl/Bark")
-    assert [any(held.code == "trunk-shown-with-crown" for held in each.remarks) for each in made] == [True, False]
+    assert [any(remark.code == "trunk-shown-with-crown" for remark in each.remarks) for each in made] == [True, False]
 
 
 def test_a_crown_to_the_ground_and_one_without_branches_are_baked_without_a_note(tmp_path):
@@ -136,7 +136,7 @@ def test_a_crown_to_the_ground_and_one_without_branches_are_baked_without_a_note
 
 
 @pytest.mark.parametrize(
-    ("break_it", "said"),
+    ("break_it", "message"),
     [
         (lambda folder: (folder / "maps" / "oak_crown_radius.exr").unlink(), "oak_crown_radius.exr cannot be read"),
         (
@@ -149,9 +149,9 @@ def test_a_crown_to_the_ground_and_one_without_branches_are_baked_without_a_note
         ),
     ],
 )
-def test_an_older_asset_whose_crown_says_no_radius_is_refused(older, tmp_path, break_it, said):
+def test_an_older_asset_whose_crown_has_no_radius_is_refused(older, tmp_path, break_it, message):
     break_it(older[0].parent)
-    with pytest.raises(AssetError, match=said):
+    with pytest.raises(AssetError, match=message):
         bake(older[0], tmp_path / "baked")
     assert not (tmp_path / "baked").exists()
 

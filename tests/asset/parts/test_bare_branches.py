@@ -27,7 +27,7 @@ def open_lod(asset, lod):
 
 
 @pytest.mark.parametrize("lod", ["crown", "both", "auto"])
-def test_the_trunk_is_shown_with_the_crown_down_to_the_root(asset, lod):
+def test_the_trunk_is_drawn_with_the_crown_down_to_the_root(asset, lod):
     stage = open_lod(asset, lod)
     bare = UsdGeom.Mesh(stage.GetPrimAtPath(BARE))
     points = np.array(bare.GetPointsAttr().Get())
@@ -70,9 +70,9 @@ def test_hints_hold_the_trunk(asset):
     for lod, number in (("crown", 0), ("both", 2)):
         stage = open_lod(asset, lod)
         hint = np.array(UsdGeom.ModelAPI(stage.GetDefaultPrim()).GetExtentsHint()).reshape(-1, 2, 3)[number]
-        held = np.array(UsdGeom.Mesh(stage.GetPrimAtPath(BARE)).GetExtentAttr().Get())
-        assert (hint[0] <= held[0]).all()
-        assert (hint[1] >= held[1]).all()
+        extent = np.array(UsdGeom.Mesh(stage.GetPrimAtPath(BARE)).GetExtentAttr().Get())
+        assert (hint[0] <= extent[0]).all()
+        assert (hint[1] >= extent[1]).all()
         assert hint[1, 1] == pytest.approx(2.6, abs=0.02)  # the crown's top
 
 
@@ -130,22 +130,22 @@ def set_value(name, change):
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "said"),
+    ("name", "change", "reason"),
     [
-        ("faceVertexIndices", lambda held: held[:-1], "Sum"),
-        ("faceVertexIndices", lambda held: [99999, *held[1:]], "range"),
-        ("faceVertexIndices", lambda held: [-1, *held[1:]], "range"),
-        ("faceVertexCounts", lambda held: [0, held[0] + held[1], *held[2:]], "fewer than 3 vertices"),
-        ("points", lambda held: [(np.nan, 0, 0), *held[1:]], "no finite number"),
+        ("faceVertexIndices", lambda values: values[:-1], "Sum"),
+        ("faceVertexIndices", lambda values: [99999, *values[1:]], "range"),
+        ("faceVertexIndices", lambda values: [-1, *values[1:]], "range"),
+        ("faceVertexCounts", lambda values: [0, values[0] + values[1], *values[2:]], "fewer than 3 vertices"),
+        ("points", lambda values: [(np.nan, 0, 0), *values[1:]], "no finite number"),
     ],
 )
-def test_a_surface_that_somebody_broke_is_told_of(tmp_path, name, change, said):
-    with pytest.raises(AssetError, match=rf"payload/branches_order1.usdc: .* <{SURFACE}> is broken \(.*{said}.*mend"):
+def test_a_broken_surface_is_reported(tmp_path, name, change, reason):
+    with pytest.raises(AssetError, match=rf"payload/branches_order1.usdc: .* <{SURFACE}> is broken \(.*{reason}.*mend"):
         with_surface(tmp_path, set_value(name, change))
 
 
-def test_a_texture_that_somebody_broke_is_left_out(tmp_path):
-    asset = with_surface(tmp_path, set_value("primvars:st:indices", lambda held: [99999, *held[1:]]))
+def test_a_broken_texture_is_left_out(tmp_path):
+    asset = with_surface(tmp_path, set_value("primvars:st:indices", lambda values: [99999, *values[1:]]))
     stage = open_lod(asset, "crown")
     bare = UsdGeom.Mesh(stage.GetPrimAtPath(BARE))
     assert len(bare.GetPointsAttr().Get())

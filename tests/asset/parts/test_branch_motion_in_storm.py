@@ -34,14 +34,14 @@ def leafy(asset, tmp_path_factory):
     """Nothing but leaves to see: with branches they would hide behind them."""
     grown = leaves_on(small_tree(), "bezier", "mesh")
     made = write_moving(tmp_path_factory.mktemp("leafy") / "tree", "tree", small_tree(), MOTION, grown)
-    shown = made.with_name("leaves.usda")
-    stage = Usd.Stage.CreateNew(str(shown))
+    scene = made.with_name("leaves.usda")
+    stage = Usd.Stage.CreateNew(str(scene))
     tree = stage.DefinePrim("/tree")
     tree.GetReferences().AddReference("./tree.usda")
     UsdGeom.SetStageUpAxis(stage, "Y")
     UsdGeom.Imageable(stage.OverridePrim("/tree/geo/render/Branches")).MakeInvisible()
     stage.Save()
-    return shown
+    return scene
 
 
 def covered(file, **settings):

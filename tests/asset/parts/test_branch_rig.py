@@ -107,19 +107,22 @@ def test_a_joint_turns_its_branch_and_what_that_carries(still):
     assert there[places.curve == 0] == pytest.approx(cage.points_m[places.curve == 0], abs=1e-6)
 
 
-def test_sway_is_a_loop_of_frames_within_the_bounds_that_are_told(swaying):
+def test_sway_is_a_loop_of_frames_within_the_authored_bounds(swaying):
     stage = open_rigged(swaying)
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (1, 6, 24)
     plant = fork()
     surfaces = surfaces_of(plant)
-    held = rig_branches(plant, surfaces, SWAY, seed=0)
+    rigged = rig_branches(plant, surfaces, SWAY, seed=0)
     extent = np.array(UsdSkel.Root(stage.GetPrimAtPath("/fork/geo/render")).GetExtentAttr().Get())
     hint = np.array(UsdGeom.ModelAPI(stage.GetDefaultPrim()).GetExtentsHint())[:2]
     moved = 0.0
     for frame in range(1, 7):
         there = skin(stage, frame)
         expected = skin_points(
-            held.rig, held.skins["all"], surfaces.whole.points_m, pose_joints(held.rig, held.sway_rad[frame - 1])
+            rigged.rig,
+            rigged.skins["all"],
+            surfaces.whole.points_m,
+            pose_joints(rigged.rig, rigged.sway_rad[frame - 1]),
         )
         assert there == pytest.approx(expected, abs=1e-5)
         for box in (extent, hint):

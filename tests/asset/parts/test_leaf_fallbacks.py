@@ -139,7 +139,7 @@ def test_subdivision_surface_has_its_creases_and_boundary(tmp_path):
 
 
 @pytest.mark.parametrize("representation", EVERYTHING)
-def test_every_gprim_looks_alike(tmp_path, representation):
+def test_every_gprim_looks_the_same(tmp_path, representation):
     color = (0.25, 0.5, 0.125)
     stage = choose(write_spray(tmp_path, appearance=LeafAppearance(color=color)), representation)
     gprims = [prim for prim in Usd.PrimRange(stage.GetPrimAtPath(LEAVES)) if prim.IsA(UsdGeom.Gprim)]
@@ -240,7 +240,7 @@ def test_a_modelled_patch_comes_back_as_a_leaf(amplitude):
     patch = author_hero_leaf(stage, Sdf.Path("/Leaf"), before, 1, jitter=jitter)
     other = author_hero_leaf(stage, Sdf.Path("/Other"), replace(before, parameters=np.stack([after, after])), 1)
     plain = author_hero_leaf(stage, Sdf.Path("/Plain"), before, 1)
-    nets = [np.array(held.GetPointsAttr().Get(), np.float64) for held in (patch, plain, other)]
+    nets = [np.array(mesh.GetPointsAttr().Get(), np.float64) for mesh in (patch, plain, other)]
     patch.GetPointsAttr().Set([Gf.Vec3f(*map(float, point)) for point in nets[0] - nets[1] + nets[2]])
     found = read_hero_leaf(patch.GetPrim()).leaves
     np.testing.assert_allclose(found.parameters[0], after, rtol=0, atol=1e-5)
@@ -298,18 +298,18 @@ def test_colors_of_single_leaves_are_in_every_representation(tmp_path):
         stage = choose(interface, representation)
         leaves = stage.GetPrimAtPath("/spray/geo/render/Leaves")
         if representation == "bezier":
-            held = read_leaves(leaves).leaves.color
+            found = read_leaves(leaves).leaves.color
         elif representation == "nurbs":
-            held = np.concatenate([read_hero_leaf(patch).leaves.color for patch in leaves.GetChildren()])
+            found = np.concatenate([read_hero_leaf(patch).leaves.color for patch in leaves.GetChildren()])
         else:
             of_faces = np.array(UsdGeom.PrimvarsAPI(leaves).GetPrimvar("displayColor").ComputeFlattened())
             assert len(of_faces) == len(UsdGeom.Mesh(leaves).GetFaceVertexCountsAttr().Get())
-            held = of_faces[:: len(of_faces) // 3]
-            np.testing.assert_array_equal(of_faces, np.repeat(held, len(of_faces) // 3, axis=0))
-        np.testing.assert_allclose(held, colors, rtol=1e-6)
+            found = of_faces[:: len(of_faces) // 3]
+            np.testing.assert_array_equal(of_faces, np.repeat(found, len(of_faces) // 3, axis=0))
+        np.testing.assert_allclose(found, colors, rtol=1e-6)
 
 
-def test_one_color_for_all_says_nothing_of_each(tmp_path):
+def test_one_color_for_all_is_not_read_as_colors_of_single_leaves(tmp_path):
     stage = choose(write_spray(tmp_path, random_leaves(3)), "bezier")
     prim = stage.GetPrimAtPath("/spray/geo/render/Leaves")
     assert read_leaves(prim).leaves.color is None

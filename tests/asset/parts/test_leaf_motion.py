@@ -50,9 +50,9 @@ def choose(asset, **selections):
 
 
 def instancer(stage):
-    held = UsdGeom.PointInstancer(stage.GetPrimAtPath(LEAVES))
-    assert held
-    return held
+    leaves = UsdGeom.PointInstancer(stage.GetPrimAtPath(LEAVES))
+    assert leaves
+    return leaves
 
 
 def array(prim, name, time=Usd.TimeCode.Default()):
@@ -61,8 +61,8 @@ def array(prim, name, time=Usd.TimeCode.Default()):
 
 def drawn_points(stage, time):
     """All points of the prototype at every leaf."""
-    held = instancer(stage)
-    matrices = np.array(held.ComputeInstanceTransformsAtTime(time, time))
+    leaves = instancer(stage)
+    matrices = np.array(leaves.ComputeInstanceTransformsAtTime(time, time))
     points = array(UsdGeom.Mesh(stage.GetPrimAtPath(f"{LEAVES}/Prototypes/Leaf")), "points").astype(float)
     return np.einsum("pc,ncr->npr", points, matrices[:, :3, :3]) + matrices[:, None, 3, :3]
 
@@ -106,8 +106,8 @@ def test_every_frame_of_growth_is_in_its_extent(asset):
 
 def test_leaves_sway_with_their_twigs(asset, grown):
     stage = choose(asset, rig="skel")
-    held = rig_branches(fork(), surfaces_of(fork()), MOTION, seed=0)
-    skin = skin_places(held.rig, grown.places.branch, grown.places.arc_m)
+    rigged = rig_branches(fork(), surfaces_of(fork()), MOTION, seed=0)
+    skin = skin_places(rigged.rig, grown.places.branch, grown.places.arc_m)
     leaves = grown.foliage.leaves
     hint = np.array(UsdGeom.ModelAPI(stage.GetDefaultPrim()).GetExtentsHint())[:2]
     root = array(UsdSkel.Root(stage.GetPrimAtPath("/fork/geo/render")), "extent")
@@ -120,13 +120,13 @@ def test_leaves_sway_with_their_twigs(asset, grown):
     apex_m = leaves.base_m + leaves.length_m[:, None] * Rotation.from_quat(leaves.orientation).apply([0, 1, 0])
     moved = 0.0
     for frame in range(1, 5):
-        posed = pose_joints(held.rig, held.sway_rad[frame - 1])
+        posed = pose_joints(rigged.rig, rigged.sway_rad[frame - 1])
         there_m = array(prim, "positions", frame)
-        assert there_m == pytest.approx(skin_points(held.rig, skin, leaves.base_m, posed), abs=1e-5)
+        assert there_m == pytest.approx(skin_points(rigged.rig, skin, leaves.base_m, posed), abs=1e-5)
         turns = array(prim, "orientationsf", frame)
         assert np.abs(turns - array(prim, "orientations", frame)).max() < 2e-3
         there_apex_m = there_m + leaves.length_m[:, None] * Rotation.from_quat(turns).apply([0, 1, 0])
-        expected = skin_points(held.rig, skin, apex_m, posed)
+        expected = skin_points(rigged.rig, skin, apex_m, posed)
         assert there_apex_m[alone] == pytest.approx(expected[alone], abs=1e-5)
         extent = array(prim, "extent", frame)
         for box in (extent, hint, root):
@@ -169,9 +169,9 @@ def test_patches_are_where_the_instancer_has_its_leaves(asset, chosen):
     leaves = instancer(bezier)
     patches = stage.GetPrimAtPath(LEAVES).GetChildren()
     for frame in (1, 3, 4):
-        held = np.array(leaves.ComputeInstanceTransformsAtTime(frame, frame))
+        expected = np.array(leaves.ComputeInstanceTransformsAtTime(frame, frame))
         found = np.array([UsdGeom.Xformable(patch).GetLocalTransformation(frame) for patch in patches])
-        assert found == pytest.approx(held, abs=1e-6)
+        assert found == pytest.approx(expected, abs=1e-6)
     assert UsdGeom.Xformable(patches[0]).GetLocalTransformation() != UsdGeom.Xformable(
         patches[0]
     ).GetLocalTransformation(1)

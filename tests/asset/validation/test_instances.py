@@ -18,7 +18,7 @@ def nested() -> Usd.Stage:
     return stage
 
 
-def test_of_instances_alike_one_is_entered() -> None:
+def test_of_equal_instances_one_is_entered() -> None:
     paths = [str(prim.GetPath()) for prim in iterate_prims(nested())]
     assert paths == ["/one", "/one/a", "/one/a/blade", "/one/b", "/two"]
 

@@ -26,11 +26,11 @@ def asset(tmp_path: Path) -> Path:
     mesh = UsdGeom.Mesh.Define(stage, plant.GetPath().AppendPath("geo/Flap"))
     mesh.CreatePointsAttr(TENT)
     for name, variants in (("shape", SHAPES), ("shade", SHADES)):
-        held = plant.GetVariantSets().AddVariantSet(name)
+        variant_set = plant.GetVariantSets().AddVariantSet(name)
         for variant in variants:
-            held.AddVariant(variant)
-            held.SetVariantSelection(variant)
-            with held.GetVariantEditContext():
+            variant_set.AddVariant(variant)
+            variant_set.SetVariantSelection(variant)
+            with variant_set.GetVariantEditContext():
                 if name == "shape":
                     faces = [0, 1, 2] if variant != "fan" else [0, 1, 2, 0, 1, 3, 0, 1, 4]
                     mesh.CreateFaceVertexIndicesAttr(faces)
@@ -54,17 +54,17 @@ def compositions(interface: Path) -> Iterator[Usd.Stage]:
         yield Usd.Stage.Open(root, session)
 
 
-def said_by_the_engine(stage: Usd.Stage) -> set[Finding]:
+def findings_of_the_engine(stage: Usd.Stage) -> set[Finding]:
     package = pytest.importorskip("usd_validation_nvidia")
     issues = package.ValidationEngine(variants=False).validate(stage).issues()
     return {nvidia_rules._with_our_rules(finding, stage) for finding in nvidia_rules._findings(issues)}
 
 
-def test_rules_that_are_asked_apart_say_what_the_engine_says_in_every_selection(asset: Path) -> None:
+def test_rules_that_are_asked_apart_find_what_the_engine_finds_in_every_selection(asset: Path) -> None:
     known, seen = KnownFindings(), []
     for stage in compositions(asset):
         ours = set(run_usd_validators(stage, KnownFindings()))
-        engine = said_by_the_engine(stage)
+        engine = findings_of_the_engine(stage)
         apart = set(nvidia_rules.run_nvidia_rules(stage, known))
         already = {(finding.severity, finding.message) for finding in ours}
         assert apart <= engine
@@ -74,7 +74,7 @@ def test_rules_that_are_asked_apart_say_what_the_engine_says_in_every_selection(
     assert [len(found) for found in seen] == [0, 0, 1, 1, 0, 0]
 
 
-def test_validators_of_usd_say_of_a_known_asset_what_they_say_of_an_unknown(asset: Path) -> None:
+def test_validators_of_usd_find_the_same_in_a_known_and_an_unknown_asset(asset: Path) -> None:
     known, ranges = KnownFindings(), []
     for stage in compositions(asset):
         findings = run_usd_validators(stage, known)
@@ -92,11 +92,11 @@ def test_each_prim_is_asked_once_where_selections_share_it(asset: Path, monkeypa
     known = KnownFindings()
     for stage in compositions(asset):
         nvidia_rules.run_nvidia_rules(stage, known)
-    assert len([path for path in asked if path.endswith("/geo/Flap")]) == 3  # one of each variant that says something
+    assert len([path for path in asked if path.endswith("/geo/Flap")]) == 3  # one of each variant with opinions on it
     assert len([path for path in asked if path.endswith("/geo/proxy/Crown")]) == 1
 
 
-def test_a_key_tells_places_times_and_guides_apart() -> None:
+def test_a_key_distinguishes_places_times_and_guides() -> None:
     stage = Usd.Stage.CreateInMemory()
     source = Sdf.Layer.CreateAnonymous(".usda")
     spec = Sdf.CreatePrimInLayer(source, "/Source")

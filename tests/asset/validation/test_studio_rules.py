@@ -83,7 +83,7 @@ def test_all_rules_have_a_key_and_the_shipped_profile_sets_them(asset):
     rules = read_profile(default_profile()).rules
     unset = {each.name for each in fields(StudioRules) if getattr(rules, each.name) in (None, ())}
     assert unset == {"variant_sets"}
-    assert [held for held in validate_asset(asset, read_profile(default_profile())).findings if not held.accepted] == []
+    assert [each for each in validate_asset(asset, read_profile(default_profile())).findings if not each.accepted] == []
 
 
 @pytest.mark.parametrize(

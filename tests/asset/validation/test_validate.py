@@ -58,7 +58,7 @@ def test_validators_of_usd_and_of_nvidia_run(asset: Path) -> None:
     assert report.open_errors
 
 
-def test_what_both_say_is_said_once(asset: Path) -> None:
+def test_a_finding_of_two_validators_is_reported_once(asset: Path) -> None:
     edit(asset, lambda plant: plant.GetReferences().AddReference("./missing.usda"))
     report = validate_asset(asset)
     messages = [finding.message for finding in report.findings]
@@ -113,7 +113,7 @@ def test_many_variants_are_tried_one_by_one(asset: Path, monkeypatch: pytest.Mon
     assert report.selections == ("as authored", "lod=one", "lod=two", "season=one", "season=two")
 
 
-def test_finding_of_the_unloaded_asset_says_so(asset: Path) -> None:
+def test_a_finding_of_the_unloaded_asset_is_labelled(asset: Path) -> None:
     """A prim whose type comes with the payload."""
     payload = Usd.Stage.Open(str(asset / "payload" / "payload.usda"))
     UsdGeom.Scope.Define(payload, "/oak/extra")
@@ -308,7 +308,7 @@ def test_clean_scene_in_centimetres_with_z_up(asset: Path) -> None:
     assert report.selections == ("as authored",)
 
 
-def test_look_of_a_scene_is_found_in_instances_once_for_those_alike(asset: Path) -> None:
+def test_a_look_of_a_scene_is_found_once_in_equal_instances(asset: Path) -> None:
     """An edit that turns leaves inside out, of a class that two instances inherit."""
     scene = write_scene(asset, "shot")
     shot = Usd.Stage.CreateNew(str(asset.parent / "lit.usda"))
@@ -329,7 +329,7 @@ def test_look_of_a_scene_is_found_in_instances_once_for_those_alike(asset: Path)
     assert finding.path == "/World/plants/second/geo/render/Leaves.primvars:leaf:edit:silhouette2"
 
 
-def test_scene_without_its_asset_says_what_is_missing(asset: Path) -> None:
+def test_a_scene_without_its_asset_reports_the_missing_file(asset: Path) -> None:
     scene = write_scene(asset, "shot")
     shutil.move(asset, asset.with_name("elsewhere"))
     findings = validate_asset(shutil.copy(scene, scene.with_name("copy.usda"))).findings
