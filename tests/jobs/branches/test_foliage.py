@@ -73,7 +73,7 @@ def test_a_cloud_becomes_branches_with_leaves_on_them(leafy):
     assert "--most-leaves keeps more" in page
 
 
-def test_the_leaves_can_be_told_edited_baked_and_validated(leafy, tmp_path, capsys):
+def test_the_leaves_can_be_described_edited_baked_and_validated(leafy, tmp_path, capsys):
     look, baked = tmp_path / "look.usda", tmp_path / "baked"
     assert run("edit", leafy, "--width", 0.5, "-o", look) == 0
     assert run("bake", look, "-o", baked) == 0
@@ -91,13 +91,13 @@ def test_the_leaves_can_be_told_edited_baked_and_validated(leafy, tmp_path, caps
 
 def test_a_species_alone_adds_no_leaves_but_its_exponent(tmp_path):
     words = ["branches", "cloud.ply", "-o", str(tmp_path)]
-    usual = read_branches_request(build_parser().parse_args(words))
+    plain = read_branches_request(build_parser().parse_args(words))
     peach = read_branches_request(build_parser().parse_args([*words, "--species", "Peach"]))
     assert (peach.species, peach.settings.radii.allometry.exponent) == ("peach", 0.5)
     assert peach.settings.internode_m is None  # the table's is that of leaves
     assert peach.foliage.kind == "none"
     assert grow_leaves(small_tree(), peach.foliage, None, seed=0) is None
-    assert (usual.species, usual.settings) == ("", BranchSettings())
+    assert (plain.species, plain.settings) == ("", BranchSettings())
 
 
 def test_fitted_leaves_are_drawn_with_their_shape_colour_and_length(tmp_path):
@@ -138,7 +138,7 @@ def test_fitted_leaves_of_another_size_are_spoken_of(tmp_path):
     )
 
 
-def test_a_plant_too_thick_for_leaves_says_so():
+def test_a_plant_too_thick_for_leaves_gets_a_remark():
     plant = small_tree()
     thick = type(plant)(
         **{**{n: getattr(plant, n) for n in plant.__dataclass_fields__}, "radius_m": plant.radius_m + 1}
@@ -164,8 +164,8 @@ def test_a_plant_too_thick_for_leaves_says_so():
 )
 def test_what_cannot_be_asked_for_is_refused_before_anything_is_read(tmp_path, capsys, words, about):
     assert run("branches", tmp_path / "no cloud.ply", "-o", tmp_path / "out", *words) == 2
-    said = capsys.readouterr().err
-    assert about in said
+    complaint = capsys.readouterr().err
+    assert about in complaint
     assert not (tmp_path / "out").exists()
 
 

@@ -48,16 +48,16 @@ def test_a_shorter_internode_asks_for_more_points(tmp_path):
     assert counts[0] < counts[1] < counts[2] == 80_000
 
 
-@pytest.mark.parametrize("most", [1000, 20_000])
-def test_no_more_points_come_than_are_asked_for(tmp_path, most):
-    plant = read(tmp_path / "pole.ply", *pole(80_000), max_points=most)
-    assert len(plant.points_m) == len(plant.colors) <= most
+@pytest.mark.parametrize("max_points", [1000, 20_000])
+def test_no_more_points_come_than_are_asked_for(tmp_path, max_points):
+    plant = read(tmp_path / "pole.ply", *pole(80_000), max_points=max_points)
+    assert len(plant.points_m) == len(plant.colors) <= max_points
 
 
-def test_strays_are_left_out_and_said(tmp_path):
+def test_outliers_are_left_out_with_a_remark(tmp_path):
     points, colors = pole(5000)
-    stray = np.array([[3.0, 0, 0.4]]) + np.random.default_rng(1).normal(0, 0.02, (60, 3))
-    plant = read(tmp_path / "pole.ply", np.concatenate([points, stray]), np.concatenate([colors, colors[:60]]))
+    outliers = np.array([[3.0, 0, 0.4]]) + np.random.default_rng(1).normal(0, 0.02, (60, 3))
+    plant = read(tmp_path / "pole.ply", np.concatenate([points, outliers]), np.concatenate([colors, colors[:60]]))
     assert len(plant.points_m) == len(plant.colors) == 5000
     assert "60 points are far beside the plant and left out" in [each.text for each in plant.remarks]
 
@@ -76,13 +76,13 @@ def test_of_a_plant_whose_ground_was_left_out_what_lies_low_stays(tmp_path):
     assert kept.ground == 0
 
 
-@pytest.mark.parametrize("most", [500, 400_000])
-def test_black_points_have_no_colour_and_darken_none(tmp_path, most):
+@pytest.mark.parametrize("max_points", [500, 400_000])
+def test_black_points_have_no_colour_and_darken_none(tmp_path, max_points):
     points, colors = pole(40_000)
     colors = np.tile([60, 120, 40], (len(points), 1))
     colors[np.random.default_rng(3).random(len(points)) < 0.7] = 0
 
-    cloud = read(tmp_path / "a.ply", points, colors, max_points=most)
+    cloud = read(tmp_path / "a.ply", points, colors, max_points=max_points)
 
     assert len(cloud.points_m) < len(points)
     assert cloud.colors is not None

@@ -85,10 +85,10 @@ def test_the_same_cloud_makes_the_same_bytes(tmp_path, rng):
 def test_a_dry_run_writes_nothing(tmp_path, rng, capsys):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng, ground=True))
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--dry-run"]) == 0
-    told = capsys.readouterr().out
-    assert "roots: 1" in told
-    assert "give --up if that is wrong" in told
-    assert "are ground and left out" in told
+    printed = capsys.readouterr().out
+    assert "roots: 1" in printed
+    assert "give --up if that is wrong" in printed
+    assert "are ground and left out" in printed
     assert not (tmp_path / "out").exists()
 
 
@@ -99,7 +99,7 @@ def test_a_dry_run_refuses_what_a_run_refuses(tmp_path, rng, capsys):
         assert "a folder with other things than one asset" in capsys.readouterr().err
 
 
-def test_an_upside_down_tree_is_turned_when_it_is_said(tmp_path, rng):
+def test_an_upside_down_tree_is_turned_by_the_option_up(tmp_path, rng):
     points = y_tree(rng) * [1, -1, -1]
     cloud = write_xyz(tmp_path / "tree.xyz", points)
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--up=-Z", "--no-preview"]) == 0
@@ -108,7 +108,7 @@ def test_an_upside_down_tree_is_turned_when_it_is_said(tmp_path, rng):
     assert np.array(curves.GetPointsAttr().Get())[:, 1].max() == pytest.approx(HEIGHT_M, abs=0.06)
 
 
-def test_millimetres_are_told(tmp_path, rng):
+def test_a_cloud_in_millimetres_is_read_with_the_option_unit(tmp_path, rng):
     cloud = write_xyz(tmp_path / "tree.xyz", 1000 * y_tree(rng))
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z", "--no-preview"]) == 0
     stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
@@ -121,9 +121,9 @@ def test_a_height_that_no_plant_has_is_a_warning_that_names_the_unit(tmp_path, r
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::4])
     words = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--unit", "mm", "--up", "Z", "--no-preview"]
     assert main([*words, *(["--dry-run"] if dry else [])]) == 0
-    told = capsys.readouterr().out
-    assert "warning: the plant is 2 mm high" in told
-    assert "--unit m (2 m high)" in told
+    printed = capsys.readouterr().out
+    assert "warning: the plant is 2 mm high" in printed
+    assert "--unit m (2 m high)" in printed
     if not dry:
         assert "the plant is 2 mm high" in (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
 
@@ -141,7 +141,7 @@ def skeleton_points(asset):
     return np.array(curves.GetPointsAttr().Get(), float)
 
 
-def test_branches_can_be_grown_and_plants_alike_with_them(tmp_path, rng, capsys):
+def test_branches_and_similar_plants_can_be_grown(tmp_path, rng, capsys):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
     options = [
         "--method",
@@ -157,9 +157,9 @@ def test_branches_can_be_grown_and_plants_alike_with_them(tmp_path, rng, capsys)
         "0.05",
     ]
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
-    said = capsys.readouterr().out
-    assert "grown from the roots" in said
-    assert "exponent of the allometry, as traced: " in said  # circles are those of the branches that were traced
+    printed = capsys.readouterr().out
+    assert "grown from the roots" in printed
+    assert "exponent of the allometry, as traced: " in printed  # circles are those of the branches that were traced
     report = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
     assert "circles believed along the branches that were traced" in report
     assets = [tmp_path / "out" / "out.usda"]
@@ -199,7 +199,7 @@ def closed_crown(rng):
     return np.concatenate([trunk, crown / np.linalg.norm(crown, axis=1, keepdims=True) * 0.5 + [0, 0, 1.3]])
 
 
-def test_plants_alike_fill_what_the_crown_hides_as_well(tmp_path, rng):
+def test_similar_plants_fill_what_the_crown_hides_as_well(tmp_path, rng):
     cloud = write_xyz(tmp_path / "tree.xyz", closed_crown(rng))
     inside = []
     for name, filled in (("shell", []), ("full", ["--fill-hidden"])):
@@ -262,10 +262,10 @@ def test_a_cloud_that_cannot_be_used_is_named_and_nothing_is_written(tmp_path, c
     cloud = tmp_path / "tree.xyz"
     cloud.write_text(content, encoding="utf-8")
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: ")
-    assert about in said
-    assert "tree.xyz" in said
+    complaint = capsys.readouterr().err
+    assert complaint.startswith("error: ")
+    assert about in complaint
+    assert "tree.xyz" in complaint
     assert not (tmp_path / "out").exists()
 
 
@@ -298,7 +298,7 @@ def test_units_and_axes_that_are_not_known_are_refused():
         read_up("W")
 
 
-def test_the_record_says_how_it_was_made(tmp_path, rng):
+def test_the_record_has_the_settings(tmp_path, rng):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), "--no-preview", "--internode", "0.02"]) == 0
     stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
@@ -320,7 +320,7 @@ def test_the_bark_has_the_color_that_is_asked_for(tmp_path, rng, capsys):
     assert "--bark-color must be three numbers from 0 to 1" in capsys.readouterr().err
 
 
-def test_the_bark_has_the_usual_color_of_the_clouds_wood(tmp_path, rng):
+def test_the_bark_has_the_median_color_of_the_clouds_wood(tmp_path, rng):
     points_m = y_tree(rng)[::4]
     colors = np.tile(np.array([[188, 137, 99]], np.uint8), (len(points_m), 1))
     colors[::5] = (255, 0, 255)  # of something behind it

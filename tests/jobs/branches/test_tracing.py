@@ -34,7 +34,7 @@ def trace(path, points_m, **options):
     return trace_cloud(cloud, BranchSettings(), {}, **options)
 
 
-def test_stems_of_a_herb_are_told_from_its_blurred_leaves(tmp_path):
+def test_stems_of_a_herb_are_distinguished_from_its_blurred_leaves(tmp_path):
     noise_m = 0.002
     rng = np.random.default_rng(0)
     stems = [

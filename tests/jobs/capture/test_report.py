@@ -46,14 +46,14 @@ def _small_pictures(monkeypatch):
 
 
 class Page(HTMLParser):
-    """What a page refers to and says; ValueError for tags that do not fit together."""
+    """The links and the text of a page; ValueError for tags that do not fit together."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
         self.open: list[str] = []
         self.files: set[str] = set()
         self.tags: set[str] = set()
-        self.said: list[str] = []
+        self.texts: list[str] = []
         self.feed(text)
         if self.open:
             raise ValueError(f"{self.open} are not closed")
@@ -75,11 +75,11 @@ class Page(HTMLParser):
 
     def handle_data(self, data):
         if not self.open or self.open[-1] != "style":
-            self.said.append(data)
+            self.texts.append(data)
 
     @property
     def text(self) -> str:
-        return " ".join(" ".join(self.said).split())
+        return " ".join(" ".join(self.texts).split())
 
 
 def some_cloud(count: int = 400) -> Cloud:
@@ -141,8 +141,8 @@ def some_report(count: int = 4, **changes: object) -> CaptureReport:
 def estimated(report: CaptureReport, errors: list[float], failed: str = "") -> CaptureReport:
     """The same as if the poses had been found."""
     photographs = [
-        replace(held, error_px=error, points=100 * (number + 1))
-        for number, (held, error) in enumerate(zip(report.photographs, errors, strict=True))
+        replace(photograph, error_px=error, points=100 * (number + 1))
+        for number, (photograph, error) in enumerate(zip(report.photographs, errors, strict=True))
     ]
     if failed:
         photographs.append(CapturePhotograph(name="other.jpg", failure=failed))
@@ -157,9 +157,9 @@ def estimated(report: CaptureReport, errors: list[float], failed: str = "") -> C
 def write(folder: Path, report: CaptureReport) -> Page:
     page = write_capture_report(folder, report)
     assert page == folder / "index.html"
-    held = Page(page.read_text(encoding="utf-8"))
-    assert held.files == {path.name for path in folder.iterdir()} - {"index.html"}  # no more, no less
-    return held
+    parsed = Page(page.read_text(encoding="utf-8"))
+    assert parsed.files == {path.name for path in folder.iterdir()} - {"index.html"}  # no more, no less
+    return parsed
 
 
 # The page
@@ -217,7 +217,7 @@ def test_what_photographs_are_called_is_no_markup(tmp_path):
         some_report(seconds={}, settings={}, remarks=[]),
         some_report(up=(0, 0, 1)),
     ],
-    ids=["one", "none shown", "no points", "one point", "none registered", "nothing", "nothing said", "z up"],
+    ids=["one", "none shown", "no points", "one point", "none registered", "nothing", "no remarks", "z up"],
 )
 def test_little_makes_a_report_as_well(tmp_path, report):
     write(tmp_path, report)
@@ -225,14 +225,14 @@ def test_little_makes_a_report_as_well(tmp_path, report):
 
 def test_the_same_run_gives_the_same_report(tmp_path):
     report = estimated(some_report(), [0.5, 0.6, 0.5, 0.4])
-    held = []
+    written = []
     for name in ("a", "b"):
         write(tmp_path / name, report)
-        held.append({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()})
-    assert held[0] == held[1]
+        written.append({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()})
+    assert written[0] == written[1]
 
 
-def test_maps_are_read_once_and_only_of_what_is_shown(tmp_path):
+def test_maps_are_read_once_and_only_of_drawn_photographs(tmp_path):
     read: list[int] = []
 
     def reader(number, camera):
@@ -241,15 +241,15 @@ def test_maps_are_read_once_and_only_of_what_is_shown(tmp_path):
 
     report = some_report(6, drawn=[0, 3])
     photographs = [
-        replace(held, read_maps=lambda number=number, camera=held.camera: reader(number, camera))
-        for number, held in enumerate(report.photographs)
+        replace(photograph, read_maps=lambda number=number, camera=photograph.camera: reader(number, camera))
+        for number, photograph in enumerate(report.photographs)
     ]
     page = write(tmp_path, replace(report, photographs=photographs))
     assert read == [0, 3]
     assert "2 of 6 photographs with depth are shown" in page.text
 
 
-def test_what_has_no_maps_cannot_be_shown(tmp_path):
+def test_a_photograph_without_maps_cannot_be_drawn(tmp_path):
     report = some_report()
     without = replace(report.photographs[1], read_maps=None, sources=[])
     with pytest.raises(ValueError, match=r"001\.png has no camera or no maps"):
@@ -271,12 +271,12 @@ def test_maps_may_be_fewer_and_of_another_size_than_their_photograph(tmp_path):
     camera = report.photographs[0].camera
     small = some_maps(camera)
     large = np.full((96, 128, 3), 90, np.uint8)
-    held = replace(report.photographs[0], read_maps=lambda: DrawnMaps(srgb=large, depth_m=small.depth_m))
-    write(tmp_path, replace(report, photographs=[held, report.photographs[1]]))
+    enlarged = replace(report.photographs[0], read_maps=lambda: DrawnMaps(srgb=large, depth_m=small.depth_m))
+    write(tmp_path, replace(report, photographs=[enlarged, report.photographs[1]]))
     assert not (tmp_path / "view_000_normals.jpg").exists()
 
 
-def test_a_full_disk_is_told(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported(tmp_path, monkeypatch):
     def full(_descriptor):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -286,7 +286,7 @@ def test_a_full_disk_is_told(tmp_path, monkeypatch):
     assert not (tmp_path / "index.html").exists()
 
 
-# What is said
+# Remarks
 
 
 def test_a_report_has_a_remark_on_photographs_that_hang_together_with_none():
@@ -295,16 +295,16 @@ def test_a_report_has_a_remark_on_photographs_that_hang_together_with_none():
     assert report.shared is not None
     cut = report.shared.copy()
     cut[2, 3] = cut[3, 2] = 0
-    (held,) = check_capture(replace(report, shared=cut))
-    assert held.code == "photographs-in-groups"
-    assert "fall into 2 groups that were not matched with each other, of 3, 2 photographs" in held.text
+    (remark,) = check_capture(replace(report, shared=cut))
+    assert remark.code == "photographs-in-groups"
+    assert "fall into 2 groups that were not matched with each other, of 3, 2 photographs" in remark.text
 
 
 def test_photographs_without_depth_are_named():
     report = some_report()
     bare = replace(report.photographs[2], coverage=0.0)
-    (held,) = check_capture(replace(report, photographs=[*report.photographs[:2], bare, report.photographs[3]]))
-    assert held.text == "1 photograph without any depth: 002.png"
+    (remark,) = check_capture(replace(report, photographs=[*report.photographs[:2], bare, report.photographs[3]]))
+    assert remark.text == "1 photograph without any depth: 002.png"
 
 
 def test_rows_have_the_figures():
@@ -360,7 +360,7 @@ def test_normals_towards_the_camera_are_blue():
     assert tuple(picture[0, 3]) == NOTHING
 
 
-def test_confidence_is_shown_where_there_is_depth():
+def test_confidence_is_drawn_where_there_is_depth():
     picture = draw_confidence(np.array([[0.0, 1.0, 1.0]]), np.array([[True, True, False]]))
     assert picture[0, 0].sum() < picture[0, 1].sum()
     assert tuple(picture[0, 2]) == NOTHING

@@ -65,9 +65,9 @@ def test_a_truncated_result_is_none(tmp_path, compressed, share):
     arrays = {"depth": np.random.default_rng(0).random((40, 30)), "notes": np.array("ö")}
     write_result(path, arrays, compressed=compressed)
     assert has_result(path)
-    held = read_result(path)
-    np.testing.assert_array_equal(held["depth"], arrays["depth"])
-    assert str(held["notes"]) == "ö"
+    result = read_result(path)
+    np.testing.assert_array_equal(result["depth"], arrays["depth"])
+    assert str(result["notes"]) == "ö"
     os.truncate(path, int(share * path.stat().st_size))
     assert not has_result(path)
     assert read_result(path) is None
@@ -185,7 +185,7 @@ def test_photographs_are_kept_as_they_are_matched(tasks):
         np.testing.assert_allclose(read.camera.cam_from_world, pose, atol=1e-12)
 
 
-def test_blur_and_copies_are_told_where_poses_are_given(tmp_path):
+def test_blur_and_copies_are_reported_where_poses_are_given(tmp_path):
     write_posed_photos(tmp_path)
     names = sorted(path.name for path in (tmp_path / "images").iterdir())
     assert prepare_views(read_capture(tmp_path), tmp_path / "work", 1200).checks == ()
@@ -264,10 +264,10 @@ def test_any_value_can_be_read_back(name, unit):
 
 
 def test_cells_are_as_large_as_the_median_view_sees():
-    def held(footprint_m):
+    def maps_of(footprint_m):
         return ViewMaps(name="", files=(Path(), Path(), Path()), coverage=0.5, footprint_m=footprint_m)
 
-    maps = [held(size) for size in (0.5, 0.001, 0.002, np.nan, 0.0015)]
+    maps = [maps_of(size) for size in (0.5, 0.001, 0.002, np.nan, 0.0015)]
     assert size_cells(CloudSettings(cell_footprints=2.0), maps).cell_m == pytest.approx(0.0035)
     assert size_cells(CloudSettings(cell_m=0.1), maps).cell_m == 0.1
-    assert size_cells(CloudSettings(), [held(np.nan)]).cell_m is None
+    assert size_cells(CloudSettings(), [maps_of(np.nan)]).cell_m is None

@@ -69,7 +69,7 @@ def test_colours_have_the_photographs_mean_and_contrast(disc):
     assert texels.std(axis=0) == pytest.approx(pixels.std(axis=0), rel=0.10)
 
 
-def test_each_step_is_told_and_timed(disc):
+def test_each_step_is_reported_and_timed(disc):
     _, steps, (_, measures) = disc
 
     assert [name for name, share in steps if share == 1.0 and name not in ("texture",)] == [

@@ -105,13 +105,13 @@ def test_a_dry_run_writes_nothing(capture, tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_options_of_photographs_are_refused_for_captures_and_the_other_way_round(capture, tmp_path, capsys):
+def test_options_of_photographs_and_captures_are_refused_for_the_other(capture, tmp_path, capsys):
     out = tmp_path / "out"
 
-    told = refused(capsys, capture, "-o", out, "--height", "3", "--laplacian")
-    assert "--height, --laplacian have no meaning there" in told
-    told = refused(capsys, capture / "images" / "0.png", "-o", out, "--up", "Z")
-    assert "--up has no meaning there" in told
+    complaint = refused(capsys, capture, "-o", out, "--height", "3", "--laplacian")
+    assert "--height, --laplacian have no meaning there" in complaint
+    complaint = refused(capsys, capture / "images" / "0.png", "-o", out, "--up", "Z")
+    assert "--up has no meaning there" in complaint
     assert not out.exists()
 
 
@@ -161,14 +161,14 @@ def test_a_camera_in_a_larger_frame_sees_the_same():
 def test_a_cloud_alone_becomes_a_crown_in_its_own_colours(capture, tmp_path, capsys):
     cloud = tmp_path / "my scan.ply"
     cloud.write_bytes((capture / "cloud.ply").read_bytes())
-    said = ("--up", "Z", "--unit", "m")
-    assert main(["crown", str(cloud), "-o", str(tmp_path / "plan"), *ALONE, *said, "--dry-run"]) == 0
+    frame = ("--up", "Z", "--unit", "m")
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "plan"), *ALONE, *frame, "--dry-run"]) == 0
     plan = capsys.readouterr().out
     assert "a cloud alone" in plan
     assert "photographs" not in plan
     assert not (tmp_path / "plan").exists()
 
-    assert main(["crown", str(cloud), "-o", str(tmp_path / "ball"), *ALONE, *said]) == 0
+    assert main(["crown", str(cloud), "-o", str(tmp_path / "ball"), *ALONE, *frame]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any("colours of its points" in line for line in lines)
     radius = read_cubemap(tmp_path / "ball" / "maps" / "ball_crown_radius.exr").pixels
@@ -181,7 +181,7 @@ def test_a_cloud_alone_becomes_a_crown_in_its_own_colours(capture, tmp_path, cap
     assert "is a cloud, not one photograph" in capsys.readouterr().err
 
 
-def test_the_report_of_a_cloud_says_nothing_of_photographs(capture, tmp_path, capsys):
+def test_the_report_of_a_cloud_does_not_mention_photographs(capture, tmp_path, capsys):
     cloud = tmp_path / "scan.ply"
     cloud.write_bytes((capture / "cloud.ply").read_bytes())
     assert main(["crown", str(cloud), "-o", str(tmp_path / "ball"), *ALONE, "--up", "Z", "--unit", "m"]) == 0
@@ -193,12 +193,12 @@ def test_the_report_of_a_cloud_says_nothing_of_photographs(capture, tmp_path, ca
     assert "a crown from the cloud scan" in page
     assert "directions carved" not in capsys.readouterr().out
 
-    told = refused(capsys, cloud, "-o", tmp_path / "no", "--report-views", "2")
-    assert "is a cloud alone, without photographs; --report-views has no meaning there" in told
+    complaint = refused(capsys, cloud, "-o", tmp_path / "no", "--report-views", "2")
+    assert "is a cloud alone, without photographs; --report-views has no meaning there" in complaint
     assert not (tmp_path / "no").exists()
 
 
-def test_the_report_of_a_capture_says_what_photographs_show(capture, tmp_path):
+def test_the_report_of_a_capture_has_the_measures_of_its_photographs(capture, tmp_path):
     assert main(["crown", str(capture), "-o", str(tmp_path / "ball"), *SMALL]) == 0
     page = (tmp_path / "ball" / "report" / "index.html").read_text()
 
@@ -206,7 +206,7 @@ def test_the_report_of_a_capture_says_what_photographs_show(capture, tmp_path):
         assert words in page
 
 
-def test_what_is_no_cloud_that_can_be_read_is_said_as_of_any_cloud(tmp_path, capsys):
+def test_an_unreadable_cloud_is_refused_as_by_other_commands(tmp_path, capsys):
     (tmp_path / "scan.e57").write_bytes(b"ASTM-E57" + bytes(40))
     (tmp_path / "renamed.jpg").write_bytes(b"ASTM-E57" + bytes(40))
     (tmp_path / "empty.laz").touch()
@@ -229,10 +229,10 @@ def test_a_plane_of_points_is_refused_by_its_name(tmp_path, capsys):
     path = tmp_path / "wall.xyz"
     np.savetxt(path, np.column_stack([rng.uniform(0, 2, 2000), np.zeros(2000), rng.uniform(0, 3, 2000)]))
 
-    told = refused(capsys, path, "-o", tmp_path / "out", "--up", "Z", "--unit", "m")
+    complaint = refused(capsys, path, "-o", tmp_path / "out", "--up", "Z", "--unit", "m")
 
-    assert "points of the crown lie in a plane" in told
-    assert str(path) in told
+    assert "points of the crown lie in a plane" in complaint
+    assert str(path) in complaint
 
 
 @pytest.mark.parametrize("by", ["height", "intensity"])

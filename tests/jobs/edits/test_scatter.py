@@ -115,7 +115,7 @@ def test_a_count_that_cannot_be():
         check_count(MAX_LEAVES + 1)
 
 
-def test_without_variation_all_leaves_are_alike():
+def test_without_variation_all_leaves_are_the_same():
     settings = read_spray(0.1, 0.0)
     assert settings.variation.amount == settings.length_variation == 0
 

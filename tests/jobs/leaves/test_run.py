@@ -69,7 +69,7 @@ def test_no_plant_stays_where_it_is():
     assert len(finish_leaves(random_leaves(0, facts=True), Z_UP, np.arange(3, dtype=np.int32))) == 0
 
 
-def test_leaves_tell_the_photograph_of_the_capture_not_of_the_run():
+def test_leaves_name_the_photograph_of_the_capture_not_of_the_run():
     leaves = replace(random_leaves(4, facts=True), view=np.array([0, 2, -1, 1], np.int32))
     assert finish_leaves(leaves, np.eye(4), np.array([5, 7, 9], np.int32)).view.tolist() == [5, 9, -1, 7]
 
@@ -86,9 +86,9 @@ def test_the_texture_is_written_as_it_is_displayed():
     rgba[:8, :, :3] = 1.0  # where nothing is of it
     texture = AverageTexture(rgba=rgba, leaves=3)
     assert median_color(texture) == pytest.approx((0.25, 0.5, 0.125))
-    held = cv2.imdecode(np.frombuffer(encode_texture(texture), np.uint8), cv2.IMREAD_UNCHANGED)
-    assert held[0, 0].tolist() == [255, 255, 255, 0]
-    assert held[15, 15].tolist() == [99, 188, 137, 255]  # blue, green, red, alpha
+    decoded = cv2.imdecode(np.frombuffer(encode_texture(texture), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert decoded[0, 0].tolist() == [255, 255, 255, 0]
+    assert decoded[15, 15].tolist() == [99, 188, 137, 255]  # blue, green, red, alpha
 
 
 def test_a_texture_without_color_divides_nothing_by_zero():
@@ -108,7 +108,7 @@ def test_a_setting_is_set_wherever_it_is():
 # Pictures
 
 
-def test_colors_of_leaves_can_be_told_apart():
+def test_colors_of_leaves_can_be_distinguished():
     palette = leaf_palette(300).astype(int)
     assert palette.shape == (300, 3)
     for step in (1, 2, 3):
@@ -197,7 +197,7 @@ def test_thinned_points_fill_the_same_leaves():
     assert np.mean((few == 0) == (label_points(prepare_points(points), view, 0) == 0)) > 0.97
 
 
-def test_points_tell_how_large_leaves_are_and_how_far_apart_they_lie():
+def test_size_and_spacing_are_measured_from_the_points():
     _, points = square()
     drawn = prepare_points(points)
     side = 2.0 * 18 / 80
@@ -299,7 +299,7 @@ def test_a_shrunk_view_shows_the_same(bed, longest):
 
 
 @pytest.mark.parametrize(
-    ("length_m", "said"),
+    ("length_m", "text"),
     [
         (0.07, "70 (70 to 70) mm"),
         (0.9, "900 (900 to 900) mm"),
@@ -307,10 +307,10 @@ def test_a_shrunk_view_shows_the_same(bed, longest):
         (1.234, "1.23 (1.23 to 1.23) m"),
     ],
 )
-def test_lengths_are_told_in_the_unit_in_which_they_read_well(length_m, said):
+def test_lengths_are_written_in_a_readable_unit(length_m, text):
     leaves = replace(random_leaves(5), length_m=np.full(5, length_m))
-    assert measure_rows(leaves)[0].value == said
-    assert leaf_histograms(leaves)[0].title == f"length in {said.split()[-1]}"
+    assert measure_rows(leaves)[0].value == text
+    assert leaf_histograms(leaves)[0].title == f"length in {text.split()[-1]}"
 
 
 def test_guesses_of_the_base_are_counted():
@@ -344,10 +344,10 @@ def test_the_mean_leaf_is_drawn_inside_its_box():
 
 
 @pytest.mark.parametrize(
-    ("count", "most", "shown"), [(3, 12, [0, 1, 2]), (10, 4, [0, 3, 6, 9]), (5, 1, [0]), (5, 0, [])]
+    ("count", "max_count", "chosen"), [(3, 12, [0, 1, 2]), (10, 4, [0, 3, 6, 9]), (5, 1, [0]), (5, 0, [])]
 )
-def test_an_even_selection_of_views_is_shown(count, most, shown):
-    assert choose_evenly(count, most) == shown
+def test_an_even_selection_of_views_is_chosen(count, max_count, chosen):
+    assert choose_evenly(count, max_count) == chosen
 
 
 # Storm

@@ -15,7 +15,7 @@ from tests.support.imports import reached_files
 
 # What a result may reach and is not made by, with the reason.
 NOT_COUNTED = {
-    "__init__.py": "it registers the schemas with USD and says what the package is called",
+    "__init__.py": "it registers the schemas with USD and has the name of the package",
 }
 NOT_OF_DEPTH = {
     **NOT_COUNTED,

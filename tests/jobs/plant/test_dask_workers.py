@@ -84,7 +84,7 @@ def test_workers_that_come_later_work_too(tmp_path):
         wait_until(lambda: workers.count() == 2)
 
 
-def test_where_no_scheduler_answers_the_error_says_how_to_start_one():
+def test_where_no_scheduler_answers_the_error_names_the_command_that_starts_one():
     with pytest.raises(FoliageError, match="start one with: dask scheduler"), connect_dask("tcp://127.0.0.1:9", 1.0):
         pass
 

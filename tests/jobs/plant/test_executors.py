@@ -47,7 +47,7 @@ def test_here_nothing_runs_after_a_task_that_failed(tmp_path):
 
 @given(needs=st.lists(st.sets(st.integers(0, 6)), min_size=1, max_size=7), count=st.integers(1, 4))
 def test_workers_do_every_task_once_and_after_its_needs(tmp_path_factory, needs, count):
-    tasks = {f"t{k}": [f"t{n}" for n in sorted(held) if n < k] for k, held in enumerate(needs)}
+    tasks = {f"t{k}": [f"t{n}" for n in sorted(task_needs) if n < k] for k, task_needs in enumerate(needs)}
     folder = tmp_path_factory.mktemp("plant")
     plants = [fake_plant(folder, name, tasks) for name in ("p", "q")]
     done = list(run_on(next_of(plants), write_line, threads(count), 1))
@@ -122,7 +122,7 @@ from usdfoliage.jobs.plant.executors import run_on
 from usdfoliage.jobs.plant.processes import open_processes
 
 if __name__ == "__main__":
-    faulthandler.register(signal.SIGUSR1)  # tells where it hangs
+    faulthandler.register(signal.SIGUSR1)  # prints where it hangs
     plants = [fake_plant(Path(sys.argv[1]), "p", {"a": [], "b": []})]
     with open_processes(2) as workers:
         list(run_on(lambda: plants.pop() if plants else None, sleep_long, workers, 1))

@@ -96,8 +96,8 @@ def is_done(store: Store, plan: BuildPlan) -> dict[str, bool]:
     return {name: find_finished(store, task.key, thorough=True) is not None for name, task in plan.tasks.items()}
 
 
-def states(held: tuple[StoredTask, ...]) -> dict[str, str]:
-    return {task.key: task.state for task in held}
+def states(stored: tuple[StoredTask, ...]) -> dict[str, str]:
+    return {task.key: task.state for task in stored}
 
 
 def test_of_the_latest_build_all_stays_but_matching_whose_depth_is_done(request_of_shrub: BuildRequest) -> None:
@@ -220,7 +220,7 @@ def test_a_survey_writes_nothing_and_lets_builds_go_on(
     assert not store.plant_lock(key).exists()
 
 
-def hold(request: BuildRequest, what: str, held: Event, over: Event) -> None:
+def hold(request: BuildRequest, what: str, locked: Event, over: Event) -> None:
     store, plan = request.store, plan_of("a")
     locks = {
         "plant": use_plant(request),
@@ -228,18 +228,18 @@ def hold(request: BuildRequest, what: str, held: Event, over: Event) -> None:
         "pruning": hold_work_lock(store.plant_lock(PRUNING), shared=True),
     }
     with locks[what]:
-        held.set()
+        locked.set()
         over.wait(30)
 
 
 @contextmanager
 def another_process(request: BuildRequest, what: str) -> Iterator[None]:
     context = multiprocessing.get_context("spawn")
-    held, over = context.Event(), context.Event()
-    process = context.Process(target=hold, args=(request, what, held, over))
+    locked, over = context.Event(), context.Event()
+    process = context.Process(target=hold, args=(request, what, locked, over))
     process.start()
     try:
-        assert held.wait(30)
+        assert locked.wait(30)
         yield
     finally:
         over.set()

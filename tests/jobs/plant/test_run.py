@@ -94,9 +94,9 @@ def test_a_killed_build_goes_on_where_it_was(given, tmp_path, finished):
 def damage_result(folder: Path) -> None:
     """An altered byte, of the same length."""
     path = next((folder / "work" / "results").glob("*/capture/*/cloud.ply"))
-    held = bytearray(path.read_bytes())
-    held[len(held) // 2] ^= 1
-    path.write_bytes(held)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
 
 
 def cut_result(folder: Path) -> None:
@@ -232,17 +232,17 @@ def test_results_that_vanish_while_others_are_made_are_made_again_but_not_for_ev
     lost: list[str] = []
 
     def lose(order: TaskOrder, *_: object) -> Done:
-        if order.name == "cloud" and len(lost) < most:
+        if order.name == "cloud" and len(lost) < max_lost:
             lost.append(order.name)
             return Done(name=order.name, seconds=0.0, was_run=False, lost=True)
         return run_named_task(order)
 
     monkeypatch.setattr(runs, "run_named_task", lose)
-    most = 99
+    max_lost = 99
     assert "vanish as soon as they are made" in build(request_of(given, tmp_path)).error
     assert len(lost) == runs.MAX_PLANS
     lost.clear()
-    most = 2
+    max_lost = 2
     assert build(request_of(given, tmp_path)).verdict == "built"
 
 
@@ -263,7 +263,7 @@ def test_on_a_full_disk_nothing_is_half_there_and_with_room_the_build_goes_on(gi
     assert digests(small_disk / "plant") == digests(given / "built" / "plant")
 
 
-def test_what_is_said_of_photographs_names_them_as_the_capture_does(given, tmp_path):
+def test_warnings_name_photographs_as_the_capture_does(given, tmp_path):
     capture = write_small_capture(tmp_path / "oak")
     (capture / "images" / "000.jpg").write_bytes(b"no photograph")
     made = build(replace(request_of(given, tmp_path), capture=capture))

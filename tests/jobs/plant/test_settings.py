@@ -1,4 +1,4 @@
-"""What a plan may say: what cannot be is refused when the plan is read, not hours later."""
+"""The values a plan may have: an impossible value is refused when the plan is read, not hours later."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ ROUND = "[capture.depth]\nrounds = [{{ level = {}, iterations = {}, coherent = f
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ('[plant]\nrepresentations = ["x"]', "representations must be one or more of bezier, nurbs, subdiv, mesh"),
         ("[plant]\nrepresentations = []", "not none"),
@@ -24,12 +24,12 @@ ROUND = "[capture.depth]\nrounds = [{{ level = {}, iterations = {}, coherent = f
         ("[pictures]\nturntable_frames = 1", "turntable_frames must be 2 to 3600, not 1"),
     ],
 )
-def test_what_cannot_be_is_refused_when_the_plan_is_read(tmp_path: Path, text: str, told: str) -> None:
+def test_an_impossible_value_is_refused_when_the_plan_is_read(tmp_path: Path, text: str, message: str) -> None:
     plan = tmp_path / "plan.toml"
     plan.write_text(text)
     with pytest.raises(FoliageError, match=r"plan\.toml") as refused:
         read_settings_file(plan, BuildSettings())
-    assert told in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_any_of_the_representations_will_do(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def finish(store: Store, key: str = KEY, text: str = "leaves") -> Stamp:
     return stamp
 
 
-def test_a_finished_task_is_found_with_all_that_was_said_of_it(store: Store) -> None:
+def test_a_finished_task_is_found_with_its_whole_stamp(store: Store) -> None:
     assert find_finished(store, KEY, thorough=True) is None
     stamp = finish(store)
     assert find_finished(store, KEY, thorough=True) == stamp
@@ -49,7 +49,7 @@ def test_a_file_that_is_not_as_it_was_makes_its_task_undone(store: Store, harm: 
     finish(store)
     file = store.result(KEY) / "deeper" / "result.txt"
     if harm == "altered":
-        file.write_text("LEAVES")  # of the same length: only its bytes tell
+        file.write_text("LEAVES")  # of the same length: only its bytes differ
         assert find_finished(store, KEY, thorough=False) is not None
     elif harm == "cut":
         file.write_text("lea")
@@ -68,9 +68,9 @@ def test_a_stamp_that_was_changed_is_none(store: Store, harm: str) -> None:
     if harm == "cut":
         path.write_text(text[: len(text) // 2])
     elif harm == "altered":
-        held = json.loads(text)
-        held["stamp"]["files"] = []  # as if it had made nothing
-        path.write_text(json.dumps(held))
+        changed = json.loads(text)
+        changed["stamp"]["files"] = []  # as if it had made nothing
+        path.write_text(json.dumps(changed))
     elif harm == "other key":
         store.stamp("m" * 32).write_text(text)
         assert read_stamp(store, "m" * 32) is None
@@ -93,24 +93,26 @@ def test_a_result_appears_whole_or_not_at_all(store: Store) -> None:
 
 def test_a_result_takes_the_place_of_a_damaged_one(store: Store) -> None:
     finish(store)
-    (store.result(KEY) / "deeper" / "stray.txt").write_text("stray")
+    (store.result(KEY) / "deeper" / "surplus.txt").write_text("surplus")
     finish(store, text="again")
     assert [path.name for path in store.result(KEY).rglob("*.txt")] == ["result.txt"]
     assert find_finished(store, KEY, thorough=True) is not None
 
 
-def hold(folder: Path, held: "multiprocessing.synchronize.Event", let_go: "multiprocessing.synchronize.Event") -> None:
+def hold(
+    folder: Path, locked: "multiprocessing.synchronize.Event", let_go: "multiprocessing.synchronize.Event"
+) -> None:
     with lock_task(Store(folder=folder), KEY):
-        held.set()
+        locked.set()
         let_go.wait(30)
 
 
 def test_a_task_is_of_one_run_at_a_time(store: Store) -> None:
     context = multiprocessing.get_context("spawn")
-    held, let_go = context.Event(), context.Event()
-    other = context.Process(target=hold, args=(store.folder, held, let_go))
+    locked, let_go = context.Event(), context.Event()
+    other = context.Process(target=hold, args=(store.folder, locked, let_go))
     other.start()
-    assert held.wait(60)
+    assert locked.wait(60)
     waiting, got = context.Event(), context.Event()
     third = context.Process(target=hold, args=(store.folder, got, waiting))
     third.start()
@@ -124,10 +126,10 @@ def test_a_task_is_of_one_run_at_a_time(store: Store) -> None:
 
 def test_the_lock_of_a_killed_run_is_free(store: Store) -> None:
     context = multiprocessing.get_context("spawn")
-    held, let_go = context.Event(), context.Event()
-    other = context.Process(target=hold, args=(store.folder, held, let_go))
+    locked, let_go = context.Event(), context.Event()
+    other = context.Process(target=hold, args=(store.folder, locked, let_go))
     other.start()
-    assert held.wait(60)
+    assert locked.wait(60)
     other.kill()
     other.join()
     with lock_task(store, KEY):

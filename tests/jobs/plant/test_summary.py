@@ -15,16 +15,16 @@ HIGH = remark(
 
 def test_remarks_survive_the_file(tmp_path: Path) -> None:
     write_summary(tmp_path, StageSummary(remarks=[HIGH]))
-    held = read_summary(tmp_path)
-    assert held.remarks == (HIGH,)
-    assert held.warning_texts() == ['the plant of /captures/oak.ply is 900 m high: give branches.unit = "mm"']
-    assert held.info_texts() == []
+    summary = read_summary(tmp_path)
+    assert summary.remarks == (HIGH,)
+    assert summary.warning_texts() == ['the plant of /captures/oak.ply is 900 m high: give branches.unit = "mm"']
+    assert summary.info_texts() == []
 
 
 def test_files_are_renamed_in_remarks_too(tmp_path: Path) -> None:
     write_summary(tmp_path, StageSummary(remarks=[HIGH], failure="/captures/oak.ply is broken"))
     rename_paths(tmp_path, lambda text: text.replace("/captures/", ""))
-    held = read_summary(tmp_path)
-    assert held.remarks[0].subject == "oak.ply"
-    assert held.remarks[0].text == "the plant of oak.ply is 900 m high"
-    assert held.failure == "oak.ply is broken"
+    summary = read_summary(tmp_path)
+    assert summary.remarks[0].subject == "oak.ply"
+    assert summary.remarks[0].text == "the plant of oak.ply is 900 m high"
+    assert summary.failure == "oak.ply is broken"

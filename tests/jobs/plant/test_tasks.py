@@ -150,18 +150,18 @@ def test_validators_of_the_place_touch_the_report_alone(
     assert stages_that_change(plans[-1], plan()) == set()
 
 
-def test_validators_are_told_by_what_they_are_and_not_by_their_place(
+def test_validators_are_identified_by_their_content_and_not_by_their_place(
     segment_again: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = []
+    descriptions = []
     for place in ("here", "there"):
         (tmp_path / place).mkdir()
         (tmp_path / place / "plugInfo.json").write_text("{}")
         monkeypatch.setenv("PXR_PLUGINPATH_NAME", str(tmp_path / place / "plugInfo.json"))
-        told.append(outside_tools.describe_validators())
-    assert told[0] == told[1]
+        descriptions.append(outside_tools.describe_validators())
+    assert descriptions[0] == descriptions[1]
     monkeypatch.setenv("PXR_PLUGINPATH_NAME", str(tmp_path / "nowhere"))
-    assert outside_tools.describe_validators() != told[0]
+    assert outside_tools.describe_validators() != descriptions[0]
     own = [str(folder) for folder in plugin_path_folders()]
     nothing = outside_tools.describe_validators()
     monkeypatch.setenv("PXR_PLUGINPATH_NAME", os.pathsep.join(own))  # as `usdfoliage env` sets it
@@ -177,12 +177,12 @@ def test_the_module_of_a_plug_in_counts_wherever_it_lies(
     rules = tmp_path / "python" / "studio_rules_x" / "__init__.py"
     monkeypatch.setenv("PXR_PLUGINPATH_NAME", str(tmp_path / "plugin"))
     monkeypatch.syspath_prepend(tmp_path / "python")
-    told = set()
+    descriptions = set()
     for text in ("a = 1\n", "a = 2\n"):
         rules.write_text(text)
         outside_tools.forget()
-        told.add(outside_tools.describe_validators())
-    assert len(told) == 2
+        descriptions.add(outside_tools.describe_validators())
+    assert len(descriptions) == 2
     assert "studio_rules_x" not in sys.modules
 
 
@@ -301,7 +301,7 @@ def test_what_only_finished_tasks_need_is_not_wanted(tmp_path: Path) -> None:
     assert not finished
     finish(PLAN, store, "cloud")
     wanted, finished = find_wanted(PLAN, store, thorough=True)
-    assert {task.stage for task in wanted.values()} == {"poses", *AFTER_CLOUD}  # the report tells of cameras
+    assert {task.stage for task in wanted.values()} == {"poses", *AFTER_CLOUD}  # the report shows cameras
     assert finished.keys() == {"cloud"}
     finish(PLAN, store, "report")
     assert find_wanted(PLAN, store, thorough=True)[0] == {}

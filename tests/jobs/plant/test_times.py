@@ -51,7 +51,7 @@ def test_the_median_of_a_stage_counts_scaled_by_size_where_size_is_known(tmp_pat
     }
 
 
-def test_damaged_and_poor_results_tell_no_time(tmp_path: Path) -> None:
+def test_damaged_and_poor_results_have_no_time(tmp_path: Path) -> None:
     store = Store(folder=tmp_path)
     finish(store, 1, "crown", 3.0, 40.0, poor=True)
     finish(store, 2, "report", 5.0, 0.0)

@@ -46,7 +46,7 @@ def request_of_two(tmp_path: Path) -> BuildRequest:
 
 @pytest.fixture
 def set_stages(monkeypatch) -> Callable[..., None]:
-    """Stages that only say something, but for those that are given; nothing is published."""
+    """Stages that only write an empty summary, but for those that are given; nothing is published."""
 
     def as_stage(body: Stage | None) -> Callable[[StageCall], tuple[ResultFile, ...]]:
         def stage(call: StageCall) -> tuple[ResultFile, ...]:
@@ -116,10 +116,10 @@ def test_of_a_photograph_that_changes_while_it_is_read_nothing_is_kept(request_o
 
 
 @pytest.mark.parametrize(
-    "told", ["{} was not written: No space left on device", "{} cannot be written: No space left on device"]
+    "message", ["{} was not written: No space left on device", "{} cannot be written: No space left on device"]
 )
 def test_what_was_not_written_is_a_file_of_the_task_and_what_was_not_read_one_of_the_capture(
-    request_of_two, set_stages, told
+    request_of_two, set_stages, message
 ):
     places: list[Path] = []
 
@@ -130,9 +130,9 @@ def test_what_was_not_written_is_a_file_of_the_task_and_what_was_not_read_one_of
 
         return stage
 
-    set_stages(poses=fail(told))
+    set_stages(poses=fail(message))
     made = build(request_of_two)
-    assert made.error.endswith(told.format(places[-1]))
+    assert made.error.endswith(message.format(places[-1]))
     set_stages(poses=fail("{} is damaged"))
     assert build(request_of_two).error.endswith(f"{request_of_two.capture / 'cloud.ply'} is damaged")
 
@@ -216,7 +216,7 @@ def test_a_stage_that_fails_by_itself_is_not_tried_again(request_of_two, set_sta
     assert turned == ["turntable"]
 
 
-def test_a_report_that_vanishes_before_it_is_published_is_told(request_of_two, set_stages, monkeypatch):
+def test_a_report_that_vanishes_before_it_is_published_is_reported(request_of_two, set_stages, monkeypatch):
     def lose(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
         request_of_two.store.stamp(plan.tasks["report"].key).unlink()
         return finish_plant(made, plan, executor)
@@ -226,8 +226,8 @@ def test_a_report_that_vanishes_before_it_is_published_is_told(request_of_two, s
     assert "vanished as soon as it was made; run the same command again" in build(request_of_two).error
 
 
-def test_where_nothing_could_be_made_the_error_says_why_each_time(request_of_two, set_stages):
-    said = {
+def test_where_nothing_could_be_made_the_error_has_the_reasons_each_time(request_of_two, set_stages):
+    summaries = {
         "branches": StageSummary(
             remarks=[remark("branches-left-out", "the plant has no branches: the cloud shows no stem at a root")]
         ),
@@ -235,10 +235,10 @@ def test_where_nothing_could_be_made_the_error_says_why_each_time(request_of_two
         "crown": StageSummary(failure="the cloud has 3 points, 100 needed"),
     }
 
-    def say(call: StageCall) -> None:
-        write_summary(call.out, said[call.task.name])
+    def summarize(call: StageCall) -> None:
+        write_summary(call.out, summaries[call.task.name])
 
-    set_stages(branches=say, leaves=say, crown=say, asset=assemble_asset)
+    set_stages(branches=summarize, leaves=summarize, crown=summarize, asset=assemble_asset)
     first, second = build(request_of_two), build(request_of_two)
     for made in (first, second):
         assert made.failed == "asset"
@@ -249,8 +249,8 @@ def test_where_nothing_could_be_made_the_error_says_why_each_time(request_of_two
         )
         assert not made.is_fault
     assert set(second.seconds or {}) == set()
-    shown = describe_built(second, request_of_two.output.parent)
-    assert shown.message == second.error
+    described = describe_built(second, request_of_two.output.parent)
+    assert described.message == second.error
 
     none = replace(request_of_two.settings, branches=BranchStageSettings(make="off"))
     assert "Branches: not asked for. Leaves: 12" in build(replace(request_of_two, settings=none)).error

@@ -76,7 +76,7 @@ def test_settings_refuse_what_cannot_be_drawn(change):
         PreviewSettings(**change)
 
 
-def test_size_limits_say_what_is_allowed():
+def test_size_limits_are_in_the_error():
     with pytest.raises(ValueError, match=r"16 to 8192 pixels, not 12 x 960"):
         PreviewSettings(width_px=12)
 
@@ -105,7 +105,7 @@ def test_no_views_and_short_turntables_are_refused(scene):
 # What is found
 
 
-def test_a_missing_interpreter_says_how_to_get_one(tmp_path, monkeypatch):
+def test_the_error_of_a_missing_interpreter_has_the_command_that_installs_one(tmp_path, monkeypatch):
     monkeypatch.delenv("USDFOLIAGE_HYDRA_PYTHON", raising=False)
     monkeypatch.setattr(recorder, "REPOSITORY", tmp_path)
     with pytest.raises(PreviewError, match=r"pip install bpy.*, or set USDFOLIAGE_HYDRA_PYTHON"):
@@ -180,7 +180,7 @@ def test_a_missing_scene_is_named_before_anything_starts(tmp_path):
         draw_views(tmp_path / "gone.usda", one_view(tmp_path), PreviewSettings())
 
 
-def test_complaints_are_sorted_said_once_and_noise_is_dropped():
+def test_complaints_are_sorted_reported_once_and_noise_is_dropped():
     faults, warnings = sort_complaints(
         'Warning: In image "/tmp/x.exr" mip level 1 does not exist [python3.11]\n'
         "Warning: in _Report at line 3 of /usd/stage.cpp -- In </a>: Could not open asset @b@\n"

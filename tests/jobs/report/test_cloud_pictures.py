@@ -88,7 +88,7 @@ def test_single_points_far_off_do_not_shrink_the_picture():
         assert max(window.size_px) <= 500
 
 
-def test_what_must_be_shown_is():
+def test_points_that_must_be_drawn_are_in_the_window():
     (window,) = frame_points(BALL, find_sides([], cloud_of(BALL), Y_UP)[2:], 400, np.array([[3.0, 0, 0], [0, 0, -2]]))
     top = find_sides([], cloud_of(BALL), Y_UP)[2]
     places = window.places(np.array([[3.0, 0, 0], [0, 0, -2]]), top)
@@ -101,7 +101,7 @@ def test_windows_of_hardly_anything_have_a_size(points_m):
         assert min(window.size_px) >= 1
 
 
-def test_far_hills_are_not_what_most_cameras_see():
+def test_far_hills_are_not_common_to_the_cameras():
     angle = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
     hills = np.column_stack([200 * np.cos(angle), 5 + 0 * angle, 200 * np.sin(angle)])
     points_m = np.concatenate([BALL, hills])
@@ -141,7 +141,7 @@ def test_the_nearer_point_is_seen_whatever_its_order_and_width():
     assert splat([[0.05, 0.01, 0.5], [0.01, 0.01, 0]], [0.12, 0.01]).point[49, 50] == 0  # wide, and before it
 
 
-def test_points_are_as_wide_as_they_are_told():
+def test_points_are_as_wide_as_the_given_width():
     for width_m, across_px in ((0.001, 1), (0.02, 1), (0.06, 3), (0.1, 5), (10.0, 13)):
         assert np.count_nonzero(splat([[0, 0, 0]], width_m).point == 0) == across_px**2
 
@@ -184,7 +184,7 @@ def test_round_lengths_are_round(length_m):
     assert float(f"{length:.0e}"[0]) in (1, 2, 5)
 
 
-def test_a_bar_is_as_long_as_it_says():
+def test_a_scale_bar_is_as_long_as_its_label():
     picture = np.zeros((100, 300, 3), np.uint8)
     window = Window(left_m=0, bottom_m=0, width_m=3, height_m=1, px_per_m=100)
     wide = replace(window, width_m=30)

@@ -75,7 +75,7 @@ def test_a_list_for_the_record():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("wieght = 1", r"no setting wieght; there are method, weight"),
         ("[inner]\nturn = 1", r"no setting inner\.turn; \[inner\] has gate, turns"),
@@ -97,10 +97,10 @@ def test_a_list_for_the_record():
         ("[inner\nturns = 2", r"no TOML"),
     ],
 )
-def test_a_mistake_names_file_and_key(tmp_path, text, said):
+def test_a_mistake_names_file_and_key(tmp_path, text, message):
     file = tmp_path / "my settings.toml"
     file.write_text(text)
-    with pytest.raises(FoliageError, match=said) as caught:
+    with pytest.raises(FoliageError, match=message) as caught:
         read_settings_file(file, Outer())
     assert str(file) in str(caught.value)
 

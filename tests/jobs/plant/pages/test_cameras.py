@@ -47,7 +47,7 @@ def test_of_cameras_in_one_place_each_is_chosen_once():
     assert choose_cameras(cameras, BOX, 3) == [0, 1, 2]
 
 
-def test_the_first_chosen_is_the_one_that_shows_most():
+def test_the_camera_that_sees_the_plant_largest_is_chosen_first():
     cameras = [camera_at((0, 1.5, distance)) for distance in (30, 9, 20)]
     assert choose_cameras(cameras, BOX, 1) == [1]
 
@@ -71,7 +71,7 @@ def test_all_of_a_box_is_in_the_picture_and_fills_it(azimuth_rad, elevation_rad,
     assert reach.max() == pytest.approx(FILLED, abs=1e-6)
 
 
-def test_the_camera_stands_where_the_angles_say():
+def test_the_camera_stands_in_the_direction_of_the_angles():
     camera = frame_box(BOX, np.radians(90), 0.0, (100, 100))
     assert camera.position_m[0] > 1
     np.testing.assert_allclose(camera.position_m[1:], (1.5, 0), atol=1e-9)

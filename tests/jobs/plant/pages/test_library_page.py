@@ -19,12 +19,12 @@ HOLLY = LibraryPlant(
 FAILED = LibraryPlant(name="box", state="failed", message="2 photographs, 3 are needed", advice="Take more.")
 
 
-def test_each_plant_is_shown_with_its_state_and_links(tmp_path):
+def test_each_plant_is_listed_with_its_state_and_links(tmp_path):
     page = write_library_page(tmp_path, Library(title="coast", plants=[HOLLY, FAILED], generator="usdfoliage"))
     text = page.read_text(encoding="utf-8")
     assert page == tmp_path / "index.html"
-    for said in ("holly", "2.35 m", "12,345", "2 MB", "3 are needed", "Take more.", "2 plants", "1 failed", "1 built"):
-        assert said in text
+    for words in ("holly", "2.35 m", "12,345", "2 MB", "3 are needed", "Take more.", "2 plants", "1 failed", "1 built"):
+        assert words in text
     assert set(re.findall(r'href="(\./[^"]*)"', text)) == {"./holly/report/index.html", "./holly/holly.usda"}
     assert text.count("data:image/webp") == 1
 
@@ -44,7 +44,7 @@ def test_whatever_names_hold_is_text(tmp_path, name):
     assert not any("onload" in attributes for _, attributes in tags)
 
 
-def test_a_library_of_no_plants_says_so(tmp_path):
+def test_a_library_without_plants_is_reported_on_its_page(tmp_path):
     text = write_library_page(tmp_path, Library(title="t", plants=[])).read_text(encoding="utf-8")
     assert "There is no plant" in text
 

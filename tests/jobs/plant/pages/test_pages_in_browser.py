@@ -56,7 +56,7 @@ def opened(browser, tmp_path):
 
 
 def open_page(browser, page):
-    for kind in ("browser", "performance"):  # what pages before said
+    for kind in ("browser", "performance"):  # of the pages before
         browser.get_log(kind)
     browser.get(page.as_uri())
     return browser
@@ -132,9 +132,9 @@ def test_left_of_the_bar_is_the_photograph_and_right_of_it_the_plant(opened):
 def test_another_photograph_can_be_chosen_by_keyboard(opened):
     first = show(opened, ".choose input")
     first.send_keys(Keys.ARROW_RIGHT)
-    shown = [figure for figure in opened.find_elements(By.CSS_SELECTOR, ".compare") if figure.is_displayed()]
-    assert len(shown) == 1
-    assert "001.jpg" in shown[0].text
+    displayed = [figure for figure in opened.find_elements(By.CSS_SELECTOR, ".compare") if figure.is_displayed()]
+    assert len(displayed) == 1
+    assert "001.jpg" in displayed[0].text
 
 
 def test_the_turntable_turns_by_keys_by_mouse_and_by_itself(opened):
@@ -165,7 +165,7 @@ def test_a_picture_of_a_stage_is_enlarged_and_closed_by_keyboard(opened):
     assert not opened.find_element(By.CSS_SELECTOR, "dialog img").is_displayed()
 
 
-def test_times_are_shown_where_they_are_beside_the_page(opened, tmp_path):
+def test_times_are_displayed_where_their_file_is_beside_the_page(opened, tmp_path):
     times = show(opened, "#times")
     wait_until(times.is_displayed)
     assert "83.0 s, 2 processes" in times.text
@@ -234,8 +234,8 @@ def test_a_library_is_sorted_and_sifted(browser, tmp_path):
     assert names() == ["holly", "birch"]
 
 
-def wait_until(holds, most_s=10.0):
-    end = time.monotonic() + most_s
+def wait_until(holds, max_wait_s=10.0):
+    end = time.monotonic() + max_wait_s
     while not holds():
         assert time.monotonic() < end, "it did not come to hold"
         time.sleep(0.05)

@@ -33,12 +33,12 @@ NASTY = "<script>alert(1)</script>\"' onerror=x {{ 7*7 }} </style>&amp;"
 BARE = PlantReport(name="holly", capture="c", generator="usdfoliage")
 
 
-def test_the_page_says_everything_and_what_to_look_at_first(tmp_path):
+def test_the_page_has_everything_and_the_warnings_first(tmp_path):
     page = write_plant_report(tmp_path / "report", full_report(tmp_path))
     assert page == tmp_path / "report" / "index.html"
     text = Tags(page.read_text(encoding="utf-8")).text
-    said = ["holly", "not be used", "The scale is not known", "14 of 380", "1.84 m", "70,080", "IoU 0.812", "000.jpg"]
-    said += [
+    words = ["holly", "not be used", "The scale is not known", "14 of 380", "1.84 m", "70,080", "IoU 0.812", "000.jpg"]
+    words += [
         "Read 10 photographs",
         "Found leaves",
         "no masks",
@@ -48,8 +48,8 @@ def test_the_page_says_everything_and_what_to_look_at_first(tmp_path):
         "2.01 MB",
         "rounds = 4",
     ]
-    said += ["default: 3", "ab" * 32, "26.11"]
-    assert [one for one in said if one not in text] == []
+    words += ["default: 3", "ab" * 32, "26.11"]
+    assert [one for one in words if one not in text] == []
     order = ["The scale is not known", "14 of 380", "1.84 m", "IoU 0.812", "Read 10", "Found leaves", "looks odd"]
     order += ["holly.usda", "seed = 0", "26.11"]
     assert [text.index(one) for one in order] == sorted(text.index(one) for one in order)
@@ -58,8 +58,8 @@ def test_the_page_says_everything_and_what_to_look_at_first(tmp_path):
 def test_it_is_one_file_that_asks_for_nothing_else(tmp_path):
     page = write_plant_report(tmp_path / "report", full_report(tmp_path))
     assert [path.name for path in page.parent.iterdir()] == ["index.html"]
-    held = Tags(page.read_text(encoding="utf-8"))
-    sources = [attributes[key] for _, attributes in held.tags for key in ("src", "href") if key in attributes]
+    parsed = Tags(page.read_text(encoding="utf-8"))
+    sources = [attributes[key] for _, attributes in parsed.tags for key in ("src", "href") if key in attributes]
     assert {source[:5] for source in sources if not source.startswith("#")} == {"data:", "./lea"}
     assert "http:" not in page.read_text(encoding="utf-8").replace("http://www.w3.org/2000/svg", "")
     assert "https:" not in page.read_text(encoding="utf-8")
@@ -69,8 +69,8 @@ def test_its_policy_names_its_own_script_and_style_and_no_other(tmp_path):
     page = write_plant_report(tmp_path, full_report(tmp_path)).read_text(encoding="utf-8")
     policy = next(attributes["content"] for tag, attributes in Tags(page).tags if "http-equiv" in attributes)
     for tag in ("script", "style"):
-        (held,) = re.findall(f"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
-        digest = base64.b64encode(hashlib.sha256(held.encode()).digest()).decode()
+        (element,) = re.findall(f"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
+        digest = base64.b64encode(hashlib.sha256(element.encode()).digest()).decode()
         assert f"{tag}-src 'sha256-{digest}'" in policy
     assert policy.startswith("default-src 'none'")
     assert "unsafe" not in policy
@@ -102,10 +102,10 @@ def test_whatever_names_hold_is_text(tmp_path):
         settings=[mark_settings(NASTY, f'a = "{NASTY}"\n', "")],
     )
     plain = Tags(write_plant_report(tmp_path / "plain", report).read_text(encoding="utf-8"))
-    held = Tags(write_plant_report(tmp_path / "nasty", nasty).read_text(encoding="utf-8"))
-    assert [tag for tag, _ in held.tags].count("script") == [tag for tag, _ in plain.tags].count("script") == 1
-    assert not any("onerror" in attributes for _, attributes in held.tags)
-    assert held.text.count(NASTY) >= 20
+    escaped = Tags(write_plant_report(tmp_path / "nasty", nasty).read_text(encoding="utf-8"))
+    assert [tag for tag, _ in escaped.tags].count("script") == [tag for tag, _ in plain.tags].count("script") == 1
+    assert not any("onerror" in attributes for _, attributes in escaped.tags)
+    assert escaped.text.count(NASTY) >= 20
 
 
 @pytest.mark.parametrize("name", ["a\udcff\udcfe.jpg", "\x00\x1b[31m", "\u202egpj.exe", "日本語 😀", "\ud800"])
@@ -134,9 +134,9 @@ def test_a_link_keeps_the_bytes_of_a_name():
     assert link_to("b\udcff/ä b.html") == "./b%FF/%C3%A4%20b.html"
 
 
-def test_a_report_of_next_to_nothing_says_so(tmp_path):
+def test_a_report_of_next_to_nothing_names_what_is_missing(tmp_path):
     text = Tags(write_plant_report(tmp_path, replace(BARE, validated=False)).read_text(encoding="utf-8")).text
-    said = [
+    expected = [
         "No stage warned",
         "no turntable",
         "did not run",
@@ -144,11 +144,11 @@ def test_a_report_of_next_to_nothing_says_so(tmp_path):
         "No settings",
         "not been validated",
     ]
-    assert [one for one in said if one not in text] == []
+    assert [one for one in expected if one not in text] == []
     assert "Against the photographs" not in text
 
 
-def test_pictures_that_are_missing_or_damaged_are_told_of(tmp_path):
+def test_missing_and_damaged_pictures_are_reported(tmp_path):
     damaged = tmp_path / "damaged.png"
     damaged.write_bytes(b"\x89PNG no more")
     empty = tmp_path / "empty.jpg"
@@ -163,9 +163,9 @@ def test_pictures_that_are_missing_or_damaged_are_told_of(tmp_path):
 
 
 def test_pictures_are_shrunk_and_keep_their_colours():
-    held = embed_picture(flat_picture((200, 30, 30), (400, 800)), 200)
-    assert (held.width, held.height) == (200, 100)
-    data = np.frombuffer(base64.b64decode(held.uri.partition(",")[2]), np.uint8)
+    embedded = embed_picture(flat_picture((200, 30, 30), (400, 800)), 200)
+    assert (embedded.width, embedded.height) == (200, 100)
+    data = np.frombuffer(base64.b64decode(embedded.uri.partition(",")[2]), np.uint8)
     read = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)[..., ::-1]
     assert read.shape == (100, 200, 3)
     assert np.abs(read.astype(int) - (200, 30, 30)).max() < 8
@@ -174,8 +174,8 @@ def test_pictures_are_shrunk_and_keep_their_colours():
 def test_a_transparent_picture_has_no_fringe_when_shrunk():
     picture = np.zeros((64, 64, 4), np.uint8)  # black where there is nothing
     picture[:, :33] = (250, 250, 250, 255)  # half of a small pixel
-    held = embed_picture(picture, 32, quality=100)
-    read = cv2.imdecode(np.frombuffer(base64.b64decode(held.uri.partition(",")[2]), np.uint8), cv2.IMREAD_UNCHANGED)
+    embedded = embed_picture(picture, 32, quality=100)
+    read = cv2.imdecode(np.frombuffer(base64.b64decode(embedded.uri.partition(",")[2]), np.uint8), cv2.IMREAD_UNCHANGED)
     edge = read[10, 16]
     assert 100 < edge[3] < 156
     assert edge[:3].min() > 235
@@ -230,12 +230,12 @@ def test_times_are_beside_the_report_and_not_in_it(tmp_path):
     code = path.read_text(encoding="ascii")
     assert "<" not in code
     assert re.fullmatch(r"usdfoliageTimings\(.*\);\n", code, re.DOTALL)
-    held = json.loads(code.removeprefix("usdfoliageTimings(").removesuffix(");\n"))
-    assert held["executor"] == NASTY
-    assert held["tasks"][0]["name"] == "a�\u2028</script>"
+    written = json.loads(code.removeprefix("usdfoliageTimings(").removesuffix(");\n"))
+    assert written["executor"] == NASTY
+    assert written["tasks"][0]["name"] == "a�\u2028</script>"
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+def test_an_unwritable_folder_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(AssetError, match=r"index\.html was not written"):
         write_plant_report(tmp_path / "file", BARE)

@@ -74,10 +74,10 @@ def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_pa
     stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
     assert stage.GetDefaultPrim().GetVariantSet("lod").GetVariantSelection() == lod
     summary = read_summary(call.out)
-    told = [warning for warning in summary.warning_texts() if "cover 11% of the cloud" in warning]
-    assert len(told) == (away > 1)
+    coverage_warnings = [warning for warning in summary.warning_texts() if "cover 11% of the cloud" in warning]
+    assert len(coverage_warnings) == (away > 1)
     has_crown = with_crown and overlap > 0.5
-    assert any("lod crown" in warning for warning in told) == (has_crown and away > 1)
+    assert any("lod crown" in warning for warning in coverage_warnings) == (has_crown and away > 1)
     assert any("crown is left out" in warning for warning in summary.warning_texts()) == (with_crown and not has_crown)
     assert ("crown" in stage.GetDefaultPrim().GetVariantSet("lod").GetVariantNames()) == has_crown
 
@@ -127,5 +127,7 @@ def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_
     assemble_asset(call)  # type: ignore[arg-type]
     stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
     assert stage.GetDefaultPrim().GetVariantSet("lod").GetVariantSelection() == lod
-    told = [warning for warning in read_summary(call.out).warning_texts() if "the lod crown is shown" in warning]
-    assert len(told) == (lod == "crown")
+    crown_warnings = [
+        warning for warning in read_summary(call.out).warning_texts() if "the lod crown is shown" in warning
+    ]
+    assert len(crown_warnings) == (lod == "crown")

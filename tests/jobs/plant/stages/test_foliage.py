@@ -129,7 +129,7 @@ def test_guessed_leaves_are_no_model_for_more() -> None:
     assert (np.abs(others[:, None] - leaves.parameters[None, ::2]).max(axis=(2, 3)).min(axis=1) == 0).all()
 
 
-def test_leaves_that_cannot_be_told_in_the_cloud_are_on_the_twigs() -> None:
+def test_leaves_that_cannot_be_distinguished_in_the_cloud_are_on_the_twigs() -> None:
     leaves = sure_leaves()
     assert kind_of(captured(leaves), traced(points_on(leaves) + 10, knows_leaves=False)) == "drawn"
 
@@ -141,15 +141,15 @@ def test_what_found_leaves_leave_bare_is_filled_with_leaves_like_them() -> None:
     chosen = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
     assert chosen.kind == "filled"
     assert chosen.leaves is not None
-    held = chosen.leaves.leaves
-    np.testing.assert_array_equal(held.base_m[:40], leaves.base_m)
-    assert held.confidence is not None
-    assert (held.confidence[40:] == 0).all()  # guessed
-    assert leaf_cover(elsewhere_m, held) > 0.6
-    assert 0.5 < (len(held) - 40) / (3 * 40) < 4  # not one for each point, nor one for all
+    filled = chosen.leaves.leaves
+    np.testing.assert_array_equal(filled.base_m[:40], leaves.base_m)
+    assert filled.confidence is not None
+    assert (filled.confidence[40:] == 0).all()  # guessed
+    assert leaf_cover(elsewhere_m, filled) > 0.6
+    assert 0.5 < (len(filled) - 40) / (3 * 40) < 4  # not one for each point, nor one for all
     again = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
     assert again.leaves is not None
-    np.testing.assert_array_equal(again.leaves.leaves.base_m, held.base_m)
+    np.testing.assert_array_equal(again.leaves.leaves.base_m, filled.base_m)
 
 
 def test_pods_get_leaves_as_slim_as_they_are() -> None:
@@ -162,14 +162,14 @@ def test_pods_get_leaves_as_slim_as_they_are() -> None:
     plant = replace(plant, skeleton=twig_through(np.array([[-0.05, 20.0 + k, 0] for k in range(3)])))
     chosen = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
     assert chosen.leaves is not None
-    held = chosen.leaves.leaves
-    pods = held.base_m[:, 1] > 19
+    chosen_leaves = chosen.leaves.leaves
+    pods = chosen_leaves.base_m[:, 1] > 19
     assert pods.sum() == 3
-    assert (leaf_width(held.parameters[pods]) * held.length_m[pods] < 0.006).all()
-    assert (leaf_width(held.parameters[~pods]) * held.length_m[~pods] > 0.006).all()
+    assert (leaf_width(chosen_leaves.parameters[pods]) * chosen_leaves.length_m[pods] < 0.006).all()
+    assert (leaf_width(chosen_leaves.parameters[~pods]) * chosen_leaves.length_m[~pods] > 0.006).all()
 
 
-def test_a_bare_plant_stays_bare_unless_leaves_cannot_be_told() -> None:
+def test_a_bare_plant_stays_bare_unless_leaves_cannot_be_distinguished() -> None:
     none_m = np.zeros((0, 3))
     assert kind_of(None, traced(none_m)) == "none"
     assert kind_of(None, traced(none_m, knows_leaves=False)) == "species"
@@ -178,7 +178,7 @@ def test_a_bare_plant_stays_bare_unless_leaves_cannot_be_told() -> None:
 
 
 @pytest.mark.parametrize("kind", ["captured", "drawn", "species"])
-def test_leaves_that_cannot_be_had_are_told(kind: str) -> None:
+def test_leaves_that_cannot_be_made_are_reported(kind: str) -> None:
     settings = replace(BuildSettings(), foliage=FoliageSettings(kind=kind))  # type: ignore[arg-type]
     with pytest.raises(FoliageError, match=r"foliage\.kind"):
         choose_foliage(None, None, settings, FRAME)

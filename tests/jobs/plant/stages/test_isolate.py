@@ -1,4 +1,4 @@
-"""The stage that tells the plant from what is around it: a potted plant, with depth as matching leaves it."""
+"""The stage that separates the plant from what is around it: a potted plant, with depth as matching leaves it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -64,14 +64,14 @@ def splat(camera: Pinhole, points_m: np.ndarray, colors: np.ndarray) -> tuple[np
     inside = ((places >= 0) & (places < SIZE)).all(axis=1) & (depth_m > 0)
     order = np.flatnonzero(inside)[np.argsort(-depth_m[inside])]
     column, row = places[order].astype(int).T
-    held, srgb = np.zeros(SIZE[::-1]), np.zeros((*SIZE[::-1], 3), np.uint8)
-    held[row, column], srgb[row, column] = depth_m[order], colors[order]
-    return held, srgb
+    depth, srgb = np.zeros(SIZE[::-1]), np.zeros((*SIZE[::-1], 3), np.uint8)
+    depth[row, column], srgb[row, column] = depth_m[order], colors[order]
+    return depth, srgb
 
 
-def run(result: Path, out: Path, given_depth: Path | None = None, **said: Any) -> Path:
+def run(result: Path, out: Path, given_depth: Path | None = None, **changes: Any) -> Path:
     """The stage's result, in out."""
-    settings = replace(BuildSettings(), isolation=IsolationStageSettings(**said))
+    settings = replace(BuildSettings(), isolation=IsolationStageSettings(**changes))
     call = SimpleNamespace(
         out=out,
         inputs=SimpleNamespace(name="fern", has_depth=given_depth is not None, has_cameras=True),
@@ -102,11 +102,11 @@ def test_the_result_is_a_capture_of_the_plant_alone(result: Path, tmp_path: Path
         camera = view.lens.pinhole(view.cam_from_world)
         # One colour for each kind: the shell of leaves is seen through in places.
         marked = np.where(scene.of("plant")[:, None], 255, 1) * np.ones(3, np.uint8)
-        shown = splat(camera, scene.points_m, marked.astype(np.uint8))[1][..., 0]
-        plant = shown == 255
+        drawn = splat(camera, scene.points_m, marked.astype(np.uint8))[1][..., 0]
+        plant = drawn == 255
         around = cv2.dilate(plant.astype(np.uint8), np.ones((15, 15), np.uint8)) > 0
         assert mask[plant].mean() > 0.9
-        assert mask[(shown == 1) & ~around].mean() < 0.01
+        assert mask[(drawn == 1) & ~around].mean() < 0.01
     summary = read_summary(out)
     assert not warnings_of(summary.remarks)
     names = [row.name for row in summary.rows]
