@@ -10,9 +10,9 @@ COLOR = (0.9, 0.55, 0.1)
 
 
 def add_capture(stage: Usd.Stage, capture: str, plant: Usd.Prim) -> None:
-    """Lay the layer of a capture over the plant, as foliage:captureToAsset says."""
-    held = plant.GetAttribute("foliage:captureToAsset").Get()
-    matrix = Gf.Matrix4d(held) if held is not None else Gf.Matrix4d(1)
+    """Lay the layer of a capture over the plant, by its foliage:captureToAsset."""
+    authored = plant.GetAttribute("foliage:captureToAsset").Get()
+    matrix = Gf.Matrix4d(authored) if authored is not None else Gf.Matrix4d(1)
     # The layer is in metres already, where the matrix brings the input's own unit to metres.
     matrix = matrix.RemoveScaleShear()
     with Usd.EditContext(stage, stage.GetSessionLayer()):
@@ -28,11 +28,11 @@ def plant_matrix(plant: Usd.Prim) -> Gf.Matrix4d:
     return UsdGeom.XformCache().GetLocalToWorldTransform(plant)
 
 
-def show_cameras(stage: Usd.Stage, shown: bool) -> None:
-    """Draw a pyramid for every camera of the stage, for Storm draws none."""
+def show_cameras(stage: Usd.Stage, visible: bool) -> None:
+    """Draw a pyramid for every camera of the stage, since Storm draws none, or remove the pyramids."""
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         stage.RemovePrim(CAMERAS)
-        if shown:
+        if visible:
             _author_pyramids(stage)
 
 
@@ -59,9 +59,9 @@ def _author_pyramids(stage: Usd.Stage) -> None:
     lines = UsdGeom.BasisCurves.Define(stage, Sdf.Path(CAMERAS))
     lines.CreateTypeAttr(UsdGeom.Tokens.linear)
     lines.CreateCurveVertexCountsAttr(Vt.IntArray(len(points) // 2, 2))
-    held = Vt.Vec3fArray([Gf.Vec3f(point) for point in points])
-    lines.CreatePointsAttr(held)
-    lines.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(held))
+    vertices = Vt.Vec3fArray([Gf.Vec3f(point) for point in points])
+    lines.CreatePointsAttr(vertices)
+    lines.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(vertices))
     lines.CreateDisplayColorAttr([Gf.Vec3f(*COLOR)])
     lines.CreateWidthsAttr([depth * 0.03])
     lines.SetWidthsInterpolation(UsdGeom.Tokens.constant)

@@ -25,7 +25,7 @@ CONTEXT_ATTRIBUTES = (0x3098, 4, 0x30FB, 5, 0x30FD, 0x0002, NONE)  # MAJOR, MINO
 
 
 class ContextError(Exception):
-    """No context that Storm can draw in; the message says what EGL lacked."""
+    """No context that Storm can draw in; the message names what EGL lacked."""
 
 
 def _integers(values: tuple[int, ...]) -> ctypes.Array:

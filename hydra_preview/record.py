@@ -18,7 +18,7 @@ EXCESSES = 2.0
 
 
 class RecordError(Exception):
-    """Why nothing could be drawn; kind tells the product what to advise."""
+    """Why nothing could be drawn; the product chooses its advice by kind."""
 
     def __init__(self, kind: str, message: str) -> None:
         super().__init__(message)
@@ -43,7 +43,7 @@ def load_usd() -> str:
 
 
 def message_of(error: Exception) -> str:
-    """What USD's errors say, in one line without their C++ functions and source files."""
+    """The messages of USD's errors in one line, without their C++ functions and source files."""
     lines = str(error).splitlines()
     messages = [line.split(" : ", 1)[1].strip().strip("'") for line in lines if " : " in line]
     return "; ".join(dict.fromkeys(messages)) or " ".join(str(error).split())
@@ -171,8 +171,8 @@ def prototype_box(prototype, cache, time):
 def instance_corners(boxes, matrices, extent):
     """Points (P, 3) whose hull holds boxes (N, 2, 3) placed by matrices (N, 4, 4) within extent (2, 3), if any.
 
-    What a box has in common with the extent ends on edges of either: a few leaves need points along these, of many one
-    is too small to tell.
+    What a box has in common with the extent ends on edges of either: a few leaves need points along these; of many
+    leaves, each is too small to matter.
     """
     import numpy as np
 
@@ -184,8 +184,8 @@ def instance_corners(boxes, matrices, extent):
     ends = extent[0] + places * (extent[1] - extent[0])
     turnable = np.abs(np.linalg.det(matrices[:, :3, :3])) > 0
     local = (ends - matrices[turnable, 3:, :3]) @ np.linalg.inv(matrices[turnable, :3, :3])
-    held = ((local >= boxes[turnable, :1]) & (local <= boxes[turnable, 1:])).all(axis=2).any(axis=0)
-    return np.concatenate([np.clip(points.reshape(-1, 3), *extent), ends[held]])
+    inside = ((local >= boxes[turnable, :1]) & (local <= boxes[turnable, 1:])).all(axis=2).any(axis=0)
+    return np.concatenate([np.clip(points.reshape(-1, 3), *extent), ends[inside]])
 
 
 def edge_places(count: int):
@@ -213,14 +213,14 @@ def instancer_corners(prim, cache, time) -> list:
         import numpy as np
 
         targets = instancer.GetPrototypesRel().GetForwardedTargets()
-        held = [prototype_box(prim.GetStage().GetPrimAtPath(path), cache, time) for path in targets]
-        shown = np.array(instancer.ComputeMaskAtTime(time) or [True] * len(transforms))
-        used = np.array(instancer.GetProtoIndicesAttr().Get(time))[shown]
+        prototypes = [prototype_box(prim.GetStage().GetPrimAtPath(path), cache, time) for path in targets]
+        drawn = np.array(instancer.ComputeMaskAtTime(time) or [True] * len(transforms))
+        used = np.array(instancer.GetProtoIndicesAttr().Get(time))[drawn]
         matrices = np.array(transforms)
         if len(matrices) > 20000:
             outer = support_indices(matrices[:, 3, :3])
             matrices, used = matrices[outer], used[outer]
-        boxes, sizes = np.array([box for box, _ in held])[used], np.array([size for _, size in held])[used]
+        boxes, sizes = np.array([box for box, _ in prototypes])[used], np.array([size for _, size in prototypes])[used]
         extent = np.array([bound.GetMin(), bound.GetMax()])
         plain = instance_corners(boxes, matrices, None)
         excess = max(0.0, (plain.min(axis=0) - extent[0]).max(), (extent[1] - plain.max(axis=0)).max())
@@ -270,7 +270,7 @@ def stage_camera(stage, path: str, time):
 
 
 def unresolved_assets(stage) -> list[str]:
-    """One line for each asset path of the composed stage that leads nowhere; Storm says nothing of them."""
+    """One line for each asset path of the composed stage that leads nowhere; Storm does not report them."""
     from pxr import Sdf
 
     kinds = (Sdf.ValueTypeNames.Asset, Sdf.ValueTypeNames.AssetArray)

@@ -42,11 +42,11 @@ class StormView(QOpenGLWidget):
         self.purposes = {"render": True, "proxy": False, "guide": False}
         self.complexity = complexity
         self.seconds = 0.0  # the last picture took
-        self._held = False  # a slider outside is
+        self._coarse = False  # while a slider of the panel is pressed
         self._buttons = None  # what a drag does, as a function of orbit and pixels
         self._at = QtCore.QPointF()
         self._engine = None
-        self._said = False
+        self._has_failed = False
         self._z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
         self._time = (
             Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.Default()
@@ -55,7 +55,7 @@ class StormView(QOpenGLWidget):
         with Usd.EditContext(stage, stage.GetSessionLayer()):
             if self._own_lights:
                 author_sky(stage, self._z_up, dome_texture)
-        self._shape = measure_shape(stage, self._time, self._shown_purposes())
+        self._shape = measure_shape(stage, self._time, self._drawn_purposes())
         self._orbit = Orbit(target=self._shape.middle, direction=START, distance=self._shape.reach, z_up=self._z_up)
         self._framed = False
         self.setFocusPolicy(QtCore.Qt.StrongFocus)
@@ -63,8 +63,8 @@ class StormView(QOpenGLWidget):
 
     # What is shown
 
-    def show_purpose(self, name: str, shown: bool) -> None:
-        self.purposes[name] = shown
+    def show_purpose(self, name: str, visible: bool) -> None:
+        self.purposes[name] = visible
         self._measure()
         self.update()
 
@@ -79,17 +79,17 @@ class StormView(QOpenGLWidget):
         self._time = Usd.TimeCode(time_code)
         self.update()
 
-    def hold(self, held: bool) -> None:
+    def draw_coarsely(self, coarse: bool) -> None:
         """Draw coarsely while something is moved."""
-        self._held = held
+        self._coarse = coarse
         self.update()
 
-    def _shown_purposes(self) -> list[str]:
-        return ["default", *(name for name, shown in self.purposes.items() if shown)]
+    def _drawn_purposes(self) -> list[str]:
+        return ["default", *(name for name, visible in self.purposes.items() if visible)]
 
     def _measure(self) -> None:
         try:
-            self._shape = measure_shape(self.stage, self._time, self._shown_purposes())
+            self._shape = measure_shape(self.stage, self._time, self._drawn_purposes())
         except RecordError:  # nothing is shown, as where all purposes are switched off: the last shape will do
             return
 
@@ -141,7 +141,7 @@ class StormView(QOpenGLWidget):
         functions.glClearColor(*BACKGROUND, 1.0)
         functions.glClear(COLOR_AND_DEPTH)
         functions.glDisable(GL_BLEND)
-        if self._engine is None or self._said:
+        if self._engine is None or self._has_failed:
             return
         if not self._framed:  # now its size is known
             self._framed = True
@@ -169,7 +169,7 @@ class StormView(QOpenGLWidget):
         engine.SetCameraState(frustum.ComputeViewMatrix(), frustum.ComputeProjectionMatrix())
         params = UsdImagingGL.RenderParams()
         params.frame = self._time
-        params.complexity = COARSE if self._held or self._buttons is not None else self.complexity
+        params.complexity = COARSE if self._coarse or self._buttons is not None else self.complexity
         params.showRender, params.showProxy = self.purposes["render"], self.purposes["proxy"]
         params.showGuides = self.purposes["guide"]
         params.enableLighting = True
@@ -178,7 +178,7 @@ class StormView(QOpenGLWidget):
         engine.Render(self.stage.GetPseudoRoot(), params)
 
     def _fail(self, text: str) -> None:
-        if not self._said:
-            self._said = True
+        if not self._has_failed:
+            self._has_failed = True
             print(text, file=sys.stderr)
             self.failed.emit(text)

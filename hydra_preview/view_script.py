@@ -47,9 +47,7 @@ def _variant(window: ViewWindow, chosen: dict) -> None:
 def _edit(window: ViewWindow, values: dict) -> None:
     for name, value in values.items():
         group, _, label = name.rpartition("/")
-        boxes = [
-            box for (held, row), box in window.panel.sliders.boxes.items() if row == label and held.startswith(group)
-        ]
+        boxes = [box for (of, row), box in window.panel.sliders.boxes.items() if row == label and of.startswith(group)]
         if not boxes or not boxes[0].isEnabled():
             raise ValueError(f"there is no slider {name} that can be moved")
         boxes[0].setValue(value)
@@ -59,7 +57,7 @@ def _slide(window: ViewWindow, values: dict) -> None:
     for name, step in values.items():
         group, _, label = name.rpartition("/")
         sliders = window.panel.sliders.sliders
-        slider = next(held for (of, row), held in sliders.items() if row == label and of.startswith(group))
+        slider = next(slider for (of, row), slider in sliders.items() if row == label and of.startswith(group))
         slider.sliderPressed.emit()
         slider.setValue(step)
         settle(window)
@@ -75,9 +73,9 @@ def _drag(window: ViewWindow, drag: dict) -> None:
     for step, kind in enumerate(kinds):
         part = min(step, DRAG_STEPS) / DRAG_STEPS
         at = QtCore.QPointF(x0 + (x1 - x0) * part, y0 + (y1 - y0) * part)
-        held = QtCore.Qt.NoButton if kind == QtCore.QEvent.MouseButtonRelease else button
+        pressed = QtCore.Qt.NoButton if kind == QtCore.QEvent.MouseButtonRelease else button
         of = QtCore.Qt.NoButton if kind == QtCore.QEvent.MouseMove else button
-        event = QtGui.QMouseEvent(kind, at, view.mapToGlobal(at), of, held, modifiers)
+        event = QtGui.QMouseEvent(kind, at, view.mapToGlobal(at), of, pressed, modifiers)
         QtWidgets.QApplication.sendEvent(view, event)
         settle(window)
 
@@ -98,15 +96,15 @@ def _wheel(window: ViewWindow, delta: int) -> None:
     QtWidgets.QApplication.sendEvent(view, event)
 
 
-def _guide(window: ViewWindow, shown: dict) -> None:
-    for name, on in shown.items():
+def _guide(window: ViewWindow, guides: dict) -> None:
+    for name, on in guides.items():
         if not window.panel.guide_boxes[name].isEnabled():
             raise ValueError(f"there is no guide {name}")
         window.panel.show_guide(name, on)
 
 
-def _purpose(window: ViewWindow, shown: dict) -> None:
-    for name, on in shown.items():
+def _purpose(window: ViewWindow, purposes: dict) -> None:
+    for name, on in purposes.items():
         window.purpose_actions[name].setChecked(on)
 
 
@@ -130,8 +128,8 @@ ACTIONS = {
     "guide": _guide,
     "purpose": _purpose,
     "frame": lambda window, frame: window.frame_box.setValue(frame),
-    "show_edits": lambda window, shown: window.panel.show_box.setChecked(shown),
-    "show_look": lambda window, shown: window.look_action.setChecked(shown),
+    "show_edits": lambda window, on: window.panel.show_box.setChecked(on),
+    "show_look": lambda window, on: window.look_action.setChecked(on),
     "reset": lambda window, _: window.panel.reset_button.click(),
     "save_look": lambda window, path: window.panel.save(str(Path(path).absolute())),
     "picture": lambda window, path: window.save_picture(path),

@@ -12,10 +12,10 @@ PANEL_WIDTH_PX = 340
 class ViewerHost:
     """The window, as the panel sees it."""
 
-    def __init__(self, window: "ViewWindow", view: StormView, product: Product, shown_file: str) -> None:
+    def __init__(self, window: "ViewWindow", view: StormView, product: Product, leaf_file: str) -> None:
         self._window, self._view = window, view
         self.product = product
-        self.shown_file = shown_file
+        self.leaf_file = leaf_file
 
     @property
     def stage(self):
@@ -24,16 +24,16 @@ class ViewerHost:
     def redraw(self) -> None:
         self._view.update()
 
-    def draw_guides(self, shown: bool) -> None:
-        self._window.purpose_actions["guide"].setChecked(shown)
+    def draw_guides(self, visible: bool) -> None:
+        self._window.purpose_actions["guide"].setChecked(visible)
 
-    def draw_cameras(self, shown: bool) -> None:
-        show_cameras(self._view.stage, shown)
+    def draw_cameras(self, visible: bool) -> None:
+        show_cameras(self._view.stage, visible)
 
-    def drag(self, held: bool) -> None:
-        self._view.hold(held)
+    def drag(self, pressed: bool) -> None:
+        self._view.draw_coarsely(pressed)
 
-    def say(self, text: str) -> None:
+    def show_message(self, text: str) -> None:
         self._window.statusBar().showMessage(text)
 
 
@@ -67,11 +67,11 @@ class ViewWindow(QtWidgets.QMainWindow):
         picture.setShortcut(QtGui.QKeySequence("Ctrl+P"))
         bar.addSeparator()
         self.purpose_actions = {}
-        for name, shown in self.view.purposes.items():
+        for name, visible in self.view.purposes.items():
             action = bar.addAction(name)
             action.setToolTip(f"Draw what has the purpose {name}")
             action.setCheckable(True)
-            action.setChecked(shown)
+            action.setChecked(visible)
             action.toggled.connect(lambda on, name=name: self.view.show_purpose(name, on))
             self.purpose_actions[name] = action
         bar.addSeparator()
@@ -91,9 +91,9 @@ class ViewWindow(QtWidgets.QMainWindow):
             self.frame_box.valueChanged.connect(self.view.show_time)
             bar.addWidget(self.frame_box)
 
-    def show_look(self, shown: bool) -> None:
+    def show_look(self, visible: bool) -> None:
         """Mute the look that was opened, or show it again; edits that were made over it stay."""
-        (self.stage.UnmuteLayer if shown else self.stage.MuteLayer)(self._look)
+        (self.stage.UnmuteLayer if visible else self.stage.MuteLayer)(self._look)
         self.panel.refresh()
 
     def save_picture(self, path: str) -> None:

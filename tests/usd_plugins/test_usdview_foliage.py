@@ -133,7 +133,7 @@ def test_edits_act_in_the_session_and_the_asset_stays(tmp_path) -> None:
     assert live.layer.identifier in stage.GetSessionLayer().subLayerPaths
     live.show(False)
     assert read_edits(leaves_of(stage)) == NEUTRAL
-    assert not live.is_shown()
+    assert not live.is_visible()
     live.show(True)
     live.reset()
     assert read_edits(leaves_of(stage)) == NEUTRAL

@@ -33,8 +33,9 @@ def check_asset_interface(stage: Usd.Stage, _time: object) -> Findings:
     layer = stage.GetRootLayer()
     findings: Findings = []
     if layer.defaultPrim != plant.GetName():
-        held = f"is {layer.defaultPrim}" if layer.defaultPrim else "is not authored"
-        findings.append(error(plant, "DefaultPrim", f"defaultPrim {held}; author {plant.GetName()}"))
+        value = f"is {layer.defaultPrim}" if layer.defaultPrim else "is not authored"
+        text = f"is not the layer's defaultPrim, which {value}; author {plant.GetName()} as defaultPrim"
+        findings.append(error(plant, "DefaultPrim", text))
     kind = Usd.ModelAPI(plant).GetKind()
     if kind != Kind.Tokens.component:
         findings.append(error(plant, "Kind", f"has kind {kind or 'none'}; a plant is a component, author that"))
@@ -108,13 +109,13 @@ def check_asset_bounds(stage: Usd.Stage, _time: object) -> Findings:
         bounds = cache.ComputeUntransformedBound(plant).ComputeAlignedRange()
         if bounds.IsEmpty():
             continue
-        held = Gf.Range3d()
+        hinted = Gf.Range3d()
         if 2 * number + 1 < len(hint):
-            held = Gf.Range3d(Gf.Vec3d(hint[2 * number]), Gf.Vec3d(hint[2 * number + 1]))
+            hinted = Gf.Range3d(Gf.Vec3d(hint[2 * number]), Gf.Vec3d(hint[2 * number + 1]))
         slack = Gf.Vec3d(HINT_SLACK * max(bounds.GetSize()))
-        if held.IsEmpty() or not Gf.Range3d(held.min - slack, held.max + slack).Contains(bounds):
+        if hinted.IsEmpty() or not Gf.Range3d(hinted.min - slack, hinted.max + slack).Contains(bounds):
             text = (
-                f"does not contain what has purpose {purpose}, {_span(bounds)}; it holds {_span(held)}: author it "
+                f"does not contain what has purpose {purpose}, {_span(bounds)}; it holds {_span(hinted)}: author it "
                 "again with UsdGeomModelAPI.ComputeExtentsHint"
             )
             findings.append(error(plant, "ExtentsHintTooSmall", text, "extentsHint"))

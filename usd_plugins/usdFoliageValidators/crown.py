@@ -1,4 +1,4 @@
-"""Validators of FoliageCrownAPI: what the prim says, and the cubemap files that it names."""
+"""Validators of FoliageCrownAPI: the prim's values, and the cubemap files that it names."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -30,8 +30,8 @@ def check_crown(prim: Usd.Prim, _time: object) -> Findings:
         findings.append(error(prim, "CrownCenter", text, "foliage:crown:center"))
     span = values.tuple_of(prim, "foliage:crown:radiusRange", 2)
     if span is None or not (0 < span[0] <= span[1] < np.inf):
-        held = "no value" if span is None else f"({span[0]:g}, {span[1]:g})"
-        text = f"has {held}; author the least and greatest radius of the map, in metres, above 0"
+        value = "no value" if span is None else f"({span[0]:g}, {span[1]:g})"
+        text = f"has {value}; author the smallest and largest radius of the map, in metres, above 0"
         findings.append(error(prim, "RadiusRange", text, "foliage:crown:radiusRange"))
     weight = values.number(prim, "foliage:crown:reliefWeight")
     if values.is_authored(prim, "foliage:crown:reliefWeight") and not (weight is not None and 0 <= weight < 2):
@@ -45,7 +45,7 @@ def check_crown(prim: Usd.Prim, _time: object) -> Findings:
 
 
 def check_crown_files(prim: Usd.Prim, _time: object) -> Findings:
-    """The cubemap files exist, are cubemaps by their header, shape and shared borders, and hold what the prim says."""
+    """The cubemap files exist, are cubemaps by their header, shape and shared borders, and agree with the prim."""
     findings: Findings = []
     for name, channels in MAPS.items():
         asset = values.asset_path(prim, name)
@@ -96,11 +96,11 @@ def _read(path: Path, _modified_ns: int, _size: int) -> _Cubemap:
     from usdfoliage.geometry.cubemap import texel_identity
 
     with OpenEXR.File(str(path), separate_channels=True) as file:
-        header, held = dict(file.header()), file.channels()  # the module empties its own when the file is closed
-        channels = {name: np.array(channel.pixels, dtype=np.float32) for name, channel in sorted(held.items())}
+        header, stored = dict(file.header()), file.channels()  # the module empties its own when the file is closed
+        channels = {name: np.array(channel.pixels, dtype=np.float32) for name, channel in sorted(stored.items())}
     faults = []
     if header.get("envmap") != OpenEXR.ENVMAP_CUBE:
-        faults.append(("CubemapHeader", "does not say envmap = ENVMAP_CUBE in its header; write it as a cubemap"))
+        faults.append(("CubemapHeader", "has no envmap = ENVMAP_CUBE in its header; write it as a cubemap"))
     shapes = {channel.shape for channel in channels.values()}
     height, width = next(iter(shapes)) if len(shapes) == 1 else (0, 0)
     if width < 2 or height != 6 * width:
@@ -132,17 +132,17 @@ def _check_pixels(prim: Usd.Prim, name: str, path: str, channels: tuple[str, ...
             "neighbouring face, which shows as a seam; make them equal"
         )
         findings.append(error(prim, "CubemapBorders", text, name))
-    least, greatest = float(file.pixels.min()), float(file.pixels.max())
+    smallest, largest = float(file.pixels.min()), float(file.pixels.max())
     if name == "foliage:crown:colorMap":
-        if least < 0:
-            text = f"names {path}, whose least colour is {least:g}; colours are 0 or more"
+        if smallest < 0:
+            text = f"names {path}, whose smallest colour is {smallest:g}; write it again with colours of 0 or more"
             findings.append(error(prim, "ColorNegative", text, name))
         return findings
-    if least <= 0:
-        text = f"names {path}, whose least radius is {least:g} m; every radius is above 0"
+    if smallest <= 0:
+        text = f"names {path}, whose smallest radius is {smallest:g} m; write it again with every radius above 0"
         findings.append(error(prim, "RadiusNotPositive", text, name))
     span = values.tuple_of(prim, "foliage:crown:radiusRange", 2)
-    if span is not None and not np.allclose(span, (least, greatest), rtol=RANGE_TOLERANCE, atol=0):
-        text = f"is ({span[0]:g}, {span[1]:g}), but {path} goes from {least:g} to {greatest:g} m; author these"
+    if span is not None and not np.allclose(span, (smallest, largest), rtol=RANGE_TOLERANCE, atol=0):
+        text = f"is ({span[0]:g}, {span[1]:g}), but {path} goes from {smallest:g} to {largest:g} m; author these"
         findings.append(error(prim, "RadiusRangeOfFile", text, "foliage:crown:radiusRange"))
     return findings

@@ -7,16 +7,16 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdValidation
 
 Findings = list[UsdValidation.ValidationError]
-MOST_LISTED = 10
+MAX_LISTED = 10
 
 
 def error(prim: Usd.Prim, name: str, text: str, property_name: str = "") -> UsdValidation.ValidationError:
-    """An error at a prim, or at its property; text says what is wrong and what to do."""
+    """An error at a prim, or at its property; text names what is wrong and what to do."""
     return _finding(prim, name, text, property_name, UsdValidation.ValidationErrorType.Error)
 
 
 def warning(prim: Usd.Prim, name: str, text: str, property_name: str = "") -> UsdValidation.ValidationError:
-    """A warning at a prim, or at its property; text says what is wrong and what to do."""
+    """A warning at a prim, or at its property; text names what is wrong and what to do."""
     return _finding(prim, name, text, property_name, UsdValidation.ValidationErrorType.Warn)
 
 
@@ -28,8 +28,8 @@ def count(wrong: NDArray[np.bool_], what: str) -> str:
 def which(wrong: NDArray[np.bool_], what: str, names: Sequence[str] | None = None) -> str:
     """ "3 of 200 leaves (17, 20 and 31)" for the elements that are True, by their numbers or their names."""
     listed = [names[number] if names else str(number) for number in np.flatnonzero(wrong)]
-    if len(listed) > MOST_LISTED:
-        listed = [*listed[:MOST_LISTED], f"{len(listed) - MOST_LISTED} more"]
+    if len(listed) > MAX_LISTED:
+        listed = [*listed[:MAX_LISTED], f"{len(listed) - MAX_LISTED} more"]
     text = " and ".join([", ".join(listed[:-1]), listed[-1]] if len(listed) > 1 else listed)
     return f"{np.count_nonzero(wrong)} of {len(wrong)} {what} ({text})"
 

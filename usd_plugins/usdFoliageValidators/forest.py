@@ -68,8 +68,8 @@ def _check_instances(prim: Usd.Prim) -> Findings:
         instances = 0 if positions is None else len(positions)
         jitter = values.numbers(prim, "foliage:forest:lodJitter")
         if jitter is None or len(jitter) != instances:
-            held = 0 if jitter is None else len(jitter)
-            text = f"has {held} elements; {instances} are needed, one for each of positions"
+            length = 0 if jitter is None else len(jitter)
+            text = f"has {length} elements; {instances} are needed, one for each of positions"
             findings.append(error(prim, "LodJitterLength", text, "foliage:forest:lodJitter"))
         else:
             wrong = ~((jitter >= 0) & (jitter <= 1))

@@ -14,14 +14,14 @@ Check = Callable[[Usd.Prim, object], Findings]
 def is_guide_copy(prim: Usd.Prim) -> bool:
     """Whether leaves are that copy.
 
-    The representations nurbs, subdiv and mesh hold the leaves of bezier again as a guide, from the same layer. What is
-    wrong with them is said where they are drawn; to say it of the copy too would make two findings of one defect.
+    The representations nurbs, subdiv and mesh hold the leaves of bezier again as a guide, from the same layer. A defect
+    is reported where they are drawn; to report it of the copy too would make two findings of it.
     """
     return LEAVES_GUIDE in str(prim.GetPath()) and UsdGeom.Imageable(prim).ComputePurpose() == UsdGeom.Tokens.guide
 
 
 def but_guide_copies(check: Check) -> Check:
-    """The same validator of a prim, with nothing to say of a guide's copy."""
+    """The same validator of a prim, which reports nothing of a guide's copy."""
 
     def check_drawn(prim: Usd.Prim, time: object) -> Findings:
         return [] if is_guide_copy(prim) else check(prim, time)

@@ -112,8 +112,8 @@ def _check_placement(prim: Usd.Prim, positions: NDArray[np.float64]) -> Findings
         findings.append(error(prim, "PositionsNotFinite", text, "positions"))
     scales = values.numbers(prim, "scales", 3)
     if scales is None or len(scales) != len(positions):
-        held = "no value" if scales is None else f"{len(scales)} elements"
-        text = f"has {held}; author {len(positions)}, each leaf's length in metres for all three axes"
+        value = "no value" if scales is None else f"{len(scales)} elements"
+        text = f"has {value}; author {len(positions)}, each leaf's length in metres for all three axes"
         findings.append(error(prim, "ScalesLength", text, "scales"))
     else:
         with np.errstate(invalid="ignore"):
@@ -129,10 +129,10 @@ def _check_placement(prim: Usd.Prim, positions: NDArray[np.float64]) -> Findings
 
 
 def _check_interpolation(prim: Usd.Prim, primvar: str, needed: str) -> Findings:
-    held = UsdGeom.Primvar(prim.GetAttribute(primvar)).GetInterpolation()
-    if held == needed:
+    interpolation = UsdGeom.Primvar(prim.GetAttribute(primvar)).GetInterpolation()
+    if interpolation == needed:
         return []
-    text = f"has interpolation {held}; author {needed} on a {prim.GetTypeName()}"
+    text = f"has interpolation {interpolation}; author {needed} on a {prim.GetTypeName()}"
     return [error(prim, "LeafArrayInterpolation", text, primvar)]
 
 
@@ -165,31 +165,31 @@ def _check_silhouette(prim: Usd.Prim, parameters: dict[str, NDArray[np.float64]]
 
 def _check_facts(prim: Usd.Prim, leaves: int, interpolation: str) -> Findings:
     findings: Findings = []
-    for name, least, greatest, remedy in FACTS:
+    for name, low, high, remedy in FACTS:
         primvar = f"primvars:leaf:{name}"
         if not values.is_authored(prim, primvar):
             continue
         array = values.numbers(prim, primvar)
         if array is None or len(array) != leaves:
-            held = 0 if array is None else len(array)
-            text = f"has {held} elements; {leaves} are needed, or none at all"
+            length = 0 if array is None else len(array)
+            text = f"has {length} elements; {leaves} are needed, or none at all"
             findings.append(error(prim, "LeafArrayLength", text, primvar))
             continue
         findings += _check_interpolation(prim, primvar, interpolation)
-        wrong = ~((array >= least) & (array <= greatest) & np.isfinite(array))
+        wrong = ~((array >= low) & (array <= high) & np.isfinite(array))
         if wrong.any():
-            bound = f"{least:g} to {greatest:g}" if np.isfinite(greatest) else f"{least:g} or more"
+            bound = f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} or more"
             text = f"is not {bound} in {count(wrong, 'leaves')}; {remedy}"
             findings.append(error(prim, "LeafFactRange", text, primvar))
     return findings
 
 
 def _check_packed(prim: Usd.Prim, leaves: int, parameters: dict[str, NDArray[np.float64]]) -> Findings:
-    """What Storm reads is what the arrays say: another application may have changed these alone."""
+    """What Storm reads agrees with the arrays: another application may have changed these alone."""
     remedy = "write the leaves again, with `usdfoliage bake` or author_packed_leaves"
     packed = values.numbers(prim, PACKED)
     if packed is None:
-        text = f"is not authored, so that Storm draws straight cross-sections and axes alike at both ends; {remedy}"
+        text = f"is not authored, so that Storm draws straight cross-sections and symmetrical axes; {remedy}"
         return [warning(prim, "LeafPackedMissing", text, PACKED)]
     findings = _check_interpolation(prim, PACKED, "constant")
     if not leaves and not len(packed):

@@ -35,9 +35,9 @@ def check_leaf_edits(prim: Usd.Prim, _time: object) -> Findings:
             text = f"is blocked, which undoes the edit but leaves a renderer no value for it; author {neutral} instead"
             findings.append(warning(prim, "EditBlocked", text, primvar))
         if values.is_authored(prim, primvar):
-            held = UsdGeom.Primvar(prim.GetAttribute(primvar)).GetInterpolation()
-            if held != UsdGeom.Tokens.constant:
-                text = f"has interpolation {held}; an edit is one value for all leaves, constant"
+            interpolation = UsdGeom.Primvar(prim.GetAttribute(primvar)).GetInterpolation()
+            if interpolation != UsdGeom.Tokens.constant:
+                text = f"has interpolation {interpolation}; an edit is one value for all leaves, constant"
                 findings.append(error(prim, "EditInterpolation", text, primvar))
     jitter_map = values.asset_path(prim, JITTER_MAP)
     if jitter_map is not None and not jitter_map.resolvedPath:

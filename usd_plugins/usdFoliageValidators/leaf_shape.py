@@ -1,6 +1,6 @@
 """Validator of FoliageLeafAPI: the leaves as they are drawn, with edits and jitter.
 
-It computes with usdfoliage, which knows the surface; where that cannot be imported, a warning says so.
+It computes with usdfoliage, which knows the surface; where that cannot be imported, it reports a warning.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def check_leaf_shape(stage: Usd.Stage, _time: object) -> Findings:
     except ImportError as missing:
         text = f"was not looked at as it is drawn: {missing}; install usdfoliage for the Python of this USD"
         return [warning(first, "LeafShapeNotChecked", text)]
-    # What is wrong with the arrays or the edits, the other validators say.
+    # The other validators report what is wrong with the arrays or the edits.
     drawn = [
         leaves
         for leaves in map(_read_drawn_leaves, _with_leaves(iterate_prims(stage)))
@@ -91,12 +91,12 @@ def _read_drawn_leaves(prim: Usd.Prim) -> DrawnLeaves | None:
     from usdfoliage.leaf.shape.edits import apply_edits
 
     arrays = [values.numbers(prim, f"primvars:leaf:{name}", 3) for name in PARAMETERS]
-    held = [array for array in arrays if array is not None]
-    if len(held) < len(PARAMETERS) or len({len(array) for array in held}) > 1:
+    given = [array for array in arrays if array is not None]
+    if len(given) < len(PARAMETERS) or len({len(array) for array in given}) > 1:
         return None
-    if not UsdGeom.PointInstancer(prim) and len(held[0]) != 1:
+    if not UsdGeom.PointInstancer(prim) and len(given[0]) != 1:
         return None
-    plain = np.stack(held, axis=1)
+    plain = np.stack(given, axis=1)
     edits = _read_edits(prim)
     if edits is None or not np.isfinite(plain).all():
         return None
@@ -106,21 +106,21 @@ def _read_drawn_leaves(prim: Usd.Prim) -> DrawnLeaves | None:
 def _read_edits(prim: Usd.Prim) -> LeafEdits | None:
     from usdfoliage.leaf.shape.edits import LeafEdits
 
-    held: dict[str, object] = {}
+    edits: dict[str, object] = {}
     for name in VECTOR_EDITS:
         if values.is_authored(prim, f"primvars:leaf:edit:{name}"):
             vector = values.tuple_of(prim, f"primvars:leaf:edit:{name}", 3)
             if vector is None:
                 return None
-            held[name] = tuple(map(float, vector))
+            edits[name] = tuple(map(float, vector))
     for name, field in NUMBER_EDITS.items():
         if values.is_authored(prim, f"primvars:leaf:edit:{name}"):
             number = values.number(prim, f"primvars:leaf:edit:{name}")
             if number is None:
                 return None
-            held[field] = number
+            edits[field] = number
     try:
-        return LeafEdits(**held)
+        return LeafEdits(**edits)
     except ValueError:
         return None
 
@@ -207,12 +207,12 @@ def _read_jitter(leaves: DrawnLeaves) -> Jitter:
 def _check_extent(prim: Usd.Prim, bounds: NDArray[np.float64], slack: float, name: str, what: str) -> Findings:
     extent = values.numbers(prim, "extent", 3) if values.is_authored(prim, "extent") else None
     if extent is None or len(extent) != 2:
-        return []  # LeafPrototype says so
+        return []  # LeafPrototype reports it
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     if (low >= extent[0] - slack).all() and (high <= extent[1] + slack).all():
         return []
-    needed, held = (" to ".join(_corner(corner) for corner in corners) for corners in ((low, high), extent))
-    text = f"holds {held} and does not contain {what}, {needed}, which are culled so; author that"
+    needed, authored = (" to ".join(_corner(corner) for corner in corners) for corners in ((low, high), extent))
+    text = f"is {authored} and does not contain {what}, {needed}, so that they may be culled; author {needed}"
     return [error(prim, name, text, "extent")]
 
 

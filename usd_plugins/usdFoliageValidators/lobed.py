@@ -33,7 +33,7 @@ def check_lobed_leaf(prim: Usd.Prim, _time: object) -> Findings:
 
 
 def _check_skeleton(prim: Usd.Prim) -> tuple[Findings, int]:
-    """Findings, and the number of branches, 0 where it cannot be told."""
+    """Findings, and the number of branches, 0 where it is not known."""
     points = values.numbers(prim, "foliage:lobed:skeletonPoints", 3)
     if points is None or len(points) < 2 or not np.isfinite(points).all():
         text = f"has {0 if points is None else len(points)} nodes; author 2 or more, finite"

@@ -13,14 +13,14 @@ from usdFoliageValidators.findings import Findings, error
 LOD = "lod"
 RENDER, PROXY = "geo/render", "geo/proxy"  # below the plant
 # What each lod shows; a studio may have others of its own.
-SHOWN = {"leaves": (RENDER,), "both": (RENDER, PROXY), "crown": (PROXY,), "auto": (RENDER, PROXY)}
+PARTS_OF_LODS = {"leaves": (RENDER,), "both": (RENDER, PROXY), "crown": (PROXY,), "auto": (RENDER, PROXY)}
 
 
 def check_asset_lods(stage: Usd.Stage, _time: object) -> Findings:
     """The selected lod shows its parts and no others, purposes are in both, and auto is one that UsdLod reads."""
     plant = plant_of(stage)
     lod = _selected(plant)
-    if plant is None or lod not in SHOWN:
+    if plant is None or lod not in PARTS_OF_LODS:
         return []
     findings: Findings = []
     known = set(plant.GetVariantSets().GetVariantSet(LOD).GetVariantNames())
@@ -32,10 +32,10 @@ def check_asset_lods(stage: Usd.Stage, _time: object) -> Findings:
     for part in (RENDER, PROXY):
         prim = plant.GetPrimAtPath(part)
         has = bool(prim and prim.IsDefined() and prim.GetChildren())
-        if has and part not in SHOWN[lod]:
+        if has and part not in PARTS_OF_LODS[lod]:
             text = f"is shown in the lod {lod}, which is to be without it; refer to its layer in another lod"
             findings.append(error(prim, "LodExtra", text))
-        elif not has and part in SHOWN[lod]:
+        elif not has and part in PARTS_OF_LODS[lod]:
             text = f"has nothing at {part} in the lod {lod}; refer to the layer that has it"
             findings.append(error(plant, "LodIncomplete", text))
     findings += _check_purposes(plant, lod)
@@ -57,7 +57,7 @@ def check_asset_collections(stage: Usd.Stage, _time: object) -> Findings:
             if not target.HasPrefix(plant.GetPath()):
                 text = f"targets <{target}>, outside the plant, which is lost where the asset is referenced"
                 findings.append(error(plant, "CollectionOutside", text, name))
-            elif plant.IsLoaded() and not stage.GetPrimAtPath(target.GetPrimPath()) and _is_shown(plant, target, lod):
+            elif plant.IsLoaded() and not stage.GetPrimAtPath(target.GetPrimPath()) and _is_in_lod(plant, target, lod):
                 text = f"targets <{target}>, which does not exist; correct the path or drop the target"
                 findings.append(error(plant, "CollectionTargetMissing", text, name))
     return findings
@@ -68,9 +68,9 @@ def _selected(plant: Usd.Prim | None) -> str:
     return str(sets.GetVariantSelection(LOD)) if sets is not None and LOD in sets.GetNames() else ""
 
 
-def _is_shown(plant: Usd.Prim, path: Sdf.Path, lod: str) -> bool:
+def _is_in_lod(plant: Usd.Prim, path: Sdf.Path, lod: str) -> bool:
     parts = [part for part in (RENDER, PROXY) if path.HasPrefix(plant.GetPath().AppendPath(part))]
-    return not parts or lod not in SHOWN or parts[0] in SHOWN[lod]
+    return not parts or lod not in PARTS_OF_LODS or parts[0] in PARTS_OF_LODS[lod]
 
 
 def _check_purposes(plant: Usd.Prim, lod: str) -> Findings:
@@ -79,13 +79,14 @@ def _check_purposes(plant: Usd.Prim, lod: str) -> Findings:
         prim = plant.GetPrimAtPath(part)
         if not prim:
             continue
-        held = UsdGeom.Imageable(prim).GetPurposeAttr()
-        purposed = held and held.HasAuthoredValue() and held.Get() in (UsdGeom.Tokens.render, UsdGeom.Tokens.proxy)
-        if lod == "both" and (not purposed or held.Get() != purpose):
+        attribute = UsdGeom.Imageable(prim).GetPurposeAttr()
+        kinds = (UsdGeom.Tokens.render, UsdGeom.Tokens.proxy)
+        purposed = attribute and attribute.HasAuthoredValue() and attribute.Get() in kinds
+        if lod == "both" and (not purposed or attribute.Get() != purpose):
             text = f"has not the purpose {purpose} in the lod both, so crown and leaves are drawn over each other"
             findings.append(error(prim, "PurposeMissing", text, "purpose"))
-        elif lod == "auto" and purposed:  # in the others it stands alone, which is AssetPurposes's to say
-            text = f"is {held.Get()} in the lod {lod}, which is blank where that is off; leave the purpose default"
+        elif lod == "auto" and purposed:  # AssetPurposes reports it in the others, where it stands alone
+            text = f"is {attribute.Get()} in the lod {lod}, which is blank where that purpose is off; leave it default"
             findings.append(error(prim, "PurposeInLod", text, "purpose"))
     render = plant.GetPrimAtPath(RENDER)
     if lod == "both" and render and not findings and not UsdGeom.Imageable(render).ComputeProxyPrim():

@@ -7,7 +7,7 @@ from pxr import Usd
 from usdFoliageValidators import values
 from usdFoliageValidators.findings import Findings, count, error, warning, wrong_prim_type
 
-# (property, least, whether the least itself is allowed, greatest)
+# (property, smallest value, whether that itself is allowed, largest value)
 GROWTH_RANGES = (
     ("internodeLength", 0.0, False, np.inf),
     ("divergenceAngle", 0.0, True, 360.0),
@@ -54,8 +54,8 @@ def check_skeleton(prim: Usd.Prim, _time: object) -> Findings:
 def _check_widths(prim: Usd.Prim, vertices: int) -> Findings:
     widths = values.numbers(prim, "widths")
     if widths is None or len(widths) != vertices:
-        held = "no value" if widths is None else f"{len(widths)} elements"
-        text = f"has {held}; author {vertices} diameters in metres, one a point"
+        value = "no value" if widths is None else f"{len(widths)} elements"
+        text = f"has {value}; author {vertices} diameters in metres, one a point"
         return [error(prim, "WidthsLength", text, "widths")]
     findings: Findings = []
     interpolation = prim.GetAttribute("widths").GetMetadata("interpolation")
@@ -76,8 +76,8 @@ def _check_tree(prim: Usd.Prim, points: NDArray[np.float64], vertex_counts: NDAr
     for name in ("parentCurve", "parentVertex", "order"):
         array = values.indices(prim, f"foliage:{name}")
         if array is None or len(array) != curves:
-            held = "no value" if array is None else f"{len(array)} elements"
-            text = f"has {held}; author {curves} int, one a curve"
+            value = "no value" if array is None else f"{len(array)} elements"
+            text = f"has {value}; author {curves} int, one a curve"
             findings.append(error(prim, "SkeletonArrayLength", text, f"foliage:{name}"))
         else:
             arrays[name] = array
@@ -127,16 +127,24 @@ def _check_tree(prim: Usd.Prim, points: NDArray[np.float64], vertex_counts: NDAr
     return findings
 
 
+def _range_text(low: float, low_allowed: bool, high: float) -> str:
+    if not np.isfinite(low):
+        return "a finite number"
+    if np.isfinite(high):
+        return f"a number from {low:g} to {high:g}"
+    return f"a number of {low:g} or more" if low_allowed else f"a number above {low:g}"
+
+
 def _check_growth(prim: Usd.Prim) -> Findings:
     findings: Findings = []
-    for name, least, least_allowed, greatest in GROWTH_RANGES:
+    for name, low, low_allowed, high in GROWTH_RANGES:
         attribute = f"foliage:growth:{name}"
         if not values.is_authored(prim, attribute):
             continue
         number = values.number(prim, attribute)
-        low_enough = number is not None and (number >= least if least_allowed else number > least)
-        if number is None or not np.isfinite(number) or not low_enough or number > greatest:
-            text = f"is {number}; its doc says which values it may have"
+        low_enough = number is not None and (number >= low if low_allowed else number > low)
+        if number is None or not np.isfinite(number) or not low_enough or number > high:
+            text = f"is {number}; author {_range_text(low, low_allowed, high)}"
             findings.append(error(prim, "GrowthRange", text, attribute))
     direction = "foliage:growth:tropismDirection"
     if values.is_authored(prim, direction):

@@ -23,18 +23,18 @@ def value(prim: Usd.Prim, name: str) -> object:
 
 def numbers(prim: Usd.Prim, name: str, columns: int | None = None) -> NDArray[np.float64] | None:
     """An array attribute as (N,) or (N, columns); None where it has no such value."""
-    held = value(prim, name)
-    if held is None or isinstance(held, str | Sdf.AssetPath):
+    found = value(prim, name)
+    if found is None or isinstance(found, str | Sdf.AssetPath):
         return None
-    array = np.asarray(held)
+    array = np.asarray(found)
     shape_fits = array.ndim == 1 if columns is None else array.ndim == 2 and array.shape[1] == columns
     return array.astype(np.float64) if shape_fits and array.dtype.kind in "fiu" else None
 
 
 def indices(prim: Usd.Prim, name: str) -> NDArray[np.int64] | None:
     """An attribute int[] as (N,); None where it has no such value."""
-    held = numbers(prim, name)
-    return None if held is None or not np.all(held == np.rint(held)) else held.astype(np.int64)
+    found = numbers(prim, name)
+    return None if found is None or not np.all(found == np.rint(found)) else found.astype(np.int64)
 
 
 def tuple_of(prim: Usd.Prim, name: str, length: int) -> NDArray[np.float64] | None:
@@ -44,28 +44,28 @@ def tuple_of(prim: Usd.Prim, name: str, length: int) -> NDArray[np.float64] | No
 
 def number(prim: Usd.Prim, name: str) -> float | None:
     """One number; None where it has no such value."""
-    held = value(prim, name)
-    return float(held) if isinstance(held, int | float) and not isinstance(held, bool) else None
+    found = value(prim, name)
+    return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else None
 
 
 def texts(prim: Usd.Prim, name: str) -> list[str] | None:
     """An attribute string[] or token[]; None where it has no such value."""
-    held = value(prim, name)
-    if held is None or isinstance(held, str | int | float):
+    found = value(prim, name)
+    if found is None or isinstance(found, str | int | float):
         return None
-    elements = list(held) if hasattr(held, "__iter__") else [held]
+    elements = list(found) if hasattr(found, "__iter__") else [found]
     return elements if all(isinstance(element, str) for element in elements) else None
 
 
 def asset_path(prim: Usd.Prim, name: str) -> Sdf.AssetPath | None:
     """An asset attribute; None where it is not authored or empty."""
-    held = value(prim, name)
-    return held if isinstance(held, Sdf.AssetPath) and held.path else None
+    found = value(prim, name)
+    return found if isinstance(found, Sdf.AssetPath) and found.path else None
 
 
-def numbers_of_shape(held: object, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
+def numbers_of_shape(content: object, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
     """A vector or matrix value as an array of that shape; None for anything else."""
-    if held is None or isinstance(held, str | Sdf.AssetPath):
+    if content is None or isinstance(content, str | Sdf.AssetPath):
         return None
-    array = np.asarray(held)
+    array = np.asarray(content)
     return array.astype(np.float64) if array.shape == shape and array.dtype.kind in "fiu" else None

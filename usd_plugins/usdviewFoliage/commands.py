@@ -11,7 +11,7 @@ _DOCK = "usdviewFoliage"  # the panel's object name, by which a window's is foun
 class UsdviewHost:
     """usdview, as the panel sees it."""
 
-    shown_file = ""
+    leaf_file = ""
 
     def __init__(self, usdviewApi) -> None:
         self._api = usdviewApi
@@ -24,16 +24,16 @@ class UsdviewHost:
     def redraw(self) -> None:
         self._api.UpdateViewport()
 
-    def draw_guides(self, shown: bool) -> None:
-        self._api.dataModel.viewSettings.displayGuide = shown
+    def draw_guides(self, visible: bool) -> None:
+        self._api.dataModel.viewSettings.displayGuide = visible
 
-    def draw_cameras(self, shown: bool) -> None:
-        self._api.dataModel.viewSettings.displayCameraOracles = shown
+    def draw_cameras(self, visible: bool) -> None:
+        self._api.dataModel.viewSettings.displayCameraOracles = visible
 
-    def drag(self, held: bool) -> None:
-        """usdview draws as it always does."""
+    def drag(self, pressed: bool) -> None:
+        """Do nothing: usdview draws coarsely by its own settings alone."""
 
-    def say(self, text: str) -> None:
+    def show_message(self, text: str) -> None:
         self._api.PrintStatus(text)
 
 

@@ -1,4 +1,4 @@
-"""What can be moved of the edits: a row for each slider. A row may move several numbers alike."""
+"""What can be moved of the edits: a row for each slider. A row may move several numbers by the same change."""
 
 from dataclasses import dataclass
 
@@ -55,7 +55,7 @@ def row_value(row: EditRow, edits: dict) -> float:
 
 
 def with_row(row: EditRow, edits: dict, value: float) -> dict:
-    """The edits with a row moved to a value; what it moves alike stays as far apart."""
+    """The edits with a row moved to a value; the numbers that it moves keep their differences."""
     change = value - row_value(row, edits)
     moved = dict(edits)
     for name, number in row.parts:

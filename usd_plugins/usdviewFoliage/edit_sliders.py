@@ -1,10 +1,10 @@
-"""Sliders of the edits, in groups of which the usual ones are open."""
+"""Sliders of the edits, in groups, of which those that are used often are open."""
 
 from usdviewFoliage.edit_rows import ROWS, row_value, with_row
 from usdviewFoliage.qt import QtCore, QtWidgets
 
 STEPS = 1000  # of a slider
-MOST = 1000.0  # that can be typed: what usdfoliage takes
+MAX_TYPED = 1000.0  # what usdfoliage accepts
 LABEL_PX = 84
 OPEN = ("Shape", "Curl", "Jitter")
 
@@ -13,7 +13,7 @@ class EditSliders(QtWidgets.QWidget):
     """A slider and a box of numbers for every row of edit_rows."""
 
     changed = QtCore.Signal(dict)  # the edits, as they are after a move
-    dragged = QtCore.Signal(bool)  # a slider is held, is let go
+    dragged = QtCore.Signal(bool)  # a slider is pressed, is let go
 
     def __init__(self, parent=None) -> None:
         super().__init__(parent)
@@ -46,8 +46,8 @@ class EditSliders(QtWidgets.QWidget):
         slider.setRange(0, STEPS)
         box = QtWidgets.QDoubleSpinBox()
         box.setDecimals(4)
-        least = 0.0 if row.parts[0][1] is None else -MOST
-        box.setRange(0.01 if row.label == "frequency" else least, MOST)
+        low = 0.0 if row.parts[0][1] is None else -MAX_TYPED
+        box.setRange(0.01 if row.label == "frequency" else low, MAX_TYPED)
         box.setSingleStep((row.high - row.low) / 100)
         box.setKeyboardTracking(False)
         for widget in (slider, box):

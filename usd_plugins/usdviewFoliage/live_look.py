@@ -65,9 +65,9 @@ class LiveLook:
             return "This plant has no leaves that can be edited."
         if not plants.find_leaves(self.plant):
             sets = plants.variants(self.plant)
-            shown, leafy = sets.get(LOD, ([], ""))[1], leafy_lods(self.plant)
-            if leafy and shown not in leafy:
-                return f"The lod {shown} shows no leaves to edit: choose {' or '.join(leafy)}."
+            lod, leafy = sets.get(LOD, ([], ""))[1], leafy_lods(self.plant)
+            if leafy and lod not in leafy:
+                return f"The lod {lod} shows no leaves to edit: choose {' or '.join(leafy)}."
             if sets.get(REPRESENTATION, ([], ""))[1] not in ("", BEZIER):
                 return f"Edits act on the representation {BEZIER}: choose it."
             return "No leaves are shown that can be edited."
@@ -83,7 +83,7 @@ class LiveLook:
         Args:
             bounds: What holds the edited leaves of each prim (Product.leaf_bounds); without, a wider guess.
         """
-        self.layer.TransferContent(self._build(edits, "", bounds))  # tells the stage of what differs alone
+        self.layer.TransferContent(self._build(edits, "", bounds))  # notifies the stage only of what differs
 
     def reset(self) -> None:
         """Take all edits back."""
@@ -92,12 +92,12 @@ class LiveLook:
     def is_empty(self) -> bool:
         return self.layer.empty
 
-    def is_shown(self) -> bool:
+    def is_visible(self) -> bool:
         return not self.stage.IsLayerMuted(self.layer.identifier)
 
-    def show(self, shown: bool) -> None:
+    def show(self, visible: bool) -> None:
         """Mute the edits, or show them again."""
-        (self.stage.UnmuteLayer if shown else self.stage.MuteLayer)(self.layer.identifier)
+        (self.stage.UnmuteLayer if visible else self.stage.MuteLayer)(self.layer.identifier)
 
     def write(self, path: str, edits: dict) -> None:
         """Write the edits as a look, with no more than USD; its extents are wider than those of usdfoliage."""
@@ -118,12 +118,12 @@ class LiveLook:
             for number, prim in enumerate(plants.find_leaves(plant)):
                 at = prim.GetPath().ReplacePrefix(self.plant_path, self.class_path)
                 author_edits(stage, at, edits, _read(prim))
-                held = None if bounds else self._range(prim)
+                known = None if bounds else self._range(prim)
                 if bounds:
                     box, among = (Gf.Range3d(*map(Gf.Vec3d, bounds[number][name])) for name in ("leaf", "among"))
-                elif held is not None:
-                    box = box_in_leaf_space(held, edits)
-                    among = box_among_leaves(held, box)
+                elif known is not None:
+                    box = box_in_leaf_space(known, edits)
+                    among = box_among_leaves(known, box)
                 else:  # no leaves
                     continue
                 widen_extents(stage, self.class_path, plant, prim, box, among)
@@ -149,12 +149,12 @@ _SINGLE = ("width", "jitter_amplitude", "jitter_frequency")  # edits of one numb
 
 def _read(prim: Usd.Prim) -> dict:
     """The edits of leaves that are authored; one of another type, which a broken layer may hold, is as none."""
-    held = {}
+    edits = {}
     for name, primvar in EDITS.items():
         attribute = prim.GetAttribute(f"primvars:{primvar}")
         value = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
         if name in _SINGLE and isinstance(value, (int, float)):
-            held[name] = float(value)
+            edits[name] = float(value)
         elif name not in _SINGLE and isinstance(value, (Gf.Vec3f, Gf.Vec3d, Gf.Vec3h)):
-            held[name] = tuple(map(float, value))
-    return held
+            edits[name] = tuple(map(float, value))
+    return edits

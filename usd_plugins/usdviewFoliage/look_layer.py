@@ -1,4 +1,4 @@
-"""How a look is made up: the module of usdfoliage that says it, loaded by itself.
+"""How a look is made up: the module of usdfoliage that builds it, loaded by itself.
 
 The rest of usdfoliage stays out of the program, whose Python may be another one.
 """

@@ -4,12 +4,12 @@ It stands in usdview and in the viewer of usdfoliage, and knows neither. What it
 
     stage                       the stage that is shown
     product                     usdviewFoliage.product.Product, or None where there is no usdfoliage
-    shown_file                  the file of which product shall read the leaves, such as a look; "" for the asset's own
+    leaf_file                   the file of which product shall read the leaves, such as a look; "" for the asset's own
     redraw()                    the stage has changed
-    draw_guides(shown)          draw prims of purpose guide, or not
-    draw_cameras(shown)         draw the stage's cameras, or not
-    drag(held)                  a slider is held: what is drawn may be coarse
-    say(text)                   a line for the user
+    draw_guides(visible)        draw prims of purpose guide, or not
+    draw_cameras(visible)       draw the stage's cameras, or not
+    drag(pressed)               whether a slider is pressed: then what is drawn may be coarse
+    show_message(text)          a line for the user
 """
 
 from usdviewFoliage import plants
@@ -30,7 +30,7 @@ class FoliagePanel(QtWidgets.QWidget):
         self.host = host
         self.looks = {}  # by the asset's interface layer, made when it is first shown
         self.look = None
-        self._held = False  # a slider
+        self._pressed = False  # a slider
         self.setWindowTitle("Foliage")
         layout = QtWidgets.QVBoxLayout(self)
         self.plant_box = QtWidgets.QComboBox()
@@ -58,7 +58,7 @@ class FoliagePanel(QtWidgets.QWidget):
         layout.addWidget(self.reason)
         self.sliders = EditSliders()
         self.sliders.changed.connect(self._edit)
-        self.sliders.dragged.connect(self._hold)
+        self.sliders.dragged.connect(self._press)
         scroll = QtWidgets.QScrollArea()
         scroll.setWidgetResizable(True)
         scroll.setWidget(self.sliders)
@@ -97,11 +97,11 @@ class FoliagePanel(QtWidgets.QWidget):
     def refresh(self) -> None:
         """Show what the stage has now."""
         self._list_variants()
-        held = plants.guide_prims(self.host.stage)
+        guides = plants.guide_prims(self.host.stage)
         for name, box in self.guide_boxes.items():
-            box.setEnabled(name in held)
+            box.setEnabled(name in guides)
         why_not = self.look.why_not() if self.look else "There is no plant of usdfoliage here."
-        hidden = not why_not and not self.look.is_shown()
+        hidden = not why_not and not self.look.is_visible()
         self.reason.setText("The edits are hidden; show them to change them." if hidden else why_not)
         self.reason.setVisible(bool(why_not) or hidden)
         for widget in (self.sliders, self.save_button, self.reset_button):
@@ -121,25 +121,25 @@ class FoliagePanel(QtWidgets.QWidget):
                 self.looks[key] = LiveLook(self.host.stage, plant)
             self.look = self.looks[key]
             self.show_box.blockSignals(True)
-            self.show_box.setChecked(self.look.is_shown())
+            self.show_box.setChecked(self.look.is_visible())
             self.show_box.blockSignals(False)
         self.refresh()
 
     def _list_variants(self) -> None:
         """A box for each set; made anew where a selection has brought other sets or variants."""
-        held = plants.variants(self.look.plant) if self.look and self.look.plant else {}
-        shown = {name: [box.itemText(i) for i in range(box.count())] for name, box in self.variant_boxes.items()}
-        if shown != {name: names for name, (names, _) in held.items()}:
+        variants = plants.variants(self.look.plant) if self.look and self.look.plant else {}
+        listed = {name: [box.itemText(i) for i in range(box.count())] for name, box in self.variant_boxes.items()}
+        if listed != {name: names for name, (names, _) in variants.items()}:
             while self.variant_form.rowCount():
                 self.variant_form.removeRow(0)
             self.variant_boxes = {}
-            for name, (names, _) in held.items():
+            for name, (names, _) in variants.items():
                 box = QtWidgets.QComboBox()
                 box.addItems(names)
                 box.activated.connect(lambda _, name=name: self.select(name, self.variant_boxes[name].currentText()))
                 self.variant_form.addRow(name, box)
                 self.variant_boxes[name] = box
-        for name, (names, chosen) in held.items():
+        for name, (names, chosen) in variants.items():
             if chosen in names:
                 self.variant_boxes[name].setCurrentIndex(names.index(chosen))
 
@@ -153,7 +153,7 @@ class FoliagePanel(QtWidgets.QWidget):
             self.drawing.show_text(str(error))
 
     def _read_file(self) -> str:
-        return self.host.shown_file or self.look.interface
+        return self.host.leaf_file or self.look.interface
 
     # What is done
 
@@ -162,9 +162,9 @@ class FoliagePanel(QtWidgets.QWidget):
         plants.select_variant(self.host.stage, name, chosen, self.look.interface if self.look else None)
         self.refresh()
 
-    def show_guide(self, name: str, shown: bool) -> None:
-        """Show the guides of a name, those of other names that are not asked for are hidden."""
-        self.guide_boxes[name].setChecked(shown)
+    def show_guide(self, name: str, visible: bool) -> None:
+        """Show the guides of a name, or hide them; those of other names stay as their boxes are."""
+        self.guide_boxes[name].setChecked(visible)
 
     def reset(self) -> None:
         """Take all edits back."""
@@ -184,10 +184,10 @@ class FoliagePanel(QtWidgets.QWidget):
             except ProductGoneError:
                 self.host.product = None
             else:
-                self.host.say(f"look: {path}")
+                self.host.show_message(f"look: {path}")
                 return
         self.look.write(path, edits)
-        self.host.say(f"look: {path} (without usdfoliage, so its extents are wider than they need be)")
+        self.host.show_message(f"look: {path} (without usdfoliage, so its extents are wider than they need be)")
 
     def _edit(self, edits: dict) -> None:
         self.look.apply(edits, self._bounds(edits))
@@ -195,30 +195,30 @@ class FoliagePanel(QtWidgets.QWidget):
         self.host.redraw()
 
     def _bounds(self, edits: dict) -> list | None:
-        """How far the leaves reach, where usdfoliage can say it; while a slider is held a wider guess will do."""
-        if self.host.product is None or self._held:
+        """How far the leaves reach, if usdfoliage can compute it; while a slider is pressed a wider guess will do."""
+        if self.host.product is None or self._pressed:
             return None
         try:
             return self.host.product.leaf_bounds(self._read_file(), edits)
         except ProductError as error:
-            self.host.say(str(error))
+            self.host.show_message(str(error))
             return None
 
-    def _hold(self, held: bool) -> None:
-        self._held = held
-        if not held and self.look is not None and self.look.is_shown():
+    def _press(self, pressed: bool) -> None:
+        self._pressed = pressed
+        if not pressed and self.look is not None and self.look.is_visible():
             self.look.apply(self.sliders.edits, self._bounds(self.sliders.edits))
-        self.host.drag(held)
+        self.host.drag(pressed)
 
-    def _mute(self, shown: bool) -> None:
-        self.look.show(shown)
+    def _mute(self, visible: bool) -> None:
+        self.look.show(visible)
         self.refresh()
 
     def _show_guides(self) -> None:
-        shown = {name for name, box in self.guide_boxes.items() if box.isChecked()}
-        plants.show_guides(self.host.stage, shown)
-        self.host.draw_guides(bool(shown))
-        self.host.draw_cameras("Cameras" in shown)
+        checked = {name for name, box in self.guide_boxes.items() if box.isChecked()}
+        plants.show_guides(self.host.stage, checked)
+        self.host.draw_guides(bool(checked))
+        self.host.draw_cameras("Cameras" in checked)
         self.host.redraw()
 
     def _ask_and_save(self) -> None:

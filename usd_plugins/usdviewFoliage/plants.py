@@ -22,8 +22,8 @@ def find_plants(stage: Usd.Stage) -> list[Usd.Prim]:
 def interface_file(plant: Usd.Prim) -> str:
     """The file that makes a prim a plant, the asset's interface layer; empty where it is in no file."""
     for spec in plant.GetPrimStack():
-        held = spec.GetInfo("apiSchemas") if spec.HasInfo("apiSchemas") else None
-        if held is not None and PLANT_API in held.GetAddedOrExplicitItems():
+        schemas = spec.GetInfo("apiSchemas") if spec.HasInfo("apiSchemas") else None
+        if schemas is not None and PLANT_API in schemas.GetAddedOrExplicitItems():
             return spec.layer.realPath
     return ""
 
@@ -88,13 +88,13 @@ def guide_prims(stage: Usd.Stage) -> dict[str, list[Sdf.Path]]:
     return found
 
 
-def show_guides(stage: Usd.Stage, shown: set[str]) -> None:
+def show_guides(stage: Usd.Stage, visible: set[str]) -> None:
     """Hide, in the session layer, the guides of other names; with none to show leave all as the asset has them."""
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for name, paths in guide_prims(stage).items():
             for path in paths:
                 visibility = UsdGeom.Imageable(stage.GetPrimAtPath(path)).CreateVisibilityAttr()
-                if not shown:
+                if not visible:
                     visibility.Clear()
                 else:
-                    visibility.Set(UsdGeom.Tokens.inherited if name in shown else UsdGeom.Tokens.invisible)
+                    visibility.Set(UsdGeom.Tokens.inherited if name in visible else UsdGeom.Tokens.invisible)

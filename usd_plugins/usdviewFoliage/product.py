@@ -12,7 +12,7 @@ PROGRAM = "usdfoliage"
 
 
 class ProductError(Exception):
-    """What usdfoliage said it cannot do."""
+    """What usdfoliage reports that it cannot do."""
 
 
 class ProductGoneError(ProductError):
@@ -65,7 +65,7 @@ def find_product() -> Product | None:
     if program is None:
         return None
     # Its Python is another one, which must not load this one's modules.
-    environment = {name: held for name, held in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
+    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
     process = subprocess.Popen(
         [program, "view", "--answer"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
     )
