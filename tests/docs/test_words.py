@@ -4,6 +4,7 @@ The glossary's last table is the one list of these words.
 """
 
 import argparse
+import functools
 import re
 import tokenize
 from collections.abc import Iterator
@@ -24,6 +25,12 @@ PAGES = (
     ),
 )
 PACKAGE = ROOT / "pipeline" / "usdfoliage"
+NATIVE = ROOT / "pipeline" / "native"
+PYTHON_FOLDERS = (
+    *sorted(path for path in PACKAGE.iterdir() if path.is_dir()),
+    ROOT / "usd_plugins",
+    ROOT / "hydra_preview",
+)
 OF_OTHERS = {  # names of libraries and of Python
     "least_squares": "scipy.optimize",
     "most_common": "collections.Counter",
@@ -31,8 +38,13 @@ OF_OTHERS = {  # names of libraries and of Python
 }
 _HEADING = "## Words that are not used"
 _CODE = re.compile(r"^```.*?^```$|`[^`]*`|\]\([^)]*\)", re.MULTILINE | re.DOTALL)
+_CPP_PART = re.compile(
+    r"""(?P<text>//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*")|(?P<name>[A-Za-z_]\w*)""",
+    re.DOTALL,
+)
 
 
+@functools.cache
 def words_not_used(where: str) -> tuple[str, ...]:
     """The words that the glossary's last table gives up in texts or in names.
 
@@ -106,14 +118,43 @@ def test_words_in_a_name_are_found():
     assert words_in_name("unusual") == words_in_name("always") == set()
 
 
-@pytest.mark.parametrize(
-    "folder", sorted(path for path in PACKAGE.iterdir() if path.is_dir()), ids=lambda path: path.name
-)
-def test_no_name_in_the_package_has_one_of_them(folder: Path):
+@pytest.mark.parametrize("folder", PYTHON_FOLDERS, ids=lambda path: path.name)
+def test_no_name_in_python_has_one_of_them(folder: Path):
     found = {
-        f"{path.relative_to(PACKAGE)}: {name}"
+        f"{path.relative_to(ROOT)}: {name}"
         for path in (*folder.rglob("*.py"), *folder.glob("*.pyi"))
         for name in set(names_of(path)) - set(OF_OTHERS)
         if words_in_name(name)
+    }
+    assert found == set()
+
+
+def unfit_parts(source: str) -> set[str]:
+    """The identifiers, comments and strings of a C++ source that have a word which is given up."""
+    parts = {(found["name"], found["text"]) for found in _CPP_PART.finditer(source)}
+    return {name or text for name, text in parts if (words_in_name(name) if name else count_words(text))}
+
+
+def test_words_in_cpp_are_found():
+    source = """
+        // At most so many are told.
+        int kMostSteps = 3, at_most /* usual */ = 4;  // at least one
+        f("least", "is held\\"");
+    """
+    assert unfit_parts(source) == {
+        "// At most so many are told.",
+        "kMostSteps",
+        "at_most",
+        "/* usual */",
+        '"is held\\""',
+    }
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent for path in NATIVE.rglob("*.h")}), ids=lambda path: path.name)
+def test_no_part_of_the_native_code_has_one_of_them(folder: Path):
+    found = {
+        f"{path.relative_to(ROOT)}: {part}"
+        for path in (*folder.glob("*.h"), *folder.glob("*.cpp"))
+        for part in unfit_parts(f"{path.stem} {path.read_text(encoding='utf-8')}")
     }
     assert found == set()
