@@ -236,7 +236,7 @@ def _choose_pairs(
             similar[item["first"], item["seconds"]] = settings.coarse_matches
             continue
         with np.load(item["out"], allow_pickle=False) as arrays:
-            similar[int(arrays["first"]), arrays["seconds"]] = arrays["alike"]
+            similar[int(arrays["first"]), arrays["seconds"]] = arrays["similar"]
     similar = np.maximum(similar, similar.T)
     nearest = np.argsort(-similar, axis=1, kind="stable")[:, : settings.neighbours]
     wanted = similar >= settings.coarse_matches
@@ -249,7 +249,7 @@ def _choose_pairs(
 def _candidates(
     features: Sequence[Path], usable: Sequence[int], settings: PoseEstimationSettings
 ) -> list[tuple[int, int]]:
-    """All pairs of a few photographs; of many those near in sequence, and those that look alike."""
+    """All pairs of a few photographs; of many those near in sequence, and those that look similar."""
     few = len(usable) <= _EXHAUSTIVE_UP_TO
     if settings.matching == "exhaustive" or (settings.matching == "auto" and few):
         places = set(all_pairs(len(usable)))
@@ -305,7 +305,7 @@ def _match(
         "features": [str(file.resolve()) for file in features],
         "cameras": [cameras.get(index) for index in range(len(features))],
     }
-    # A photograph whose matching ends the process is without matches, and told as such.
+    # A photograph whose matching ends the process has no matches, and a warning reports it.
     failures = run_items(request, items, work, processes, progress)
     lost = {failure.number for failure in failures}
     for failure in failures:

@@ -62,7 +62,7 @@ class PairMatches:
     """What is known of all pairs."""
 
     verified: NDArray[np.int64]  # (P, P), symmetric
-    similar: NDArray[np.int64]  # (P, P), descriptors alike of the pairs that were looked at
+    similar: NDArray[np.int64]  # (P, P), how many descriptors match, of the pairs that were compared
     panoramic: NDArray[np.bool_]  # (P, P), what is verified shows a turn, not a move
 
     @classmethod
@@ -75,7 +75,7 @@ class PairMatches:
                 first, seconds = int(arrays["first"]), arrays["seconds"]
                 good = np.isin(arrays["configs"], _CONFIGURED)
                 verified[first, seconds] = np.where(good, arrays["counts"], 0)
-                similar[first, seconds] = arrays["alike"]
+                similar[first, seconds] = arrays["similar"]
                 panoramic[first, seconds] = np.isin(arrays["configs"], _PANORAMIC)
         return cls(verified=verified + verified.T, similar=similar + similar.T, panoramic=panoramic | panoramic.T)
 

@@ -1,4 +1,4 @@
-"""The part of registration that calls COLMAP: in a process of its own, whose end ends nothing else.
+"""The part of pose estimation that calls COLMAP: in a process of its own, whose end ends nothing else.
 
 usage: python -m usdfoliage.capture.poses.worker JOB.json
 
@@ -77,7 +77,7 @@ def _sift(gray: NDArray[np.uint8], first_octave: int, job: Mapping[str, Any]) ->
 
 
 def _compare(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
-    """How many of the coarsest features of one photograph are alike in others: cheap, and enough to tell neighbours."""
+    """How many of the coarsest features of one photograph match in others: cheap, and enough to find its neighbours."""
     few, settings = job["coarse_features"], MatchSettings(max_ratio=job["max_ratio"])
     first = _coarsest(job["features"][item["first"]], few)
     matched = [
@@ -86,7 +86,7 @@ def _compare(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
     return {
         "first": np.array(item["first"], np.int64),
         "seconds": np.array(item["seconds"], np.int64),
-        "alike": np.array(matched, np.int64),
+        "similar": np.array(matched, np.int64),
     }
 
 
@@ -116,7 +116,7 @@ def _match_photos(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
     return {
         "first": np.array(item["first"], np.int64),
         "seconds": np.array(item["seconds"], np.int64),
-        "alike": np.array(tried, np.int64),
+        "similar": np.array(tried, np.int64),
         "counts": np.array(counts, np.int64),
         "configs": np.array(configs, np.int64),
         "angles": np.array(angles, np.float64),

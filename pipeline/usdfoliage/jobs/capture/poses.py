@@ -25,7 +25,7 @@ from usdfoliage.remarks import Remark, Setting, remark, warnings_of
 
 logger = logging.getLogger(__name__)
 
-POSE_WORK, REGISTERED = "registration", "registered"  # in the work folder: COLMAP's work, and the model of it
+POSE_WORK, REGISTERED = "poses", "registered"  # in the work folder: COLMAP's work, and the model of it
 _MAX_NAMED = 5  # files
 _ESTIMATE = Setting(name="capture.poses", value='"estimate"')
 _USE = Setting(name="capture.uncertain_poses", value='"use"')
