@@ -17,7 +17,7 @@ def new_layer(path: Path, name: str) -> Usd.Stage:
     It stays in memory until export_layer, so a layer on the disk is whole or absent. Relative paths authored in it
     count from path's folder; payloads are not loaded.
     """
-    # Under a name of its own: path itself may be open in this process, with what it held before.
+    # Under a name of its own: a layer of path may be open in this process, with its earlier content.
     identifier = path.absolute().with_name(f".{uuid.uuid4().hex}{path.suffix}")
     layer = Sdf.Layer.New(Sdf.FileFormat.FindByExtension(path.suffix), str(identifier))
     stage = Usd.Stage.Open(layer, Usd.Stage.LoadNone)
@@ -55,7 +55,7 @@ def author_scopes(stage: Usd.Stage, path: Sdf.Path) -> None:
 
 
 def author_frames(stage: Usd.Stage, count: int) -> None:
-    """Say that the stage has so many frames, from FIRST_FRAME on."""
+    """Give the stage so many frames, from FIRST_FRAME on."""
     stage.SetStartTimeCode(FIRST_FRAME)
     stage.SetEndTimeCode(FIRST_FRAME + count - 1)
     stage.SetTimeCodesPerSecond(FRAMES_PER_SECOND)

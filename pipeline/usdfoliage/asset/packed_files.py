@@ -21,7 +21,7 @@ def is_packed(path: Path) -> bool:
 
 
 def display_name(path: Path, folder: Path) -> str:
-    """How users are told of a file: from folder, or from the package that holds it."""
+    """A file's name in messages: from folder, or from the package that holds it."""
     if is_packed(path):
         return str(Ar.SplitPackageRelativePathOuter(str(path))[1])
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)

@@ -14,7 +14,7 @@ from usdfoliage.errors import AssetError
 from usdfoliage.files.hashing import digest_text
 from usdfoliage.files.json import read_json
 
-PROVENANCE_FILE = "report/provenance.json"  # of an asset, where there is more to tell than the interface layer should
+PROVENANCE_FILE = "report/provenance.json"  # of an asset, where the record is too long for the interface layer
 PACKAGES = (  # that decide an asset, and the pages beside it
     "usdfoliage",
     "usd-core",
@@ -86,8 +86,7 @@ def package_versions(names: Sequence[str] = PACKAGES) -> dict[str, str]:
 
 
 def author_provenance(layer: Sdf.Layer, provenance: Provenance) -> None:
-    """Record the run in the layer's customLayerData; of many inputs and stages no more than that PROVENANCE_FILE tells
-    of them."""
+    """Record the run in the layer's customLayerData; of its inputs only their number: PROVENANCE_FILE has the rest."""
     custom = dict(layer.customLayerData)
     record: dict[str, Any] = {
         "capture": provenance.capture,
@@ -107,7 +106,7 @@ def author_provenance(layer: Sdf.Layer, provenance: Provenance) -> None:
 
 
 def needs_file(provenance: Provenance) -> bool:
-    """Whether there is more to tell than author_provenance writes."""
+    """Whether the record has more than author_provenance writes."""
     return bool(provenance.inputs or provenance.stages)
 
 

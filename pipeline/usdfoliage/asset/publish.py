@@ -3,7 +3,7 @@
 Everything is written into a hidden sibling of the output folder, on the same file system, and takes its place in one
 rename. The names of a run's files beside ``oak``::
 
-    .oak.TOKEN.usdfoliage-lock   locked (flock) while the run lives, so that the next can tell a killed one
+    .oak.TOKEN.usdfoliage-lock   locked (flock) while the run lives, so that the next run recognizes a killed one
     .oak.TOKEN.usdfoliage-new    what the run has written so far; after the exchange, what it replaces
     .oak.TOKEN.usdfoliage-old    only where a file system cannot exchange two folders: the old one, for an instant
 
@@ -42,7 +42,7 @@ FILES_LIST = "report/files.json"  # of an asset: the files that were written, it
 _FILES = "files"  # of an asset's record: FILES_LIST; in assets of earlier versions the list itself
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
-# What renameat2 says where the kernel or the file system does not know it.
+# What renameat2 fails with where the kernel or the file system does not know it.
 _NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EPERM)
 
 
@@ -260,7 +260,7 @@ def _begin(target: Path) -> tuple[int, Path]:
         lock = open_lock(lock_path, must_be_new=True)
         with suppress(OSError):  # a file system without locks: nobody will take this run for a dead one there
             wait_for_lock(lock)
-        # Before the lock held, a run that cleans up may have taken the file for a dead run's, and removed it.
+        # Before the lock was taken, a run that cleans up may have removed the file as that of a killed run.
         if lock_path.exists() and os.path.samestat(os.fstat(lock), lock_path.stat()):
             break
         os.close(lock)

@@ -18,7 +18,7 @@ def resource_folder(relative: str) -> Path:
         AssetError: It is neither in the checkout nor in the installed package.
     """
     for place in _PLACES:
-        # A folder of the same name may stand beside an installed package; ours is told by its neighbour.
+        # A folder of the same name may stand beside an installed package; ours has the schemas beside it.
         if (place / "schemas" / "usdFoliage" / "plugInfo.json").is_file() and (place / relative).is_dir():
             return place / relative
     places = " and ".join(str(place) for place in _PLACES)

@@ -1,6 +1,6 @@
 """The usdFoliage schemas: their names and their registration with USD.
 
-What the properties mean is said in schemas/usdFoliage/schema.usda.
+schemas/usdFoliage/schema.usda explains the properties.
 """
 
 import sys
@@ -18,8 +18,6 @@ SKELETON_API = "FoliageSkeletonAPI"
 CROWN_API = "FoliageCrownAPI"
 FOREST_API = "FoliageForestAPI"
 SCHEMAS = (PLANT_API, LEAF_API, LOBED_LEAF_API, SKELETON_API, CROWN_API, FOREST_API)
-
-VALIDATOR_KEYWORD = "usdFoliage"
 
 
 def register_plugins() -> tuple[Path, ...]:

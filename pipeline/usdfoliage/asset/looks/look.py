@@ -2,8 +2,8 @@
 
 A look holds opinions of the class that the asset's root inherits, so that it needs no path of the scene: sublayered
 into a scene it reaches every placement of the asset, instances too, and muted it is as if it were not there. It brings
-no plant of its own and does not touch the asset. What it says stands in the class's variant bezier of the set
-representation, for the other representations have other prims at the same paths.
+no plant of its own and does not touch the asset. Its opinions stand in the class's variant bezier of the set
+representation, since the other representations have other prims at the same paths.
 """
 
 import os
@@ -51,7 +51,7 @@ from usdfoliage.leaf.shape.edits import LeafEdits
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """What a look says of itself."""
+    """What a look's layer records of the look."""
 
     path: Path
     asset: Path  # the interface layer of the asset that it edits
@@ -113,7 +113,7 @@ def open_root_layer(path: Path) -> Sdf.Layer:
 
 
 def read_look(layer: Sdf.Layer) -> Look | None:
-    """What a look says of itself, None for any other layer.
+    """What a look's layer records of the look, None for any other layer.
 
     Raises:
         AssetError: Its asset is missing.

@@ -58,7 +58,7 @@ def write_radius_cubemap(path: Path, radius_m: NDArray[np.floating], attributes:
 
 
 def write_color_cubemap(path: Path, color: NDArray[np.floating], attributes: Mapping[str, str]) -> None:
-    """Write linear Rec.709 colours in half precision; what half cannot hold is clamped, and a warning says so.
+    """Write linear Rec.709 colours in half precision; values beyond its range are clamped, with a warning.
 
     Args:
         path: The file, replaced when it exists.
@@ -100,7 +100,7 @@ def read_cubemap(path: Path) -> CubemapFile:
     except (OSError, RuntimeError, ValueError) as error:
         raise AssetError(f"{path} cannot be read as OpenEXR: {error}") from error
     if header.get("envmap") != OpenEXR.ENVMAP_CUBE:
-        raise AssetError(f"{path} is no cubemap; its header must say envmap = ENVMAP_CUBE")
+        raise AssetError(f"{path} is no cubemap; its header must have envmap = ENVMAP_CUBE")
     if len(pixels) != 1 or names[0] not in ("R", "RGB"):
         raise AssetError(f"{path} has the channels {', '.join(names)}; R alone, or R, G and B are needed")
     height, width = pixels[0].shape[:2]
@@ -122,7 +122,7 @@ def _find_damage(path: Path) -> str:
     try:
         spec = source.spec()
         if spec.width > MAX_TEXELS or spec.height > 6 * MAX_TEXELS:
-            return f"it tells of {spec.width} × {spec.height} pixels, at most {MAX_TEXELS} a side are read"
+            return f"its header states {spec.width} × {spec.height} pixels, at most {MAX_TEXELS} a side are read"
         if source.read_image("half") is None or source.has_error:
             return str(source.geterror() or "its pixels end too early").splitlines()[0]
     finally:
@@ -166,6 +166,6 @@ def _write(
             found = {name: np.array(channel.pixels) for name, channel in written.channels().items()}
     except (OSError, RuntimeError, ValueError) as error:
         raise AssetError(f"{path} cannot be written: {error}; is the disk full?") from error
-    # OpenEXR's module does not tell when a disk is full: the file is there, and ends too early or holds zeros.
+    # OpenEXR's module reports no full disk: the file is there, and ends too early or holds zeros.
     if found.keys() != channels.keys() or any(not np.array_equal(found[name], channels[name]) for name in channels):
         raise AssetError(f"{path} does not hold what was written to it; is the disk full?")

@@ -1,4 +1,4 @@
-"""What an asset holds, as its layers say it."""
+"""What an asset holds, read from its layers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class AssetFile:
 
 @dataclass(frozen=True, kw_only=True)
 class CrownFacts:
-    """What a crown says of itself."""
+    """What is authored on a crown's prim."""
 
     center_m: tuple[float, float, float]
     radius_range_m: tuple[float, float]
@@ -47,7 +47,7 @@ class CrownFacts:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlantFacts:
-    """What the root prim says, and how it is put together."""
+    """What is authored on the root prim, and what the asset is composed of."""
 
     name: str
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors
@@ -101,7 +101,7 @@ def find_skeleton(plant: Usd.Prim) -> Usd.Prim | None:
 
 
 def read_plant_facts(plant: Usd.Prim, interface: Path) -> PlantFacts:
-    """What the root prim says, and the record in the interface layer."""
+    """What is authored on the root prim, and the record in the interface layer."""
     stage = plant.GetStage()
     sets = plant.GetVariantSets()
     names = list(sets.GetNames())
@@ -142,7 +142,7 @@ def matrix_in_plant(prim: Usd.Prim, plant: Usd.Prim) -> NDArray[np.float64]:
 
 
 def read_leaf_appearance(leaves: Usd.Prim, jitter_map: Path | None) -> LeafAppearance:
-    """What the leaves of an instancer look alike in: the colour of its prototype, the texture of its material.
+    """The appearance that all leaves of an instancer share: the colour of its prototype, the texture of its material.
 
     Raises:
         AssetError: The texture is missing, or it or the jitter map lies in a package.
@@ -168,7 +168,7 @@ def read_leaf_appearance(leaves: Usd.Prim, jitter_map: Path | None) -> LeafAppea
 
 
 def read_crown_facts(prim: Usd.Prim) -> CrownFacts:
-    """What the crown at prim says.
+    """What is authored on the crown's prim.
 
     Raises:
         AssetError: A fact is missing, or is no such number.
@@ -211,7 +211,7 @@ def prototype_segments(leaves: Usd.Prim) -> int | None:
 
 
 def count_changed_patches(plant: Usd.Prim) -> int:
-    """Of how many patches a layer says something besides the one that has them; 0 unless nurbs is selected."""
+    """How many patches have opinions in other layers than their own; 0 unless nurbs is selected."""
     if plant.GetVariantSets().GetVariantSelection(REPRESENTATION) != "nurbs":
         return 0
     return sum(
@@ -304,7 +304,7 @@ def _read_texture(gprim: Usd.Prim) -> Path | None:
 
 
 def _read_texture_color(gprim: Usd.Prim) -> tuple[float, float, float] | None:
-    """The usual colour of that picture, where it is tinted."""
+    """The median colour of that picture, where it is tinted."""
     material, _ = UsdShade.MaterialBindingAPI(gprim).ComputeBoundMaterial()
     surface = UsdShade.Shader(material.GetPrim().GetChild(STORM_SURFACE)) if material else None
     color_input = surface.GetInput(TEXTURE_COLOR) if surface else None

@@ -92,7 +92,7 @@ def _write_bare(place: AssetPlace, hull: CrownHull, source: Usd.Stage, source_na
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(index.astype(np.int32)))
     for attribute in (whole.GetSubdivisionSchemeAttr(), whole.GetOrientationAttr()):
         token = attribute.Get(_REST)
-        if isinstance(token, str):  # else what the schema says
+        if isinstance(token, str):  # else the schema's fallback
             mesh.GetPrim().GetAttribute(attribute.GetName()).Set(token)
     mesh.CreateDoubleSidedAttr(False)  # open, but where the crown is around it
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))

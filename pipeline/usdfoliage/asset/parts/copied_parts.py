@@ -119,7 +119,7 @@ def lost_leaf_motion(others: OtherParts, folder: Path) -> bool:
 
 
 def _fits_motion(others: OtherParts, place: AssetPlace, representations: Sequence[str]) -> bool:
-    """Whether leaves that were written stand where the old ones did, and are divided alike: as those moved, they do."""
+    """Whether the motion of the old leaves fits the new ones: they stand in the same places, in the same divisions."""
     source, payload, name = others.interface.parent / "payload", place.payload, place.name
     old, new = Sdf.Path(f"/{others.name}/{LEAVES}"), Sdf.Path(f"/{name}/{LEAVES}")
     for representation in representations:

@@ -88,7 +88,7 @@ def read_crown_radius(path: Path, name: str) -> tuple[NDArray[np.floating], NDAr
     """The radius cubemap (6, N, N) of a crown, in metres, and its centre (3,), as write_crown_layer wrote them.
 
     Raises:
-        AssetError: The layer or the cubemap cannot be read, or the crown does not say where they are.
+        AssetError: The layer or the cubemap cannot be read, or the crown names no cubemap or centre.
     """
     stage = Usd.Stage.Open(open_layer(path), Usd.Stage.LoadNone)
     crown = stage.GetPrimAtPath(f"/{name}/{CROWN}")

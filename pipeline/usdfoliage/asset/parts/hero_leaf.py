@@ -33,7 +33,7 @@ V_COUNT, U_COUNT = SHAPE[:2]  # control points along and across
 # Where the control points lie in (s, t): u and v, which run straight through them.
 _NET_ST = grid_places(np.linspace(0, 1, U_COUNT), np.linspace(0, 1, V_COUNT)).astype(np.float32)
 _UNCHANGED = 1e-6  # leaf lengths; float32 keeps 1e-7
-_RIGID = 1e-6  # how far a matrix may be from a turn and a scale alike for all axes, of its scale
+_RIGID = 1e-6  # how far a matrix may be from a turn with one scale for all axes, of its scale
 
 
 def author_hero_leaf(
@@ -112,7 +112,7 @@ def read_hero_leaf(prim: Usd.Prim) -> ReadLeaves:
     """The leaf of a patch, its place counted from the patch's parent.
 
     While the control points are those that were written, the parameters are too; once a modeller has moved some, they
-    are those of the leaf that is nearest to the patch, and residual_m says how near.
+    are those of the leaf that is nearest to the patch, and residual_m is its distance.
 
     Raises:
         AssetError: The prim is no patch of a leaf or has lost its parameters, its control points are of another

@@ -1,6 +1,6 @@
 """The primvars of FoliageLeafAPI, on an instancer of many leaves as on the patch of one.
 
-What they mean is said in schemas/usdFoliage/schema.usda.
+schemas/usdFoliage/schema.usda explains them.
 """
 
 from pathlib import Path
@@ -90,7 +90,7 @@ def read_leaf_primvars(prim: Usd.Prim, count: int) -> dict[str, NDArray[Any]]:
         if not attribute or not attribute.HasAuthoredValue():
             continue
         if field == "color" and count != 1 and UsdGeom.Primvar(attribute).GetInterpolation() == UsdGeom.Tokens.constant:
-            continue  # one for all: nothing is said of each
+            continue  # one for all: no leaf has a colour of its own
         found[field] = read_array(prim, f"primvars:{name}", (count, 3) if field == "color" else (count,))
     if "view" in found:
         found["view"] = found["view"].astype(np.int32)

@@ -35,7 +35,7 @@ from usdfoliage.leaf.shape.mesh import LeafMesh, PrototypeSettings, build_protot
 from usdfoliage.leaf.shape.variation import default_leaf
 
 PROTOTYPE = "Prototypes/Leaf"  # below the instancer
-PLACE = ("base_m", "length_m", "orientation")  # fields of Leaves that say where a leaf is
+PLACE = ("base_m", "length_m", "orientation")  # fields of Leaves: where a leaf is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +134,7 @@ def set_places(
     fields: Sequence[str] = PLACE,
     time: Usd.TimeCode | float = Usd.TimeCode.Default(),
 ) -> None:
-    """Where leaves are, at a time; fields are those of PLACE that are said."""
+    """Author where leaves are, at a time; fields are those of PLACE that are authored."""
     if "base_m" in fields:
         positions = np.ascontiguousarray(leaves.base_m, np.float32)
         instancer.CreatePositionsAttr().Set(Vt.Vec3fArray.FromNumpy(positions), time)

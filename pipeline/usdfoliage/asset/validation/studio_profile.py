@@ -1,7 +1,6 @@
 """The profile of a studio, a TOML file: warnings that it accepts, and rules of its own for assets.
 
-What the tables and keys mean is said in the profile that is shipped,
-usd_plugins/usdFoliageValidators/studio_profile.toml.
+The profile that is shipped, usd_plugins/usdFoliageValidators/studio_profile.toml, explains the tables and keys.
 """
 
 import re

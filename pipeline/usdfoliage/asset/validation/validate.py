@@ -136,7 +136,7 @@ def _validate_scene(root: Sdf.Layer, path: Path) -> dict[Finding, list[str]]:
         AssetError: It has no plant.
     """
     stage = Usd.Stage.Open(root)
-    # Where something cannot be composed, plants may be missing for that reason; the validators say so.
+    # Where something cannot be composed, plants may be missing for that reason; the validators report it.
     if not _has_plants(stage) and not stage.GetCompositionErrors():
         raise AssetError(
             f"{path} holds no plant: no active prim of it has {PLANT_API} or another schema of usdFoliage; name an "
@@ -187,8 +187,8 @@ def _selections(root: Sdf.Layer) -> list[Selection]:
 
 
 def _signature(root: Sdf.Layer, selection: Selection) -> object:
-    """What says whether two selections are the same asset: the layers in use, and the specs with something in them of
-    the prims whose variants they select."""
+    """Equal for two selections that give the same asset: the layers in use, and the specs with something in them of the
+    prims whose variants they select."""
     stage = _compose(root, selection, Usd.Stage.LoadAll)
     layers = frozenset(layer.identifier for layer in stage.GetUsedLayers() if layer != stage.GetSessionLayer())
     specs = [
