@@ -195,7 +195,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 advance(len(variations), request.regrowth.variations)
         (folder / "report").mkdir(exist_ok=True)
         drawn = interface if request.preview else None
-        write_report(folder / "report", request, found, seconds, drawn, variations, progress)
+        report_branches(folder / "report", request, found, seconds, drawn, variations, progress)
     return MadeBranches(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
@@ -206,7 +206,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
     )
 
 
-def write_report(
+def report_branches(
     folder: Path,
     request: BranchesRequest,
     found: FoundBranches,

@@ -126,7 +126,7 @@ def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgr
         interface = write_crown_asset(folder, request.name, found.model, provenance, request.asset_settings)
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
-        drawn, remarks = write_report(report_folder, request, found, interface if request.preview else None, progress)
+        drawn, remarks = report_crown(report_folder, request, found, interface if request.preview else None, progress)
     return WrittenCrown(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
@@ -136,7 +136,7 @@ def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgr
     )
 
 
-def write_report(
+def report_crown(
     folder: Path,
     request: CapturedCrownRequest,
     found: FoundCrown,

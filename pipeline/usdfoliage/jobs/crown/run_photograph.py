@@ -178,7 +178,7 @@ def describe_settings(request: CrownRequest) -> dict[str, str]:
         "copies": str(settings.copies),
         "mesh-size": str(min(request.asset_settings.crown_mesh_size, settings.size)),
         "mask": request.mask.name if request.mask else "proposed",
-        "color-space": request.color_space or "as the file says",
+        "color-space": request.color_space or "as the file states",
         "seed": str(settings.seed),
     }
 

@@ -173,7 +173,7 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
             progress("report", 0.0)
         texture = sorted((folder / "maps").glob(f"{request.name}_leaf.*"))
         picture = f"../maps/{texture[0].name}" if texture else ""
-        write_report(report_folder, request, made, remarks, picture, seconds, previews)
+        report_leaves(report_folder, request, made, remarks, picture, seconds, previews)
     return MadeLeaves(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
@@ -184,7 +184,7 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
     )
 
 
-def write_report(
+def report_leaves(
     folder: Path,
     request: LeavesRequest,
     made: FoundLeaves,

@@ -18,16 +18,13 @@ from usdfoliage.crown.model_file import write_crown_model
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import AssetError, CaptureError, FoliageError
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots
-from usdfoliage.jobs.branches.run import BranchesRequest, find_branches
-from usdfoliage.jobs.branches.run import write_report as write_report_of_branches
+from usdfoliage.jobs.branches.run import BranchesRequest, find_branches, report_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.capture.folder import MASKS
 from usdfoliage.jobs.crown.capture_input import PlantPoints
-from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_captured_crown
-from usdfoliage.jobs.crown.run_capture import write_report as write_report_of_crown
+from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_captured_crown, report_crown
 from usdfoliage.jobs.leaves.report import measure_rows
-from usdfoliage.jobs.leaves.run import LeavesRequest, encode_texture, find_capture_leaves
-from usdfoliage.jobs.leaves.run import write_report as write_report_of_leaves
+from usdfoliage.jobs.leaves.run import LeavesRequest, encode_texture, find_capture_leaves, report_leaves
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.stages.isolate import GIVEN_DEPTH, is_floorless, plant_capture
@@ -97,7 +94,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     except FoliageError as error:
         return _go_without(call, "branches", error)
     report = _report_folder(call)
-    write_report_of_branches(report, request, found, seconds)
+    report_branches(report, request, found, seconds)
     skeleton = found.made.skeleton
     model = BranchesModel(
         skeleton=skeleton.skeleton,
@@ -180,7 +177,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
         texture = AVERAGE_LEAF
         for folder in (call.out, report):
             (folder / texture).write_bytes(encode_texture(found.found.texture))
-    write_report_of_leaves(report, request, found, found.remarks, texture, found.seconds, {})
+    report_leaves(report, request, found, found.remarks, texture, found.seconds, {})
     write_leaves_model(call.out / LEAVES_MODEL, found.model)
     pictures = [
         StagePicture(file=path.relative_to(call.out).as_posix(), caption=f"{caption}, photograph {path.stem[5:8]}")
@@ -235,7 +232,7 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     except FoliageError as error:
         return _go_without(call, "crown", error)
     report = _report_folder(call)
-    write_report_of_crown(report, request, found)
+    report_crown(report, request, found)
     write_crown_model(call.out / CROWN_MODEL, found.made)
     pictures = [
         StagePicture(file=path.relative_to(call.out).as_posix(), caption=path.stem.replace("_", " "))
