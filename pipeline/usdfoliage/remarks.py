@@ -1,4 +1,4 @@
-"""What a run has to say of its input or its result, as values: reports, terminal and JSON are made of them.
+"""What a run reports of its input or its result, as values: reports, terminal and JSON are made of them.
 
 A stage makes a remark with `remark(code, …)`. What it decides by is a code, never the words of a text. The codes, with
 what each means and what to do, are listed in `remark_codes`; they are part of what a version promises, as exit codes

@@ -1,4 +1,4 @@
-"""One word a thing: the words that the glossary gives up are in no page and in no help.
+"""One word a thing: the words that the glossary gives up are in no page, no help, and nothing that the code states.
 
 The glossary's last table is the one list of these words.
 """
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from usdfoliage.__main__ import build_parser
+from usdfoliage.jobs.work.renamed_settings import RENAMED_SETTINGS
 
 ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs" / "glossary.md"
@@ -36,6 +37,8 @@ OF_OTHERS = {  # names of libraries and of Python
     "most_common": "collections.Counter",
     "tell": "files of Python",
 }
+EARLIER_NAMES = {"jobs/work/renamed_settings.py": frozenset(RENAMED_SETTINGS)}  # settings of plans of earlier versions
+_TEXT_TOKENS = (tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING))
 _HEADING = "## Words that are not used"
 _CODE = re.compile(r"^```.*?^```$|`[^`]*`|\]\([^)]*\)", re.MULTILINE | re.DOTALL)
 _CPP_PART = re.compile(
@@ -95,6 +98,57 @@ def test_a_help_has_none_of_them(name: str, parser: argparse.ArgumentParser):
 def test_a_page_has_none_of_them(page: Path):
     text, _, _ = page.read_text(encoding="utf-8").partition(_HEADING if page == GLOSSARY else "\0")
     assert count_words(text) == {}
+
+
+def texts_of(path: Path) -> Iterator[tuple[int, str]]:
+    """Every comment, docstring and other string of a module, with the number of its first line."""
+    with path.open("rb") as file:
+        for token in tokenize.tokenize(file.readline):
+            if token.type in _TEXT_TOKENS:
+                yield token.start[0], token.string
+
+
+def words_in_texts(path: Path, earlier_names: frozenset[str] = frozenset()) -> set[str]:
+    """Where the texts of a module have a word that texts give up.
+
+    Args:
+        earlier_names: Strings that may have them.
+    """
+    return {
+        f"{path.name}:{line}: {', '.join(words)}"
+        for line, text in texts_of(path)
+        if text.strip("\"'") not in earlier_names and (words := count_words(text))
+    }
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["x = 1  # told", '"""What it says."""', 'x = "no doubt"', 'x = f"{x} is held"', '"""One.\n\nThey are alike.\n"""'],
+)
+def test_words_in_texts_of_code_are_found(line: str, tmp_path: Path):
+    path = tmp_path / "module.py"
+    path.write_text(f"a = 0\n{line}\n", encoding="utf-8")
+    (found,) = words_in_texts(path)
+    assert found.startswith("module.py:2: ")
+
+
+def test_names_and_code_marks_are_no_texts_of_code(tmp_path: Path):
+    path = tmp_path / "module.py"
+    path.write_text('said = 0  # `told` is code\nx = "isolation.strays"\n', encoding="utf-8")
+    assert words_in_texts(path, frozenset({"isolation.strays"})) == set()
+    assert words_in_texts(path) == {"module.py:2: strays"}
+
+
+@pytest.mark.parametrize(
+    "place",
+    sorted(path for path in PACKAGE.iterdir() if path.is_dir() or path.suffix in (".py", ".pyi")),
+    ids=lambda path: path.name,
+)
+def test_no_text_of_the_package_has_one_of_them(place: Path):
+    found: set[str] = set()
+    for module in place.rglob("*.py") if place.is_dir() else (place,):
+        found |= words_in_texts(module, EARLIER_NAMES.get(module.relative_to(PACKAGE).as_posix(), frozenset()))
+    assert found == set()
 
 
 def names_of(path: Path) -> Iterator[str]:

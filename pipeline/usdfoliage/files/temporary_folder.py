@@ -1,4 +1,4 @@
-"""A folder for files that nobody keeps, and what is said where its disk is full."""
+"""A folder for files that nobody keeps, and the message where its disk is full."""
 
 import shutil
 import tempfile
@@ -8,8 +8,8 @@ from pathlib import Path
 
 from usdfoliage.errors import FoliageError
 
-# Libraries and other programs tell of a full disk in words of their own, or not at all; with less than this it is
-# the first thing to look at.
+# Libraries and other programs report a full disk in words of their own, or not at all; where less than this is free, a
+# full disk is taken for the cause.
 _LITTLE_BYTES = 16 * 2**20
 
 
@@ -35,7 +35,7 @@ def temporary_folder(purpose: str, failure: type[FoliageError] = FoliageError) -
             yield Path(name)
         except Exception as error:
             free_bytes = _LITTLE_BYTES + 1
-            with suppress(OSError):  # the folder may be what is gone; the fault within is what is told
+            with suppress(OSError):  # the folder may be gone; the error of the block is reported
                 free_bytes = shutil.disk_usage(Path(name).parent).free
             if free_bytes > _LITTLE_BYTES:
                 raise

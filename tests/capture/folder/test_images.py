@@ -447,7 +447,7 @@ def test_decompression_bomb(tmp_path):
 def test_too_many_pixels(tmp_path, monkeypatch):
     path = write_image(tmp_path / "wide.png", np.zeros((100, 1000, 3), np.uint8))
     monkeypatch.setattr(raster, "MAX_PIXELS", 50_000)
-    refuse(path, "says it is 1000×100 pixels")
+    refuse(path, "states 1000×100 pixels")
 
 
 @pytest.mark.parametrize(("bad", "kind"), [(np.nan, "not a number"), (np.inf, "infinite"), (-0.25, "negative")])

@@ -143,7 +143,7 @@ def _check_size(path: Path, size: tuple[int, int], photo: tuple[int, int]) -> No
 
 
 def _reason(getter: Callable[[], str]) -> str:
-    """One line of what OpenImageIO says of a failure."""
+    """OpenImageIO's message on a failure, in one line."""
     try:
         return " ".join(getter().split()) or "no reason given"
     except UnicodeDecodeError:  # it quotes what it found in the damaged file

@@ -62,7 +62,7 @@ class Photo:
 def read_photo(path: Path, color_space: str | None = None) -> Photo:
     """Read a photograph: JPEG, PNG, TIFF, EXR and what else OpenImageIO reads.
 
-    Integers are sRGB and floats linear Rec.709 unless the file's ICC profile, EXIF or EXR chromaticities say otherwise.
+    Integers are sRGB and floats linear Rec.709 unless the file's ICC profile, EXIF or EXR chromaticities state another.
     The colour is straight: divided by alpha where the file keeps it multiplied, 0 where alpha is 0.
 
     Args:

@@ -1,7 +1,7 @@
 """What is known of a photograph's pixels, as OpenEXR: depth, normals and confidence.
 
 Every map lies on the pixels of the photograph as it was taken, lens distortion included, as those of a depth camera do:
-read_view takes the distortion out of photograph and depth alike. What was found in pictures without distortion is laid
+read_view takes the distortion out of both photograph and depth. What was found in pictures without distortion is laid
 back with Undistortion.distorted. Files are ZIP compressed and have no date: the same map, the same bytes.
 """
 
@@ -117,7 +117,7 @@ def _write(path: Path, channels: Mapping[str, NDArray[np.floating]], facts: Mapp
                 written = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
         except (RuntimeError, ValueError) as error:
             raise CaptureError(f"{path} was not written: {error}; is the disk full?") from error
-        # OpenEXR's module does not tell when a disk is full: the file is there, and ends too early or holds zeros.
+        # OpenEXR's module reports no full disk: the file is there, and ends too early or holds zeros.
         if written.keys() != planes.keys() or any(not np.array_equal(written[name], planes[name]) for name in planes):
             raise CaptureError(f"{path} was not written: it does not hold what was written to it; is the disk full?")
 

@@ -50,7 +50,7 @@ def read_mask(path: Path, photo_shape: tuple[int, ...], photo_orientation: int =
     Args:
         path: An image; of several pictures in it the first is taken.
         photo_shape: (height, width, …) of the photograph as shown, that is after its EXIF orientation.
-        photo_orientation: That orientation. A mask whose size agrees only with the stored photograph is turned alike.
+        photo_orientation: That orientation. It also turns a mask whose size agrees only with the stored photograph.
 
     Raises:
         CaptureError: The file cannot be used (see read_raster), has another size, or is empty or full.
@@ -59,7 +59,7 @@ def read_mask(path: Path, photo_shape: tuple[int, ...], photo_orientation: int =
     mask, brightest = _threshold(raster)
     height, width = photo_shape[:2]
     if mask.shape != (height, width) and mask.shape == (width, height) and photo_orientation >= 5:
-        logger.info("%s fits the photograph before its EXIF orientation %d; turned alike", path, photo_orientation)
+        logger.info("%s fits the photograph before its EXIF orientation %d; turned by it too", path, photo_orientation)
         mask = np.ascontiguousarray(apply_orientation(mask, photo_orientation))
     if mask.shape != (height, width):
         raise CaptureError(

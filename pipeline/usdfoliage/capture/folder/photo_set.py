@@ -55,7 +55,7 @@ class PhotoFile:
     orientation: int  # of EXIF, 1 for none or upright
     digest: str  # of the file's bytes
     sharpness: float  # contrast of fine detail over that of coarse detail
-    camera: str  # make and model, "" where EXIF does not say
+    camera: str  # make and model, "" where EXIF has none
     focal_px: float | None  # by EXIF
     gps: tuple[float, float, float] | None  # latitude and longitude in degrees, altitude in metres (NaN for none)
     elevation_deg: float | None  # of the optical axis above the horizon, by EXIF

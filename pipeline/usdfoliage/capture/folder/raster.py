@@ -71,7 +71,7 @@ def read_raster(path: Path) -> Raster:
 
 
 def apply_orientation(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """Turn (H, W, …) pixels upright: EXIF orientation 1 to 8 says where the stored row 0 and column 0 belong."""
+    """Turn (H, W, …) pixels upright: EXIF orientation 1 to 8 states where the stored row 0 and column 0 belong."""
     if orientation >= 5:
         pixels = np.swapaxes(pixels, 0, 1)  # stored rows are columns of the picture
     if orientation in (3, 4, 7, 8):
@@ -136,7 +136,7 @@ def _png_header_damage(header: bytes) -> str:
     if not (0 < width < 2**31 and 0 < height < 2**31) or bits not in known.get(kind, ()):
         return f"damaged: its header states {width}×{height} pixels of {bits} bits, colour {kind}"
     if others[:2] != [0, 0] or others[2] > 1:
-        return "damaged: its header tells of compression, filter or interlacing that no PNG has"
+        return "damaged: its header states a compression, filter or interlacing that no PNG has"
     return ""
 
 
@@ -149,7 +149,7 @@ def _read_picture(path: Path, source: Any) -> Raster:
             raise CaptureError(f"{path} is {width}×{height} pixels; at least {MIN_SIDE_PX} a side are needed")
         if width * height > MAX_PIXELS:
             raise CaptureError(
-                f"{path} says it is {width}×{height} pixels, {width * height / 1e6:.0f} million; "
+                f"{path} states {width}×{height} pixels, {width * height / 1e6:.0f} million; "
                 f"at most {MAX_PIXELS / 1e6:.0f} million are read: reduce it"
             )
     try:
@@ -163,10 +163,10 @@ def _read_picture(path: Path, source: Any) -> Raster:
     kind = str(spec.format)
     pixels = source.read_image(0, 0, first, end, kind if kind in ("uint8", "uint16") else "float")
     failed = source.has_error
-    failure = _text(source.geterror)  # of a truncated JPEG the rest is grey and only this tells
+    failure = _text(source.geterror)  # the only sign of a truncated JPEG, whose rest is grey
     if pixels is None or failed or failure:
         raise CaptureError(f"{path} is truncated or damaged ({failure or 'no reason given'}); copy it again")
-    if source.seek_subimage(1, 0):  # says whether there is a second one
+    if source.seek_subimage(1, 0):  # True where there is a second picture
         logger.info("%s has several pictures; the first is read", path)
     if spec.get_int_attribute("tiff:PhotometricInterpretation") == 5 or "CMYK" in (
         _text(spec.get_string_attribute, "jpeg:ColorSpace"),
@@ -248,7 +248,7 @@ def _display_window(path: Path, pixels: NDArray[Any], spec: Any) -> NDArray[Any]
 
 
 def _text(getter: Callable[..., str], *arguments: str) -> str:
-    """One line of what OpenImageIO says; "" if it is not Unicode, as in some EXIF and all damaged headers."""
+    """A text of OpenImageIO in one line; "" if it is not Unicode, as in some EXIF and all damaged headers."""
     try:
         return " ".join(getter(*arguments).split())
     except UnicodeDecodeError:

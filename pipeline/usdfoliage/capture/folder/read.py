@@ -109,7 +109,7 @@ def read_capture(
     """Find out what a capture folder holds. Photographs, depth and masks are not opened.
 
     Args:
-        folder: The capture folder, laid out as the first page of the manual says.
+        folder: The capture folder, laid out as the first page of the manual describes.
         depth: Which folder in it holds the depth maps.
         views: Names of photographs or places in the list of posed photographs, as parse_views takes them; None for all.
         cameras: Which folder in it holds the COLMAP model.

@@ -20,7 +20,7 @@ class CaptureSettings:
     name: str = ""
     up_axis: str = "Y"  # or Z, of the poses and clouds
     metres_per_unit: float = 1.0  # of the poses and clouds; depth is in metres
-    color_space: str | None = None  # of all photographs, as read_photo takes it; None: as each file says
+    color_space: str | None = None  # of all photographs, as read_photo takes it; None: as each file states
     note: str = ""
 
     def __post_init__(self) -> None:

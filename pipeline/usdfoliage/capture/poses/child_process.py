@@ -1,4 +1,4 @@
-"""Work in child processes that may end in any way: what one of them ended at is told, and the rest is done."""
+"""Work in child processes that may fail or crash: the item at which one of them ended is reported, the rest is done."""
 
 import json
 import logging
@@ -183,7 +183,7 @@ def _run_child(
             code = child.wait()
             log.seek(0)
             output = log.read()[-4000:].decode(errors="replace").strip().splitlines()
-            last = output[-1][:300] if output else "nothing said"
+            last = output[-1][:300] if output else "no output"
             return finished, f"code {code}: {last}"
     finally:
         path.unlink(missing_ok=True)

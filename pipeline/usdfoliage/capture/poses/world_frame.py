@@ -118,7 +118,7 @@ class _Gps(NamedTuple):
 
 
 def read_scale_hints(values: Mapping[str, Any], where: str) -> tuple[KnownDistance | None, ScaleBar | None]:
-    """What the tables known_distance and scale_bar of capture.toml say.
+    """Read the tables known_distance and scale_bar of capture.toml.
 
         [known_distance]                       [scale_bar]
         photographs = ["a.jpg", "b.jpg"]       metres = 0.5

@@ -117,7 +117,9 @@ def _fill(
 ) -> ChosenFoliage:
     """The leaves that were found, and wherever the cloud has leaves besides, others like the surest of them."""
     if captured is None or placed is None or traced is None or not (~traced.wood).any():
-        raise FoliageError("foliage.kind is filled: that takes leaves that were found, and a cloud that tells leaves")
+        raise FoliageError(
+            "foliage.kind is filled: that needs leaves that were found, and a cloud that shows which points are leaves"
+        )
     rng = np.random.default_rng(settings.seed)
     sure = _surest(placed)
     length_m = settings.foliage.leaf_length_m or float(np.median(sure.length_m))
@@ -214,7 +216,7 @@ def _choose(placed: Leaves | None, traced: TracedPlant | None, settings: BuildSe
     found = 0 if placed is None else len(placed)
     if placed is not None and found >= settings.foliage.min_drawn:
         if not (len(leafy_m) and traced.knows_leaves):
-            return "drawn", f"the cloud does not tell where leaves are: they are on the twigs, drawn from {found}"
+            return "drawn", f"the cloud does not show where leaves are: they are on the twigs, drawn from {found}"
         cover = leaf_cover(leafy_m, placed)
         text = f"{found} leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
         if cover >= settings.foliage.min_cover:
