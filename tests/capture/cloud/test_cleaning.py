@@ -1,4 +1,4 @@
-"""Strays and spacing of clouds whose points are known."""
+"""Outliers and spacing of clouds whose points are known."""
 
 import numpy as np
 import pytest
@@ -20,12 +20,12 @@ def moved(points, *offset):
 
 
 @pytest.mark.parametrize("scale", [0.001, 1.0, 1000.0])
-def test_points_alone_in_the_air_are_strays_at_any_scale(scale):
-    strays = np.array([(0.2, 0.2, 0.5), (0.5, 0.1, 0.2), (0.51, 0.1, 0.2)])
-    cleaned = drop_outliers(cloud_of(np.concatenate([sheet(), strays]) * scale))
+def test_points_alone_in_the_air_are_outliers_at_any_scale(scale):
+    outliers_m = np.array([(0.2, 0.2, 0.5), (0.5, 0.1, 0.2), (0.51, 0.1, 0.2)])
+    cleaned = drop_outliers(cloud_of(np.concatenate([sheet(), outliers_m]) * scale))
     assert cleaned.points_m == pytest.approx(sheet() * scale)
     assert np.array_equal(cleaned.views, np.arange(1600))
-    assert len(drop_outliers(cloud_of(strays), CleaningSettings(neighbors=0))) == 3
+    assert len(drop_outliers(cloud_of(outliers_m), CleaningSettings(neighbors=0))) == 3
 
 
 @pytest.mark.parametrize("scale", [0.001, 1.0, 1000.0])

@@ -128,16 +128,16 @@ def test_threads_change_nothing():
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_of_many_views_few_are_in_memory(threads):
-    given, most = [], 0
+    given, max_in_memory = [], 0
 
     def views():
-        nonlocal most
+        nonlocal max_in_memory
         for k in range(40):
             view = seen(looking_down(0.1 * k))
             given.append(weakref.ref(view))
             yield view
             del view
-            most = max(most, sum(each() is not None for each in given))
+            max_in_memory = max(max_in_memory, sum(each() is not None for each in given))
 
     merge_views(views(), threads=threads)
-    assert most <= threads + 2
+    assert max_in_memory <= threads + 2

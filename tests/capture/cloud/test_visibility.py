@@ -1,4 +1,4 @@
-"""What views say of points above and on a plane that they look down on."""
+"""Which views see points above and on a plane that they look down on, and which see through them."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_points_that_views_see_through_go_and_the_others_know_their_views():
     assert len(drop_seen_through(cloud, [plane()] * 9, VisibilitySettings(through=np.inf))) == 4
 
 
-def test_no_depth_says_nothing():
+def test_a_view_without_depth_neither_has_a_point_nor_sees_through_it():
     camera, depth_m = plane()
     having, through = count_views(np.array([ON, ABOVE]), [(camera, np.zeros_like(depth_m))])
     assert not having.any()

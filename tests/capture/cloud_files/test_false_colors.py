@@ -94,7 +94,7 @@ def test_colours_of_plants_are_colours(noise, base):
         assert check_colors(points, colors) == ""
 
 
-def test_grey_and_few_points_are_not_doubted():
+def test_grey_and_few_points_get_no_warning():
     points, _ = tree()
     grey = np.rint(unit(points[:, [2, 2, 2]]) * 255)
 
@@ -111,7 +111,7 @@ def test_black_points_hide_no_ramp():
     assert "a ramp" in check_colors(points, colors)
 
 
-def test_a_cloud_with_a_ramp_counts_as_uncoloured_and_says_so(tmp_path):
+def test_a_cloud_with_a_ramp_counts_as_uncoloured_with_a_remark(tmp_path):
     points, of_ball = tree()
     cloud = read_cloud_input(write_las(tmp_path / "a.las", points, ramp("VIRIDIS", unit(points[:, 2]))), METRES)
     assert cloud.colors is None
@@ -158,7 +158,7 @@ def test_samples_are_evenly_taken_and_few():
         "cloud-amsterdam-street-tree/stem_121913_487434.ply",
     ],
 )
-def test_colours_of_cameras_are_not_doubted(name):
+def test_colours_of_cameras_get_no_warning(name):
     if not (DATA / name).is_file():
         pytest.skip(f"../shared/data/{name} is absent")
     cloud = read_cloud_input(DATA / name, METRES)

@@ -43,16 +43,16 @@ def test_what_is_written_comes_back(tmp_path_factory, count, seed, away_m):
     cloud = some_cloud(count, seed, away_m)
     path = tmp_path_factory.mktemp("ply") / "cloud.ply"
     write_cloud(path, cloud)
-    held = read_cloud_file(path)
-    assert held.has_normals
-    assert held.has_colors
-    assert held.has_confidence
-    assert held.has_views
-    assert not held.not_finite
-    np.testing.assert_allclose(held.cloud.points_m, cloud.points_m, rtol=0, atol=1e-3 * 4 / max(count, 1) ** 0.5)
-    np.testing.assert_allclose(held.cloud.normals, cloud.normals, atol=1e-6)
+    content = read_cloud_file(path)
+    assert content.has_normals
+    assert content.has_colors
+    assert content.has_confidence
+    assert content.has_views
+    assert not content.not_finite
+    np.testing.assert_allclose(content.cloud.points_m, cloud.points_m, rtol=0, atol=1e-3 * 4 / max(count, 1) ** 0.5)
+    np.testing.assert_allclose(content.cloud.normals, cloud.normals, atol=1e-6)
     for name in ("srgb", "confidence", "views"):
-        np.testing.assert_array_equal(getattr(held.cloud, name), getattr(cloud, name))
+        np.testing.assert_array_equal(getattr(content.cloud, name), getattr(cloud, name))
 
 
 def test_the_bytes_are_those_of_the_format(tmp_path):
@@ -141,7 +141,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_that_is_a_file_is_told(tmp_path):
+def test_a_folder_that_is_a_file_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(CaptureError, match="was not written"):
         write_cloud(tmp_path / "file" / "cloud.ply", some_cloud(5))
@@ -176,14 +176,14 @@ def test_any_order_type_and_extra(tmp_path, order, sign):
         + struct.pack(f"{sign}BhdfhBB", 4, 6, 1e-3, 0.125, 7, 5, 6)
         + b"whatever",
     )
-    held = read_cloud_file(path)
-    np.testing.assert_array_equal(held.cloud.points_m, [[-3, 0.5, 0.25], [7, 0.125, 1e-3]])
-    np.testing.assert_array_equal(held.cloud.srgb, [[3, 2, 1], [6, 5, 4]])
-    assert not held.has_normals
-    assert not held.has_confidence
-    assert not held.has_views
-    assert not held.cloud.normals.any()
-    assert held.cloud.confidence.tolist() == held.cloud.views.tolist() == [1, 1]
+    content = read_cloud_file(path)
+    np.testing.assert_array_equal(content.cloud.points_m, [[-3, 0.5, 0.25], [7, 0.125, 1e-3]])
+    np.testing.assert_array_equal(content.cloud.srgb, [[3, 2, 1], [6, 5, 4]])
+    assert not content.has_normals
+    assert not content.has_confidence
+    assert not content.has_views
+    assert not content.cloud.normals.any()
+    assert content.cloud.confidence.tolist() == content.cloud.views.tolist() == [1, 1]
 
 
 @pytest.mark.parametrize("lengths", [(2, 2, 2), (0, 3, 1)])
@@ -238,13 +238,13 @@ def test_text(tmp_path, ending):
         ending.join(["3 0 1 2", "1 2 3 2 7 7 9 8 7", "1e-3 -.5 nan 0 1 2 3", "4 5 6 0 1 2 300", ""]).encode(),
         ending,
     )
-    held = read_cloud_file(path)
-    np.testing.assert_array_equal(held.cloud.points_m, [[1, 2, 3], [4, 5, 6]])
-    np.testing.assert_array_equal(held.cloud.srgb, [[9, 8, 7], [1, 2, 255]])
-    assert held.not_finite == 1
+    content = read_cloud_file(path)
+    np.testing.assert_array_equal(content.cloud.points_m, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(content.cloud.srgb, [[9, 8, 7], [1, 2, 255]])
+    assert content.not_finite == 1
 
 
-def test_points_that_are_not_finite_are_left_out_and_told(tmp_path, caplog):
+def test_points_that_are_not_finite_are_left_out_with_a_warning(tmp_path, caplog):
     rows = np.zeros((5, 3), "<f4")
     rows[1, 0], rows[3, 2], rows[4, 1] = np.nan, np.inf, -np.inf
     path = ply(tmp_path / "a.ply", f"format binary_little_endian 1.0\nelement vertex 5\n{XYZ}", rows.tobytes())
@@ -351,12 +351,12 @@ def test_damage_ends_in_a_cloud_or_an_error(tmp_path_factory, cut, flips):
 def test_a_cloud_of_another_program():
     if not SCAN.is_file():
         pytest.skip(f"{SCAN} is absent")
-    held = read_cloud_file(SCAN)
-    assert len(held.cloud) == 160_000
-    assert not held.has_normals
-    assert not held.has_colors
-    assert not held.not_finite
-    assert 4 < np.ptp(held.cloud.points_m[:, 2]) < 6  # a tree of 5 m, in metres
+    content = read_cloud_file(SCAN)
+    assert len(content.cloud) == 160_000
+    assert not content.has_normals
+    assert not content.has_colors
+    assert not content.not_finite
+    assert 4 < np.ptp(content.cloud.points_m[:, 2]) < 6  # a tree of 5 m, in metres
 
 
 def test_numbers_that_are_none_make_no_noise(tmp_path):

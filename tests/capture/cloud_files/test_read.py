@@ -85,7 +85,7 @@ def test_ply_of_any_order_and_type(tmp_path, order):
     np.testing.assert_allclose(read_cloud_input(path, METRES).points_m, points - np.round(np.median(points, axis=0)))
 
 
-def test_ply_is_told_by_its_first_bytes(tmp_path):
+def test_ply_is_recognized_by_its_first_bytes(tmp_path):
     cloud = read_cloud_input(write_ply(tmp_path / "scan.data", some_points()), METRES)
     assert len(cloud.points_m) == 200
     write_las(tmp_path / "scan.las", some_points()).rename(tmp_path / "scan.ptcloud")
@@ -104,7 +104,7 @@ def test_vertices_with_lists_are_read(tmp_path):
     np.testing.assert_allclose(cloud.points_m + cloud.origin_m, points, atol=1e-6)
 
 
-def test_float_coordinates_of_a_map_are_told(tmp_path):
+def test_float_coordinates_of_a_map_are_reported(tmp_path):
     path = write_ply(tmp_path / "a.ply", some_points() + np.array([121_000, 487_000, 0]), kind="float")
     (coarse,) = read_cloud_input(path, METRES).remarks
     assert coarse.code == "cloud-coordinates-coarse"
@@ -113,11 +113,11 @@ def test_float_coordinates_of_a_map_are_told(tmp_path):
 
 def test_progress_ends_at_the_total(tmp_path):
     for suffix in (".ply", ".laz", ".xyz"):
-        told: list[tuple[int, int]] = []
+        calls: list[tuple[int, int]] = []
         path = write_any(tmp_path / f"a{suffix}", some_points())
-        read_cloud_input(path, METRES, lambda done, total, told=told: told.append((done, total)))
-        assert told
-        assert told[-1][0] == told[-1][1]
+        read_cloud_input(path, METRES, lambda done, total, calls=calls: calls.append((done, total)))
+        assert calls
+        assert calls[-1][0] == calls[-1][1]
 
 
 # Capture folders
@@ -174,7 +174,7 @@ def test_truncated_files_are_refused(tmp_path, suffix, share):
         read_cloud_input(path)
 
 
-def test_ascii_ply_that_ends_early_tells_how_many_rows_there_are(tmp_path, monkeypatch):
+def test_the_error_of_ascii_ply_that_ends_early_counts_its_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(ply_files, "PART_POINTS", 64)
     path = write_ply(tmp_path / "a.ply", some_points(), order="")
     np.testing.assert_allclose(len(read_cloud_input(path, METRES).points_m), 200)
@@ -211,7 +211,7 @@ def test_what_can_be_no_plant_is_refused(tmp_path, points, reason, order):
         read_cloud_input(path, METRES)
 
 
-def test_e57_and_unknown_files_say_what_to_do(tmp_path):
+def test_the_errors_of_e57_and_unknown_files_give_a_remedy(tmp_path):
     (tmp_path / "a.e57").write_bytes(b"ASTM-E57" + bytes(100))
     with pytest.raises(
         CaptureError, match=r"E57, which is not read; convert it to LAZ, with 'pdal translate a.e57 a.laz"

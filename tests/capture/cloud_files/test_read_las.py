@@ -1,4 +1,4 @@
-"""LAS and LAZ: units as their coordinate systems say, what is marked is left out, damage is told."""
+"""LAS and LAZ: units of their coordinate systems, marked points are left out, damage is reported."""
 
 import struct
 
@@ -128,7 +128,7 @@ def test_black_is_no_colour(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["chunks", "chunk size", "points", "signature", "scale", "records", "late records"])
-def test_damage_is_told(tmp_path, damage):
+def test_damage_is_reported(tmp_path, damage):
     path = write_las(tmp_path / "a.laz", some_points())
     data = bytearray(path.read_bytes())
     start = struct.unpack_from("<I", data, 96)[0]

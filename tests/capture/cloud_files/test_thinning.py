@@ -12,8 +12,8 @@ from usdfoliage.capture.cloud_files.thinning import PointThinner
 from tests.support.cloud_files import write_ply
 
 
-def thin(points, most, part=1000, colors=None):
-    thinner = PointThinner(most)
+def thin(points, max_points, part=1000, colors=None):
+    thinner = PointThinner(max_points)
     for start in range(0, len(points), part):
         some = slice(start, start + part)
         thinner.add(points[some], None if colors is None else colors[some])
@@ -56,7 +56,7 @@ def test_cells_have_the_mean_of_places_and_colours():
     np.testing.assert_allclose(result.colors[order][:, 0], [0, 60, 120, 180], atol=1e-3)
 
 
-def test_strays_and_one_place_do_no_harm():
+def test_outliers_and_many_points_at_one_place_do_no_harm():
     points = np.concatenate([sheet(5000), [[1e11, -1e11, 1e11], [-1e11, 0, 0]]])
     assert 400 <= len(thin(points, 1000).points) <= 1000
     assert len(thin(np.ones((5000, 3)), 1000).points) == 1

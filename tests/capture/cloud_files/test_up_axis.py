@@ -1,4 +1,4 @@
-"""Up in a cloud: found by trunk or ground whichever way the cloud lies, assumed where nothing says it."""
+"""Up in a cloud: found by trunk or ground however the cloud lies, assumed where neither shows it."""
 
 from pathlib import Path
 
@@ -34,8 +34,11 @@ def arm(low_m, out, count=400):
 
 def ball(radius_m, center, count=20_000):
     rng = np.random.default_rng(3)
-    way = rng.normal(size=(count, 3))
-    return way / np.linalg.norm(way, axis=1, keepdims=True) * radius_m * rng.uniform(0.5, 1, (count, 1)) + center
+    directions = rng.normal(size=(count, 3))
+    return (
+        directions / np.linalg.norm(directions, axis=1, keepdims=True) * radius_m * rng.uniform(0.5, 1, (count, 1))
+        + center
+    )
 
 
 def cone(radius_m, low_m, high_m, count=20_000):
@@ -56,7 +59,7 @@ def bush():
 
 
 LOLLIPOP = np.concatenate([trunk(3), ball(2, (0, 0, 4.5))])
-TOLD = {
+CLEAR = {
     "lollipop": LOLLIPOP,
     "lollipop on the ground": np.concatenate([LOLLIPOP, disk(4)]),
     "lollipop on a slope": np.concatenate([LOLLIPOP, disk(4, slope=0.3)]),
@@ -67,7 +70,7 @@ TOLD = {
     "bush on the ground": np.concatenate([bush(), disk(2)]),
     "hedge on the ground": np.concatenate([box((6, 1, 1.5)), box((7, 3, 0.03), 8000)]),
 }
-UNTOLD = {
+UNCLEAR = {
     "bush": bush(),
     "hedge": box((6, 1, 1.5)),
     "conifer to the ground": cone(2, 0, 10),
@@ -92,49 +95,49 @@ def name_of(axis) -> str:
 
 
 @pytest.mark.parametrize("axis", AXES)
-@pytest.mark.parametrize("shape", TOLD)
-def test_trunk_and_ground_tell_up_whichever_way_the_cloud_lies(shape, axis):
-    found = find_cloud_up(TOLD[shape] @ TURNS[axis].T)
+@pytest.mark.parametrize("shape", CLEAR)
+def test_trunk_and_ground_show_up_however_the_cloud_lies(shape, axis):
+    found = find_cloud_up(CLEAR[shape] @ TURNS[axis].T)
     assert name_of(found.axis) == axis, found.how
     assert "by" in found.how
 
 
-@pytest.mark.parametrize("shape", UNTOLD)
+@pytest.mark.parametrize("shape", UNCLEAR)
 def test_without_evidence_z_is_up_and_not_sure(shape):
     for axis in AXES:
-        found = find_cloud_up(UNTOLD[shape] @ TURNS[axis].T)
+        found = find_cloud_up(UNCLEAR[shape] @ TURNS[axis].T)
         assert name_of(found.axis) == "+Z", (axis, found.how)
         assert not found.sure
         assert "assumed" in found.how or "by" in found.how
-    usual = find_cloud_up(UNTOLD[shape], format_up="Y")
-    assert name_of(usual.axis) == "+Y"
-    assert usual.sure
+    of_format = find_cloud_up(UNCLEAR[shape], format_up="Y")
+    assert name_of(of_format.axis) == "+Y"
+    assert of_format.sure
 
 
-def test_what_is_stated_is_followed_and_doubted():
+def test_a_stated_axis_is_followed_and_uncertain_against_a_trunk():
     assert find_cloud_up(LOLLIPOP, "Z").sure
-    doubted = find_cloud_up(LOLLIPOP, "y")
-    assert name_of(doubted.axis) == "+Y"
-    assert not doubted.sure
-    assert doubted.how.startswith("+Y as stated, but a trunk indicates +Z")
+    uncertain = find_cloud_up(LOLLIPOP, "y")
+    assert name_of(uncertain.axis) == "+Y"
+    assert not uncertain.sure
+    assert uncertain.how.startswith("+Y as stated, but a trunk indicates +Z")
     upside_down = find_cloud_up(LOLLIPOP @ TURNS["-Z"].T, "+Z")
     assert not upside_down.sure
     assert "-Z: it may lie or stand upside down" in upside_down.how
-    assert find_cloud_up(UNTOLD["bush"], "-X").sure
+    assert find_cloud_up(UNCLEAR["bush"], "-X").sure
 
 
-def test_what_is_usual_needs_more_to_be_believed_against():
+def test_a_clear_trunk_overrules_the_axis_of_the_format():
     assert name_of(find_cloud_up(LOLLIPOP @ TURNS["+Y"].T, format_up="+Z").axis) == "+Y"
     assert find_cloud_up(LOLLIPOP, format_up="+Z").sure
 
 
 @settings(max_examples=20)
 @given(
-    seed=st.integers(0, 2**32 - 1), shape=st.sampled_from(sorted({**TOLD, **UNTOLD})),
+    seed=st.integers(0, 2**32 - 1), shape=st.sampled_from(sorted({**CLEAR, **UNCLEAR})),
     scale=st.sampled_from([0.01, 1.0, 64.0]),
 )  # fmt: skip
 def test_the_order_of_the_points_and_the_size_do_not_matter(seed, shape, scale):
-    points = {**TOLD, **UNTOLD}[shape]
+    points = {**CLEAR, **UNCLEAR}[shape]
     shuffled = np.random.default_rng(seed).permutation(points)
     first, second = find_cloud_up(points), find_cloud_up(scale * shuffled)
     assert np.array_equal(first.axis, second.axis)
@@ -148,9 +151,9 @@ def test_how_dense_the_scan_is_does_not_matter():
         assert name_of(find_cloud_up(points).axis) == "+Z"
 
 
-def test_stray_points_do_not_matter():
-    strays = np.random.default_rng(6).uniform(-30, 30, (8, 3))
-    assert name_of(find_cloud_up(np.concatenate([LOLLIPOP, strays]) @ TURNS["+Y"].T).axis) == "+Y"
+def test_outliers_do_not_matter():
+    outliers = np.random.default_rng(6).uniform(-30, 30, (8, 3))
+    assert name_of(find_cloud_up(np.concatenate([LOLLIPOP, outliers]) @ TURNS["+Y"].T).axis) == "+Y"
 
 
 @pytest.mark.parametrize("axis", AXES)

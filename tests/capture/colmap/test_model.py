@@ -108,7 +108,7 @@ def test_the_model_is_found(tmp_path, below):
     assert find_camera_model(tmp_path) == tmp_path / below
 
 
-def test_no_model_says_what_to_put_there(tmp_path):
+def test_the_error_of_a_missing_model_names_its_files(tmp_path):
     with pytest.raises(CaptureError, match=r"cameras\.txt and images\.txt"):
         find_camera_model(tmp_path)
 

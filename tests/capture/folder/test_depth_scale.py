@@ -50,7 +50,7 @@ def test_no_depth_is_no_reason_for_a_remark(views):
     assert leave_out_other_units(before, NO_POINTS) == (tuple(before), ())
 
 
-def test_two_views_do_not_say_which_is_right(views):
+def test_of_two_views_neither_is_left_out(views):
     before = scaled(views[:2], 1, 1000)
     kept, remarks = leave_out_other_units(before, NO_POINTS)
     assert list(kept) == before
@@ -77,7 +77,7 @@ def test_a_folder_with_one_view_in_millimetres(tmp_path, views):
     assert left_out.subject == odd
 
 
-def test_points_of_the_cameras_tell_a_unit_too(views):
+def test_points_of_the_cameras_show_a_unit_too(views):
     before = scaled(views, 1, 1, 1000)
     rows, columns = np.nonzero(views[2].depth_m)
     points_m = views[2].camera.unproject(np.column_stack([columns, rows]) + 0.5, views[2].depth_m[rows, columns])

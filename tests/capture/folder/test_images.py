@@ -19,7 +19,7 @@ HEIGHT, WIDTH = 40, 56
 
 @pytest.fixture
 def colors() -> np.ndarray:
-    """(H, W, 3) uint8, smooth, and no two corners alike."""
+    """(H, W, 3) uint8, smooth, with four different corners."""
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
     return np.dstack([4 * columns, 6 * rows, 2 * rows + 2 * columns]).astype(np.uint8)
 
@@ -50,7 +50,7 @@ def write_image(path: Path, pixels: np.ndarray, kind: str = "", **attributes: ob
 
 
 def icc_profile(description: str) -> np.ndarray:
-    """The least of a profile that says its name."""
+    """The smallest profile that has a name."""
     text = b"desc" + bytes(4) + struct.pack(">I", len(description) + 1) + description.encode() + bytes(79)
     tags = struct.pack(">I4sII", 1, b"desc", 144, len(text))
     header = struct.pack(">I4xI", 128 + len(tags) + len(text), 0x02400000) + b"mntrRGB XYZ " + bytes(12) + b"acsp"
@@ -305,7 +305,7 @@ def test_adobe_rgb_profile(tmp_path, suffix):
     np.testing.assert_allclose(photo.linear[20, 20], expected, atol=0.008)
 
 
-def test_unknown_profile_is_read_as_srgb_and_said(tmp_path, colors, caplog):
+def test_unknown_profile_is_read_as_srgb_with_a_warning(tmp_path, colors, caplog):
     path = write_image(tmp_path / "p.tif", colors, ICCProfile=icc_profile("Grandmother's scanner"))
     assert read_photo(path).color_space == "sRGB"
     assert "Grandmother's scanner" in caplog.text

@@ -142,8 +142,8 @@ def test_a_full_disk_leaves_the_old_map(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
 
 
-def test_a_map_that_came_out_otherwise_is_told(tmp_path, monkeypatch):
-    """As on a disk that is full, where OpenEXR says nothing."""
+def test_a_map_that_was_not_written_whole_is_an_error(tmp_path, monkeypatch):
+    """As on a disk that is full, where OpenEXR raises no error."""
     written = OpenEXR.File.write
 
     def write_less(file, name):
@@ -188,8 +188,8 @@ def test_places_are_those_of_the_map(lens):
     undistortion = undistort(lens)
     grid = np.stack(np.meshgrid(np.linspace(30, 90, 7), np.linspace(20, 70, 6)), -1).reshape(-1, 2)
     x, y = (
-        cv2.remap(held, *(np.float32(grid - 0.5)[None, :, axis] for axis in (0, 1)), cv2.INTER_LINEAR)[0]
-        for held in (undistortion.x, undistortion.y)
+        cv2.remap(undistorted, *(np.float32(grid - 0.5)[None, :, axis] for axis in (0, 1)), cv2.INTER_LINEAR)[0]
+        for undistorted in (undistortion.x, undistortion.y)
     )
     np.testing.assert_allclose(undistort_places(lens, np.column_stack([x, y]) + 0.5), grid, atol=0.02)
 

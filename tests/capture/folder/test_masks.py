@@ -85,7 +85,7 @@ def test_black_and_white_with_alpha(tmp_path, plant):
     np.testing.assert_array_equal(read_mask(tmp_path / "mask.png", plant.shape), plant)
 
 
-def test_opaque_alpha_says_nothing(tmp_path, plant):
+def test_opaque_alpha_is_ignored(tmp_path, plant):
     values = np.repeat((plant * np.uint8(255))[..., None], 4, axis=2)
     values[..., 3] = 255
     cv2.imwrite(str(tmp_path / "mask.png"), values)
@@ -97,7 +97,7 @@ def test_jpeg(tmp_path, plant):
     assert np.count_nonzero(read_mask(tmp_path / "mask.jpg", plant.shape) != plant) <= 2
 
 
-def test_mask_of_the_stored_photograph_is_turned_alike(tmp_path, plant, caplog):
+def test_mask_of_the_stored_photograph_is_turned_with_it(tmp_path, plant, caplog):
     path = write_grey(tmp_path / "mask.png", plant.astype(np.uint8) * 255)
     with caplog.at_level(logging.INFO):
         turned = read_mask(path, (WIDTH, HEIGHT, 3), photo_orientation=6)
@@ -105,7 +105,7 @@ def test_mask_of_the_stored_photograph_is_turned_alike(tmp_path, plant, caplog):
     assert "orientation 6" in caplog.text
 
 
-def test_mask_of_the_photograph_as_shown_is_not_turned(tmp_path, plant):
+def test_mask_of_the_upright_photograph_is_not_turned(tmp_path, plant):
     path = write_grey(tmp_path / "mask.png", plant.astype(np.uint8) * 255)
     np.testing.assert_array_equal(read_mask(path, plant.shape, photo_orientation=6), plant)
 

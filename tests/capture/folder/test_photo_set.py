@@ -42,8 +42,8 @@ def test_good_ones_among_bad(tmp_path):
     (tmp_path / "notes.txt").write_text("not looked at")
     (tmp_path / "walk.MOV").touch()
     (tmp_path / "raw.CR2").touch()
-    told: list[tuple[int, int]] = []
-    found = read_photo_set(tmp_path, progress=lambda *done: told.append(done))
+    calls: list[tuple[int, int]] = []
+    found = read_photo_set(tmp_path, progress=lambda *done: calls.append(done))
     assert [photo.name for photo in found.photos] == ["0.png", "1.png", "2.png"]
     reasons = {item.name: item.reason for item in found.dropped}
     assert list(reasons) == ["empty.jpg", "text.jpg", "torn.png", "z.png"]
@@ -52,7 +52,7 @@ def test_good_ones_among_bad(tmp_path):
     assert reasons["z.png"] == "a copy of 1.png"
     assert any("ffmpeg -i walk.MOV" in each.sentence(as_plan_setting) for each in found.remarks)
     assert ("raw-photographs-not-used", "raw.CR2") in [(each.code, each.subject) for each in found.remarks]
-    assert told[-1] == (7, 7)
+    assert calls[-1] == (7, 7)
 
 
 def test_only_some(tmp_path):
@@ -64,11 +64,11 @@ def test_only_some(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("a.mp4", "ffmpeg -i a.mp4"), ("a.dng", "convert"), ("a.txt", "no photographs")]
+    ("name", "message"), [("a.mp4", "ffmpeg -i a.mp4"), ("a.dng", "convert"), ("a.txt", "no photographs")]
 )
-def test_no_photograph_at_all(tmp_path, name, said):
+def test_no_photograph_at_all(tmp_path, name, message):
     (tmp_path / name).touch()
-    with pytest.raises(CaptureError, match=said):
+    with pytest.raises(CaptureError, match=message):
         read_photo_set(tmp_path)
 
 
@@ -140,7 +140,7 @@ def test_16_bits_floats_and_gray(tmp_path):
     assert read_gray(tmp_path / "a.png", max_side_px=40).shape == (30, 40)
 
 
-def test_what_exif_says(tmp_path):
+def test_exif_is_read(tmp_path):
     write(
         tmp_path / "a.jpg", noise((360, 240)), Make="Maker", Model="One", Exif__FocalLengthIn35mmFilm=50,
         GPS__Latitude=(46.0, 30.0, 36.0), GPS__LatitudeRef="S", GPS__Longitude=(8.0, 0.0, 0.0), GPS__LongitudeRef="E",

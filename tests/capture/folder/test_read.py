@@ -38,7 +38,7 @@ def sentences_of(folder: Path, **options: str) -> str:
 # What is there.
 
 
-def test_views_are_what_the_files_say(folder):
+def test_views_have_the_values_of_the_files(folder):
     capture = read_capture(folder)
     read = read_views(capture)
     assert capture.remarks == read.remarks == ()
@@ -152,7 +152,7 @@ def test_the_asset_is_y_up_in_metres(folder, axis, expected):
     assert np.linalg.det(capture.asset_from_world[:3, :3]) == pytest.approx(1)
 
 
-def test_unknown_keys_are_told(folder):
+def test_unknown_keys_are_reported(folder):
     (folder / "capture.toml").write_text('uo_axis = "Z"\nscale = 2')
     assert [each.text for each in read_capture(folder).remarks] == [
         "capture.toml: scale, uo_axis not known, and not used"
@@ -277,10 +277,10 @@ def test_depth_of_another_size(folder):
     write_depth(folder / "depth" / "001.exr", np.ones((24, 32)))
     read = read_views(read_capture(folder))
     assert [view.has_depth for view in read.views] == [True, False, True, True]
-    (held,) = read.remarks
-    assert held.code == "depth-map-ignored"
-    assert held.text.startswith("001.png: the depth map is ignored; ")
-    assert "001.exr is 32×24 pixels, its photograph 64×48" in held.text
+    (one_remark,) = read.remarks
+    assert one_remark.code == "depth-map-ignored"
+    assert one_remark.text.startswith("001.png: the depth map is ignored; ")
+    assert "001.exr is 32×24 pixels, its photograph 64×48" in one_remark.text
 
 
 def test_no_depth_of_the_right_size(folder):
@@ -322,7 +322,7 @@ def test_depths_that_are_no_distance_are_counted(folder):
     assert all(np.isfinite(view.depth_m).all() and (view.depth_m[:2, :50] == 0).all() for view in read.views)
 
 
-def test_a_channel_of_another_name_is_told(folder):
+def test_a_channel_of_another_name_is_reported(folder):
     write_depth(folder / "depth" / "000.exr", np.full((SIZE[1], SIZE[0]), 1.5), "Y")
     assert "000.png: the channel Y is taken for the depth, whose name is Z" in sentences_of(folder)
 
@@ -343,8 +343,8 @@ def test_photographs_without_cameras_and_the_reverse(folder):
 
 def test_names_that_are_no_unicode_can_be_printed(folder):
     shutil.copy(folder / "images" / "000.png", folder / "images" / "\udcff.png")
-    (held,) = read_capture(folder).remarks
-    assert held.text == "1 photograph without a camera: \\udcff.png"
+    (one_remark,) = read_capture(folder).remarks
+    assert one_remark.text == "1 photograph without a camera: \\udcff.png"
 
 
 def test_no_photograph_has_a_camera(folder):
@@ -383,9 +383,9 @@ def test_damaged_photographs_are_left_out(folder):
     (folder / "images" / "003.png").write_bytes(b"")
     read = read_views(read_capture(folder))
     assert [view.name for view in read.views] == ["000.png", "002.png"]
-    (held,) = read.remarks
-    assert (held.code, held.subject) == ("photographs-unusable", "001.png, 003.png")
-    assert "truncated" in held.text
+    (one_remark,) = read.remarks
+    assert (one_remark.code, one_remark.subject) == ("photographs-unusable", "001.png, 003.png")
+    assert "truncated" in one_remark.text
 
 
 def test_all_photographs_damaged(folder):
@@ -397,9 +397,9 @@ def test_all_photographs_damaged(folder):
 
 def test_damaged_points_are_no_reason_to_stop(folder):
     (folder / "cameras" / "points3D.txt").write_text("1 0 0\n")
-    (held,) = read_capture(folder).remarks
-    assert held.code == "model-points-not-used"
-    assert "points3D.txt:1" in held.text
+    (one_remark,) = read_capture(folder).remarks
+    assert one_remark.code == "model-points-not-used"
+    assert "points3D.txt:1" in one_remark.text
 
 
 def test_an_unusable_mask_is_ignored(folder):
@@ -422,8 +422,8 @@ def test_resized_photographs_scale_their_camera(folder):
         depth_m = captures.sphere_depth(wide.pinhole(ring(4)[name]), 0.5)
         write_depth((folder / "depth" / name).with_suffix(".exr"), depth_m)
     read = read_views(read_capture(folder))
-    (held,) = read.remarks
-    assert "for pictures of 64×48 pixels and is scaled to the photograph's 160×120" in held.text
+    (one_remark,) = read.remarks
+    assert "for pictures of 64×48 pixels and is scaled to the photograph's 160×120" in one_remark.text
     for view in read.views:
         assert view.camera.focal_px == (200, 205)
         points = view.points()
@@ -459,7 +459,7 @@ def test_cameras_are_for_pixels_as_stored(tmp_path, orientation):
 
 
 def test_cameras_for_upright_photographs(tmp_path):
-    """Other programs turn photographs first; where the proportions say so, they are turned."""
+    """Other programs turn photographs first; where the proportions show that, they are turned."""
     upright = Lens(model="PINHOLE", width_px=48, height_px=64, parameters=(80.0, 80.0, 24.0, 32.0))
     write_capture(tmp_path, poses={"a.tif": look_at((0, 0, 2), (0, 0, 0))}, lens=upright)
     pixels = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
@@ -523,7 +523,7 @@ def test_a_right_scale_needs_no_remark(folder):
 
 
 @pytest.mark.parametrize("points", [True, False])
-def test_depth_in_millimetres_is_told(tmp_path, points):
+def test_depth_in_millimetres_is_reported(tmp_path, points):
     write_capture(tmp_path, depth_scale=1000)
     if points:
         with_points(tmp_path)
@@ -531,7 +531,7 @@ def test_depth_in_millimetres_is_told(tmp_path, points):
 
 
 @pytest.mark.parametrize("points", [True, False])
-def test_poses_in_millimetres_are_told(folder, points):
+def test_poses_in_millimetres_are_reported(folder, points):
     with_points(folder, 1000)
     if not points:
         (folder / "cameras" / "points3D.txt").unlink()
@@ -540,7 +540,7 @@ def test_poses_in_millimetres_are_told(folder, points):
     assert sentences_of(folder) == ""
 
 
-def test_a_model_without_scale_is_told_its_own(folder):
+def test_the_remark_on_a_model_without_scale_gives_its_scale(folder):
     with_points(folder, 7.5)
     (sentence,) = sentences_of(folder).splitlines()
     metres_per_unit = float(sentence.split("metres_per_unit = ")[1].split()[0])
@@ -549,7 +549,7 @@ def test_a_model_without_scale_is_told_its_own(folder):
     assert sentences_of(folder) == ""
 
 
-def test_cameras_that_look_one_way_are_compared_by_their_spread(tmp_path):
+def test_cameras_that_look_in_one_direction_are_compared_by_their_spread(tmp_path):
     poses = {f"{k}.png": look_at((0.3 * k, 0, 2), (0.3 * k, 0, 0)) for k in range(4)}
     write_capture(tmp_path / "metres", poses=poses)
     write_capture(tmp_path / "millimetres", poses=poses, depth_scale=1000)
@@ -634,5 +634,5 @@ def test_cameras_for_smaller_photographs(tmp_path):
     assert (view.camera.width_px, view.camera.height_px) == (2000, 1125)
     assert view.camera.focal_px[0] == pytest.approx(1206.3441308733882 * 1.25)
     assert view.srgb.shape == (1125, 2000, 3)
-    (held,) = read.remarks
-    assert "for pictures of 1600×900 pixels and is scaled to the photograph's 2000×1125" in held.text
+    (one_remark,) = read.remarks
+    assert "for pictures of 1600×900 pixels and is scaled to the photograph's 2000×1125" in one_remark.text

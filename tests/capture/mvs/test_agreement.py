@@ -25,7 +25,7 @@ def test_what_the_others_confirm_is_kept_and_what_not_is_not():
     wrong[30:50, 40:60, 0] *= 1.2
     own = MatchedPlanes(camera=CAMERAS[0], planes=wrong, cost=planes[0].cost)
     view = draw(CAMERAS[0], SLANTED)
-    # A texture of noise has any colour anywhere, which tells nothing of what lies behind.
+    # A texture of noise has any colour anywhere, so colours do not show what lies behind.
     found = confirm_depth(own, [*planes[1:], None], [], view.srgb, AgreementSettings(fringe_px=0))
     assert not found.depth_m[33:47, 43:57].any()
     good = inside(18).copy()
@@ -72,7 +72,7 @@ def test_the_fringe_of_a_thin_thing_is_what_has_the_colour_behind_it():
     assert (found[stem] == 1).all()
     assert not (found[~stem] == 1).any()
     assert np.array_equal(drop_fringe(depth_m, srgb, AgreementSettings(fringe_px=0)), depth_m)
-    low = AgreementSettings(fringe_contrast=700)  # brighter by less than that tells nothing
+    low = AgreementSettings(fringe_contrast=700)  # a smaller difference in brightness does not count
     assert np.array_equal(drop_fringe(depth_m, srgb, low), depth_m)
 
 

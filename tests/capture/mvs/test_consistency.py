@@ -30,7 +30,7 @@ def wall(depth_m=1.0):
     return [np.full(SIZE, depth_m) for _ in CAMERAS]
 
 
-def test_what_all_see_alike_stays():
+def test_depth_on_which_all_views_agree_stays():
     for kept in keep(wall()):
         np.testing.assert_allclose(kept[:, 6:-6], 1.0, rtol=1e-6)
 

@@ -61,7 +61,7 @@ def test_a_step_stays_a_step():
     assert np.mean(error[:, beside][inside()[:, beside]] < 0.01) > 0.95
 
 
-def test_color_tells_what_texture_does_not():
+def test_color_separates_surfaces_without_texture():
     # A plain twig before a plain wall: at the wall's depth its window lies on the wall in the other photographs.
     twig = [(STEP[0][0], STEP[0][1], (1, 1, 1)), (STEP[1][0], lambda at: np.abs(at[..., 0]) < 0.02, (0.3, 0.8, 0.2))]
     views = [draw(cam, twig, plain=True) for cam in (camera(), camera(0.25))]
@@ -78,7 +78,7 @@ def test_color_tells_what_texture_does_not():
     assert more[1] > more[0] + 0.4
 
 
-def test_what_sources_say_mends_what_does_not_match():
+def test_planes_of_sources_mend_what_does_not_match():
     views = [draw(cam, SLANTED) for cam in CAMERAS]
     exact = [exact_planes(cam, SLANTED[0][0]) for cam in CAMERAS]
     assert exact[1].depth_m == pytest.approx(views[1].depth_m, rel=1e-5)
@@ -91,8 +91,8 @@ def test_what_sources_say_mends_what_does_not_match():
 
     # What is off by many pixels costs the whole limit; what is right nothing but its match.
     none = match_view(views[0], views[1:], RANGE_M, 0, 0, SETTINGS, start=start, source_planes=exact[1:])
-    most = SETTINGS.geometric_weight * SETTINGS.geometric_limit_px
-    assert np.median(none.cost[25:35, 35:45]) > most > 5 * np.median(none.cost[50:60, 60:70])
+    limit = SETTINGS.geometric_weight * SETTINGS.geometric_limit_px
+    assert np.median(none.cost[25:35, 35:45]) > limit > 5 * np.median(none.cost[50:60, 60:70])
 
 
 def test_a_segments_plane_is_tried_and_what_leaves_it_pays_where_there_is_no_texture():
@@ -107,8 +107,8 @@ def test_a_segments_plane_is_tried_and_what_leaves_it_pays_where_there_is_no_tex
     assert np.mean(np.abs(found.depth_m / views[0].depth_m - 1)[inside(14)] < 0.003) > 0.97
 
     free = match_view(views[0], sources, RANGE_M, 0, 0, SETTINGS, start=start)
-    held = match_view(views[0], sources, RANGE_M, 0, 0, strict, start=start, segment_planes=exact.planes)
-    assert (held.cost - free.cost)[inside()] == pytest.approx(SETTINGS.segment_weight, abs=1e-5)
+    with_planes = match_view(views[0], sources, RANGE_M, 0, 0, strict, start=start, segment_planes=exact.planes)
+    assert (with_planes.cost - free.cost)[inside()] == pytest.approx(SETTINGS.segment_weight, abs=1e-5)
     textured = match_view(views[0], sources, RANGE_M, 0, 0, SETTINGS, start=start, segment_planes=exact.planes)
     pays = (textured.cost - free.cost)[inside()]
     assert 0 < np.median(pays) < 0.5 * SETTINGS.segment_weight
@@ -204,9 +204,9 @@ def test_planes_of_another_view_are_the_same_planes():
     planes = [exact_planes(cam, SLANTED[0][0]) for cam in CAMERAS]
     (layer, other) = propose_planes(CAMERAS[0], [planes[1], planes[2], None])
     for seen in (layer, other):
-        shown = seen[..., 0] > 0
-        assert shown[inside(20)].mean() > 0.9
-        assert seen[shown] == pytest.approx(planes[0].planes[shown], rel=1e-3, abs=1e-5)
+        has_depth = seen[..., 0] > 0
+        assert has_depth[inside(20)].mean() > 0.9
+        assert seen[has_depth] == pytest.approx(planes[0].planes[has_depth], rel=1e-3, abs=1e-5)
     assert propose_planes(CAMERAS[0], [None]) is None
 
 

@@ -309,13 +309,13 @@ def semiglobal_planes(cost, photo, small, large, edge):
     height, width, planes = cost.shape
     total = np.zeros(cost.shape, int)
     for dy, dx in [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]:
-        way = np.zeros(cost.shape, int)
+        path_cost = np.zeros(cost.shape, int)
         for row in range(height)[:: -1 if dy < 0 else 1]:
             for column in range(width)[:: -1 if dx < 0 else 1]:
-                way[row, column] = cost[row, column]
+                path_cost[row, column] = cost[row, column]
                 before = row - dy, column - dx
                 if 0 <= before[0] < height and 0 <= before[1] < width:
-                    last = way[before]
+                    last = path_cost[before]
                     difference = abs(int(photo[row, column]) - int(photo[before]))
                     jump = max(small + 1, int(large * edge / (edge + difference)))
                     beside = np.full(planes + 2, 10**6)
@@ -323,8 +323,8 @@ def semiglobal_planes(cost, photo, small, large, edge):
                     cheapest = np.minimum.reduce(
                         [last, beside[:-2] + small, beside[2:] + small, np.full(planes, last.min() + jump)]
                     )
-                    way[row, column] += cheapest - last.min()
-        total += way
+                    path_cost[row, column] += cheapest - last.min()
+        total += path_cost
     return total
 
 

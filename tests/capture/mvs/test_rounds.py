@@ -38,7 +38,7 @@ def estimates(views):
     return estimate_depths(views, POINTS_M, SETTINGS)
 
 
-def test_depth_is_found_and_what_is_doubtful_is_not_kept(views, estimates):
+def test_depth_is_found_and_uncertain_depth_is_not_kept(views, estimates):
     for view, found in zip(views, estimates, strict=True):
         kept = (found.depth_m > 0) & inside(10)
         assert kept.sum() > 0.6 * inside(10).sum()
@@ -62,9 +62,9 @@ def test_rounds_one_by_one_give_the_same(views, estimates):
 
 
 def test_progress_counts_every_view_of_every_round(views):
-    told = []
-    estimate_depths(views, POINTS_M, replace(SETTINGS, rounds=ROUNDS[:1]), lambda *at: told.append(at))
-    assert told == [(k, 4) for k in range(1, 5)]
+    calls = []
+    estimate_depths(views, POINTS_M, replace(SETTINGS, rounds=ROUNDS[:1]), lambda *at: calls.append(at))
+    assert calls == [(k, 4) for k in range(1, 5)]
 
 
 def test_a_view_that_sees_something_else_has_no_depth(views):
@@ -80,7 +80,7 @@ def test_views_from_one_place_cannot_be_matched():
         estimate_depths(same, POINTS_M, SETTINGS)
 
 
-def test_cameras_that_only_turned_are_told_from_those_that_look_apart():
+def test_cameras_that_only_turned_and_cameras_that_look_apart_have_different_errors():
     turned = [camera(0.0, 0.0, (0.0, angle, 0.0)) for angle in (0.0, 0.1, 0.2)]
     with pytest.raises(CaptureError, match="only turned"):
         plan_depths(turned)
@@ -97,7 +97,7 @@ def test_wrong_settings(wrong):
         MvsSettings(**wrong)
 
 
-def test_what_lies_behind_the_plant_is_told_from_it(views):
+def test_surfaces_behind_the_plant_are_separated_from_it(views):
     near_points_m = POINTS_M * (1, 1, 0) + (0, 0, 1) * np.linspace(0.85, 1.05, len(POINTS_M))[:, None]
     plan = plan_depths([view.camera for view in views], near_points_m, SETTINGS)
     planes = match_views(views, plan, SETTINGS)

@@ -83,7 +83,7 @@ def test_a_horizon_is_no_ground_for_cameras(registered):
     assert "horizon" in found.text
 
 
-def test_points_are_seen_where_they_are_said_to_be(registered):
+def test_points_project_to_their_observed_places(registered):
     point_of = np.repeat(np.arange(len(registered.points)), np.diff(registered.track_starts))
     apart = np.zeros(len(point_of))
     for number, photo in enumerate(registered.photos):
@@ -177,10 +177,10 @@ def test_a_child_that_aborts_costs_one_item(tmp_path, monkeypatch, processes):
     items = [{"out": str(tmp_path / f"{number}.out")} for number in range(7)]
     items[2]["abort"] = items[5]["abort"] = True
     items[3]["refuse"] = "no good"
-    told: list[tuple[int, int]] = []
+    calls: list[tuple[int, int]] = []
     work = tmp_path / "work"
     work.mkdir()
-    failures = run_items({}, items, work, processes, lambda *done: told.append(done), module="worker_of_test")
+    failures = run_items({}, items, work, processes, lambda *done: calls.append(done), module="worker_of_test")
     assert [failure.number for failure in failures] == [2, 3, 5]
     assert [(tmp_path / f"{number}.out").exists() for number in range(7)] == [
         True,
@@ -191,7 +191,7 @@ def test_a_child_that_aborts_costs_one_item(tmp_path, monkeypatch, processes):
         False,
         True,
     ]
-    assert told[-1] == (7, 7)
+    assert calls[-1] == (7, 7)
     assert list(work.iterdir()) == []
 
 
@@ -209,7 +209,7 @@ def test_a_damaged_result_is_made_again(tmp_path, monkeypatch):
     assert [(tmp_path / f"{number}.npz").read_text() for number in (1, 2)] == ["made", "made"]
 
 
-def test_a_data_base_that_finds_the_disk_full_says_so(tmp_path, monkeypatch):
+def test_a_full_disk_under_a_data_base_is_reported(tmp_path, monkeypatch):
     (tmp_path / "worker_of_test.py").write_text(WORKER)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
     items = [{"out": str(tmp_path / f"{number}.out")} for number in range(3)]
@@ -241,7 +241,7 @@ def descriptors(count: int) -> np.ndarray:
     return np.rint(512 * drawn / np.linalg.norm(drawn, axis=1, keepdims=True)).astype(np.uint8)
 
 
-def test_nearest_descriptors_both_ways():
+def test_descriptors_match_when_each_is_the_nearest_of_the_other():
     first = descriptors(50)
     order = np.random.default_rng(1).permutation(50)
     second = first[order].copy()
@@ -253,7 +253,7 @@ def test_nearest_descriptors_both_ways():
     assert match_descriptors(first, second[:1]).shape == (0, 2)
 
 
-def test_two_alike_are_no_match():
+def test_two_equal_descriptors_are_no_match():
     first = descriptors(5)
     assert 0 not in match_descriptors(first, np.concatenate([first, first[:1]]))[:, 0]
 

@@ -115,14 +115,14 @@ def test_a_ring_is_upright_however_the_reconstruction_lies(x, y, z, scale):
 
 
 @pytest.mark.parametrize(
-    ("way", "within_deg"), [("level", 0.1), ("ring", 0.1), ("ground", 1.0), ("photographs", 1.0), ("elevation", 0.1)]
+    ("method", "within_deg"), [("level", 0.1), ("ring", 0.1), ("ground", 1.0), ("photographs", 1.0), ("elevation", 0.1)]
 )
-def test_each_way_finds_up(way, within_deg):
+def test_each_method_finds_up(method, within_deg):
     true = scene()
     found = jumble(true)
     pitch = -math.degrees(math.atan2(0.8, 2.0))
-    frame = level_and_scale(found, files_of(found, elevation_deg=pitch), WorldSettings(up=way))
-    assert frame.up_from == way
+    frame = level_and_scale(found, files_of(found, elevation_deg=pitch), WorldSettings(up=method))
+    assert frame.up_from == method
     assert up_error_deg(move_registered(found, frame.world_from_registered), true) < within_deg
 
 
@@ -155,7 +155,7 @@ def test_pictures_on_their_side_by_exif():
     true = scene()
     roll = np.array(
         [[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    )  # stored pixels are turned: up is to their left … and 6 says so
+    )  # stored pixels are turned: up is to their left … as orientation 6 states
     turned = tuple(replace(photo, cam_from_world=roll.T @ photo.cam_from_world) for photo in true.photos)
     found = jumble(replace(true, photos=turned))
     tops = {o: level_and_scale(found, files_of(found, orientation=o), WorldSettings(up="photographs")) for o in (6, 8)}
@@ -194,7 +194,7 @@ def test_positions_as_far_off_as_the_plant_is_wide_are_not_used():
     assert "positions-contradict-pictures" in [each.code for each in frame.remarks]
 
 
-def test_without_any_scale_the_viewing_distance_is_a_metre_and_that_is_told():
+def test_without_any_scale_the_viewing_distance_is_a_metre_with_a_remark():
     found = jumble(scene())
     frame = level_and_scale(found, files_of(found))
     world = move_registered(found, frame.world_from_registered)
