@@ -47,8 +47,8 @@ def test_a_leaf_is_as_long_as_its_points_where_they_end(share: float, found: flo
     own = Rotation.from_quat(places.orientation[0])
     middle_m = places.base_m[0] + 0.5 * places.length_m[0] * own.apply([0, 1, 0])
     np.testing.assert_allclose(middle_m, 0, atol=0.003)
-    usual = fill_places(points_m, twig_m, LENGTH_M, rng, FillSettings(apart=1.2, around=1.2, shortest=1))
-    np.testing.assert_array_equal(usual.length_m, [LENGTH_M])
+    not_shortened = fill_places(points_m, twig_m, LENGTH_M, rng, FillSettings(apart=1.2, around=1.2, shortest=1))
+    np.testing.assert_array_equal(not_shortened.length_m, [LENGTH_M])
 
 
 @pytest.mark.parametrize(("away_m", "begins_m"), [(0.03, 0.03), (0.034, 0.034), (0.04, 0.01), (0.012, 0.012)])
@@ -62,7 +62,7 @@ def test_a_short_leaf_begins_at_its_twig_where_that_is_near(away_m: float, begin
     np.testing.assert_allclose(places.length_m, [begins_m + 0.01], atol=0.001)
 
 
-def test_points_that_are_far_apart_do_not_tell_where_a_leaf_ends() -> None:
+def test_points_that_are_far_apart_do_not_show_where_a_leaf_ends() -> None:
     across, along = np.meshgrid([-1.0, 0, 1], np.arange(-4.0, 5))
     points_m = 0.007 * np.column_stack([across.ravel(), along.ravel(), np.zeros(across.size)])
     twig_m = np.array([[0.0, -0.06, 0.0]])
@@ -72,7 +72,7 @@ def test_points_that_are_far_apart_do_not_tell_where_a_leaf_ends() -> None:
     assert denser.length_m == pytest.approx(8 * 0.7 * 0.007)
 
 
-def test_the_plant_tells_where_a_leaf_ends_that_is_known_in_part() -> None:
+def test_the_plant_shows_where_a_leaf_ends_that_is_known_in_part() -> None:
     rng = np.random.default_rng(11)
     known_m = rng.uniform([-0.01, -0.01, 0], [0.01, 0.01, 0], (2000, 3))
     rest_m = rng.uniform([-0.01, 0.01, 0], [0.01, 0.03, 0], (2000, 3))
@@ -119,7 +119,7 @@ def test_points_that_stand_alone_are_no_leaf() -> None:
     assert (places.point >= 3).all()
 
 
-def test_clumps_without_a_plane_give_leaves_that_lie_as_they_are_told_to() -> None:
+def test_leaves_of_clumps_without_a_plane_have_the_tilt_of_the_settings() -> None:
     points_m = np.random.default_rng(6).uniform(0, 0.3, (20000, 3))
     for tilt, low, high in ((0.0, 0.999, 1.0), (0.7, 0.6, 0.9)):
         settings = FillSettings(tilt=tilt)
@@ -146,7 +146,7 @@ def test_what_is_far_from_every_twig_is_no_leaf_of_the_plant() -> None:
     assert (places.point < len(near_m)).all()
 
 
-def test_most_leaves_are_kept_evenly() -> None:
+def test_leaves_up_to_the_limit_are_kept_evenly() -> None:
     points_m = np.random.default_rng(8).uniform(0, 0.5, (5000, 3))
     places = fill_places(points_m, points_m[::50], LENGTH_M, np.random.default_rng(9), FillSettings(max_leaves=100))
     assert len(places.base_m) == 100
@@ -186,7 +186,7 @@ def test_a_twig_is_no_leaf() -> None:
     assert not len(places.point)
 
 
-def test_a_leaf_that_is_longer_than_usual_stays_on_its_points() -> None:
+def test_a_leaf_that_is_longer_than_expected_stays_on_its_points() -> None:
     pod_m = rod((0, 0, 0), (0.15, 0, 0), 4000)
     places = fill_places(pod_m, np.array([[-0.1, 0.0, 0.0]]), LENGTH_M, np.random.default_rng(15))
     tips_m = places.base_m + places.length_m[:, None] * Rotation.from_quat(places.orientation).apply([0, 1, 0])

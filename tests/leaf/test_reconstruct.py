@@ -51,8 +51,8 @@ def segment(monkeypatch, bed):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_leaves_are_found_fitted_and_coloured(segment, bed, method):
-    told = []
-    found = reconstruct_leaves(bed.views, replace(FAST, method=method), lambda step, share: told.append((step, share)))
+    calls = []
+    found = reconstruct_leaves(bed.views, replace(FAST, method=method), lambda step, share: calls.append((step, share)))
     leaves = found.leaves
     assert len(leaves) == len(found.source) > 0.6 * len(bed.leaves)
     # Half of them at least lie where a true leaf does.
@@ -66,8 +66,8 @@ def test_leaves_are_found_fitted_and_coloured(segment, bed, method):
     assert found.texture is not None
     assert found.remarks == []
     assert tuple(found.seconds) == STEPS
-    assert [step for step, share in told if share == 0.0] == list(STEPS)
-    assert {step for step, share in told if share == 1.0} == set(STEPS)
+    assert [step for step, share in calls if share == 0.0] == list(STEPS)
+    assert {step for step, share in calls if share == 1.0} == set(STEPS)
 
 
 def test_every_step_is_counted(segment, bed):
@@ -145,7 +145,7 @@ def test_a_leaf_keeps_its_number(segment, bed):
     assert ((found.certainty >= 0.5) & (found.certainty <= 1)).all()
 
 
-def test_one_view_says_what_it_cannot_do(segment, bed):
+def test_one_view_gives_remarks_on_its_limits(segment, bed):
     found = reconstruct_leaves(bed.views[:1], FAST)
     assert len(found.leaves) > 0
     assert any(each.text.startswith("there is one view only") for each in found.remarks)
@@ -169,7 +169,7 @@ def test_no_depth_at_all_is_no_leaf(bed):
     assert all(each.severity == "warning" for each in found.remarks)
 
 
-def test_no_leaf_among_candidates_is_said(segment, bed):
+def test_no_leaf_among_candidates_is_reported(segment, bed):
     nothing = reconstruct.find_nothing(bed.views).leaves
     segment(change=lambda found: replace(found, leaves=nothing, dropped={"no plane": 7}))
     found = reconstruct_leaves(bed.views)
@@ -179,7 +179,7 @@ def test_no_leaf_among_candidates_is_said(segment, bed):
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "texts"),
     [
         ({}, []),
         ({"confidence": 0.1}, ["most leaves are guessed"]),
@@ -191,7 +191,7 @@ def test_no_leaf_among_candidates_is_said(segment, bed):
         ({"outlined": 0.6, "width": 2.0}, ["seem to be lobed"]),
     ],
 )
-def test_leaves_that_are_doubtful_are_said(bed, changes, said):
+def test_uncertain_leaves_are_reported(bed, changes, texts):
     width = changes.get("width", 1.0)
     parameters = bed.leaves.parameters.copy()
     parameters[:, 2:5, 1] *= width
@@ -199,8 +199,8 @@ def test_leaves_that_are_doubtful_are_said(bed, changes, said):
     leaves = replace(bed.leaves, parameters=parameters, confidence=confidence)
     outlined = np.full(len(leaves), changes["outlined"]) if "outlined" in changes else None
     remarks = describe_leaves(leaves, bed.views, reconstruct.find_nothing(bed.views), outlined=outlined)
-    assert len(remarks) == len(said)
-    assert all(words in each.text for words, each in zip(said, remarks, strict=True))
+    assert len(remarks) == len(texts)
+    assert all(words in each.text for words, each in zip(texts, remarks, strict=True))
 
 
 @pytest.mark.parametrize("wrong", [{"method": "magic"}, {"min_confidence": 1.5}, {"min_confidence": float("nan")}])

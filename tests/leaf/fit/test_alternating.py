@@ -16,7 +16,7 @@ from tests.support.leaves.fit_reference import fit_leaf
 from tests.support.leaves.shapes import flat_leaf
 
 NATURAL = vary_leaves(12, np.random.default_rng(4))
-LEAST_SQUARES = AlternatingFitSettings(robustness="none")
+WITHOUT_ROBUSTNESS = AlternatingFitSettings(robustness="none")
 
 
 def pointed_leaf(width=0.5, arch=0.0, fold=0.0):
@@ -61,7 +61,7 @@ def test_natural_leaves():
 
 
 @pytest.mark.parametrize(
-    ("keep", "most"),
+    ("keep", "max_distance"),
     [
         (lambda u, v: v < 0.7, 0.027),  # the apex is missing
         (lambda u, v: v > 0.3, 0.021),  # the base is
@@ -70,11 +70,11 @@ def test_natural_leaves():
         (lambda u, v: (u < 0.1) | (v < 0.25) | (v > 0.6), 0.019),  # a bay
     ],
 )
-def test_leaves_partly_hidden(keep, most):
+def test_leaves_partly_hidden(keep, max_distance):
     whole = fit_leaves_alternating(sampled(NATURAL)).leaves
     partly = fit_leaves_alternating(sampled(NATURAL, keep=keep)).leaves
 
-    assert surface_distances(NATURAL, partly).mean() < most
+    assert surface_distances(NATURAL, partly).mean() < max_distance
     assert partly.confidence.mean() < whole.confidence.mean()
 
 
@@ -121,7 +121,7 @@ def test_a_tenth_of_outliers(robustness):
 
     of_clean, of_dirty, plainly = (
         surface_distances(NATURAL, fit_leaves_alternating(leaf_points(each), how).leaves)
-        for each, how in ((clean, chosen), (dirty, chosen), (dirty, LEAST_SQUARES))
+        for each, how in ((clean, chosen), (dirty, chosen), (dirty, WITHOUT_ROBUSTNESS))
     )
 
     assert of_dirty.mean() < 1.4 * of_clean.mean()
@@ -158,7 +158,7 @@ def test_z_looks_towards_the_cameras():
 def test_is_the_same_as_written_plainly(keep):
     cloud = sampled(NATURAL[:3], count=300, keep=keep)
 
-    fitted = fit_leaves_alternating(cloud, LEAST_SQUARES).leaves
+    fitted = fit_leaves_alternating(cloud, WITHOUT_ROBUSTNESS).leaves
 
     for leaf in range(3):
         chosen = slice(*cloud.offsets[leaf : leaf + 2])

@@ -27,7 +27,7 @@ def test_exchanged_ends_are_the_same_surface_turned():
     assert exchange_ends(exchange_ends(leaves)) == pytest.approx(leaves)
 
 
-def test_versions_cost_the_versions_of_a_leaf_alike():
+def test_every_version_of_a_leaf_has_the_same_cost():
     prior = learn_prior(numbers(some_leaves(50)), generic_prior(0.1, 0.5))
     means, precisions = prior.versions()
     leaf = some_leaves(1, seed=3)
@@ -44,7 +44,7 @@ def test_versions_cost_the_versions_of_a_leaf_alike():
     assert prior.exchanged().exchanged().mean == pytest.approx(prior.mean)
 
 
-def test_leaves_either_way_round_are_aligned():
+def test_leaves_with_exchanged_ends_are_aligned():
     leaves = some_leaves(60)
     turned = np.random.default_rng(1).random(60) < 0.5
     mixed = leaves.copy()

@@ -46,7 +46,7 @@ def test_the_points_of_known_leaves_lie_on_the_fits():
     assert (residuals(fits, None) < 3e-3).all()
 
 
-def test_known_leaves_are_found_with_the_usual_settings():
+def test_known_leaves_are_found_with_the_default_settings():
     leaves = known_leaves(30)
 
     fitted = fit_leaves_to_surface(leaf_points(leaves))
@@ -63,14 +63,14 @@ def test_known_leaves_are_found_with_the_usual_settings():
     assert np.einsum("ni,ni->n", upwards, leaves[1][:, :, 2]).min() > 0.8
 
 
-def test_ends_are_alike_and_told():
+def test_base_and_apex_are_distinguished():
     leaves = known_leaves(40, seed=3)
 
     fitted = fit_leaves_to_surface(leaf_points(leaves))
 
     along = Rotation.from_quat(fitted.leaves.orientation).as_matrix()[:, :, 1]
-    right_way = np.einsum("ni,ni->n", along, leaves[1][:, :, 1]) > 0
-    assert right_way.mean() >= 0.95  # these leaves are wider at the base
+    base_right = np.einsum("ni,ni->n", along, leaves[1][:, :, 1]) > 0
+    assert base_right.mean() >= 0.95  # these leaves are wider at the base
 
 
 @pytest.mark.parametrize("width", [1.0, 2.2, 2.8, 3.6])

@@ -164,13 +164,13 @@ def test_nothing_seen_is_grey(leaves):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"width_px": 8}, "16 pixels wide"),
         ({"max_pictures": 0}, "max_pictures must be 1"),
         ({"edge": (0.5, 0.5)}, "edge must rise"),
     ],
 )
-def test_wrong_settings_are_refused(wrong, said):
-    with pytest.raises(ValueError, match=said):
+def test_wrong_settings_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
         AverageTextureSettings(**wrong)

@@ -1,4 +1,4 @@
-"""Bases are told from apices by stalks, and where there are none, by what other leaves teach."""
+"""Bases are distinguished from apices by stalks, and where there are none, by the other leaves."""
 
 from dataclasses import replace
 
@@ -57,16 +57,16 @@ def photograph_with_stalks(leaves, chosen, camera=CAMERA):
 
 @given(flip=st.lists(st.booleans(), min_size=24, max_size=24))
 @settings(max_examples=5, deadline=None)
-def test_stalks_tell_the_base(flip):
+def test_stalks_show_the_base(flip):
     leaves = scatter(SYMMETRIC)
     view = photograph_with_stalks(leaves, np.ones(24, bool))
-    told = distinguish_base_from_apex(flip_leaves(leaves, np.array(flip)), [view])
+    directions = distinguish_base_from_apex(flip_leaves(leaves, np.array(flip)), [view])
 
-    assert told.flip.tolist() == flip
-    assert told.certainty.min() > 0.6
+    assert directions.flip.tolist() == flip
+    assert directions.certainty.min() > 0.6
 
 
-def test_stalks_before_the_open_sky_tell_the_base():
+def test_stalks_before_the_open_sky_show_the_base():
     leaves = scatter(SYMMETRIC)
     view = photograph_with_stalks(leaves, np.ones(24, bool))
     view.depth_m[view.depth_m == np.float32(1.5)] = 0
@@ -76,18 +76,18 @@ def test_stalks_before_the_open_sky_tell_the_base():
 
 
 @pytest.mark.parametrize(("noisy", "scale"), [(False, 1.0), (True, 1.0), (False, 10.0), (False, 0.1)])
-def test_nearly_all_leaves_of_a_known_bed_are_told(noisy, scale):
+def test_the_bases_of_nearly_all_leaves_of_a_known_bed_are_found(noisy, scale):
     known = known_foliage()
     seen = known.visible >= 0.5
     leaves = replace(known.leaves, base_m=known.leaves.base_m * scale, length_m=known.leaves.length_m * scale)
     views = [scaled_view(view, scale) for view in (known.noisy_views if noisy else known.views)]
     flip = np.random.default_rng(7).random(len(leaves)) < 0.5
-    told = distinguish_base_from_apex(flip_leaves(leaves, flip), views)
+    directions = distinguish_base_from_apex(flip_leaves(leaves, flip), views)
 
-    assert np.mean((told.flip == flip)[seen]) >= 0.95
+    assert np.mean((directions.flip == flip)[seen]) >= 0.95
 
 
-def test_one_leaf_with_a_stalk_is_told():
+def test_the_base_of_one_leaf_with_a_stalk_is_found():
     leaf = place_leaves(SYMMETRIC, [(0.0, 0.0, 0.0)])
     view = photograph_with_stalks(leaf, [True])
 
@@ -101,12 +101,12 @@ def test_a_third_of_leaves_with_stalks_teach_the_others_their_taper():
     leaves = scatter(leaf)
     flip = np.random.default_rng(5).random(24) < 0.5
     view = photograph_with_stalks(leaves, np.arange(24) % 3 == 0)
-    told = distinguish_base_from_apex(flip_leaves(leaves, np.array(flip)), [view])
+    directions = distinguish_base_from_apex(flip_leaves(leaves, np.array(flip)), [view])
 
-    assert told.flip.tolist() == flip.tolist()
+    assert directions.flip.tolist() == flip.tolist()
 
 
-def test_taper_may_run_either_way():
+def test_taper_may_run_in_either_direction():
     leaf = SYMMETRIC.copy()
     leaf[2:5] = (0.15, 0.1, 0.0), (0.55, 0.35, 0.0), (0.9, 0.28, 0.0)  # widest near the apex
     leaves = scatter(leaf)
@@ -117,9 +117,9 @@ def test_taper_may_run_either_way():
 
 def test_without_any_evidence_nothing_is_certain():
     leaf = place_leaves(SYMMETRIC, [(0.0, 0.0, 0.0)])
-    told = distinguish_base_from_apex(leaf, [photograph(leaf, CAMERA, GREEN[None])])
+    directions = distinguish_base_from_apex(leaf, [photograph(leaf, CAMERA, GREEN[None])])
 
-    assert told.certainty[0] < 0.8
+    assert directions.certainty[0] < 0.8
 
 
 def test_no_leaves_and_no_views_are_answered():
@@ -209,15 +209,15 @@ def test_what_is_learnt_beats_what_is_expected():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"stalk": -1.0}, "stalk must be 0 or more"),
         ({"prior_leaves": 0.0}, "prior_leaves must be above 0"),
         ({"turns": -1}, "turns must be 0 or more"),
     ],
 )
-def test_wrong_settings_are_refused(wrong, said):
-    with pytest.raises(ValueError, match=said):
+def test_wrong_settings_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
         DirectionSettings(**wrong)
     with pytest.raises(ValueError, match="width must be above 0, not 0"):
         StalkSettings(width=0)

@@ -40,7 +40,7 @@ def test_colors_and_exposures_are_found(leaves, depth):
     assert found.color == pytest.approx(COLORS[:3], rel=3 * ONE_STEP)
 
 
-def test_exposures_are_left_alone_when_told(leaves):
+def test_exposures_are_left_alone_where_the_setting_is_off(leaves):
     found = sample_leaf_colors(leaves, take_photographs(leaves), PhotoColorSettings(equalize_exposure=False))
 
     assert found.gain.tolist() == [1, 1, 1]

@@ -1,4 +1,4 @@
-"""Places of leaves are seen where depth says so, and where there is none, where no other leaf stands before."""
+"""Places of leaves are seen where depth agrees, and without depth, where no other leaf stands before them."""
 
 from dataclasses import replace
 
@@ -81,7 +81,7 @@ def test_small_holes_are_filled_by_guessing_and_the_open_sky_is_not(leaves):
     assert (sights.state[0, full] == HIDDEN).mean() > 0.95
 
 
-def test_a_mask_tells_where_there_is_no_leaf(leaves):
+def test_outside_a_mask_there_is_no_leaf(leaves):
     view = photograph(leaves, CAMERA, GREEN, depth=False)
     left = np.zeros(view.depth_m.shape, bool)
     left[:, : CAMERA.width_px // 2] = True
@@ -116,7 +116,7 @@ def test_the_spread_is_that_of_the_noise(noise):
     assert estimate_spread(leaves, [replace(view, depth_m=moved)]) == pytest.approx(noise, rel=0.25)
 
 
-def test_without_depth_the_spread_is_the_least_one(leaves):
+def test_without_depth_the_spread_is_the_smallest_one(leaves):
     view = photograph(leaves, CAMERA, GREEN, depth=False)
 
     assert estimate_spread(leaves, [view]) == VisibilitySettings().min_spread

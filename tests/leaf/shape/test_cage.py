@@ -159,7 +159,7 @@ def test_cages_move_with_their_leaves():
     np.testing.assert_allclose(build_leaf_cage(leaves).points_m.reshape(expected.shape), expected, atol=2e-7)
 
 
-def test_texture_coordinates_say_where_the_limit_lies():
+def test_texture_coordinates_give_the_places_of_the_limit():
     cage = build_leaf_cage(placed(default_leaf()[None]))
     limit, _ = limit_of(cage)
     st_limit, _ = limit_of(cage, np.column_stack([cage.st, np.zeros(len(cage.st))]))
@@ -178,8 +178,8 @@ def test_slow_jitter_is_followed_nearly():
     silhouette = np.column_stack([np.ones(101), np.linspace(0, 1, 101)])
     jittered = evaluate_points(leaf.parameters, silhouette, jitter, leaf.phase)[0]
     with_jitter, without = (
-        cKDTree(limit_of(build_leaf_cage(leaf, numbers, held))[0]).query(jittered)[0].max()
-        for held in (jitter, NO_JITTER)
+        cKDTree(limit_of(build_leaf_cage(leaf, numbers, used))[0]).query(jittered)[0].max()
+        for used in (jitter, NO_JITTER)
     )
     assert with_jitter < 0.005
     assert with_jitter < without / 2

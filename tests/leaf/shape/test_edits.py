@@ -105,7 +105,7 @@ def test_one_axis_point_may_be_moved_alone():
     assert bend_axis(NEUTRAL, 0.3, points=(2,)) == LeafEdits(axis2=(0.0, 0.0, 0.3))
 
 
-def test_bending_the_axis_lifts_everything_between_base_and_apex_alike():
+def test_bending_the_axis_lifts_all_curves_between_base_and_apex_equally():
     leaf = flat_leaf()
     bent, flat = points(leaf, bend_axis(NEUTRAL, 0.4)), points(leaf, NEUTRAL)
     assert bent[0, 5, 4, 2] == pytest.approx(0.3)
@@ -200,7 +200,7 @@ def test_the_inverse_of_nothing_is_nothing():
 
 
 @pytest.mark.parametrize("width", [0.0, 1e-310])
-def test_a_leaf_without_width_has_no_way_back(width):
+def test_a_leaf_without_width_cannot_be_inverted(width):
     with pytest.raises(ValueError, match="every leaf a line"):
         invert_edits(scale_width(NEUTRAL, width))
 

@@ -72,9 +72,9 @@ def test_agrees_with_dense_samples(spread):
     found, shallow = find_folds(leaves, depth=0.02), find_folds(leaves, depth=0.005)
 
     dense = determinants(leaves)
-    most = np.abs(dense).max(axis=2)
+    largest = np.abs(dense).max(axis=2)
     # The share is one of the greatest coefficient, which lies above the greatest value by a factor below 4 here.
-    deep = ((dense.min(axis=2) < -0.08 * most) & (dense.max(axis=2) > 0.08 * most)).any(axis=1)
+    deep = ((dense.min(axis=2) < -0.08 * largest) & (dense.max(axis=2) > 0.08 * largest)).any(axis=1)
     any_sign = ((dense.min(axis=2) < 0) & (dense.max(axis=2) > 0)).any(axis=1)
     assert deep.any()
     assert not deep.all()
@@ -83,7 +83,7 @@ def test_agrees_with_dense_samples(spread):
     assert not shallow[~any_sign].any()
 
 
-def test_mirrored_leaves_fold_alike():
+def test_mirrored_leaves_fold_where_the_leaves_do():
     leaves = random_leaves(200, seed=8, spread=0.08) + default_leaf()
     mirrored = leaves.copy()
     mirrored[:, :2, 0] *= -1

@@ -62,7 +62,7 @@ def test_the_columns_are_the_parameters_row_after_row():
     assert not column["outer"].any()
 
 
-def test_places_of_all_alike_any_number_of_threads_and_none():
+def test_shared_places_with_any_number_of_threads_and_without_places():
     leaves = random_leaves(300)
     one = evaluate_jacobian(leaves, PLACES, threads=1)
 

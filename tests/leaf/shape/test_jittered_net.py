@@ -46,7 +46,7 @@ def test_no_other_net_is_nearer(seed, frequency):
         other[:, 1:4, 6] += rng.normal(0, 0.02, (2, 3, 3))
         assert distance(nets, leaves, jitter) < distance(other, leaves, jitter)
     moved = nets - leaf_nets(leaves.parameters)
-    np.testing.assert_allclose(moved[:, :, 0], -moved[:, :, 6], rtol=0, atol=1e-12)  # both halves alike
+    np.testing.assert_allclose(moved[:, :, 0], -moved[:, :, 6], rtol=0, atol=1e-12)  # both halves are equal
     assert not moved[:, [0, 4]].any()  # base and apex
     assert not moved[:, :, 1:6].any()
 

@@ -106,9 +106,9 @@ def test_lengths_are_what_was_asked_for_on_average():
     assert 0.1 < leaves.length_m.std() / 0.08 < 0.25
 
 
-def test_leaves_may_be_all_alike():
-    alike = replace(SpraySettings(), length_variation=0, variation=VariationSettings(amount=0))
-    leaves = spray(30, settings=alike)
+def test_leaves_may_be_all_equal():
+    without_variation = replace(SpraySettings(), length_variation=0, variation=VariationSettings(amount=0))
+    leaves = spray(30, settings=without_variation)
     np.testing.assert_array_equal(leaves.parameters, np.broadcast_to(default_leaf(), (30, 7, 3)))
 
 

@@ -46,7 +46,7 @@ def test_nets_and_axes_are_the_plain_ones():
     assert np.array_equal(surface.axis_normals(leaves, own), surface.axis_normals(leaves, V))
 
 
-def test_places_of_each_leaf_and_of_all_alike():
+def test_places_of_each_leaf_and_shared_places():
     leaves, uv = random_leaves(6), np.random.default_rng(0).uniform(-1, 1, (6, 13, 2))
 
     points = surface.evaluate_points(leaves, uv)
@@ -167,7 +167,7 @@ def test_single_precision_is_double_precision_rounded():
     assert np.array_equal(points, surface.evaluate_points(leaves, uv, JITTERS[2], dtype=np.float32))
 
 
-def test_a_flat_leaf_is_what_its_control_points_say():
+def test_a_flat_leaf_follows_from_its_control_points():
     leaf = flat_leaf(width=0.4)
     v = np.linspace(0, 1, 21)
 

@@ -26,7 +26,7 @@ def test_the_natural_leaf_has_the_proportions_of_a_beech():
     assert 0.35 <= right[widest, 1] <= 0.5  # a little below the middle
     narrowing = right[160:200, 0] / (1 - right[160:200, 1])
     assert (np.diff(narrowing) < 0).all()  # a drawn-out tip: the silhouettes run in towards each other
-    assert not leaf[:2, 0].any()  # its halves are alike
+    assert not leaf[:2, 0].any()  # its halves are equal
     assert not find_folds(leaf[None], 1e-9)[0]
 
 
@@ -40,10 +40,10 @@ def test_the_natural_leaf_is_a_flat_v_and_arches():
 @FEW
 @given(width=st.floats(0.02, 1.5))
 def test_a_leaf_of_a_width_has_it_and_keeps_the_slope_of_its_halves(width):
-    leaf, usual = leaf_of_width(width), default_leaf()
+    leaf, default = leaf_of_width(width), default_leaf()
     assert leaf_width(leaf[None])[0] == pytest.approx(width, rel=1e-6)
-    assert leaf[2:5, 2] / leaf[2:5, 1] == pytest.approx(usual[2:5, 2] / usual[2:5, 1])
-    np.testing.assert_array_equal(leaf[:2], usual[:2])
+    assert leaf[2:5, 2] / leaf[2:5, 1] == pytest.approx(default[2:5, 2] / default[2:5, 1])
+    np.testing.assert_array_equal(leaf[:2], default[:2])
     assert not find_folds(leaf[None])[0]
 
 
@@ -91,7 +91,7 @@ def test_what_varies_together_is_correlated():
     assert np.corrcoef(leaves[:, 0, 0], leaves[:, 1, 0])[0, 1] > 0.3  # more bent than swayed
 
 
-def test_the_usual_variation_folds_no_leaf():
+def test_the_default_variation_folds_no_leaf():
     """Also by less than anyone sees: so it need not be looked for, which takes longer than the leaves themselves."""
     assert not find_folds(vary_leaves(20_000, np.random.default_rng(5)), 1e-9).any()
 

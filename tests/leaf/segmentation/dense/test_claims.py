@@ -25,7 +25,7 @@ def test_leaves_claim_their_own_pixels(known, depths):
         assert (claimed[true == 0] > 0).mean() < 0.005
 
 
-def test_noise_leaves_most_pixels_to_their_leaves(known):
+def test_with_noise_the_majority_of_pixels_stays_with_their_leaves(known):
     depths = [view.depth_m for view in known.noisy_views]
     for claimed, true in zip(claim_pixels(known.leaves, known.views, depths, 0.001), known.leaf_ids, strict=True):
         sure = (true > 0) & (claimed > 0)
@@ -47,10 +47,10 @@ def test_points_are_where_the_pixels_are(known, depths):
     count = len(known.leaves)
     ids = [one.astype(np.int32) for one in known.leaf_ids]
     points = collect_points(known.views, depths, ids, count, settings=PointSettings(max_per_leaf=10**6))
-    shown = np.array([np.bincount(one.ravel(), minlength=count + 1)[1:] for one in ids])
-    assert np.array_equal(np.diff(points.offsets), shown.sum(axis=0))
-    seen = shown.sum(axis=0) > 0
-    assert np.array_equal(points.view[seen], shown.argmax(axis=0)[seen])
+    pixels = np.array([np.bincount(one.ravel(), minlength=count + 1)[1:] for one in ids])
+    assert np.array_equal(np.diff(points.offsets), pixels.sum(axis=0))
+    seen = pixels.sum(axis=0) > 0
+    assert np.array_equal(points.view[seen], pixels.argmax(axis=0)[seen])
     assert (points.confidence == 1).all()
     for number, view in enumerate(known.views):
         mine = points.point_view == number

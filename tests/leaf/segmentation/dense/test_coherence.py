@@ -83,7 +83,7 @@ def test_noise_is_averaged_out(scale):
     assert result.noise_m[2] < 0.6 * result.raw_noise_m[2]
 
 
-def test_holes_are_filled_and_outliers_give_way():
+def test_holes_are_filled_and_outliers_replaced():
     views, exact = views_of_wall(5, 0.0005)
     raw = views[2].depth_m.copy()
     raw[40:50, 90:110] = 0
@@ -112,7 +112,7 @@ def test_depth_that_others_look_through_is_removed():
     raw = views[0].depth_m.copy()
     raw[60:80, 90:110] = 0.5
     result = make_depth_coherent([view(views[0].camera, raw), views[1]])
-    assert not result.depth_m[0][62:78, 92:108].any()  # one other view is not enough to say what is there
+    assert not result.depth_m[0][62:78, 92:108].any()  # one other view is not enough to fill it
     assert result.removed_px[0] == pytest.approx(400, abs=40)
 
 
@@ -163,7 +163,7 @@ def test_a_coarse_wall_behind_does_not_hide_the_noise():
     assert measure_noise(one) == pytest.approx(0.001, rel=0.3)
 
 
-def test_nearest_views_look_the_same_way():
+def test_nearest_views_look_in_the_same_direction():
     turned = np.diag([-1.0, 1.0, -1.0])
     back = Pinhole(
         width_px=40,

@@ -1,4 +1,4 @@
-"""Leaves of the colour of the soil are doubted, where leaves and soil differ at all."""
+"""Leaves of the colour of the soil get a low factor, where leaves and soil differ at all."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def judge(views, leaves=LEAVES, quality=QUALITY, depths_m=None):
 
 
 @pytest.mark.parametrize("brown", [(0, 5, 9), (13,), (1, 12, 13)])  # among the best, too
-def test_leaves_of_the_colour_of_soil_are_doubted(brown):
+def test_leaves_of_the_colour_of_soil_get_a_low_factor(brown):
     colors = [BROWN if leaf in brown else GREEN for leaf in range(14)]
     factor = judge([painted(colors), painted(colors, x=0.01)])
     is_brown = np.isin(np.arange(14), brown)
@@ -51,7 +51,7 @@ def test_leaves_of_any_colour_but_that_of_the_soil_are_trusted():
     assert (judge([painted(colors, ground=(90, 140, 70))]) == 1).all()
 
 
-def test_where_all_has_one_colour_nothing_is_doubted():
+def test_where_all_has_one_colour_every_factor_is_1():
     assert (judge([painted([GREEN] * 14, ground=GREEN)]) == 1).all()
 
 
@@ -61,7 +61,7 @@ def test_light_and_shadow_do_not_matter():
     assert (judge([painted(colors)]) > 0.9).all()
 
 
-def test_leaves_that_no_view_shows_are_not_doubted():
+def test_leaves_that_no_view_shows_keep_the_factor_1():
     colors = [BROWN if leaf < 3 else GREEN for leaf in range(14)]
     view = painted(colors)
     away = LEAVES.base_m + np.where(np.arange(14)[:, None] < 2, (0, 0, 0.05), (0, 0, 0))  # below the ground

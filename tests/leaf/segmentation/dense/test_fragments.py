@@ -9,7 +9,7 @@ from usdfoliage.leaf.segmentation.dense.fragments import append_points, join_poi
 
 from tests.support.leaves.proposals import flat_leaves, proposed
 
-USUAL_M = 0.1
+LENGTH_M = 0.1
 PER_POINT = ("points_m", "normals", "kind", "point_view")
 
 
@@ -19,7 +19,7 @@ def strips(*spans_m, seed: int = 0, count: int = 600) -> LeafPoints:
     points = [
         np.column_stack(
             [
-                rng.uniform(0, 0.4 * USUAL_M, count) + (rest[0] if rest else 0),
+                rng.uniform(0, 0.4 * LENGTH_M, count) + (rest[0] if rest else 0),
                 rng.uniform(begin, end, count),
                 np.zeros(count),
             ]
@@ -47,9 +47,9 @@ def part(points: LeafPoints, leaf: int, name: str):
     return getattr(points, name)[points.offsets[leaf] : points.offsets[leaf + 1]]
 
 
-def pairs_of(points: LeafPoints, lengths_m, usual_m: float = USUAL_M):
+def pairs_of(points: LeafPoints, lengths_m, length_m: float = LENGTH_M):
     leaves = flat_leaves(np.zeros((len(points), 3)), np.asarray(lengths_m, float))
-    return pair_fragments(proposed(leaves), points, usual_m).tolist()
+    return pair_fragments(proposed(leaves), points, length_m).tolist()
 
 
 def test_halves_of_one_leaf_are_a_pair():
@@ -60,7 +60,7 @@ def test_halves_of_one_leaf_are_a_pair():
 def test_scale_does_not_matter(scale):
     points = strips((0, 0.05), (0.052, 0.1), (0.16, 0.2))
     scaled = made_points([part(points, leaf, "points_m") * scale for leaf in range(3)])
-    assert pairs_of(scaled, np.array([0.05, 0.05, 0.05]) * scale, USUAL_M * scale) == [[0, 1]]
+    assert pairs_of(scaled, np.array([0.05, 0.05, 0.05]) * scale, LENGTH_M * scale) == [[0, 1]]
 
 
 def test_two_whole_leaves_are_none():

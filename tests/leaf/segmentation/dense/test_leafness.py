@@ -13,11 +13,11 @@ from usdfoliage.leaf.shape.variation import VariationSettings, vary_leaves
 
 from tests.support.leaves.proposals import evidence_of, flat_leaves, proposed
 
-USUAL = flat_leaves([(0, 0, 0)])
+TYPICAL = flat_leaves([(0, 0, 0)])
 share = st.floats(0, 1)
 
 
-def usual_of(leaves) -> MedianLeaf:
+def median_of(leaves) -> MedianLeaf:
     return MedianLeaf(
         length_m=float(leaves.length_m[0]),
         width_m=float(leaf_width(leaves.parameters)[0] * leaves.length_m[0]),
@@ -25,16 +25,18 @@ def usual_of(leaves) -> MedianLeaf:
     )
 
 
-def judge(leaves, usual=None, weight=1.0, explained=1.0, **shares):
-    return judge_leaves(proposed(leaves, explained), evidence_of(leaves, **shares), usual or usual_of(USUAL), weight)
+def judge(leaves, median=None, weight=1.0, explained=1.0, **shares):
+    return judge_leaves(
+        proposed(leaves, explained), evidence_of(leaves, **shares), median or median_of(TYPICAL), weight
+    )
 
 
 def sized(length_m, width):
     return flat_leaves(np.zeros((len(length_m), 3)), length_m, width)
 
 
-def test_a_whole_free_leaf_of_the_usual_size_is_surely_one():
-    assert judge(USUAL) == pytest.approx([1])
+def test_a_whole_free_leaf_of_the_median_size_is_surely_one():
+    assert judge(TYPICAL) == pytest.approx([1])
     leaves = sized(0.1 * np.array([0.8, 0.9, 1.1, 1.25]), 0.4)
     assert (judge(leaves) > 0.75).all()
 
@@ -52,7 +54,7 @@ def test_stems_crumbs_and_several_leaves_together_are_none():
     [{"free": 0.0}, {"free": 0.0, "continued": 1.0}, {"on": 0.0}, {"violated": 1.0}, {"on": 0.0, "unseen": 1.0}],
 )
 def test_what_does_not_end_or_is_not_seen_is_none(shares):
-    assert judge(USUAL, **shares) == pytest.approx([0])
+    assert judge(TYPICAL, **shares) == pytest.approx([0])
 
 
 def test_what_does_not_explain_its_points_is_none():
@@ -83,8 +85,8 @@ def test_more_for_a_leaf_never_makes_it_worse(low, high, free, name):
 
 @settings(max_examples=30, deadline=None)
 @given(weights=st.tuples(st.floats(0, 2), st.floats(0, 2)), violated=share)
-def test_violations_weigh_as_told(weights, violated):
-    light, heavy = (judge(USUAL, weight=weight, violated=violated)[0] for weight in sorted(weights))
+def test_a_larger_weight_of_violations_never_gives_a_higher_score(weights, violated):
+    light, heavy = (judge(TYPICAL, weight=weight, violated=violated)[0] for weight in sorted(weights))
     assert heavy <= light
 
 
@@ -92,52 +94,52 @@ def test_violations_weigh_as_told(weights, violated):
 def test_scale_does_not_matter(scale):
     lengths, widths = np.array([0.05, 0.1, 0.2]), [0.2, 0.4, 0.6]
     leaves, scaled = sized(lengths, widths), sized(lengths * scale, widths)
-    assert judge(scaled, usual_of(sized([0.1 * scale], 0.4))) == pytest.approx(judge(leaves))
+    assert judge(scaled, median_of(sized([0.1 * scale], 0.4))) == pytest.approx(judge(leaves))
 
 
-def test_the_usual_leaf_is_that_of_leaves_alike():
+def test_the_median_of_equal_leaves_is_that_leaf():
     leaves = flat_leaves(np.zeros((5, 3)))
-    usual = measure_median_leaf(proposed(leaves), evidence_of(leaves), np.ones(5))
-    expected = usual_of(USUAL)
-    assert usual.length_m == pytest.approx(expected.length_m)
-    assert usual.width_m == pytest.approx(expected.width_m)
-    assert usual.area_m2 == pytest.approx(expected.area_m2, rel=0.02)
+    median = measure_median_leaf(proposed(leaves), evidence_of(leaves), np.ones(5))
+    expected = median_of(TYPICAL)
+    assert median.length_m == pytest.approx(expected.length_m)
+    assert median.width_m == pytest.approx(expected.width_m)
+    assert median.area_m2 == pytest.approx(expected.area_m2, rel=0.02)
 
 
-def test_crumbs_do_not_make_the_usual_leaf_small():
+def test_crumbs_do_not_make_the_median_leaf_small():
     leaves = sized([0.1] * 10 + [0.01] * 100, 0.4)
-    usual = measure_median_leaf(proposed(leaves), evidence_of(leaves), np.ones(110))
-    assert usual.length_m == pytest.approx(0.1)
+    median = measure_median_leaf(proposed(leaves), evidence_of(leaves), np.ones(110))
+    assert median.length_m == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("wrong", [{"free": 0.1}, {"on": 0.3}, {"violated": 0.6}, {"explained": 0.3}, {"trust": 0.2}])
-def test_ground_does_not_make_the_usual_leaf_large(wrong):
+def test_ground_does_not_make_the_median_leaf_large(wrong):
     leaves = sized([0.1] * 6 + [2.0] * 3, 0.4)
     ground = np.arange(9) >= 6
     usually = {"free": 1.0, "on": 1.0, "violated": 0.0, "explained": 1.0, "trust": 1.0}
     numbers = {name: np.where(ground, wrong.get(name, value), value) for name, value in usually.items()}
     trust, explained = numbers.pop("trust"), numbers.pop("explained")
-    usual = measure_median_leaf(proposed(leaves, explained), evidence_of(leaves, **numbers), trust)
-    assert usual.length_m == pytest.approx(0.1)
+    median = measure_median_leaf(proposed(leaves, explained), evidence_of(leaves, **numbers), trust)
+    assert median.length_m == pytest.approx(0.1)
 
 
 def test_where_no_leaf_is_sure_all_count():
     leaves = sized([0.1, 0.1, 0.1], 0.4)
-    usual = measure_median_leaf(proposed(leaves, 0.0), evidence_of(leaves, free=0.0), np.zeros(3))
-    assert usual.length_m == pytest.approx(0.1)
+    median = measure_median_leaf(proposed(leaves, 0.0), evidence_of(leaves, free=0.0), np.zeros(3))
+    assert median.length_m == pytest.approx(0.1)
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.permutations(range(6)))
 def test_the_order_of_leaves_does_not_matter(order):
     leaves = sized([0.05, 0.08, 0.1, 0.11, 0.15, 0.3], [0.3, 0.4, 0.5, 0.3, 0.4, 0.5])
-    quality, usual = judge(leaves), measure_median_leaf(proposed(leaves), evidence_of(leaves), np.ones(6))
+    quality, median = judge(leaves), measure_median_leaf(proposed(leaves), evidence_of(leaves), np.ones(6))
     other = leaves.take(np.array(order))
     assert judge(other) == pytest.approx(quality[order])
-    assert measure_median_leaf(proposed(other), evidence_of(other), np.ones(6)) == usual
+    assert measure_median_leaf(proposed(other), evidence_of(other), np.ones(6)) == median
 
 
-def test_leaves_are_like_those_a_prior_was_learned_of_either_way_round():
+def test_leaves_are_like_those_of_a_prior_with_exchanged_ends_too():
     parameters = vary_leaves(60, np.random.default_rng(0), VariationSettings())
     leaves = replace(flat_leaves(np.zeros((60, 3))), parameters=parameters)
     prior = learn_prior(proposed(leaves).numbers(), generic_prior(0.1, 0.5))

@@ -33,7 +33,7 @@ def overlap_of(arguments, noise_m: float = 0.0) -> Overlaps:
 
 
 @pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
-def test_a_leaf_in_two_views_overlaps_both_ways(scale):
+def test_a_leaf_in_two_views_overlaps_in_both_directions(scale):
     found = overlap_of(look([LEFT, RIGHT], scale=scale))
     assert found.first.tolist() == [0, 2, 4]
     assert found.view.tolist() == [0, 0, 1, 1]
@@ -114,9 +114,9 @@ def test_groups_do_not_chain():
     assert [sorted(group.tolist()) for group in group_patches(overlaps, np.array([1.0, 3, 2]))] == [[0, 1, 2]]
 
 
-def test_overlap_one_way_is_not_enough():
-    one_way = np.array([[0.0, 1.0], [0.2, 0.0]])
-    assert [group.tolist() for group in group_patches(made_up(one_way, [0, 1]), np.ones(2))] == [[0], [1]]
+def test_overlap_in_one_direction_is_not_enough():
+    one_sided = np.array([[0.0, 1.0], [0.2, 0.0]])
+    assert [group.tolist() for group in group_patches(made_up(one_sided, [0, 1]), np.ones(2))] == [[0], [1]]
 
 
 @given(data=st.data(), count=st.integers(1, 8))

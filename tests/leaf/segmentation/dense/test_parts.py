@@ -21,7 +21,7 @@ def planes(shape, right=None, down=None):
     )
 
 
-def test_discs_that_touch_are_parted_half_way():
+def test_discs_that_touch_are_parted_in_the_middle():
     patches = discs((40, 45), (40, 80)).astype(np.int32)
     parts = part_at_necks(patches, np.zeros(patches.shape, bool), 16, 10)
     assert sorted(np.unique(parts)) == [0, 1, 2]

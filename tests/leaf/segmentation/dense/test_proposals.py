@@ -50,9 +50,9 @@ def test_surfaces_of_leaves_seen_whole_are_found(known, found):
     assert (found.explained > 0.9).all()
 
 
-@pytest.mark.parametrize("usual", [0.6, 1.7])
-def test_a_wrong_usual_length_does_little_harm(known, usual):
-    found = propose_leaves(leaf_points(known), usual * LENGTH_M, WIDTH, TOLERANCE_M)
+@pytest.mark.parametrize("factor", [0.6, 1.7])
+def test_a_wrong_expected_length_does_little_harm(known, factor):
+    found = propose_leaves(leaf_points(known), factor * LENGTH_M, WIDTH, TOLERANCE_M)
     assert np.median(surface_distances(found.leaves, as_leaves(known))) < 0.03
 
 

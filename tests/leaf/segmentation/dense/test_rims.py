@@ -42,7 +42,7 @@ def test_a_leaf_goes_on_to_its_edge_and_the_wall_up_to_it():
     assert (nearest[3:-3, EDGE - 2 : EDGE + 2][filled[3:-3, EDGE - 2 : EDGE + 2] > 0] < 2e-2).all()
 
 
-def test_where_colours_are_alike_nothing_is_guessed():
+def test_where_colours_are_similar_nothing_is_guessed():
     view, _ = half_leaf(grey=(40, 160, 60))
     assert not fill(view)[:, EDGE - HOLE : EDGE + HOLE].any()
 

@@ -182,8 +182,8 @@ def test_one_view_is_enough_for_what_it_shows(known):
     segmentation = segment_dense([view])
     check_plain(segmentation, [view])
     found = owners(replace(known, views=[view], leaf_ids=known.leaf_ids[:1]), segmentation.leaves)
-    shown = np.bincount(known.leaf_ids[0].ravel(), minlength=len(known.leaves) + 1)[1:]
-    visible = (known.visible > 0.8) & (shown > 500)
+    visible_px = np.bincount(known.leaf_ids[0].ravel(), minlength=len(known.leaves) + 1)[1:]
+    visible = (known.visible > 0.8) & (visible_px > 500)
     assert visible.sum() > 15
     assert recall(known, found, visible) > 0.75
     assert np.median(found.purity) > 0.97
@@ -320,9 +320,9 @@ def test_a_mask_limits_candidates(few):
     check_plain(segmentation, views)
     assert not any(candidates.labels[~left].any() for candidates in segmentation.candidates)
     found = owners(few, segmentation.leaves)
-    shown = np.mean([np.bincount(ids[left], minlength=15)[1:] for ids in few.leaf_ids], axis=0)
+    visible_px = np.mean([np.bincount(ids[left], minlength=15)[1:] for ids in few.leaf_ids], axis=0)
     whole = np.mean([np.bincount(ids.ravel(), minlength=15)[1:] for ids in few.leaf_ids], axis=0)
-    inside = (few.visible > 0.8) & (shown > 0.95 * whole)
+    inside = (few.visible > 0.8) & (visible_px > 0.95 * whole)
     assert recall(few, found, inside) > 0.7
     assert len(segment_dense([replace(view, mask=left & False) for view in views]).leaves) == 0
 
@@ -380,7 +380,7 @@ def test_claims_go_on_along_their_surface():
     assert complete_claims(labels, patches, 10).tolist() == [[5, 5, 5, 5, 5, 5, 5, 5, 0, 0]]
 
 
-def test_claims_go_on_no_farther_than_told():
+def test_claims_extend_no_farther_than_the_limit():
     labels = row(0, 0, 0, 5, 5, 5, 5, 5, 0, 0)
     patches = row(*[1] * 10)
     assert complete_claims(labels, patches, 2.2).tolist() == [[0, 5, 5, 5, 5, 5, 5, 5, 5, 5]]

@@ -115,7 +115,7 @@ def test_no_leaves_and_one():
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), count=st.integers(1, 12), max_overlap=st.sampled_from([0.2, 0.5, 0.9]))
-def test_the_same_as_the_plain_way(seed, count, max_overlap):
+def test_the_same_as_the_plain_method(seed, count, max_overlap):
     leaves = scattered(count, seed)
     evidence, score = evidence_of(leaves), np.random.default_rng(seed + 1).random(count)
     kept = select_leaves(evidence, score, TOLERANCE_M, max_overlap)
