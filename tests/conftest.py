@@ -6,7 +6,7 @@ import subprocess
 import pytest
 from hypothesis import settings
 
-# A loaded machine takes its time: how long an example takes says nothing.
+# On a loaded machine the time of an example is no measure.
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))

@@ -34,7 +34,7 @@ def test_a_remark_survives_json() -> None:
     assert remark_from_json(json.loads(json.dumps(HIGH.as_json()))) == HIGH
 
 
-def test_a_front_end_writes_settings_in_its_own_way() -> None:
+def test_a_front_end_writes_settings_in_its_own_form() -> None:
     assert HIGH.sentence(as_plan_setting) == 'the plant is 900 m high: give branches.cloud.unit = "mm"'
     assert HIGH.sentence(lambda setting: f"--unit {setting.value}") == 'the plant is 900 m high: give --unit "mm"'
 
@@ -81,8 +81,8 @@ def settings_in_use() -> list[tuple[str, str]]:
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Setting":
-                held = {each.arg: each.value for each in node.keywords}
-                name, value = held.get("name"), held.get("value")
+                given = {each.arg: each.value for each in node.keywords}
+                name, value = given.get("name"), given.get("value")
                 if isinstance(name, ast.Constant):
                     settings.append((str(name.value), str(value.value) if isinstance(value, ast.Constant) else ""))
     assert settings

@@ -13,13 +13,13 @@ from tools.bench.branch_truth import score_skeleton, spanning_skeleton
 
 def test_a_tree_is_like_itself():
     tree = random_tree(3)
-    alike = compare_trees(tree, tree)
-    assert (alike.shape, alike.geometry, alike.structure) == (0, 0, 0)
-    assert alike.total == 1
+    similarity = compare_trees(tree, tree)
+    assert (similarity.shape, similarity.geometry, similarity.structure) == (0, 0, 0)
+    assert similarity.total == 1
 
 
 @pytest.mark.parametrize("seed", [1, 5, 6])
-def test_another_tree_is_less_alike_whichever_comes_first(seed):
+def test_another_tree_is_less_similar_whichever_comes_first(seed):
     one, two = random_tree(3), random_tree(seed)
     total = compare_trees(one, two).total
     assert 0 <= total < 0.95
@@ -29,8 +29,8 @@ def test_another_tree_is_less_alike_whichever_comes_first(seed):
 def test_a_branch_more_costs_its_length_in_structure():
     trunk = (np.array([[0, 0, 0], [0, 2, 0]], float), 0.05, None, 0)
     side = (np.array([[0, 2, 0], [1, 2, 0]], float), 0.02, 0, 1)
-    alike = compare_trees(plant_of(trunk), plant_of(trunk, side))
-    assert alike.structure == pytest.approx(1 / 5)  # one metre of two and three
+    similarity = compare_trees(plant_of(trunk), plant_of(trunk, side))
+    assert similarity.structure == pytest.approx(1 / 5)  # one metre of two and three
 
 
 def test_a_line_of_points_spans_one_branch():

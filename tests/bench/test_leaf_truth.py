@@ -58,7 +58,7 @@ def test_hidden_leaves_are_not_missed():
     assert scores.recall == 1
 
 
-def test_duplicates_are_told():
+def test_duplicates_are_counted():
     foliage = known_foliage()
     scores = score_leaves(foliage.truth, foliage.visible, joined(foliage.leaves, foliage.leaves.take([3, 4])))
     assert scores.matched == 40
@@ -81,7 +81,7 @@ def test_ends_axes_and_lengths_have_their_errors():
     assert scores.tip_error_percent == pytest.approx(100 * apex_error / 2, abs=0.01)
 
 
-def test_a_leaf_the_wrong_way_round_is_found_but_not_its_base():
+def test_a_leaf_with_exchanged_ends_is_found_but_not_its_base():
     foliage = known_foliage()
     some = np.arange(0, 40, 4)
     mixed = joined(turned_round(foliage.leaves.take(some)), foliage.leaves.take(np.setdiff1d(np.arange(40), some)))

@@ -1,4 +1,4 @@
-"""The benchmark of leaves measures what a run writes, and tells what it misses."""
+"""The benchmark of leaves measures what a run writes, and reports missed targets."""
 
 from dataclasses import replace
 

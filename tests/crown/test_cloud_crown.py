@@ -42,7 +42,7 @@ def test_sparse_crowns_are_measured_by_their_own_spacing(count, scale):
 
 
 @pytest.mark.parametrize("count", [1000, 20_000])
-def test_wrong_crowns_are_still_told(count):
+def test_wrong_crowns_are_still_found(count):
     rng = np.random.default_rng(3)
     spikes = rng.normal(size=(12, 3))
     spikes /= np.linalg.norm(spikes, axis=1, keepdims=True)

@@ -21,7 +21,7 @@ BAND = 4
 
 
 def field(directions):
-    """A smooth colour in every direction, no two faces or corners alike, in 0.2..0.8."""
+    """A smooth colour in every direction, different on every face and corner, in 0.2..0.8."""
     x, y, z = np.moveaxis(directions, -1, 0)
     return np.stack(
         [0.5 + 0.3 * np.sin(2 * x + y), 0.5 + 0.3 * np.sin(2 * y + z), 0.5 + 0.3 * np.sin(2 * z + x)], axis=-1
@@ -191,7 +191,7 @@ def test_the_photograph_is_kept_in_front_and_the_synthesis_beside_it(synthesis_o
     np.testing.assert_allclose(result[kept], photo[kept], atol=1e-5)
     beyond = weight < ColorMapSettings().reach_weight
     np.testing.assert_allclose(encode_srgb(result[beyond]), synthesised[beyond], atol=1e-5)
-    # Each synthesis was told what it has to grow from: nearly all of the front in the strip, less of top and bottom.
+    # Each synthesis got the known pixels to grow from: nearly all of the front in the strip, less of top and bottom.
     shares = [known_mask.mean() for _, _, _, known_mask in asked]
     assert 0.15 < shares[0] < 0.25
     assert shares[1] == pytest.approx(shares[2])
@@ -297,8 +297,8 @@ def test_the_front_is_the_photograph_up_to_contrast(crown):
     _, _, on_cube, _, result, _ = crown
     for channel in range(3):
         # Monotone up to the neighbourhood, so the pictures correlate strongly but need not be equal.
-        seen, shown = encode_srgb(on_cube[FRONT, ..., channel]), encode_srgb(result[FRONT, ..., channel])
-        assert np.corrcoef(seen.ravel(), shown.ravel())[0, 1] > 0.97
+        seen, found = encode_srgb(on_cube[FRONT, ..., channel]), encode_srgb(result[FRONT, ..., channel])
+        assert np.corrcoef(seen.ravel(), found.ravel())[0, 1] > 0.97
         assert result[FRONT, ..., channel].mean() == pytest.approx(on_cube[FRONT, ..., channel].mean(), rel=0.06)
 
 

@@ -1,4 +1,4 @@
-"""The radius of a captured crown: the truth of closed forms, strays, silhouettes, gaps."""
+"""The radius of a captured crown: the truth of closed forms, outliers, silhouettes, gaps."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def test_points_alone_give_the_surface(shape):
 def test_a_bare_half_is_closed_and_carved_to_the_silhouettes():
     points_m = surface_points(sphere)
     front = points_m[points_m[:, 2] > CENTER_M[2]]
-    far_m = np.concatenate([front, CENTER_M + 2.0 * (front - CENTER_M)])  # a shell of strays, beyond the sphere
+    far_m = np.concatenate([front, CENTER_M + 2.0 * (front - CENTER_M)])  # a shell of outliers, beyond the sphere
 
     hull = fit_crown_hull(far_m, CENTER_M, BASE_M, reduced(views_of(ring(12), sphere)), SIZE)
 
@@ -69,7 +69,7 @@ def test_no_radius_is_beyond_a_silhouette():
         assert cv2.dilate(view.mask.astype(np.uint8), np.ones((5, 5), np.uint8))[row, column].all()
 
 
-def test_light_between_leaves_is_no_way_through_where_masks_were_drawn_leaf_by_leaf():
+def test_light_between_leaves_does_not_carve_where_masks_were_drawn_leaf_by_leaf():
     rng = np.random.default_rng(4)
 
     def with_gaps(view):
@@ -103,14 +103,14 @@ def test_depth_carves_where_two_views_see_past():
     np.testing.assert_array_equal(alone, large)
 
 
-def test_a_few_strays_make_no_spike():
+def test_a_few_outliers_make_no_spike():
     points_m = surface_points(sphere, 8000)
-    strays = CENTER_M + np.array([[2.0, 0.01 * k, 0.0] for k in range(3)])
+    outliers_m = CENTER_M + np.array([[2.0, 0.01 * k, 0.0] for k in range(3)])
 
-    with_strays, known = outermost_points(np.concatenate([points_m, strays]) - CENTER_M, 32, HullSettings())
+    with_outliers, known = outermost_points(np.concatenate([points_m, outliers_m]) - CENTER_M, 32, HullSettings())
 
     assert known.all()
-    assert with_strays.max() < 1.01
+    assert with_outliers.max() < 1.01
 
 
 def test_points_in_no_direction_are_refused():

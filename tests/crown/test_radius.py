@@ -73,9 +73,9 @@ def test_cutting_to_an_outline_shows_that_outline():
 
     cut = within_outline(ball, wanted)
 
-    shown = front_outline(cut, angles=512)
-    assert shown == pytest.approx(wanted, rel=0.02)
-    assert (shown <= wanted * 1.002).all()
+    outline = front_outline(cut, angles=512)
+    assert outline == pytest.approx(wanted, rel=0.02)
+    assert (outline <= wanted * 1.002).all()
     facing = face_directions(65)[..., 2] > 0.9
     assert (cut[facing] == 2.0).all()
 

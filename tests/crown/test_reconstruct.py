@@ -46,7 +46,7 @@ def test_the_same_input_gives_the_same_model(made, views):
     np.testing.assert_array_equal(again.color, made[0].color)
 
 
-def test_every_photograph_is_read_once_and_one_that_sees_no_crown_is_told(views):
+def test_every_photograph_is_read_once_and_one_without_the_crown_is_reported(views):
     reads = []
 
     def counted(view):

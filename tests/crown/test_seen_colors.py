@@ -57,12 +57,12 @@ def test_a_photograph_that_disagrees_is_not_believed(views):
 def test_what_is_unseen_is_filled_with_what_is_seen(views):
     colors = gather_colors(RADIUS_M, CENTER_M, views)
 
-    filled, told = fill_unseen(colors, RADIUS_M, CENTER_M, views, np.random.default_rng(0))
+    filled, summary = fill_unseen(colors, RADIUS_M, CENTER_M, views, np.random.default_rng(0))
 
     assert np.isfinite(filled).all()
     assert (filled >= 0).all()
     np.testing.assert_array_equal(filled, share_borders(filled))
-    assert "seen by no photograph" in told
+    assert "seen by no photograph" in summary
     under = filled[face_directions(SIZE)[..., 1] < -0.9]
     low, high = (np.quantile(colors.color[colors.seen], share, axis=0) for share in (0.0, 1.0))
     assert (np.median(under, axis=0) > 0.8 * low).all()

@@ -50,7 +50,7 @@ def test_depth_grows_with_the_tangent_and_the_silhouette_stays():
     assert np.linalg.norm(flat.points[rim], axis=1) * flat.cell_px == pytest.approx(np.full(rim.sum(), 100), abs=1.2)
 
 
-def test_a_tangent_map_works_where_it_says():
+def test_a_tangent_map_acts_where_it_is_set():
     silhouette = fit_star_silhouette(disc_mask(100))
     upper_steep = np.full((2, 1), 1.0)
     upper_steep[0] = 3.0  # row 0 is the upper half of the picture

@@ -98,9 +98,9 @@ def test_the_border_of_what_is_known_is_no_step():
     known_mask = np.zeros((96, 200), bool)
     known_mask[10:80, 60:140] = True
     image = make(exemplar, (96, 200), known=known, known_mask=known_mask)
-    usual = np.abs(np.diff(exemplar, axis=1)).mean()
+    mean_step = np.abs(np.diff(exemplar, axis=1)).mean()
     for border in (59, 139):
-        assert np.abs(image[10:80, border + 1] - image[10:80, border]).mean() < 1.35 * usual
+        assert np.abs(image[10:80, border + 1] - image[10:80, border]).mean() < 1.35 * mean_step
 
 
 def test_all_known_is_left_alone():

@@ -48,7 +48,7 @@ def test_pixels_beside_the_sky_that_hold_its_light_are_no_leaves(with_mask: bool
     assert leaves[:, 22:].sum() == SIDE * (SIDE - 22) - 1
 
 
-def test_a_mask_alone_says_what_the_plant_is() -> None:
+def test_a_mask_alone_decides_what_the_plant_is() -> None:
     view = picture({(10, 28): 0.5}, with_mask=True, with_sky=False)
     assert (view.leaves == view.mask).all()
 

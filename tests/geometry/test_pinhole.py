@@ -14,7 +14,7 @@ def camera(seed=0):
 
 
 @pytest.mark.parametrize("count", [0, 1, 20_000])
-def test_points_are_seen_where_the_matrix_says(count):
+def test_points_project_as_by_the_matrix(count):
     points, cam = np.random.default_rng(0).normal(size=(count, 3)), camera()
 
     places, depth_m = cam.project(points)

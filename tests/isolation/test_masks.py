@@ -63,7 +63,7 @@ def test_with_depth_everywhere_the_mask_is_exact(cloud) -> None:
     assert intersection_over_union(draw(cloud, 0.3, points), ball) > 0.98
 
 
-def test_where_depth_is_missing_colours_and_points_tell(cloud) -> None:
+def test_where_depth_is_missing_colours_and_points_decide(cloud) -> None:
     """As matching leaves it: nothing at outlines, nothing in places, single pixels of noise."""
     rng = np.random.default_rng(1)
     _, points, ball = see(camera_at(0.3))

@@ -82,18 +82,18 @@ def reference_pass(exemplar, guide_of_exemplar, valid, source, color, guide, kno
             if known[y, x] == 2 or verbatim:
                 continue
             arguments = (radius, weight)
-            least = reference_cost(exemplar, guide_of_exemplar, color, guide, y, x, best, *arguments)
+            min_cost = reference_cost(exemplar, guide_of_exemplar, color, guide, y, x, best, *arguments)
             seen = {best}
 
             def consider(place, numerator, denominator, y=y, x=x, seen=seen, arguments=arguments):
-                nonlocal best, least
+                nonlocal best, min_cost
                 if not (0 <= place[0] < h and 0 <= place[1] < w and valid[place]) or place in seen:
                     return
                 seen.add(place)
-                limit = least * denominator // numerator
+                limit = min_cost * denominator // numerator
                 cost = reference_cost(exemplar, guide_of_exemplar, color, guide, y, x, place, *arguments)
                 if cost < limit:
-                    best, least = place, cost
+                    best, min_cost = place, cost
 
             for reach in (1, 2, 4):
                 for dy, dx in itertools.product((-reach, 0, reach), repeat=2):

@@ -12,9 +12,9 @@ from usdfoliage import _native
 BITS = 6
 
 
-def thin(indices, most):
+def thin(indices, max_count):
     rank, count = np.arange(len(indices)), max(len(indices), 1)
-    kept = min(len(indices), most)
+    kept = min(len(indices), max_count)
     return indices[(rank * kept) // count != ((rank - 1) * kept) // count]
 
 
@@ -24,16 +24,16 @@ def curve(points):
     return sum(((cell[:, axis] >> bit) & 1) << (3 * bit + axis) for bit in range(BITS) for axis in range(3))
 
 
-def sample(points, edge, offsets, interior, most_edge, before, apart):
+def sample(points, edge, offsets, interior, max_edge, before, apart):
     chosen, alone, ends = [], [], [0]
     for first, last in pairwise(offsets):
         own = np.arange(first, last)[np.isfinite(points[first:last]).all(axis=1)]
         order = np.concatenate(
-            [thin(own[edge[own] == 1], before * most_edge), thin(own[edge[own] == 0], before * interior)]
+            [thin(own[edge[own] == 1], before * max_edge), thin(own[edge[own] == 0], before * interior)]
         )
         if len(order):
             order = order[np.argsort(curve(points[order]), kind="stable")]
-        kept = np.concatenate([thin(order[edge[order] == 0], interior), thin(order[edge[order] == 1], most_edge)])
+        kept = np.concatenate([thin(order[edge[order] == 0], interior), thin(order[edge[order] == 1], max_edge)])
         picked = order[np.isin(order, kept)]
         far = np.zeros(len(picked), bool)
         if len(picked) > 4:
@@ -66,12 +66,12 @@ def sampled(points, edge, offsets, interior, max_edge, before, threads):
     st.integers(1, 4),
     st.integers(0, 2**32 - 1),
 )
-def test_the_same_points_as_plainly_written(sizes, interior, most_edge, before, seed):
+def test_the_points_are_those_of_plain_python(sizes, interior, max_edge, before, seed):
     points, edge, offsets = clouds(np.random.default_rng(seed), sizes)
 
-    found = sampled(points, edge, offsets, interior, most_edge, before, 2)
+    found = sampled(points, edge, offsets, interior, max_edge, before, 2)
 
-    index, apart, ends = sample(points, edge, offsets, interior, most_edge, before, 3.0)
+    index, apart, ends = sample(points, edge, offsets, interior, max_edge, before, 3.0)
     assert np.array_equal(found.index, index)
     assert np.array_equal(found.apart, apart)
     assert np.array_equal(found.offsets, ends)

@@ -76,9 +76,9 @@ def test_places_are_the_closest():
     for kind, places in ((0, dense), (1, dense[np.abs(dense[:, 0]) == 1])):
         surface = evaluate_points(LEAF, places)[0]
         mine = points[edge == kind]
-        least = np.linalg.norm(mine[:, None] - surface, axis=-1).min(axis=1)
-        assert distance[edge == kind] == pytest.approx(least, abs=4e-3)
-        assert (distance[edge == kind] <= least + 1e-4).all()
+        nearest = np.linalg.norm(mine[:, None] - surface, axis=-1).min(axis=1)
+        assert distance[edge == kind] == pytest.approx(nearest, abs=4e-3)
+        assert (distance[edge == kind] <= nearest + 1e-4).all()
     assert np.linalg.norm(points - evaluate_points(LEAF, uv)[0], axis=-1) == pytest.approx(distance)
 
 
@@ -113,7 +113,7 @@ def test_without_points_it_finds_the_prior():
 
 
 def test_it_goes_as_low_as_a_library():
-    """With the places held, on the parameters alone, where the objective is smooth."""
+    """With the places fixed, on the parameters alone, where the objective is smooth."""
     target = LEAF.copy()
     target[0, 0, 2] = target[0, 1, 2] = 0.05
     points, edge = points_beside(target, count=120)

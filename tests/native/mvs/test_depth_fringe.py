@@ -30,8 +30,8 @@ def reference(depth_m, srgb):
             if behind.sum() * 10 < behind.size:
                 continue
             own, of_surface, of_behind = srgb[row, column], colors[surface].mean(0), colors[behind].mean(0)
-            told = np.abs(of_surface - of_behind).sum() >= CONTRAST
-            fringe[row, column] = told and np.abs(own - of_behind).sum() < NEARER * np.abs(own - of_surface).sum()
+            distinct = np.abs(of_surface - of_behind).sum() >= CONTRAST
+            fringe[row, column] = distinct and np.abs(own - of_behind).sum() < NEARER * np.abs(own - of_surface).sum()
     return fringe
 
 
@@ -53,7 +53,7 @@ def test_a_twig_keeps_its_depth_and_its_fringe_does_not():
     assert not depth_m[:, 16:].any()
 
 
-def test_colors_that_are_alike_tell_nothing():
+def test_where_colors_are_similar_there_is_no_fringe():
     depth_m, srgb = twig(contrast=20)
     assert not find(depth_m, srgb).any()
 

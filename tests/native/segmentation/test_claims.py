@@ -115,8 +115,8 @@ def test_states_of_points_follow_the_depth():
     assert np.array_equal(states, classify(points, seen, 3))
 
 
-@pytest.mark.parametrize("most", [1, 7, 1000])
-def test_pixels_are_picked_evenly_over_all_views(most):
+@pytest.mark.parametrize("max_per_leaf", [1, 7, 1000])
+def test_pixels_are_picked_evenly_over_all_views(max_per_leaf):
     rng = np.random.default_rng(4)
     labels = [rng.integers(0, 4, (20, 30)).astype(np.int32) for _ in range(3)]
     depths = [(rng.random((20, 30)) < 0.9).astype(np.float32) for _ in range(3)]
@@ -124,7 +124,7 @@ def test_pixels_are_picked_evenly_over_all_views(most):
     total = sum(_native.count_labels(view, one, count=3) for view, one in zip(views, labels, strict=True))
     labels = [one * (depth > 0) for one, depth in zip(labels, depths, strict=True)]
     assert np.array_equal(total, np.bincount(np.concatenate([one.ravel() for one in labels]), minlength=4)[1:])
-    kept = np.minimum(total, most)
+    kept = np.minimum(total, max_per_leaf)
     offsets, seen = np.concatenate([[0], np.cumsum(kept)]), np.zeros(3, np.int64)
 
     picked = [

@@ -183,7 +183,7 @@ def test_pieces_are_the_connected_components(noise):
     assert np.array_equal(labels, expected.reshape(depth.shape))
 
 
-def test_edges_are_told_by_what_lies_beside_them():
+def test_edges_are_labelled_by_what_lies_beside_them():
     depth = foliage(7, (60, 70))
     rng = np.random.default_rng(2)
     labels = (np.kron(rng.integers(0, 4, (12, 14)), np.ones((5, 5))) * (depth > 0)).astype(np.int32)
