@@ -1,4 +1,4 @@
-"""Blender as the artist's application, beside Storm: a crown asset as the product writes it opens and draws alike."""
+"""Blender as the artist's application, beside Storm: a crown asset of the product opens and is drawn the same."""
 
 import json
 import subprocess
@@ -48,7 +48,7 @@ def asset(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def blender(asset, tmp_path_factory):
-    """What Blender says of the asset, and its picture (H, W, 4) of the front, linear."""
+    """Blender's description of the asset, and its picture (H, W, 4) of the front, linear."""
     try:
         python = find_interpreter()
     except PreviewError as error:

@@ -45,7 +45,7 @@ def shots(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def blender(shots):
-    """What Blender says of each scene, and its picture of the front."""
+    """Blender's description of each scene, and its picture of the front."""
     try:
         python = find_interpreter()
     except PreviewError as error:
@@ -96,10 +96,10 @@ def test_the_instancer_shows_a_mean_leaf_for_every_leaf(shots, blender):
 def test_the_pictures_are_of_the_same_spray(blender):
     covered = {name: picture[..., 3] > 127 for name, (_, picture) in blender.items()}
     assert covered["mesh"].mean() > 0.03
-    # Cages are drawn as they are, instances as mean leaves: alike, not the same.
-    for name, least in (("subdiv", 0.85), ("bezier", 0.6)):
+    # Cages are drawn as they are, instances as mean leaves: similar, not the same.
+    for name, min_iou in (("subdiv", 0.85), ("bezier", 0.6)):
         both, either = covered[name] & covered["mesh"], covered[name] | covered["mesh"]
-        assert both.sum() / either.sum() > least
+        assert both.sum() / either.sum() > min_iou
     green = {name: picture[covered[name]][:, :3].mean(axis=0) for name, (_, picture) in blender.items()}
     for color in green.values():
         assert color.argmax() == 1

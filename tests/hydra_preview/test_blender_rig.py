@@ -23,15 +23,15 @@ import json, sys
 import bpy
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.ops.wm.usd_import(filepath=sys.argv[1])
-(rig,) = (held for held in bpy.data.objects if held.type == "ARMATURE")
-(tree,) = (held for held in bpy.data.objects if held.type == "MESH")
+(rig,) = (found for found in bpy.data.objects if found.type == "ARMATURE")
+(tree,) = (found for found in bpy.data.objects if found.type == "MESH")
 bones = {{bone.name: bone.parent.name if bone.parent else "" for bone in rig.data.bones}}
 for modifier in tree.modifiers:
     modifier.show_viewport = modifier.type == "ARMATURE"
 bpy.context.scene.frame_set({FRAME})
 moved = tree.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
 points = [list(vertex.co) for vertex in moved.vertices]
-print("told", json.dumps({{"bones": bones, "points": points}}))
+print("result", json.dumps({{"bones": bones, "points": points}}))
 """
 
 
@@ -47,11 +47,11 @@ def test_blender_moves_the_surface_as_usd_does(tmp_path):
     stage.GetDefaultPrim().GetVariantSet("rig").SetVariantSelection("skel")
     stage.Flatten().Export(str(tmp_path / "rigged.usdc"))
     done = subprocess.run([python, "-c", SCRIPT, tmp_path / "rigged.usdc"], capture_output=True, text=True, check=True)
-    told = json.loads(next(line for line in done.stdout.splitlines() if line.startswith("told"))[4:])
-    assert told["bones"] == {"branch_0": "", "branch_1": "branch_0", "branch_2": "branch_1"}
+    result = json.loads(next(line for line in done.stdout.splitlines() if line.startswith("result"))[len("result") :])
+    assert result["bones"] == {"branch_0": "", "branch_1": "branch_0", "branch_2": "branch_1"}
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/fork/geo/render/Branches"))
     rest = np.array(mesh.GetPointsAttr().Get())
     assert UsdSkel.BakeSkinning(stage.Traverse())
     baked = np.array(mesh.GetPointsAttr().Get(FRAME))
-    assert np.array(told["points"]) == pytest.approx(baked, abs=1e-5)
+    assert np.array(result["points"]) == pytest.approx(baked, abs=1e-5)
     assert np.abs(baked - rest).max() > 0.05

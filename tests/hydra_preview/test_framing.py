@@ -1,4 +1,4 @@
-"""Cameras see the whole of a bound, no more than needed, from where they are said to stand."""
+"""Cameras see the whole of a bound, no more than needed, from their given directions."""
 
 import importlib.util
 import math
@@ -89,7 +89,7 @@ def test_axes_are_right_handed_and_the_picture_stands_upright(direction, z_up):
         (0, 90, (0, 1, 0), (0, 0, 1)),
     ],
 )
-def test_cameras_stand_where_their_direction_says(azimuth_deg, elevation_deg, y_up, z_up):
+def test_cameras_stand_in_their_direction(azimuth_deg, elevation_deg, y_up, z_up):
     direction = framing.Direction(azimuth_rad=math.radians(azimuth_deg), elevation_rad=math.radians(elevation_deg))
     assert Gf.IsClose(framing.camera_axes(direction, False)[2], Gf.Vec3d(*y_up), 1e-9)
     assert Gf.IsClose(framing.camera_axes(direction, True)[2], Gf.Vec3d(*z_up), 1e-9)

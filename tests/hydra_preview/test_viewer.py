@@ -57,8 +57,8 @@ def test_what_is_panned_stays_under_the_mouse() -> None:
     start = front()
     moved = orbits.truck(start, 30, -20, 300)
 
-    def pixel(held: orbits.Orbit) -> np.ndarray:
-        frustum = orbits.camera_of(held, cube(), 400, 300).frustum
+    def pixel(orbit: orbits.Orbit) -> np.ndarray:
+        frustum = orbits.camera_of(orbit, cube(), 400, 300).frustum
         place = (frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()).Transform(start.target)
         return np.array([(place[0] + 1) * 200, (1 - place[1]) * 150])
 
@@ -195,7 +195,7 @@ def test_the_average_leaf_is_drawn_and_follows_the_sliders(session) -> None:
 
 
 @pytest.mark.preview
-def test_a_look_is_shown_over_its_asset_and_can_be_muted(display, session, tmp_path) -> None:
+def test_a_look_is_drawn_over_its_asset_and_can_be_muted(display, session, tmp_path) -> None:
     folder, _ = session
     play(
         folder / "saved.usda",
@@ -219,7 +219,7 @@ def test_a_look_is_shown_over_its_asset_and_can_be_muted(display, session, tmp_p
 
 
 @pytest.mark.preview
-def test_purposes_guides_and_a_capture_are_shown_when_asked(display, tmp_path) -> None:
+def test_purposes_guides_and_a_capture_are_drawn_when_asked(display, tmp_path) -> None:
     write_spray(tmp_path / "spray", random_leaves(20, seed=3))
     scene = Usd.Stage.CreateNew(str(tmp_path / "scene.usda"))
     UsdGeom.SetStageUpAxis(scene, UsdGeom.Tokens.y)
@@ -244,13 +244,13 @@ def test_purposes_guides_and_a_capture_are_shown_when_asked(display, tmp_path) -
     UsdGeom.Camera.Define(stage, "/capture/geo/guide/Cameras/one").AddTranslateOp().Set(Gf.Vec3d(0, 0, 9))
     stage.Save()
     names = ("start", "proxy", "cloud", "cameras", "hidden")
-    start, proxies, cloud_shown, cameras, hidden = ({"picture": str(tmp_path / f"{name}.png")} for name in names)
+    start, proxies, with_cloud, cameras, hidden = ({"picture": str(tmp_path / f"{name}.png")} for name in names)
     play(
         tmp_path / "scene.usda",
         tmp_path,
         [
             *[start, {"purpose": {"proxy": True}}, proxies, {"purpose": {"proxy": False}}],
-            *[{"guide": {"Cloud": True}}, cloud_shown, {"guide": {"Cameras": True}}, cameras],
+            *[{"guide": {"Cloud": True}}, with_cloud, {"guide": {"Cameras": True}}, cameras],
             *[{"guide": {"Cloud": False, "Cameras": False}}, hidden],
         ],
         capture=tmp_path / "capture.usda",
@@ -301,7 +301,7 @@ def crown_green(picture: np.ndarray) -> float:
 
 
 @pytest.mark.preview
-def test_lods_and_purposes_of_a_whole_plant_are_shown(plant_session) -> None:
+def test_lods_and_purposes_of_a_whole_plant_are_drawn(plant_session) -> None:
     _, pictures = plant_session
     assert covered(pictures["render"]).any()
     assert differ(pictures["wide"], pictures["render"]) > 0.02
@@ -320,29 +320,29 @@ def test_the_saved_look_of_a_whole_plant_is_that_of_edit(plant_session) -> None:
 
 
 @pytest.mark.preview
-def test_leaves_cannot_be_edited_where_the_crown_alone_is_shown(display, plant_session, tmp_path) -> None:
+def test_leaves_cannot_be_edited_where_the_crown_alone_is_drawn(display, plant_session, tmp_path) -> None:
     with pytest.raises(PreviewError, match="there is no slider width that can be moved"):
         play(plant_session[0] / "oak", tmp_path, [{"variant": {"lod": "crown"}}, {"edit": {"width": WIDE}}])
 
 
 @pytest.mark.preview
 @pytest.mark.parametrize(
-    ("action", "said"),
+    ("action", "message"),
     [
         ({"fly": 1}, "nothing is known of 'fly'"),
         ({"edit": {"colour": 1}}, "there is no slider colour"),
         ({"save_look": "/nowhere/look.txt"}, "its name must end with .usda"),
     ],
 )
-def test_an_action_that_fails_is_told(display, session, tmp_path, action, said) -> None:
-    with pytest.raises(PreviewError, match=said):
+def test_an_action_that_fails_is_reported(display, session, tmp_path, action, message) -> None:
+    with pytest.raises(PreviewError, match=message):
         play(session[0] / "spray", tmp_path, [action])
 
 
 # What cannot be shown
 
 
-def test_no_display_is_told(tmp_path, monkeypatch) -> None:
+def test_no_display_is_reported(tmp_path, monkeypatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
         monkeypatch.delenv(name, raising=False)
     write_spray(tmp_path / "spray")
@@ -351,20 +351,20 @@ def test_no_display_is_told(tmp_path, monkeypatch) -> None:
         view_asset(tmp_path / "spray")
 
 
-def test_a_display_that_is_not_there_is_told(display, session, monkeypatch) -> None:
+def test_a_display_that_is_not_there_is_reported(display, session, monkeypatch) -> None:
     monkeypatch.setenv("DISPLAY", ":4711")
     with pytest.raises(PreviewError, match="display :4711 cannot be used"):
         view_asset(session[0] / "spray")
 
 
-def test_no_preview_interpreter_is_told(tmp_path, monkeypatch) -> None:
+def test_no_preview_interpreter_is_reported(tmp_path, monkeypatch) -> None:
     write_spray(tmp_path / "spray")
     monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", str(tmp_path / "python"))
     with pytest.raises(PreviewError, match="USDFOLIAGE_HYDRA_PYTHON names no program"):
         view_asset(tmp_path / "spray")
 
 
-def test_an_interpreter_without_usd_is_told(tmp_path, monkeypatch) -> None:
+def test_an_interpreter_without_usd_is_reported(tmp_path, monkeypatch) -> None:
     write_spray(tmp_path / "spray")
     python = tmp_path / "python"
     python.write_text(f'#!/bin/sh\nexec {sys.executable} -S -E "$@"\n', encoding="utf-8")
@@ -376,7 +376,7 @@ def test_an_interpreter_without_usd_is_told(tmp_path, monkeypatch) -> None:
 
 
 @pytest.mark.preview
-def test_an_interpreter_without_qt_is_told(display, session, tmp_path, monkeypatch) -> None:
+def test_an_interpreter_without_qt_is_reported(display, session, tmp_path, monkeypatch) -> None:
     (tmp_path / "PySide6").mkdir()
     (tmp_path / "PySide6" / "__init__.py").write_text("raise ModuleNotFoundError('PySide6 is not there')\n")
     monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", str(find_interpreter()))
@@ -385,7 +385,7 @@ def test_an_interpreter_without_qt_is_told(display, session, tmp_path, monkeypat
         view_asset(session[0] / "spray")
 
 
-def test_what_is_no_asset_is_told(tmp_path) -> None:
+def test_what_is_no_asset_is_reported(tmp_path) -> None:
     with pytest.raises(FoliageError, match="does not exist"):
         view_asset(tmp_path / "nothing")
     (tmp_path / "empty").mkdir()
@@ -394,7 +394,7 @@ def test_what_is_no_asset_is_told(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("text", ["{", '{"frame_all": true}', '[{"a": 1, "b": 2}]'])
-def test_a_script_that_is_none_is_told(tmp_path, monkeypatch, text) -> None:
+def test_a_script_that_is_none_is_reported(tmp_path, monkeypatch, text) -> None:
     write_spray(tmp_path / "spray")
     monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", sys.executable)
     monkeypatch.setenv("DISPLAY", ":4711")

@@ -1,4 +1,4 @@
-"""Storm and Blender show of a whole plant in a scene what its lods and purposes say."""
+"""Storm and Blender draw a whole plant in a scene by its lods and purposes."""
 
 import json
 import subprocess
@@ -105,7 +105,7 @@ def test_storm_draws_instances_in_their_own_lods(scene):
 
 @pytest.fixture(scope="module")
 def blender(scene, python):
-    """What Blender says of a scene."""
+    """Blender's description of a scene."""
     if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
         pytest.skip(f"{python} has no bpy, which is Blender as a module")
 

@@ -126,8 +126,8 @@ def test_a_lod_that_is_missing_is_found(asset):
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(Sdf.Layer.FindOrOpen(str(asset)))
     spec = layer.GetPrimAtPath("/oak")
-    held = spec.variantSets["lod"]
-    held.RemoveVariant(held.variants["both"])
+    lods = spec.variantSets["lod"]
+    lods.RemoveVariant(lods.variants["both"])
     spec.payloadList.ClearEdits()
     stage = Usd.Stage.Open(layer)
     assert ("LodMissing", "/oak") in found(stage)

@@ -69,8 +69,8 @@ def test_rows_reach_every_number_of_the_edits() -> None:
     reached = {part for row in ROWS for part in row.parts}
     numbers = {
         (name, k)
-        for name, held in edit_values(NEUTRAL).items()
-        for k in (range(3) if isinstance(held, tuple) else [None])
+        for name, value in edit_values(NEUTRAL).items()
+        for k in (range(3) if isinstance(value, tuple) else [None])
     }
     assert reached == numbers
     assert set(look_layer.EDITS) == {name for name, _ in reached}
@@ -95,8 +95,8 @@ def test_the_guessed_box_holds_every_edited_leaf(edits, seed) -> None:
     prim.CreatePositionsAttr([Gf.Vec3f(*map(float, base)) for base in leaves.base_m])
     prim.CreateScalesAttr([Gf.Vec3f(float(length)) for length in leaves.length_m])
     for row, name in enumerate(("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "inner", "outer")):
-        held = [Gf.Vec3f(*map(float, numbers)) for numbers in leaves.parameters[:, row]]
-        UsdGeom.PrimvarsAPI(prim).CreatePrimvar(f"leaf:{name}", Sdf.ValueTypeNames.Float3Array).Set(held)
+        points = [Gf.Vec3f(*map(float, numbers)) for numbers in leaves.parameters[:, row]]
+        UsdGeom.PrimvarsAPI(prim).CreatePrimvar(f"leaf:{name}", Sdf.ValueTypeNames.Float3Array).Set(points)
     known = reach.read_range(prim.GetPrim())
     box = reach.box_in_leaf_space(known, edit_values(edits))
     among = reach.box_among_leaves(known, box)
@@ -189,9 +189,9 @@ def test_a_look_that_plain_usd_writes_is_one_of_usdfoliage(tmp_path) -> None:
     plain, ours = (Sdf.Layer.FindOrOpen(str(tmp_path / "looks" / f"{name}.usda")) for name in ("plain", "ours"))
     assert read_look(plain).asset == read_look(ours).asset == asset
     stages = [open_asset(tmp_path / "looks" / f"{name}.usda") for name in ("plain", "ours")]
-    shown = [leaves_of(stage) for stage in stages]
-    assert read_edits(shown[0]) == read_edits(shown[1])
-    wide, exact = (np.array(UsdGeom.Boundable(prim).GetExtentAttr().Get()) for prim in shown)
+    prims = [leaves_of(stage) for stage in stages]
+    assert read_edits(prims[0]) == read_edits(prims[1])
+    wide, exact = (np.array(UsdGeom.Boundable(prim).GetExtentAttr().Get()) for prim in prims)
     assert (wide[0] <= exact[0] + 1e-6).all()
     assert (wide[1] >= exact[1] - 1e-6).all()
     with_exact_bounds = json.loads(_answer({"op": "bounds", "asset": str(asset), "edits": edit_values(EDITED)}))[
@@ -199,7 +199,7 @@ def test_a_look_that_plain_usd_writes_is_one_of_usdfoliage(tmp_path) -> None:
     ]
     live.apply(edit_values(EDITED), with_exact_bounds)
     lines = [layer.ExportToString().split(")\n", 1)[1] for layer in (live.layer, ours)]
-    assert lines[0] == lines[1]  # all but what the look says of itself
+    assert lines[0] == lines[1]  # all but the look's own metadata
 
 
 def test_a_look_is_refused_where_it_cannot_be(tmp_path) -> None:
@@ -219,15 +219,15 @@ def test_a_look_is_refused_where_it_cannot_be(tmp_path) -> None:
 def test_an_edit_of_another_type_is_as_none(tmp_path, primvar, value_type, value) -> None:
     stage = Usd.Stage.Open(str(write_spray(tmp_path / "spray", random_leaves(2))))
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    held = Sdf.CreatePrimInLayer(layer, leaves_of(stage).GetPath())
-    Sdf.AttributeSpec(held, f"primvars:leaf:edit:{primvar}", value_type).default = value
+    spec = Sdf.CreatePrimInLayer(layer, leaves_of(stage).GetPath())
+    Sdf.AttributeSpec(spec, f"primvars:leaf:edit:{primvar}", value_type).default = value
     stage.GetSessionLayer().subLayerPaths.append(layer.identifier)
     live = LiveLook(stage, stage.GetDefaultPrim())
     assert primvar not in live.values()
     assert "axis1" in live.values()
 
 
-def test_what_cannot_be_edited_is_said(tmp_path) -> None:
+def test_what_cannot_be_edited_is_reported(tmp_path) -> None:
     stage, live = open_live(write_spray(tmp_path / "spray"))
     assert live.why_not() == ""
     plants.select_variant(stage, "representation", "nurbs")
@@ -239,7 +239,7 @@ def test_what_cannot_be_edited_is_said(tmp_path) -> None:
     assert plants.interface_file(prim) == ""
 
 
-def test_guides_are_shown_by_name(tmp_path) -> None:
+def test_guides_are_switched_by_name(tmp_path) -> None:
     stage = Usd.Stage.Open(str(write_spray(tmp_path / "spray")))
     skeleton = UsdGeom.Scope.Define(stage, "/spray/geo/guide/Skeleton")
     cloud = UsdGeom.Scope.Define(stage, "/spray/geo/guide/Cloud")
@@ -296,7 +296,7 @@ def test_the_average_leaf_and_faults_are_answered(tmp_path) -> None:
     assert all(list(fault) == ["error"] and fault["error"] for fault in faults)
 
 
-def test_a_product_that_is_gone_is_told() -> None:
+def test_a_product_that_is_gone_is_reported() -> None:
     with pytest.raises(ProductGoneError):
         Product(io.BytesIO(), io.BytesIO()).ask(op="leaf")
     with pytest.raises(ProductError, match="no leaf"):
@@ -349,10 +349,10 @@ def test_the_menu_and_the_panel_in_usdview_without_usdfoliage(tmp_path) -> None:
     assert seen["boxes"] == ["lod", "representation"]
     assert (seen["product"], seen["curves"]) == (False, 0)
     assert seen["edited"] == [1.5, True]
-    assert "without usdfoliage" in seen["said"]
+    assert "without usdfoliage" in seen["status"]
     assert ".usda" in seen["refused"]
     assert seen["hidden"] == [1.0, 1.0]
-    assert seen["shown"] == [1.5, 1.5]
+    assert seen["prims"] == [1.5, 1.5]
     assert seen["subdiv"] == ["subdiv", False, "Edits act on the representation bezier: choose it."]
     assert seen["back"] == [True, 1.5]
     assert seen["reset"] == [1.0, 1.0]
@@ -378,7 +378,7 @@ def test_a_whole_plant_in_usdview_without_usdfoliage(tmp_path) -> None:
     assert seen["crown"] == [False, "The lod crown shows no leaves to edit: choose leaves or both or auto."]
     assert seen["again"] == [True, ""]
     assert seen["widths"] == {"leaves": 1.5, "both": 1.5, "crown": None, "auto": 1.5}
-    # What USD alone says is what usdfoliage says, but for extents, which hold as much and more.
+    # USD alone writes what usdfoliage writes, but for extents, which are as large or larger.
     write_look_layer(tmp_path / "ours.usda", asset, LeafEdits(width=1.5))
     ours, theirs = (Sdf.Layer.FindOrOpen(str(tmp_path / name)) for name in ("ours.usda", "saved.usda"))
     assert edits_in(theirs) == edits_in(ours)
@@ -391,7 +391,7 @@ def test_a_whole_plant_in_usdview_without_usdfoliage(tmp_path) -> None:
 
 
 def edits_in(layer: Sdf.Layer) -> dict[Sdf.Path, object]:
-    """The edits that a look says, by their paths with variants."""
+    """The edits in a look, by their paths with variants."""
     found: dict[Sdf.Path, object] = {}
 
     def look(path: Sdf.Path) -> None:

@@ -39,7 +39,7 @@ Break = Callable[[Usd.Prim], None]
 
 
 def findings(stage: Usd.Stage) -> list[tuple[str, str, str]]:
-    """(validator, error name, path) of all that our validators find; each names its place and says what to do."""
+    """(validator, error name, path) of all that our validators find; each names its place and the remedy."""
     context = UsdValidation.ValidationContext(keywords=["usdFoliage"])
     found = []
     for problem in context.Validate(stage):
@@ -51,11 +51,11 @@ def findings(stage: Usd.Stage) -> list[tuple[str, str, str]]:
     return sorted(found)
 
 
-def put(name: str, held: object) -> Break:
+def put(name: str, value: object) -> Break:
     """Break a prim by giving an attribute another value."""
 
     def break_it(prim: Usd.Prim) -> None:
-        assert prim.GetAttribute(name).Set(held)
+        assert prim.GetAttribute(name).Set(value)
 
     return break_it
 
@@ -385,10 +385,10 @@ def _room(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath("/Leaves/Prototypes/Leaf").GetAttribute("extent").Set([Gf.Vec3f(-9), Gf.Vec3f(9)])
 
 
-@pytest.mark.parametrize(("name", "held"), FOLDED)
-def test_leaf_that_folds_over_itself_is_a_warning(name: str, held: list[Gf.Vec3f]) -> None:
+@pytest.mark.parametrize(("name", "value"), FOLDED)
+def test_leaf_that_folds_over_itself_is_a_warning(name: str, value: list[Gf.Vec3f]) -> None:
     stage = Usd.Stage.CreateInMemory()
-    put(name, held)(stages.build_leaves(stage))
+    put(name, value)(stages.build_leaves(stage))
     _room(stage)
     (problem,) = problems_of_shape(stage)
     assert (problem.GetName(), problem.GetType()) == ("LeafFolds", WARN)
@@ -427,10 +427,10 @@ SHAPE = [
 ]
 
 
-@pytest.mark.parametrize(("name", "place", "held"), SHAPE)
-def test_edit_that_takes_silhouettes_out_of_order(name: str, place: str, held: object) -> None:
+@pytest.mark.parametrize(("name", "place", "value"), SHAPE)
+def test_edit_that_takes_silhouettes_out_of_order(name: str, place: str, value: object) -> None:
     stage = Usd.Stage.CreateInMemory()
-    put(place, held)(stages.build_leaves(stage))
+    put(place, value)(stages.build_leaves(stage))
     _room(stage)
     found = [problem for problem in problems_of_shape(stage) if problem.GetName() == name]
     assert {str(problem.GetSites()[0].GetProperty().GetPath()) for problem in found} == {f"/Leaves.{place}"}
@@ -438,7 +438,7 @@ def test_edit_that_takes_silhouettes_out_of_order(name: str, place: str, held: o
 
 
 @pytest.mark.parametrize(
-    ("edit", "held"),
+    ("edit", "value"),
     [
         ("width", 3.0),
         ("curl", Gf.Vec3f(0, 0, 0.5)),
@@ -446,12 +446,12 @@ def test_edit_that_takes_silhouettes_out_of_order(name: str, place: str, held: o
         ("jitterAmplitude", 0.5),
     ],
 )
-def test_extent_that_does_not_hold_the_edited_leaves(edit: str, held: object) -> None:
+def test_extent_that_does_not_hold_the_edited_leaves(edit: str, value: object) -> None:
     stage = Usd.Stage.CreateInMemory()
     prim = stages.build_leaves(stage)
     UsdGeom.PointInstancer(prim).CreateExtentAttr([Gf.Vec3f(-0.1, 0.9, -0.1), Gf.Vec3f(2.1, 1.1, 0.1)])
     assert findings(stage) == []
-    put(f"primvars:leaf:edit:{edit}", held)(prim)
+    put(f"primvars:leaf:edit:{edit}", value)(prim)
     (problem,) = [problem for problem in problems_of_shape(stage) if problem.GetName() == "DisplacedExtent"]
     assert problem.GetType() == ERROR
     assert problem.GetSites()[0].GetProperty().GetPath() == "/Leaves/Prototypes/Leaf.extent"
@@ -484,9 +484,9 @@ def test_hundred_thousand_leaves_take_seconds() -> None:
     stage = Usd.Stage.CreateInMemory()
     prim = stages.build_leaves(stage)
     for attribute in prim.GetAttributes():
-        held = attribute.Get()
+        current = attribute.Get()
         if attribute.HasAuthoredValue() and attribute.GetTypeName().isArray and attribute.GetName() != "extent":
-            attribute.Set(type(held)(count, held[0]))
+            attribute.Set(type(current)(count, current[0]))
     prim.GetAttribute("primvars:leaf:packed").Set(stages.packed_leaves(count))
     start = time.process_time()
     assert findings(stage) == []
@@ -682,10 +682,10 @@ LOBED = [
 ]
 
 
-@pytest.mark.parametrize(("name", "attribute", "held"), LOBED)
-def test_broken_lobed_leaf(name: str, attribute: str, held: object) -> None:
+@pytest.mark.parametrize(("name", "attribute", "value"), LOBED)
+def test_broken_lobed_leaf(name: str, attribute: str, value: object) -> None:
     stage = Usd.Stage.CreateInMemory()
-    put(f"foliage:lobed:{attribute}", held)(stages.build_lobed_leaf(stage))
+    put(f"foliage:lobed:{attribute}", value)(stages.build_lobed_leaf(stage))
     assert findings(stage) == [("LobedLeaf", name, f"/Lobed.foliage:lobed:{attribute}")]
 
 
@@ -703,10 +703,10 @@ FOREST = [
 ]
 
 
-@pytest.mark.parametrize(("name", "attribute", "held"), FOREST)
-def test_broken_forest(name: str, attribute: str, held: object) -> None:
+@pytest.mark.parametrize(("name", "attribute", "value"), FOREST)
+def test_broken_forest(name: str, attribute: str, value: object) -> None:
     stage = Usd.Stage.CreateInMemory()
-    put(f"foliage:forest:{attribute}", held)(stages.build_forest(stage))
+    put(f"foliage:forest:{attribute}", value)(stages.build_forest(stage))
     assert findings(stage) == [("Forest", name, f"/Forest.foliage:forest:{attribute}")]
 
 
@@ -780,13 +780,13 @@ PLANT = [
 ]
 
 
-@pytest.mark.parametrize(("name", "attribute", "held"), PLANT)
-def test_broken_plant(name: str, attribute: str, held: object) -> None:
+@pytest.mark.parametrize(("name", "attribute", "value"), PLANT)
+def test_broken_plant(name: str, attribute: str, value: object) -> None:
     stage = Usd.Stage.CreateInMemory()
     prim = UsdGeom.Xform.Define(stage, "/Group/Plant").GetPrim()
     prim.ApplyAPI("FoliagePlantAPI")
     stages.author_plant(prim)
-    put(f"foliage:{attribute}", held)(prim)
+    put(f"foliage:{attribute}", value)(prim)
     assert findings(stage) == [("Plant", name, f"/Group/Plant.foliage:{attribute}")]
 
 

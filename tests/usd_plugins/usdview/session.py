@@ -29,7 +29,7 @@ class Api:
     def __init__(self, stage, window):
         self.stage, self.qMainWindow = stage, window
         self.dataModel = SimpleNamespace(viewSettings=SimpleNamespace(displayGuide=False, displayCameraOracles=False))
-        self.said, self.redrawn = [], 0
+        self.messages, self.redrawn = [], 0
 
     def UpdateViewport(self):
         self.redrawn += 1
@@ -38,7 +38,7 @@ class Api:
         pass
 
     def PrintStatus(self, msg):
-        self.said.append(msg)
+        self.messages.append(msg)
 
 
 def load(api):
@@ -84,14 +84,14 @@ def main(asset, folder):
     seen["mesh"] = [selected("representation"), stage.GetPrimAtPath(leaves).GetTypeName()]
     run("representation.bezier")
     run("lod.crown")
-    seen["no_crown"] = [selected("lod"), api.said[-1]]
+    seen["no_crown"] = [selected("lod"), api.messages[-1]]
 
     run("panel")
     dock = window.findChild(QtWidgets.QDockWidget, "usdviewFoliage")
     panel = dock.widget()
     seen["panel"] = not dock.isHidden()
     seen["boxes"] = sorted(panel.variant_boxes)
-    seen["product"] = api.said and panel.host.product is not None
+    seen["product"] = api.messages and panel.host.product is not None
     seen["curves"] = len(panel.drawing.curves)
     redrawn = api.redrawn
     panel.sliders.boxes["Shape", "width"].setValue(1.5)
@@ -100,7 +100,7 @@ def main(asset, folder):
     seen["edited"] = [width(), api.redrawn > redrawn]
     seen["extent"] = [list(corner) for corner in UsdGeom.Boundable(stage.GetPrimAtPath(leaves)).GetExtentAttr().Get()]
     panel.save(str(Path(folder) / "saved.usda"))
-    seen["said"] = api.said[-1]
+    seen["status"] = api.messages[-1]
     try:
         panel.save(str(Path(folder) / "saved.txt"))
     except Exception as error:  # noqa: BLE001
@@ -125,7 +125,7 @@ def main(asset, folder):
     run("guide.Skeleton")
     seen["no_guide"] = [api.dataModel.viewSettings.displayGuide]
     run("guide.Cloud")
-    seen["no_cloud"] = api.said[-1]
+    seen["no_cloud"] = api.messages[-1]
     seen["untouched"] = not any(layer.dirty for layer in stage.GetUsedLayers() if not layer.anonymous)
     print(json.dumps(seen))
     sys.stdout.flush()
