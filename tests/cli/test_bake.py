@@ -83,11 +83,11 @@ def test_all_representations_are_the_same_leaves(source, tmp_path):
     out = tmp_path / "baked"
     assert run("bake", look, "-o", out, "--resolution", 16, 32) == 0
     assert patch_count(out) == 8
-    held = read(out).leaves
+    leaves = read(out).leaves
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     points = attribute(out, "mesh", "points").reshape(8, -1, 3)
     for leaf in range(8):
-        away = np.linalg.norm(points[leaf] - held.base_m[leaf], axis=1) / held.length_m[leaf]
+        away = np.linalg.norm(points[leaf] - leaves.base_m[leaf], axis=1) / leaves.length_m[leaf]
         assert away.min() < 1e-5
         low, high = np.minimum(low, points[leaf].min(axis=0)), np.maximum(high, points[leaf].max(axis=0))
     cage = attribute(out, "subdiv", "points")
@@ -101,7 +101,7 @@ def test_baking_twice_changes_nothing_more(source, tmp_path):
     assert run("bake", tmp_path / "one", "-o", tmp_path / "two", "--name", "oak") == 0
     one, two = (files(tmp_path / name) for name in ("one", "two"))
     assert one.keys() == two.keys()
-    assert [name for name in one if one[name] != two[name]] in ([], ["oak.usda"])  # which says what was baked
+    assert [name for name in one if one[name] != two[name]] in ([], ["oak.usda"])  # which records what was baked
 
 
 def test_the_same_bake_gives_the_same_bytes(source, tmp_path):
@@ -139,9 +139,9 @@ def test_refresh_in_place(source, tmp_path, capsys):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder", "look.usda"]
 
     (asset / "notes.txt").write_text("years of work")
-    held = files(asset)
+    before = files(asset)
     assert "notes.txt" in refused(capsys, "bake", asset, "-o", asset)
-    assert files(asset) == held
+    assert files(asset) == before
     assert run("bake", asset, "-o", asset, "--force") == 0
     assert not (asset / "notes.txt").exists()
 
@@ -250,15 +250,15 @@ class TestBadInput:
     """Exit 2, one line, nothing written."""
 
     @pytest.mark.parametrize(
-        ("words", "said"),
+        ("words", "message"),
         [
             (("--representation", "voxels"), "bezier, nurbs, subdiv, mesh"),
             (("--resolution", 3, 4), "across"),
             (("--resolution", -2, 4), "across"),
         ],
     )
-    def test_impossible_settings(self, source, tmp_path, capsys, words, said):
-        assert said in refused(capsys, "bake", source / "spray", *words, "-o", tmp_path / "a")
+    def test_impossible_settings(self, source, tmp_path, capsys, words, message):
+        assert message in refused(capsys, "bake", source / "spray", *words, "-o", tmp_path / "a")
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("damage", ["short", "nan", "missing", "scale"])

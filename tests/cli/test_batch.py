@@ -48,7 +48,7 @@ def test_in_a_folder_plants_are_folders_of_photographs_and_clouds(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "told"),
+    ("name", "text", "message"),
     [
         ("list.txt", "", "has no captures"),
         ("list.txt", "a\tb\tc\td", "list.txt:1 has 4 columns"),
@@ -62,8 +62,8 @@ def test_in_a_folder_plants_are_folders_of_photographs_and_clouds(tmp_path):
         ("list.txt", "a\0b", "list.txt:1 has a zero byte"),
     ],
 )
-def test_a_list_that_cannot_be_understood_is_refused(tmp_path, name, text, told):
-    with pytest.raises(CaptureError, match=told):
+def test_a_list_that_cannot_be_understood_is_refused(tmp_path, name, text, message):
+    with pytest.raises(CaptureError, match=message):
         listed(tmp_path / name, text)
 
 
@@ -78,9 +78,9 @@ def test_a_list_that_is_absent_or_no_text_is_refused(tmp_path, capsys):
 def test_a_capture_whose_name_cannot_be_does_not_stop_the_others(tmp_path, capsys):
     (tmp_path / "list.txt").write_text(f"{'x' * 5000}\nnone\n")
     assert run("batch", tmp_path / "list.txt", "-o", tmp_path / "out", "--dry-run") == 2
-    told = capsys.readouterr().out
-    assert "File name too long" in told
-    assert "none" in told
+    printed = capsys.readouterr().out
+    assert "File name too long" in printed
+    assert "none" in printed
 
 
 @pytest.fixture(scope="module")
@@ -105,9 +105,9 @@ def test_one_bad_capture_does_not_stop_the_others_and_a_second_run_does_nothing(
     assert not out.exists()
     capsys.readouterr()
     assert run(*command) == 2
-    told = capsys.readouterr().out
-    assert "3 plants: 2 built, 1 failed, 1 skipped" in told
-    assert f"none of 2 photographs in {plants / 'all' / 'broken'} can be read" in told
+    printed = capsys.readouterr().out
+    assert "3 plants: 2 built, 1 failed, 1 skipped" in printed
+    assert f"none of 2 photographs in {plants / 'all' / 'broken'} can be read" in printed
     page = (out / "index.html").read_text()
     for text in ("oak/report/index.html", "elm/elm.usda", "none of 2 photographs", "the folder has no photographs"):
         assert text in page
@@ -120,8 +120,8 @@ def test_one_bad_capture_does_not_stop_the_others_and_a_second_run_does_nothing(
         assert run(*command) == 2
     finally:
         shutil.rmtree(plants / "all" / "broken2")
-    told = capsys.readouterr().out
-    assert told.count("nothing to do") == 2
+    printed = capsys.readouterr().out
+    assert printed.count("nothing to do") == 2
     assert before == {path: path.stat().st_mtime_ns for path in before}
 
 
@@ -129,10 +129,10 @@ def test_a_plan_that_cannot_be_read_fails_its_plant_only(plants, capsys, tmp_pat
     (plants / "bad.toml").write_text("[leaves]\nspeed = 3\n")
     (plants / "list.txt").write_text("all/oak\toak\tbad.toml\nall/nowhere\n")
     assert run("batch", plants / "list.txt", "-o", tmp_path / "out", "--plan", plants / "plan.toml") == 2
-    told = capsys.readouterr().out
-    assert "list.txt:1" in told
-    assert "nowhere does not exist" in told
-    assert "2 plants: 2 failed" in told
+    printed = capsys.readouterr().out
+    assert "list.txt:1" in printed
+    assert "nowhere does not exist" in printed
+    assert "2 plants: 2 failed" in printed
     page = (tmp_path / "out" / "index.html").read_text()
     assert "speed" in page
     assert "nowhere does not exist" in page

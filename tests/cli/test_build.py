@@ -80,7 +80,7 @@ def built(capture: Path, plan: Path, tmp_path_factory: pytest.TempPathFactory) -
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """Of every file but the one that says how long it took."""
+    """Of every file but the one with the times of the run."""
     return {
         path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
@@ -114,15 +114,15 @@ def test_leaves_and_crown_are_in_one_frame(built: Path) -> None:
         assert abs((crown_low[axis] + crown_high[axis]) - (low[axis] + high[axis])) < 0.8 * wide
 
 
-def test_the_report_says_what_was_done_by_which_settings_and_versions(built: Path) -> None:
+def test_the_report_has_the_stages_settings_and_versions(built: Path) -> None:
     report = built / "assets" / "fern" / "report"
     page = (report / "index.html").read_text()
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "https://" not in page
-    held = json.loads((report / "provenance.json").read_text())
-    assert held["stages"]["crown"]["size"] == "32"
-    assert {"usdfoliage", "usd-core", "numpy"} <= set(held["versions"])
-    assert "images/000.jpg" in held["inputs"]
+    provenance = json.loads((report / "provenance.json").read_text())
+    assert provenance["stages"]["crown"]["size"] == "32"
+    assert {"usdfoliage", "usd-core", "numpy"} <= set(provenance["versions"])
+    assert "images/000.jpg" in provenance["inputs"]
     assert str(built) not in (report / "provenance.json").read_text()
     assert "usdfoliageTimings" in (report / "timings.js").read_text()
 
@@ -169,7 +169,7 @@ def test_an_altered_result_is_found_and_made_again(
     assert digests(tmp_path / "out" / "fern") == digests(built / "assets" / "fern")
 
 
-def test_a_dry_run_says_what_is_done_and_writes_nothing(
+def test_a_dry_run_prints_the_tasks_and_writes_nothing(
     built: Path, capture: Path, plan: Path, run: Run, tmp_path: Path
 ) -> None:
     before = sorted(path for path in built.rglob("*"))
@@ -192,23 +192,23 @@ def test_a_dry_run_of_one_stage_is_of_that_stage(capture: Path, plan: Path, run:
     assert f"nothing is put into {tmp_path / 'fern'}: it stops after cloud" in out
 
 
-@pytest.mark.parametrize(("species", "told"), [("mapel", "is maple meant?"), ("Zzz", "known are "), ("maple", "")])
-def test_a_species_of_which_nothing_is_known_is_told_before_anything_runs(
-    capture: Path, run: Run, tmp_path: Path, species: str, told: str
+@pytest.mark.parametrize(("species", "remark"), [("mapel", "is maple meant?"), ("Zzz", "known are "), ("maple", "")])
+def test_an_unknown_species_is_reported_before_anything_runs(
+    capture: Path, run: Run, tmp_path: Path, species: str, remark: str
 ) -> None:
     code, out, _ = run("build", capture, "-o", tmp_path / "fern", "--species", species, "--dry-run")
     assert code == 0
-    assert ("nothing is known of the species" in out) == bool(told)
-    assert told in out
+    assert ("nothing is known of the species" in out) == bool(remark)
+    assert remark in out
 
 
 def test_a_profile_is_read_before_anything_runs(capture: Path, run: Run, tmp_path: Path) -> None:
     profile = tmp_path / "profile.toml"
     profile.write_text("[namming]\n")
-    for said, told in ((profile, "namming is not known"), (tmp_path / "absent.toml", "absent.toml cannot be read")):
-        code, _, err = run("build", capture, "-o", tmp_path / "fern", "--profile", said, "--dry-run")
+    for given, message in ((profile, "namming is not known"), (tmp_path / "absent.toml", "absent.toml cannot be read")):
+        code, _, err = run("build", capture, "-o", tmp_path / "fern", "--profile", given, "--dry-run")
         assert code == 2
-        assert told in err
+        assert message in err
         assert "Errno" not in err
 
 
@@ -220,7 +220,7 @@ def test_only_a_stage_leaves_the_asset_alone(capture: Path, plan: Path, run: Run
     assert (folder / "capture" / capture.name / "cameras").is_dir()
 
 
-def test_the_printed_plan_is_read_back_and_says_what_it_means(run: Run, tmp_path: Path, plan: Path) -> None:
+def test_the_printed_plan_is_read_back_and_has_comments(run: Run, tmp_path: Path, plan: Path) -> None:
     code, out, _ = run("build", "--print-plan", "--plan", plan)
     assert code == 0
     assert "max_side_px = 320  # " in out
@@ -229,7 +229,7 @@ def test_the_printed_plan_is_read_back_and_says_what_it_means(run: Run, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["nowhere", "-o", "fern"], "nowhere does not exist"),
         (["CAPTURE"], "-o ASSET"),
@@ -240,9 +240,9 @@ def test_the_printed_plan_is_read_back_and_says_what_it_means(run: Run, tmp_path
         (["PLAN", "-o", "fern"], "neither a folder nor a point cloud"),
     ],
 )
-def test_what_cannot_be_is_told_in_a_line(
+def test_impossible_arguments_are_reported_in_one_line(
     arguments: list[str],
-    told: str,
+    message: str,
     capture: Path,
     plan: Path,
     run: Run,
@@ -253,7 +253,7 @@ def test_what_cannot_be_is_told_in_a_line(
     known = {"CAPTURE": str(capture), "PLAN": str(plan)}
     code, _, err = run("build", *(known.get(each, each) for each in arguments))
     assert code == 2
-    assert told in err
+    assert message in err
     assert len(err.strip().splitlines()) == 1
     assert err.startswith("error: ")
     assert not (tmp_path / "fern").exists()

@@ -72,7 +72,7 @@ def results(folder):
 def true_depths():
     """By name, and where a leaf is seen."""
     drawn = {name: draw(scene(), LENS.pinhole(pose)) for name, pose in poses().items()}
-    return {name: (depth, shown > 0) for name, (_, depth, shown) in drawn.items()}
+    return {name: (depth, leaf_id > 0) for name, (_, depth, leaf_id) in drawn.items()}
 
 
 def test_depth_and_cloud_are_those_of_the_scene(made):
@@ -189,10 +189,10 @@ def test_what_is_believed_may_change_without_matching_again(bed, made, capsys):
 def test_damaged_results_are_made_again(bed, made, capsys):
     assert run(*words(bed)) == 0
     for kind, damage in (("photos", b""), ("depth", b"PK"), ("maps", b"\0" * 100)):
-        held = sorted(path for path in (bed / WORK / kind).rglob("*.*z") if path.suffix != ".json")
-        held += sorted((bed / WORK / kind).rglob("depth.exr"))
-        os.truncate(held[0], held[0].stat().st_size // 2)
-        held[1].write_bytes(damage)
+        damaged = sorted(path for path in (bed / WORK / kind).rglob("*.*z") if path.suffix != ".json")
+        damaged += sorted((bed / WORK / kind).rglob("depth.exr"))
+        os.truncate(damaged[0], damaged[0].stat().st_size // 2)
+        damaged[1].write_bytes(damage)
     (bed / WORK / "written.json").write_text("{")
     assert run(*words(bed, "--force")) == 0
     assert results(bed) == results(made)
@@ -229,7 +229,7 @@ def test_photographs_are_linked_into_another_capture(photos, made, tmp_path):
     assert "metres_per_unit" not in (photos / "capture.toml").read_text()
 
 
-def test_other_photographs_in_the_way_are_not_lost(photos, tmp_path, capsys):
+def test_other_photographs_in_the_output_folder_are_not_lost(photos, tmp_path, capsys):
     out = tmp_path / "out"
     write_photos(out / "images", {"mine.png": next(iter(poses().values()))})
     assert "mine.png" in refused(
@@ -265,12 +265,12 @@ def test_unreadable_photographs_are_skipped_and_named(bed, capsys):
 
 
 def test_depth_is_only_where_the_masks_are_white(bed, capsys):
-    shown = {name: leaf for name, (_, leaf) in true_depths().items()}
+    leaf_masks = {name: leaf for name, (_, leaf) in true_depths().items()}
     (bed / "masks").mkdir()
-    for name, leaf in shown.items():
+    for name, leaf in leaf_masks.items():
         assert cv2.imwrite(str(bed / "masks" / name), leaf.astype(np.uint8) * 255)
     printed(capsys, *words(bed))
-    for view, leaf in zip(read_views(read_capture(bed)).views, shown.values(), strict=True):
+    for view, leaf in zip(read_views(read_capture(bed)).views, leaf_masks.values(), strict=True):
         assert not (view.depth_m[~leaf] > 0).any()
         assert np.mean(view.depth_m[leaf] > 0) > 0.6
     printed(capsys, *words(bed, "--mask", "none"))
@@ -326,14 +326,14 @@ def test_the_unit_of_the_poses_is_kept(bed, made):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reason"),
     [("up_axis = 3", "up_axis"), ("metres_per_unit = -1", "metres_per_unit"), ("up_axis =", "TOML")],
 )
-def test_wrong_facts_of_a_capture_are_refused_before_anything_is_written(bed, capsys, text, said):
+def test_wrong_facts_of_a_capture_are_refused_before_anything_is_written(bed, capsys, text, reason):
     (bed / "capture.toml").write_text(text)
     before = files(bed)
     message = refused(capsys, *words(bed))
-    assert said in message
+    assert reason in message
     assert "capture.toml" in message
     assert files(bed) == before
 
@@ -364,11 +364,11 @@ def test_files_that_are_not_used_are_named(photos, tmp_path, capsys):
     (folder / "IMG_1.heic").write_bytes(b"x")
     (folder / "list.txt").write_bytes(b"x")
     shutil.copytree(photos / "images", folder / "second")
-    told = "\n".join(printed(capsys, "capture", folder, "-o", tmp_path / "out", "--dry-run"))
-    assert "walk.mp4 not used, as videos are not read: take pictures out of it first: ffmpeg -i walk.mp4" in told
-    assert "IMG_1.heic not used: convert to JPEG" in told
-    assert "list.txt not used: no photographs" in told
-    assert "photographs in folders below (second) not used" in told
+    text = "\n".join(printed(capsys, "capture", folder, "-o", tmp_path / "out", "--dry-run"))
+    assert "walk.mp4 not used, as videos are not read: take pictures out of it first: ffmpeg -i walk.mp4" in text
+    assert "IMG_1.heic not used: convert to JPEG" in text
+    assert "list.txt not used: no photographs" in text
+    assert "photographs in folders below (second) not used" in text
 
 
 def test_photographs_of_different_places_are_refused(bed, capsys):
@@ -403,7 +403,7 @@ def test_a_full_disk_loses_nothing(photos, made, small_disk, capsys):
     assert (out / "cloud.ply").read_bytes() == (made / "cloud.ply").read_bytes()
 
 
-def test_a_dry_run_tells_and_writes_nothing(bed, capsys):
+def test_a_dry_run_prints_the_plan_and_writes_nothing(bed, capsys):
     before = files(bed)
     lines = printed(capsys, *words(bed, "--dry-run"))
     assert files(bed) == before
@@ -425,19 +425,19 @@ def test_settings_of_every_quality_can_be_given_back(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("rounds = []", "rounds"),
         ("rounds = [{ level = 1 }]", "coherent"),
         ("rounds = [{ level = 1, iterations = 2.5, coherent = true }]", "whole number"),
     ],
 )
-def test_rounds_that_cannot_be_are_refused(bed, capsys, line, said):
+def test_impossible_rounds_are_refused(bed, capsys, line, message):
     (bed / "fast.toml").write_text(f"[depth]\n{line}\n")
-    assert said in refused(capsys, *words(bed))
+    assert message in refused(capsys, *words(bed))
 
 
-def test_an_interrupted_run_says_that_it_goes_on(bed, capsys, monkeypatch):
+def test_an_interrupted_run_reports_that_it_can_go_on(bed, capsys, monkeypatch):
     from usdfoliage.jobs.capture import run as capture
 
     def interrupt(*_words, **_named):
@@ -485,14 +485,14 @@ def test_colmap_in_the_place_of_our_matching(bed, capsys, monkeypatch):
 LEANED = Rotation.from_euler("xyz", [0.4, -1.1, 2.0]).as_matrix()
 
 
-def say_up(registered, stated=((1, 0, 0), (0, 1, 0), (0, 0, 1))):
+def up_option(registered, stated=((1, 0, 0), (0, 1, 0), (0, 0, 1))):
     """Up as the user sees it in a capture made without: the cameras look straight down, of which nothing else knows."""
     without = level_and_scale(registered, ()).world_from_registered[:3, :3]
     return "--up=" + ",".join(str(number) for number in stated @ without @ LEANED @ (0, 0, 1))
 
 
 @pytest.fixture
-def registration(monkeypatch):
+def registered(monkeypatch):
     """Registration that knows the poses, in a world turned, moved and five times as large; but not of the last one."""
     moved = np.array([3.0, -2.0, 7.0])
     photos = []
@@ -527,12 +527,12 @@ def registration(monkeypatch):
     return found
 
 
-def test_poses_are_estimated_where_there_are_none(photos, made, registration, tmp_path, capsys):
+def test_poses_are_estimated_where_there_are_none(photos, made, registered, tmp_path, capsys):
     out = tmp_path / "out"
     names = ",".join(list(poses())[0:4:3])
     places = [LENS.pinhole(poses()[f"leaf {k}.png"]).position_m for k in (0, 3)]
     apart = np.linalg.norm(places[0] - places[1])
-    hints = ("--settings", photos / "fast.toml", say_up(registration), "--scale", f"{names},{apart}")
+    hints = ("--settings", photos / "fast.toml", up_option(registered), "--scale", f"{names},{apart}")
     call = ("capture", photos / "images", "-o", out, *hints)
     lines = printed(capsys, *call)
     assert "photographs: 4 of 5 have a pose, 4 have depth" in lines
@@ -562,18 +562,18 @@ def test_files_that_cannot_be_read_are_named_where_no_cameras_are_found(photos, 
     monkeypatch.setattr(capture_poses, "register_photos", find_none)
     shutil.copytree(photos / "images", tmp_path / "photos")
     (tmp_path / "photos" / "torn.jpg").write_bytes(b"\xff\xd8\xff torn")
-    said = refused(capsys, "capture", tmp_path / "photos", "-o", tmp_path / "out")
-    assert "no cameras could be found (torn.jpg is left out: " in said
+    complaint = refused(capsys, "capture", tmp_path / "photos", "-o", tmp_path / "out")
+    assert "no cameras could be found (torn.jpg is left out: " in complaint
 
 
-def test_estimated_poses_take_the_axes_and_unit_that_are_stated(photos, registration, tmp_path):
+def test_estimated_poses_take_the_axes_and_unit_that_are_stated(photos, registered, tmp_path):
     source = tmp_path / "source"
     shutil.copytree(photos / "images", source / "images")
     (source / "capture.toml").write_text(
         'up_axis = "Z"\nmetres_per_unit = 0.01\n\n[known_distance]\nphotographs = ["leaf 0.png", "leaf 3.png"]\n'
         "metres = 1.5\n"
     )
-    up = say_up(registration, stated=np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)]))
+    up = up_option(registered, stated=np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)]))
     assert run("capture", source, "--settings", photos / "fast.toml", up) == 0
     cloud = read_cloud(source / "cloud.ply")
     assert np.ptp(np.percentile(cloud.points_m, [5, 95], axis=0), axis=0).argmin() == 2
@@ -584,7 +584,7 @@ def test_estimated_poses_take_the_axes_and_unit_that_are_stated(photos, registra
 
 
 @pytest.mark.parametrize(
-    ("more", "said"),
+    ("more", "message"),
     [
         (("--poses", "estimate"), "never replaced"),
         (("--scale", "2"), "keep their frame"),
@@ -595,8 +595,8 @@ def test_estimated_poses_take_the_axes_and_unit_that_are_stated(photos, registra
         (("--up", "north"), "X,Y,Z"),
     ],
 )
-def test_poses_that_are_given_are_kept(bed, capsys, more, said):
-    assert said in refused(capsys, *words(bed, *more))
+def test_poses_that_are_given_are_kept(bed, capsys, more, message):
+    assert message in refused(capsys, *words(bed, *more))
     assert not (bed / ".usdfoliage").exists()
 
 
@@ -610,7 +610,7 @@ def test_poses_that_are_not_there_or_damaged(photos, bed, tmp_path, capsys):
     assert not out.exists()
 
 
-def test_a_dry_run_tells_that_poses_are_estimated(photos, tmp_path, capsys):
+def test_a_dry_run_prints_that_poses_are_estimated(photos, tmp_path, capsys):
     lines = printed(capsys, "capture", photos / "images", "-o", tmp_path / "out", "--dry-run")
     assert "poses: to be estimated" in lines
     assert "cameras/" in lines[-1]

@@ -108,7 +108,7 @@ def test_without_a_mask_one_is_proposed_and_kept(capture, tmp_path, capsys):
     assert (out / "tree_mask_proposal.png").read_bytes() == corrected
 
 
-def test_a_dry_run_says_what_it_would_do_and_writes_nothing(capture, tmp_path, capsys):
+def test_a_dry_run_prints_its_plan_and_writes_nothing(capture, tmp_path, capsys):
     out = tmp_path / "oak"
 
     assert (
@@ -262,7 +262,7 @@ def test_a_kill_leaves_the_old_asset_whole(capture, tmp_path, after_s):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["oak"]
 
 
-def test_a_missing_preview_is_said_and_the_asset_made(capture, tmp_path, capsys, monkeypatch):
+def test_a_missing_preview_is_reported_and_the_asset_made(capture, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("USDFOLIAGE_HYDRA_PYTHON", str(tmp_path / "no python"))
     out = tmp_path / "oak"
     arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "-o", str(out), *SMALL[:-1]]
@@ -314,7 +314,7 @@ def test_an_interrupt_at_any_moment_ends_the_run_and_leaves_the_old_asset(captur
     _, complaint = process.communicate(timeout=60)
 
     assert process.returncode in (130, -signal.SIGINT)
-    # On a slow machine Python itself may still be starting, and says so in its own way.
+    # On a slow machine Python itself may still be starting, and prints a traceback of its own.
     assert "Traceback" not in complaint or not any(
         f"usdfoliage/{part}/" in complaint for part in ("cli", "jobs", "asset")
     )
@@ -336,7 +336,7 @@ def test_a_farm_that_ends_the_job_leaves_nothing_behind(capture, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_stdout_is_said_and_the_asset_made(capture, tmp_path):
+def test_a_full_stdout_is_reported_and_the_asset_made(capture, tmp_path):
     if not Path("/dev/full").exists():
         pytest.skip("this system has no /dev/full")
     arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "-o", str(tmp_path / "oak")]

@@ -1,4 +1,4 @@
-"""Whole plants that somebody damaged: a command refuses them in one line that says where and what to do, or works."""
+"""Whole plants that somebody damaged: a command works, or refuses them in one line with the place and the remedy."""
 
 import shutil
 
@@ -38,7 +38,7 @@ def put(folder, prim, name, value_type, value):
 
 
 @pytest.mark.parametrize(
-    ("prim", "name", "held", "said"),
+    ("prim", "name", "typed_value", "reason"),
     [
         (CROWN, "foliage:crown:center", STRING, "center holds x, 3 numbers are needed"),
         (CROWN, "foliage:crown:radiusRange", (Sdf.ValueTypeNames.Float, 1.0), "radiusRange holds 1.0, 2 numbers are"),
@@ -54,10 +54,10 @@ def put(folder, prim, name, value_type, value):
         ),
     ],
 )
-def test_info_of_a_value_of_another_type(copy, capsys, prim, name, held, said):
-    put(copy, prim, name, *held)
+def test_info_of_a_value_of_another_type(copy, capsys, prim, name, typed_value, reason):
+    put(copy, prim, name, *typed_value)
     line = refused(capsys, "info", copy)
-    assert said in line
+    assert reason in line
     assert f"<{prim}>" in line
 
 
@@ -73,12 +73,12 @@ def test_info_of_a_hint_that_is_no_boxes(copy, capsys, corners):
 
 
 @pytest.mark.parametrize(
-    "held",
+    "typed_value",
     [STRING, (Sdf.ValueTypeNames.Point3dArray, Vt.Vec3dArray([(0, 0, 0)])), (Sdf.ValueTypeNames.Point3fArray, None)],
     ids=["text", "double", "none"],
 )
-def test_validate_finds_points_that_are_none(copy, capsys, held):
-    put(copy, BRANCHES, "points", *held)
+def test_validate_finds_points_that_are_none(copy, capsys, typed_value):
+    put(copy, BRANCHES, "points", *typed_value)
     assert run("validate", copy) == 3
     streams = capsys.readouterr()
     assert "internal fault" not in streams.err
@@ -87,7 +87,7 @@ def test_validate_finds_points_that_are_none(copy, capsys, held):
 
 @pytest.mark.parametrize("prim", [BRANCHES, CROWN])
 @pytest.mark.parametrize(
-    "held",
+    "typed_value",
     [
         STRING,
         *((Sdf.ValueTypeNames.Float3Array, Vt.Vec3fArray([(0, 0, 0)] * number)) for number in (0, 1, 3)),
@@ -95,18 +95,18 @@ def test_validate_finds_points_that_are_none(copy, capsys, held):
     ],
     ids=["text", "none", "one", "three", "nan"],
 )
-def test_bake_of_an_extent_that_is_no_box(copy, tmp_path, capsys, prim, held):
-    put(copy, prim, "extent", *held)
+def test_bake_of_an_extent_that_is_no_box(copy, tmp_path, capsys, prim, typed_value):
+    put(copy, prim, "extent", *typed_value)
     line = refused(capsys, "bake", copy, "-o", tmp_path / "baked")
     assert f"{CRATES[prim]}.usdc <{prim}> is no two corners of a box" in line
     assert not (tmp_path / "baked").exists()
 
 
 @pytest.mark.parametrize(
-    "held", [STRING, (Sdf.ValueTypeNames.Float3Array, Vt.Vec3fArray([(0, 0, 0)]))], ids=["text", "one"]
+    "typed_value", [STRING, (Sdf.ValueTypeNames.Float3Array, Vt.Vec3fArray([(0, 0, 0)]))], ids=["text", "one"]
 )
-def test_edit_of_leaves_whose_extent_is_no_box(copy, tmp_path, held):
-    put(copy, LEAVES, "extent", *held)
+def test_edit_of_leaves_whose_extent_is_no_box(copy, tmp_path, typed_value):
+    put(copy, LEAVES, "extent", *typed_value)
     assert run("edit", copy, "--width", 9, "-o", tmp_path / "look.usda") == 0
 
 
@@ -129,18 +129,18 @@ def test_bake_of_a_layer_that_is_empty(copy, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "reason"),
     [
         ('variantSet "lod"', 'variantSet "dol"', "has no variant set lod"),
         ('["representation", "branches"]', '["representation", "branches", "rig"]', "has no variant set rig"),
     ],
 )
-def test_bake_of_a_payload_without_a_variant_set(copy, tmp_path, capsys, old, new, said):
+def test_bake_of_a_payload_without_a_variant_set(copy, tmp_path, capsys, old, new, reason):
     payload = copy / "payload" / "payload.usda"
     assert old in payload.read_text()
     payload.write_text(payload.read_text().replace(old, new))
     line = refused(capsys, "bake", copy, "-o", tmp_path / "baked")
-    assert said in line
+    assert reason in line
     assert "payload.usda" in line
 
 

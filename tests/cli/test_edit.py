@@ -1,4 +1,4 @@
-"""Looks from the command line: what they say, what they do to the leaves, and what is refused."""
+"""Looks from the command line: their opinions, what they do to the leaves, and what is refused."""
 
 import os
 import shutil
@@ -70,7 +70,7 @@ def test_any_number_is_a_value_and_never_an_option(x, y):
     assert parse("--asymmetry", repr(x), repr(y)).axis1 == (x, y, 0.0)
 
 
-def test_a_look_says_only_what_was_named_and_the_asset_keeps_its_bytes(spray, tmp_path, capsys):
+def test_a_look_authors_only_the_named_edits_and_the_asset_keeps_its_bytes(spray, tmp_path, capsys):
     before = files(spray)
     look = tmp_path / "my looks" / "wide.usda"
 
@@ -112,11 +112,11 @@ def test_a_look_of_a_look_acts_on_what_that_shows(spray, tmp_path):
     (leaves,) = find_leaves(stage)
     start = read_leaves(leaves).leaves.parameters
     expected = apply_edits(apply_edits(start, parse(*steps[0])), parse(*steps[1]))
-    held = edits_of(second)
-    np.testing.assert_allclose(apply_edits(start, held), expected, atol=1e-7)
-    assert held.jitter_frequency == 9
+    edits = edits_of(second)
+    np.testing.assert_allclose(apply_edits(start, edits), expected, atol=1e-7)
+    assert edits.jitter_frequency == 9
     first.unlink()  # the second one does not need it
-    assert edits_of(second) == held
+    assert edits_of(second) == edits
 
     assert run("edit", second, "--jitter", 0, 8, "-o", second) == 0  # in its own place
     assert edits_of(second).jitter_amplitude == 0
@@ -205,7 +205,7 @@ class TestBadInput:
     """Exit 2, one line, nothing written, the asset untouched."""
 
     @pytest.mark.parametrize(
-        ("words", "said"),
+        ("words", "message"),
         [
             ((), "--width, --asymmetry"),
             (("--width", -1), "width must be 0 or more"),
@@ -225,8 +225,8 @@ class TestBadInput:
             (("--width", 2, "--prim", "no path"), "no path"),
         ],
     )
-    def test_impossible_edits(self, spray, tmp_path, capsys, words, said):
-        assert said in refused(capsys, "edit", spray, *words, "-o", tmp_path / "never" / "look.usda")
+    def test_impossible_edits(self, spray, tmp_path, capsys, words, message):
+        assert message in refused(capsys, "edit", spray, *words, "-o", tmp_path / "never" / "look.usda")
         assert list(tmp_path.iterdir()) == []
 
     def test_every_option_is_named_where_none_is_given(self, spray, tmp_path, capsys):

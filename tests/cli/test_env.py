@@ -25,7 +25,7 @@ AWKWARD = ["/a folder/with 'quotes'", '/and "these" $HOME']
 
 def evaluate(shell: str, script: str, before: dict[str, str]) -> dict[str, str]:
     """The variables after a shell has run the script."""
-    clean = {name: held for name, held in os.environ.items() if name not in ("PXR_PLUGINPATH_NAME", "PYTHONPATH")}
+    clean = {name: value for name, value in os.environ.items() if name not in ("PXR_PLUGINPATH_NAME", "PYTHONPATH")}
     show = "import json, os; print(json.dumps(dict(os.environ)))"
     command = f"{script}\n{sys.executable} -S -c '{show}'"
     flags = ["-f", "-c"] if "csh" in shell else ["-c"]
@@ -61,16 +61,14 @@ def test_usd_finds_schemas_and_validators_through_them(capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize(("shell", "syntax"), shells())
-def test_quoting_and_what_the_variables_held_before(shell: str, syntax: str) -> None:
+def test_quoting_and_earlier_values_of_the_variables(shell: str, syntax: str) -> None:
     folders = [folder for folder in AWKWARD if not (syntax == "csh" and "$" in folder)]
     script = env.FORMATS[syntax]({"PXR_PLUGINPATH_NAME": folders})
     joined = os.pathsep.join(folders)
     assert evaluate(shell, script, {})["PXR_PLUGINPATH_NAME"] == joined
     assert evaluate(shell, script, {"PXR_PLUGINPATH_NAME": ""})["PXR_PLUGINPATH_NAME"] == joined
-    held = "/one of mine:/another"
-    assert (
-        evaluate(shell, script, {"PXR_PLUGINPATH_NAME": held})["PXR_PLUGINPATH_NAME"] == f"{joined}{os.pathsep}{held}"
-    )
+    old = "/one of mine:/another"
+    assert evaluate(shell, script, {"PXR_PLUGINPATH_NAME": old})["PXR_PLUGINPATH_NAME"] == f"{joined}{os.pathsep}{old}"
 
 
 def test_csh_and_powershell_text(capsys: pytest.CaptureFixture[str]) -> None:
@@ -129,7 +127,7 @@ def test_usdviews_plugin_finds_how_looks_are_written_in_an_installed_package(tmp
     assert load().stdout.strip() == str(wanted)
 
 
-def test_broken_installation_is_told(
+def test_a_broken_installation_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(resources, "_PLACES", (tmp_path,))

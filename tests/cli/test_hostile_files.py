@@ -37,13 +37,13 @@ def test_a_payload_that_is_a_pipe(copy, tmp_path, capsys):
 @pytest.mark.parametrize(("layer", "name"), [("payload.usda", b"materials.usda"), ("materials.usda", b"Surface")])
 def test_a_layer_that_is_no_text_where_usd_quotes_it(copy, tmp_path, capsys, layer, name):
     path = copy / "payload" / layer
-    held = path.read_bytes()
-    assert name in held
-    path.write_bytes(held.replace(name, b"caf\xe9" + name))
+    data = path.read_bytes()
+    assert name in data
+    path.write_bytes(data.replace(name, b"caf\xe9" + name))
     for command in (("edit", copy, "--width", 2, "-o", tmp_path / "a.usda"), ("bake", copy, "-o", tmp_path / "b")):
-        said = refused(capsys, *command)
-        assert layer in said
-        assert "no UTF-8" in said
+        complaint = refused(capsys, *command)
+        assert layer in complaint
+        assert "no UTF-8" in complaint
     assert run("validate", copy) == 3
 
 
@@ -100,7 +100,7 @@ def test_the_header_of_a_png_is_checked_first(tmp_path, capfd, header):
     assert "libpng" not in capfd.readouterr().err
 
 
-def test_cameras_that_cannot_be_are_told_before_anything_is_written(tmp_path, capsys):
+def test_impossible_cameras_are_reported_before_anything_is_written(tmp_path, capsys):
     from tests.support.capture_photos import write_posed_photos
 
     write_posed_photos(tmp_path / "bed")

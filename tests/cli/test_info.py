@@ -1,4 +1,4 @@
-"""What `usdfoliage info` says of assets and looks."""
+"""What `usdfoliage info` prints of assets and looks."""
 
 import json
 import shutil
@@ -24,46 +24,46 @@ def spray(tmp_path_factory):
     return out
 
 
-def told(capsys, asset) -> dict:
+def describe(capsys, asset) -> dict:
     return json.loads("\n".join(printed(capsys, "info", asset, "--json")))
 
 
 def test_the_numbers_are_those_of_the_leaves(spray, capsys):
-    said = told(capsys, spray)
+    facts = describe(capsys, spray)
     stage = open_asset(spray)
     (prim,) = find_leaves(stage)
     leaves = read_leaves(prim).leaves
-    assert said["name"] == "spray"
-    assert said["generator"] == f"usdfoliage {__version__}"
-    assert said["seed"] == 3
-    assert (said["up_axis"], said["meters_per_unit"]) == ("Y", 1.0)
-    assert said["variants"]["representation"] == ["bezier", "nurbs", "subdiv", "mesh"]
-    assert said["selections"]["representation"] == "bezier"
-    assert said["schemas"] == {"/spray": ["FoliagePlantAPI"], "/spray/geo/render/Leaves": ["FoliageLeafAPI"]}
-    held = said["leaves"]
-    assert held["count"] == 25
-    assert held["length_m"] == {
+    assert facts["name"] == "spray"
+    assert facts["generator"] == f"usdfoliage {__version__}"
+    assert facts["seed"] == 3
+    assert (facts["up_axis"], facts["meters_per_unit"]) == ("Y", 1.0)
+    assert facts["variants"]["representation"] == ["bezier", "nurbs", "subdiv", "mesh"]
+    assert facts["selections"]["representation"] == "bezier"
+    assert facts["schemas"] == {"/spray": ["FoliagePlantAPI"], "/spray/geo/render/Leaves": ["FoliageLeafAPI"]}
+    of_leaves = facts["leaves"]
+    assert of_leaves["count"] == 25
+    assert of_leaves["length_m"] == {
         "minimum": leaves.length_m.min(),
         "median": np.median(leaves.length_m),
         "maximum": leaves.length_m.max(),
     }
-    assert [row["name"] for row in held["parameters"]][:3] == ["axis1", "axis2", "silhouette1"]
-    np.testing.assert_allclose(held["parameters"][3]["mean"], leaves.parameters[0, 3], rtol=1e-6)
-    assert held["edits"] == {}
-    sizes = {file["path"]: file["size_bytes"] for file in said["layers"]}
+    assert [row["name"] for row in of_leaves["parameters"]][:3] == ["axis1", "axis2", "silhouette1"]
+    np.testing.assert_allclose(of_leaves["parameters"][3]["mean"], leaves.parameters[0, 3], rtol=1e-6)
+    assert of_leaves["edits"] == {}
+    sizes = {file["path"]: file["size_bytes"] for file in facts["layers"]}
     assert next(iter(sizes)) == "spray.usda"
     for name in ("leaves", "leaves_nurbs", "leaves_subdiv", "leaves_mesh"):
         path = f"payload/{name}.usdc"
         assert sizes[path] == (spray / path).stat().st_size
-    assert said["missing"] == []
-    assert said["crown"] is None
-    low, high = np.array(said["extent"])
+    assert facts["missing"] == []
+    assert facts["crown"] is None
+    low, high = np.array(facts["extent"])
     assert (low < leaves.base_m.min(axis=0)).all()
     assert (high > leaves.base_m.max(axis=0)).all()
 
 
 def test_the_area_is_that_of_the_surface(spray, capsys):
-    """All leaves alike: the area is that of the mesh's polygons, by the formula of Newell."""
+    """All leaves are the same: the area is that of the mesh's polygons, by the formula of Newell."""
     stage = Usd.Stage.Open(str(spray / "spray.usda"))
     stage.GetDefaultPrim().GetVariantSets().SetSelection("representation", "mesh")
     mesh = stage.GetPrimAtPath("/spray/geo/render/Leaves")
@@ -74,13 +74,13 @@ def test_the_area_is_that_of_the_surface(spray, capsys):
         ring = points[vertices[start : start + count]]
         total += np.linalg.norm(np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)) / 2
         start += count
-    assert told(capsys, spray)["leaves"]["area_m2"] == pytest.approx(total, rel=0.01)
+    assert describe(capsys, spray)["leaves"]["area_m2"] == pytest.approx(total, rel=0.01)
 
 
-def test_a_look_is_told_with_its_edits(spray, tmp_path, capsys):
+def test_a_look_is_described_with_its_edits(spray, tmp_path, capsys):
     look = tmp_path / "wide look.usda"
     assert run("edit", spray, "--width", 2, "--bend", -0.5, "-o", look) == 0
-    plain, wide = told(capsys, spray), told(capsys, look)
+    plain, wide = describe(capsys, spray), describe(capsys, look)
     assert wide["look"] == str(look)
     assert wide["leaves"]["edits"] == {"width": 2.0, "axis1": [0.0, 0.0, -0.5], "axis2": [0.0, 0.0, -0.5]}
     assert wide["leaves"]["area_m2"] > 1.5 * plain["leaves"]["area_m2"]
@@ -100,9 +100,9 @@ def test_a_selection_of_what_does_not_exist(spray, tmp_path, capsys):
     lines = printed(capsys, "info", tmp_path / "shot.usda")
     (line,) = (line for line in lines if line.startswith("representation"))
     assert line.split(None, 1)[1] == "bezier, nurbs, subdiv, mesh; none is selected, voxels is none of them"
-    held = told(capsys, tmp_path / "shot.usda")
-    assert held["variants"]["representation"] == ["bezier", "nurbs", "subdiv", "mesh"]
-    assert held["selections"]["representation"] == "voxels"
+    facts = describe(capsys, tmp_path / "shot.usda")
+    assert facts["variants"]["representation"] == ["bezier", "nurbs", "subdiv", "mesh"]
+    assert facts["selections"]["representation"] == "voxels"
 
 
 def test_the_text_is_aligned_and_whole(spray, capsys):
@@ -125,16 +125,16 @@ def test_an_asset_that_is_a_crown(tmp_path, capsys):
     cv2.imwrite(str(tmp_path / "mask.png"), disc_mask(48, size_px=120).astype(np.uint8) * 255)
     words = ("--mask", tmp_path / "mask.png", "--size", 32, "--mesh-size", 17, "--no-preview", "--height", 4)
     assert run("crown", tmp_path / "oak.png", *words, "-o", tmp_path / "oak") == 0
-    said = told(capsys, tmp_path / "oak")
-    assert said["leaves"] is None
-    assert said["capture"] == "oak.png"
-    low, high = said["crown"]["radius_m"]
+    facts = describe(capsys, tmp_path / "oak")
+    assert facts["leaves"] is None
+    assert facts["capture"] == "oak.png"
+    low, high = facts["crown"]["radius_m"]
     assert 0.5 < low < high < 5
-    assert said["crown"]["radius_map_px"] == said["crown"]["color_map_px"] == 32
+    assert facts["crown"]["radius_map_px"] == facts["crown"]["color_map_px"] == 32
     text = "\n".join(printed(capsys, "info", tmp_path / "oak"))
     assert "6 faces of 32 x 32" in text
     assert "crown (selected)" in text
-    # What acts on leaves says that there are none.
+    # Commands that act on leaves report that there are none.
     for words in (("edit", "--width", 2, "-o", tmp_path / "a.usda"), ("bake", "-o", tmp_path / "a")):
         assert "leaves" in refused(capsys, words[0], tmp_path / "oak", *words[1:])
 
@@ -154,6 +154,6 @@ def test_what_is_not_ours(tmp_path, capsys):
 def test_a_missing_layer_is_an_answer_too(spray, tmp_path, capsys):
     shutil.copytree(spray, tmp_path / "oak")
     (tmp_path / "oak" / "payload" / "leaves_mesh.usdc").unlink()
-    assert any("leaves_mesh.usdc" in path for path in told(capsys, tmp_path / "oak")["missing"])
+    assert any("leaves_mesh.usdc" in path for path in describe(capsys, tmp_path / "oak")["missing"])
     (tmp_path / "oak" / "payload" / "leaves.usdc").unlink()
     assert "leaves.usdc" in refused(capsys, "info", tmp_path / "oak")

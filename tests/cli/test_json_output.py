@@ -16,23 +16,23 @@ HIGH = remark(
 
 def test_facts_and_remarks_can_be_read_back() -> None:
     text = format_made(asset=Path("a.usda"), report=None, facts=[Row(name="leaves", value="3")], remarks=[HIGH], more=1)
-    held = json.loads(text)
-    assert held["asset"] == "a.usda"
-    assert held["report"] is None
-    assert held["facts"] == [{"name": "leaves", "value": "3", "remark": ""}]
-    assert [remark_from_json(each) for each in held["remarks"]] == [HIGH]
-    assert held["more"] == 1
+    parsed = json.loads(text)
+    assert parsed["asset"] == "a.usda"
+    assert parsed["report"] is None
+    assert parsed["facts"] == [{"name": "leaves", "value": "3", "remark": ""}]
+    assert [remark_from_json(each) for each in parsed["remarks"]] == [HIGH]
+    assert parsed["more"] == 1
 
 
-def test_a_spray_and_its_look_are_told_as_json_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_spray_and_its_look_are_printed_as_json_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["scatter", "-n", "2001", "-o", str(tmp_path / "spray"), "--json"]
     assert main(words) == 0
-    held = json.loads(capsys.readouterr().out)
-    assert Path(held["asset"]).is_file()
-    assert [each["code"] for each in held["remarks"]] == ["bezier-alone"]
+    parsed = json.loads(capsys.readouterr().out)
+    assert Path(parsed["asset"]).is_file()
+    assert [each["code"] for each in parsed["remarks"]] == ["bezier-alone"]
     look = tmp_path / "look.usda"
-    assert main(["edit", held["asset"], "--width", "1", "-o", str(look), "--json"]) == 0
-    held = json.loads(capsys.readouterr().out)
-    assert held["asset"] == str(look)
-    assert [each["code"] for each in held["remarks"]] == ["edits-change-nothing"]
-    assert held["changes"] == []
+    assert main(["edit", parsed["asset"], "--width", "1", "-o", str(look), "--json"]) == 0
+    parsed = json.loads(capsys.readouterr().out)
+    assert parsed["asset"] == str(look)
+    assert [each["code"] for each in parsed["remarks"]] == ["edits-change-nothing"]
+    assert parsed["changes"] == []

@@ -97,24 +97,24 @@ def test_the_asset_has_the_leaves_of_the_capture(written, tmp_path, capsys, bed)
     assert f"asset: {asset}" in lines
     assert f"report: {out / 'report' / 'index.html'}" in lines
     assert "representations: bezier, nurbs, subdiv, mesh" in lines
-    held = read(out).leaves
-    assert f"kept leaves: {len(held)}" in lines
-    assert patch_count(out) == len(held) > 0.6 * len(bed.leaves)
+    leaves = read(out).leaves
+    assert f"kept leaves: {len(leaves)}" in lines
+    assert patch_count(out) == len(leaves) > 0.6 * len(bed.leaves)
     # It stands on the ground, Y up, and can be laid back over its capture, which is Z up.
-    silhouettes = held.base_m + held.asset_from_leaf()[:, :, 1]
-    low = np.minimum(held.base_m, silhouettes).min(axis=0)
+    silhouettes = leaves.base_m + leaves.asset_from_leaf()[:, :, 1]
+    low = np.minimum(leaves.base_m, silhouettes).min(axis=0)
     assert -1e-6 <= low[1] < 0.1
     matrix = capture_to_asset(out)
     np.testing.assert_allclose(matrix[:3, :3], [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-12)
     true = bed.leaves.base_m + bed.leaves.asset_from_leaf()[:, :, 1] / 2
-    middles = held.base_m + held.asset_from_leaf()[:, :, 1] / 2
+    middles = leaves.base_m + leaves.asset_from_leaf()[:, :, 1] / 2
     back = (middles - matrix[:3, 3]) @ matrix[:3, :3]
     away = np.linalg.norm(back[:, None] - true, axis=2).min(axis=1)
-    assert np.median(away / held.length_m) < 0.15
-    for facts in (held.color, held.confidence, held.residual_m):
+    assert np.median(away / leaves.length_m) < 0.15
+    for facts in (leaves.color, leaves.confidence, leaves.residual_m):
         assert facts is not None
         assert np.ptp(facts) > 0
-    assert set(held.view) <= set(range(4))
+    assert set(leaves.view) <= set(range(4))
     texture = cv2.imread(str(out / "maps" / "bed_1_leaf.png"), cv2.IMREAD_UNCHANGED)
     assert texture.shape == (32, 16, 4)
     assert run("validate", out) == 0
@@ -132,8 +132,8 @@ def test_the_report_shows_every_photograph(written, tmp_path):
     text = (folder / "index.html").read_text()
     page = Page(text)
     assert all((folder / name).is_file() for name in page.files)
-    shown = {name for name in page.files if "/" not in name}
-    assert {path.name for path in folder.iterdir()} == shown | {"index.html", "files.json"}
+    pictures = {name for name in page.files if "/" not in name}
+    assert {path.name for path in folder.iterdir()} == pictures | {"index.html", "files.json"}
     assert "3 of 4 photographs are shown" in text
     assert re.findall(r"<h3>\d+: (.*)</h3>", text) == ["000.jpg", "002.jpg", "003.jpg"]
     for step in ("candidates in single views", "leaves of the scene", "fitted leaves", "kept leaves", "segmentation"):
@@ -145,7 +145,7 @@ def test_the_same_run_gives_the_same_bytes(written, tmp_path):
     for folder in ("one", "two"):
         assert run(*words(written, tmp_path / folder, "--name", "bed", "--threads", 1 if folder == "one" else 2)) == 0
     one, two = (files(tmp_path / folder) for folder in ("one", "two"))
-    one.pop("report/index.html")  # it tells how long the run took
+    one.pop("report/index.html")  # it has the time that the run took
     two.pop("report/index.html")
     assert one == two
 
@@ -165,13 +165,13 @@ def test_one_photograph(written, tmp_path, capsys):
 def test_unsure_leaves_are_left_out(written, tmp_path, capsys):
     assert run(*words(written, tmp_path / "all", "--representation", "bezier")) == 0
     found = read(tmp_path / "all").leaves
-    least = round(float(np.median(found.confidence)), 2)
-    lines = printed(capsys, *words(written, tmp_path / "a", "--min-confidence", least))
+    min_confidence = round(float(np.median(found.confidence)), 2)
+    lines = printed(capsys, *words(written, tmp_path / "a", "--min-confidence", min_confidence))
     kept = read(tmp_path / "a").leaves
     assert 0 < len(kept) < len(found)
     assert f"kept leaves: {len(kept)}" in lines
-    assert kept.confidence.min() >= least - 1e-6
-    assert f"of less confidence than {least:g}" in (tmp_path / "a" / "report" / "index.html").read_text()
+    assert kept.confidence.min() >= min_confidence - 1e-6
+    assert f"of less confidence than {min_confidence:g}" in (tmp_path / "a" / "report" / "index.html").read_text()
 
 
 def test_no_leaf_is_an_empty_asset_and_a_warning(written, tmp_path, capsys, caplog, monkeypatch):
@@ -273,7 +273,7 @@ class TestSettings:
         assert 'plane_threshold_m = "auto"' in lines
 
     @pytest.mark.parametrize(
-        ("given", "said"),
+        ("given", "message"),
         [
             (("--min-confidence", 2), "--min-confidence must be from 0 to 1, not 2"),
             (("--min-confidence", "nan"), "--min-confidence must be"),
@@ -288,8 +288,8 @@ class TestSettings:
             (("--depth", "absent"), "absent"),
         ],
     )
-    def test_values_that_cannot_be(self, written, tmp_path, capsys, given, said):
-        assert said in refused(capsys, "leaves", written, "-o", tmp_path / "never" / "a", *given)
+    def test_impossible_values(self, written, tmp_path, capsys, given, message):
+        assert message in refused(capsys, "leaves", written, "-o", tmp_path / "never" / "a", *given)
         assert list(tmp_path.iterdir()) == []
 
     def test_a_mistake_in_the_file_names_file_and_key(self, tmp_path, capsys):

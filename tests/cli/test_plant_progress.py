@@ -11,9 +11,9 @@ def test_a_log_gets_a_line_now_and_then(monkeypatch, capsys):
         for second in range(61):
             now_s[0] = 100.0 + second
             bar.show("fern", "matching", second / 100)
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.splitlines() == [
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    assert streams.err.splitlines() == [
         "fern: matching, 20% done in 20 s, about 80 s left",
         "fern: matching, 40% done in 40 s, about 60 s left",
         "fern: matching, 60% done in 60 s, about 40 s left",

@@ -150,10 +150,10 @@ def test_importing_the_command_loads_nothing_heavy():
 def test_lost_payload_layer_is_named(tmp_path, capsys, keep, reason):
     write_spray(tmp_path / "spray", random_leaves(20))
     layer = tmp_path / "spray" / "payload" / "leaves.usdc"
-    held = layer.read_bytes()
+    data = layer.read_bytes()
     layer.unlink()
     if keep is not None:
-        layer.write_bytes(held[:keep])
+        layer.write_bytes(data[:keep])
     assert main(["preview", str(tmp_path / "spray"), "-o", str(tmp_path / "a.png")]) == 2
     message = capsys.readouterr().err
     assert f"it needs {layer}, which cannot be read: " in message

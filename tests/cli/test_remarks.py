@@ -64,6 +64,6 @@ def test_a_setting_is_written_as_it_is_set(command: str, setting: Setting, text:
 
 
 def test_a_remark_is_a_line_that_begins_with_its_severity(capsys: pytest.CaptureFixture[str]) -> None:
-    held = Remark(code="x", severity="warning", subject="", text="it is high", remedy=("give ", Setting(name="seed")))
-    print_remarks([Remark(code="x", severity="info", subject="", text="it is low"), held], "capture")
+    high = Remark(code="x", severity="warning", subject="", text="it is high", remedy=("give ", Setting(name="seed")))
+    print_remarks([Remark(code="x", severity="info", subject="", text="it is low"), high], "capture")
     assert capsys.readouterr().out == "warning: it is high: give --seed\nnote: it is low\n"

@@ -52,7 +52,7 @@ def test_no_leaves_are_a_valid_asset(tmp_path, capsys):
     assert run("validate", tmp_path / "bare") == 0
 
 
-def test_many_leaves_are_bezier_alone_and_a_note_says_so(tmp_path, capsys):
+def test_many_leaves_are_bezier_alone_with_a_note(tmp_path, capsys):
     lines = printed(capsys, "scatter", "-n", 2001, "-o", tmp_path / "bush")
     assert "representations: bezier" in lines
     assert any(line.startswith("note: beyond 2,000 leaves only bezier") for line in lines)
@@ -68,9 +68,9 @@ def test_representations_are_in_the_assets_order_and_bezier_is_among_them(tmp_pa
 def test_resolution_length_and_variation(tmp_path):
     words = ("--representation", "mesh", "--resolution", 4, 6, "--length", 0.5, "--variation", 0)
     assert run("scatter", "-n", 4, "-o", tmp_path / "a", *words) == 0
-    held = read(tmp_path / "a").leaves
-    np.testing.assert_allclose(held.parameters, np.broadcast_to(held.parameters[:1], (4, 7, 3)))
-    assert 0.3 < held.length_m.min() <= held.length_m.max() < 0.7
+    leaves = read(tmp_path / "a").leaves
+    np.testing.assert_allclose(leaves.parameters, np.broadcast_to(leaves.parameters[:1], (4, 7, 3)))
+    assert 0.3 < leaves.length_m.min() <= leaves.length_m.max() < 0.7
     fine = tmp_path / "fine"
     assert run("scatter", "-n", 4, "-o", fine, *words[:2], "--resolution", 16, 32, *words[5:]) == 0
     coarse, many = (len(attribute(folder, "mesh", "faceVertexCounts")) for folder in (tmp_path / "a", fine))
@@ -85,9 +85,9 @@ def test_pictures_travel_into_the_asset(tmp_path):
     assert run("scatter", "-n", 2, "-o", out, "--variation", 0, *words) == 0
 
     assert len(list((out / "maps").iterdir())) == 2
-    held = read(out)
-    assert held.jitter_map is not None
-    assert held.jitter_map.read_bytes() == (tmp_path / "wave.png").read_bytes()
+    spray = read(out)
+    assert spray.jitter_map is not None
+    assert spray.jitter_map.read_bytes() == (tmp_path / "wave.png").read_bytes()
     np.testing.assert_allclose(attribute(out, "mesh", "primvars:displayColor")[0], (0.2, 0.3, 0.1), atol=1e-6)
     for name, data in files(out).items():
         assert str(tmp_path).encode() not in data, name
@@ -117,7 +117,7 @@ class TestBadInput:
     """Exit 2, one line, nothing written."""
 
     @pytest.mark.parametrize(
-        ("words", "said"),
+        ("words", "message"),
         [
             (("-n", -1), "not -1"),
             (("-n", 20_000_000), "GiB of memory"),
@@ -140,8 +140,8 @@ class TestBadInput:
             (("-n", 3, "--jitter-map", "absent.png"), "absent.png"),
         ],
     )
-    def test_impossible_settings(self, tmp_path, capsys, words, said):
-        assert said in refused(capsys, "scatter", *words, "-o", tmp_path / "never" / "a")
+    def test_impossible_settings(self, tmp_path, capsys, words, message):
+        assert message in refused(capsys, "scatter", *words, "-o", tmp_path / "never" / "a")
         assert list(tmp_path.iterdir()) == []
 
     def test_pictures_that_are_none(self, tmp_path, capsys):

@@ -73,7 +73,7 @@ def test_the_steps_in_their_order_make_what_a_build_makes(folder, capsys):
     assert stamps == {path: path.stat().st_mtime_ns for path in stamps}
 
 
-def test_a_step_whose_needs_are_not_there_says_which_to_run(folder, capsys):
+def test_a_step_whose_needs_are_not_there_names_the_step_to_run(folder, capsys):
     command = ["task", folder / "capture", "-o", folder / "early" / "plant", "--plan", folder / "plan.toml"]
     assert run(*command, "--step", "cloud", "--openjd") == 2
     streams = capsys.readouterr()
@@ -107,15 +107,15 @@ def test_what_was_pruned_may_be_retried(folder, capsys):
     depth = work / stamp["files"][0]["path"]
     depth.write_bytes(depth.read_bytes()[:-1] + bytes([depth.read_bytes()[-1] ^ 1]))
     assert run(*command, "depth", "--chunk", "1/2") == 2
-    assert "run matching-2 first" in (told := capsys.readouterr().err)
-    assert "if it was done and then pruned, submit the job again, or run usdfoliage build" in told
+    assert "run matching-2 first" in (complaint := capsys.readouterr().err)
+    assert "if it was done and then pruned, submit the job again, or run usdfoliage build" in complaint
     for step in ("matching-1", "matching-2", "depth"):
         assert run(*command, step) == 0
     assert "gone" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         (["--step", "grow"], "this plant has no step grow; it has plan, poses"),
         (["--step", "depth", "--chunk", "1/3"], "depth has 2 chunks, not 3"),
@@ -124,9 +124,9 @@ def test_what_was_pruned_may_be_retried(folder, capsys):
         (["--step", "depth", "--threads", "-1"], "--threads must be 0 or more"),
     ],
 )
-def test_steps_and_chunks_that_are_not_there_are_refused(folder, capsys, options, told):
+def test_steps_and_chunks_that_are_not_there_are_refused(folder, capsys, options, message):
     assert run("task", folder / "capture", "-o", folder / "x" / "plant", "--plan", folder / "plan.toml", *options) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b"])
@@ -153,15 +153,15 @@ def test_the_template_passes_the_check_and_names_no_file(folder, options):
         assert checked.returncode == 0, checked.stdout + checked.stderr
     text = template.read_text()
     assert str(folder) not in text
-    held = yaml.safe_load(text)
-    assert held["steps"][-1]["name"] == "publish"
-    assert ("extensions" in held) == (not options)
+    job = yaml.safe_load(text)
+    assert job["steps"][-1]["name"] == "publish"
+    assert ("extensions" in job) == (not options)
     known = set()
-    for step in held["steps"]:
+    for step in job["steps"]:
         assert {each["dependsOn"] for each in step.get("dependencies", ())} <= known
         known.add(step["name"])
         assert step["script"]["actions"]["onRun"]["command"] == "{{Param.Executable}}"
-    flows = {each["name"]: each.get("dataFlow") for each in held["parameterDefinitions"]}
+    flows = {each["name"]: each.get("dataFlow") for each in job["parameterDefinitions"]}
     assert flows["CaptureDir"] == "IN"
     assert flows["AssetDir"] == "OUT"
     assert flows["WorkDir"] == "INOUT"

@@ -59,7 +59,7 @@ def test_json(asset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     report = json.loads(capsys.readouterr().out)
     assert report["errors"] == 1
     assert report["asset"] == str(asset)
-    (finding,) = [held for held in report["findings"] if held["severity"] == "error"]
+    (finding,) = [each for each in report["findings"] if each["severity"] == "error"]
     assert (finding["error"], finding["path"]) == ("GeneratorMissing", "/oak.foliage:generator")
 
 

@@ -8,7 +8,7 @@ from tests.support.leaves.commands import run
 from tests.support.small_builds import digests, write_quick_plan, write_small_capture
 
 
-def held_below(folder: Path) -> int:
+def size_below(folder: Path) -> int:
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file() and path.suffix != ".lock")
 
 
@@ -18,7 +18,7 @@ def test_a_pruned_work_folder_builds_the_same_again(tmp_path, capsys, monkeypatc
     work = tmp_path / "work"
     build = ["build", tmp_path / "shrub", "-o", tmp_path / "plant", "--plan", tmp_path / "plan.toml", "--work", work]
     assert run(*build) == 0
-    before, size = digests(tmp_path / "plant"), held_below(work)
+    before, size = digests(tmp_path / "plant"), size_below(work)
 
     capsys.readouterr()
     monkeypatch.setenv("USDFOLIAGE_WORK", str(work))
@@ -34,11 +34,11 @@ def test_a_pruned_work_folder_builds_the_same_again(tmp_path, capsys, monkeypatc
 
     assert run("work", work, "--prune", "--dry-run") == 0
     assert "4 tasks" in capsys.readouterr().out.splitlines()[-1]
-    assert held_below(work) == size
+    assert size_below(work) == size
     assert run("work", work, "--prune", "--keep-days", "1") == 0
-    assert held_below(work) == size
+    assert size_below(work) == size
     assert run("work", work, "--prune") == 0
-    assert held_below(work) < size
+    assert size_below(work) < size
     capsys.readouterr()
 
     # Other leaves ask for the cloud and what is below it, but not for matching.
@@ -65,7 +65,7 @@ def test_a_pruned_work_folder_builds_the_same_again(tmp_path, capsys, monkeypatc
         ([], "is no work folder of builds"),
     ],
 )
-def test_what_cannot_be_done_is_said(tmp_path, capsys, arguments, complaint):
+def test_an_impossible_request_is_reported(tmp_path, capsys, arguments, complaint):
     assert run("work", tmp_path, *arguments) == 2
     assert complaint in capsys.readouterr().err
 
