@@ -40,12 +40,14 @@ def check_asset_interface(stage: Usd.Stage, _time: object) -> Findings:
     if kind != Kind.Tokens.component:
         findings.append(error(plant, "Kind", f"has kind {kind or 'none'}; a plant is a component, author that"))
     if not UsdGeom.StageHasAuthoredMetersPerUnit(stage) or UsdGeom.GetStageMetersPerUnit(stage) != 1:
-        findings.append(error(plant, "MetersPerUnit", "the layer's metersPerUnit is not 1; assets are in metres"))
+        findings.append(
+            error(plant, "MetersPerUnit", "is in a layer whose metersPerUnit is not 1; scale the plant and author 1")
+        )
     if not stage.HasAuthoredMetadata("upAxis") or UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.y:
-        findings.append(error(plant, "UpAxis", "the layer's upAxis is not Y; turn the plant and author Y"))
+        findings.append(error(plant, "UpAxis", "is in a layer whose upAxis is not Y; turn the plant and author Y"))
     payloads = layer.GetPrimAtPath(plant.GetPath()).payloadList.GetAppliedItems()
     if len(payloads) != 1:
-        text = f"has {len(payloads)} payloads; an asset has one, which holds all that is heavy"
+        text = f"has {len(payloads)} payloads; author one, which loads all that is heavy"
         findings.append(error(plant, "Payload", text))
     for name in plant.GetVariantSets().GetNames():
         variants = plant.GetVariantSets().GetVariantSet(name)
@@ -62,7 +64,7 @@ def check_asset_interface(stage: Usd.Stage, _time: object) -> Findings:
             if path.suffix.lower() in USD_SUFFIXES and path.name != Path(layer.realPath).name
         )
         if others:
-            text = f"shares its folder with {', '.join(others)}; the interface is the one USD file at the top"
+            text = f"shares its folder with {', '.join(others)}; move these below, as only the interface is at the top"
             findings.append(error(plant, "FolderTop", text))
     return findings
 

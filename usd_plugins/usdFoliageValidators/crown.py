@@ -35,7 +35,7 @@ def check_crown(prim: Usd.Prim, _time: object) -> Findings:
         findings.append(error(prim, "RadiusRange", text, "foliage:crown:radiusRange"))
     weight = values.number(prim, "foliage:crown:reliefWeight")
     if values.is_authored(prim, "foliage:crown:reliefWeight") and not (weight is not None and 0 <= weight < 2):
-        text = f"is {weight}; it must be 0 to below 2, else the relief reaches the centre"
+        text = f"is {weight}; author 0 or more and below 2, else the relief reaches the centre"
         findings.append(error(prim, "ReliefWeight", text, "foliage:crown:reliefWeight"))
     leaf_texture = values.asset_path(prim, "foliage:crown:leafTexture")
     if leaf_texture is not None and not leaf_texture.resolvedPath:
@@ -104,7 +104,7 @@ def _read(path: Path, _modified_ns: int, _size: int) -> _Cubemap:
     shapes = {channel.shape for channel in channels.values()}
     height, width = next(iter(shapes)) if len(shapes) == 1 else (0, 0)
     if width < 2 or height != 6 * width:
-        text = f"is {width} x {height} pixels; a cubemap is N x 6N, its faces from top to bottom, N 2 or more"
+        text = f"is {width} x {height} pixels; write it as N x 6N, its faces from top to bottom, N 2 or more"
         faults.append(("CubemapShape", text))
         return _Cubemap(channels=tuple(channels), pixels=None, shared_apart=0, faults=tuple(faults))
     pixels = np.stack(list(channels.values()), axis=-1).reshape(6, width, width, len(channels))
@@ -119,7 +119,7 @@ def _read(path: Path, _modified_ns: int, _size: int) -> _Cubemap:
 def _check_pixels(prim: Usd.Prim, name: str, path: str, channels: tuple[str, ...], file: _Cubemap) -> Findings:
     assert file.pixels is not None
     if file.channels != channels:
-        text = f"names {path}, whose channels are {', '.join(file.channels)}; it must have {', '.join(channels)} alone"
+        text = f"names {path}, whose channels are {', '.join(file.channels)}; write {', '.join(channels)} alone"
         return [error(prim, "CubemapChannels", text, name)]
     findings: Findings = []
     beyond = int(np.count_nonzero(~np.isfinite(file.pixels)))

@@ -30,7 +30,7 @@ def _check_species(prim: Usd.Prim) -> Findings:
     columns = {"species": species, "speciesKind": kinds, "speciesShare": shares, "speciesScale": scales}
     for name, column in columns.items():
         if len(column) != prototypes:
-            text = f"has {len(column)} rows; {prototypes} are needed, one for each of prototypes"
+            text = f"has {len(column)} rows; author {prototypes}, one for each of prototypes"
             findings.append(error(prim, "SpeciesTableLength", text, f"foliage:forest:{name}"))
     if findings:
         return findings
@@ -42,13 +42,13 @@ def _check_species(prim: Usd.Prim) -> Findings:
         findings.append(error(prim, "SpeciesKind", text, "foliage:forest:speciesKind"))
     wrong = ~((shares >= 0) & (shares <= 1))
     if wrong.any():
-        text = f"is not 0 to 1 in {count(wrong, 'rows')}; it is a share"
+        text = f"is not 0 to 1 in {count(wrong, 'rows')}; author shares"
         findings.append(error(prim, "SpeciesShare", text, "foliage:forest:speciesShare"))
     else:
         for kind in np.unique(kinds):
             total = float(shares[kinds == kind].sum())
             if abs(total - 1) > SHARE_TOLERANCE:
-                text = f"sums to {total:g} for {kind}; the shares of a kind sum to 1"
+                text = f"sums to {total:g} for {kind}; author shares that sum to 1 for each kind"
                 findings.append(error(prim, "SpeciesShare", text, "foliage:forest:speciesShare"))
     wrong = ~((scales[:, 0] > 0) & (scales[:, 0] <= scales[:, 1]) & np.isfinite(scales).all(axis=1))
     if wrong.any():
@@ -69,7 +69,7 @@ def _check_instances(prim: Usd.Prim) -> Findings:
         jitter = values.numbers(prim, "foliage:forest:lodJitter")
         if jitter is None or len(jitter) != instances:
             length = 0 if jitter is None else len(jitter)
-            text = f"has {length} elements; {instances} are needed, one for each of positions"
+            text = f"has {length} elements; author {instances}, one for each of positions"
             findings.append(error(prim, "LodJitterLength", text, "foliage:forest:lodJitter"))
         else:
             wrong = ~((jitter >= 0) & (jitter <= 1))

@@ -50,7 +50,7 @@ def check_leaf_arrays(prim: Usd.Prim, _time: object) -> Findings:
             text = f"is not authored; author {leaves} float3, {measure}"
             findings.append(error(prim, "LeafArrayMissing", text, primvar))
         elif len(array) != leaves:
-            text = f"has {len(array)} elements; {leaves} are needed, {measure}"
+            text = f"has {len(array)} elements; author {leaves}, {measure}"
             findings.append(error(prim, "LeafArrayLength", text, primvar))
         else:
             findings += _check_interpolation(prim, primvar, interpolation)
@@ -82,7 +82,7 @@ def check_leaf_orientations(prim: Usd.Prim, _time: object) -> Findings:
             text = "is not authored; author both orientations and orientationsf, from one source"
             findings.append(error(prim, "OrientationsMissing", text, name))
         elif positions is not None and len(array) != len(positions):
-            text = f"has {len(array)} elements; {len(positions)} are needed, one for each of positions"
+            text = f"has {len(array)} elements; author {len(positions)}, one for each of positions"
             findings.append(error(prim, "OrientationsLength", text, name))
         else:
             arrays[name] = array
@@ -120,10 +120,10 @@ def _check_placement(prim: Usd.Prim, positions: NDArray[np.float64]) -> Findings
             wrong = ~(np.isfinite(scales).all(axis=1) & (scales > 0).all(axis=1))
             uneven = ~wrong & (np.ptp(scales, axis=1) > 1e-5 * scales.max(axis=1, initial=0))
         if wrong.any():
-            text = f"is not above 0 in {count(wrong, 'leaves')}; a scale is the leaf's length in metres"
+            text = f"is not above 0 in {count(wrong, 'leaves')}; author each leaf's length in metres"
             findings.append(error(prim, "ScalesNotPositive", text, "scales"))
         elif uneven.any():
-            text = f"differs between axes in {count(uneven, 'leaves')}; a leaf's width is in its silhouette, not here"
+            text = f"differs between axes in {count(uneven, 'leaves')}; author one length; the silhouette has the width"
             findings.append(error(prim, "ScalesNotUniform", text, "scales"))
     return findings
 
@@ -172,7 +172,7 @@ def _check_facts(prim: Usd.Prim, leaves: int, interpolation: str) -> Findings:
         array = values.numbers(prim, primvar)
         if array is None or len(array) != leaves:
             length = 0 if array is None else len(array)
-            text = f"has {length} elements; {leaves} are needed, or none at all"
+            text = f"has {length} elements; author {leaves}, or none at all"
             findings.append(error(prim, "LeafArrayLength", text, primvar))
             continue
         findings += _check_interpolation(prim, primvar, interpolation)

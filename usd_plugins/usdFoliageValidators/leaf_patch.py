@@ -37,7 +37,7 @@ def check_leaf_patch(prim: Usd.Prim, _time: object) -> Findings:
     points = values.numbers(prim, "points", 3)
     if points is None or len(points) != U_COUNT * V_COUNT:
         length = 0 if points is None else len(points)
-        text = f"has {length} elements; {U_COUNT * V_COUNT} are needed, {V_COUNT} rows of {U_COUNT}"
+        text = f"has {length} elements; author {U_COUNT * V_COUNT}, {V_COUNT} rows of {U_COUNT}"
         return [*findings, error(prim, "PatchPoints", text, "points")]
     if not np.isfinite(points).all():
         return [*findings, error(prim, "PatchPoints", "is not finite; fit the leaf again", "points")]

@@ -43,7 +43,7 @@ def _check_skeleton(prim: Usd.Prim) -> tuple[Findings, int]:
     for name in ("skeletonParents", "skeletonBranches"):
         array = values.indices(prim, f"foliage:lobed:{name}")
         if array is None or len(array) != len(points):
-            text = f"has {0 if array is None else len(array)} elements; {len(points)} are needed, one a node"
+            text = f"has {0 if array is None else len(array)} elements; author {len(points)}, one a node"
             findings.append(error(prim, "LobedSkeletonLength", text, f"foliage:lobed:{name}"))
         else:
             arrays[name] = array
@@ -77,7 +77,7 @@ def _check_ties(prim: Usd.Prim, branches: int) -> Findings:
         attribute = f"foliage:lobed:tie:{name}"
         array = values.numbers(prim, attribute)
         if array is None or len(array) != len(branch):
-            text = f"has {0 if array is None else len(array)} elements; {len(branch)} are needed, one a tie"
+            text = f"has {0 if array is None else len(array)} elements; author {len(branch)}, one a tie"
             findings.append(error(prim, "LobedTieLength", text, attribute))
             continue
         turns = name.endswith("Turn")

@@ -30,7 +30,7 @@ def check_skeleton(prim: Usd.Prim, _time: object) -> Findings:
     if findings:
         return findings
     if values.value(prim, "type") != "linear":
-        text = f"is {values.value(prim, 'type')}; a skeleton is of type linear"
+        text = f"is {values.value(prim, 'type')}; author linear"
         findings.append(error(prim, "CurveType", text, "type"))
     points = values.numbers(prim, "points", 3)
     vertex_counts = values.indices(prim, "curveVertexCounts")
@@ -64,7 +64,7 @@ def _check_widths(prim: Usd.Prim, vertices: int) -> Findings:
         findings.append(error(prim, "WidthsInterpolation", text, "widths"))
     wrong = ~(np.isfinite(widths) & (widths > 0))
     if wrong.any():
-        text = f"is not above 0 in {count(wrong, 'points')}; a width is a diameter in metres"
+        text = f"is not above 0 in {count(wrong, 'points')}; author diameters in metres"
         findings.append(error(prim, "WidthsNotPositive", text, "widths"))
     return findings
 
@@ -91,10 +91,14 @@ def _check_tree(prim: Usd.Prim, points: NDArray[np.float64], vertex_counts: NDAr
         return [error(prim, "ParentCurveRange", text, "foliage:parentCurve")]
     root = parent < 0
     if not root.any():
-        findings.append(error(prim, "NoRoot", "has no -1; one curve at least is a root", "foliage:parentCurve"))
+        findings.append(
+            error(prim, "NoRoot", "has no -1; author -1 for each curve that is a root", "foliage:parentCurve")
+        )
     wrong = _in_cycle(parent)
     if wrong.any():
-        text = f"leads round in a circle, never to a root, in {count(wrong, 'curves')}; a curve is not its own ancestor"
+        text = (
+            f"leads round in a circle, never to a root, in {count(wrong, 'curves')}; author parents that lead to a root"
+        )
         findings.append(error(prim, "ParentCycle", text, "foliage:parentCurve"))
 
     first = np.concatenate([[0], np.cumsum(vertex_counts)[:-1]])
@@ -102,7 +106,9 @@ def _check_tree(prim: Usd.Prim, points: NDArray[np.float64], vertex_counts: NDAr
     inside = (vertex >= first[parent]) & (vertex < first[parent] + vertex_counts[parent])
     wrong = np.where(root, vertex != -1, ~inside)
     if wrong.any():
-        text = f"is no vertex of the parent curve in {count(wrong, 'curves')}; it indexes points, -1 for a root"
+        text = (
+            f"is no vertex of the parent curve in {count(wrong, 'curves')}; author its index in points, -1 for a root"
+        )
         findings.append(error(prim, "ParentVertexRange", text, "foliage:parentVertex"))
     else:
         apart = np.abs(points[first] - points[vertex]).max(axis=1)
@@ -116,7 +122,7 @@ def _check_tree(prim: Usd.Prim, points: NDArray[np.float64], vertex_counts: NDAr
 
     wrong = (order < 0) | (root & (order != 0))
     if wrong.any():
-        text = f"is below 0, or not 0 at a root, in {count(wrong, 'curves')}; a trunk has 0"
+        text = f"is below 0, or not 0 at a root, in {count(wrong, 'curves')}; author 0 for a root, no number below 0"
         findings.append(error(prim, "OrderRange", text, "foliage:order"))
     else:
         step = order - order[parent]
