@@ -33,7 +33,7 @@ _NEAR = 0.5  # of the nearest point's depth, where the picture begins
 _MIN_NEAR = 1e-4  # of the farthest depth: a depth buffer does not resolve a longer range
 _PLANE_CELLS = 48  # along the longer side of an image plane whose lens distorts
 _WIDEST = 10.0  # tangent of the angle from the axis up to which there is a plane
-_FEW = 20_000  # points are enough to measure how far the cloud is from a camera
+_FEW = 20_000  # points of the cloud from which its distance to a camera is measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,7 @@ def write_capture_layer(
         if settings.point_width_m is None:
             widths_m = point_widths(cloud.points_m, [captured.camera for captured in cameras])
         else:
-            # One a point, though all are equal: with a single one neither USD nor its validators compute the extent.
+            # A width for each point, though all are equal: from a single one USD and its validators compute no extent.
             widths_m = np.full(len(cloud), settings.point_width_m, np.float32)
         points = author_cloud(stage, Sdf.Path(f"/{name}/{CLOUD}"), cloud, widths_m)
         bounds = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"]).ComputeWorldBound(points.GetPrim())
@@ -154,7 +154,7 @@ def author_camera(
     far_m = _BEHIND * plane_m
     camera.CreateClippingRangeAttr(Gf.Vec2f(max(_NEAR * nearest_m, _MIN_NEAR * far_m), far_m))
     camera.CreateFocusDistanceAttr(middle_m)
-    camera.CreateFStopAttr(0.0)  # all is sharp
+    camera.CreateFStopAttr(0.0)  # no depth of field
 
     plate = UsdGeom.BackPlateAPI.Apply(prim, "photograph")
     plate.CreateImageAttr(Sdf.AssetPath(_anchored(captured.photo)))
@@ -184,7 +184,7 @@ def author_image_plane(stage: Usd.Stage, path: Sdf.Path, captured: CaptureCamera
     places = share * size if lens is None else undistort_places(lens, share * size)
     flat = (places - pinhole.center_px) / pinhole.focal_px
     # Where a wide lens sees past what a pinhole camera can, there is no plane.
-    good = np.asarray((np.abs(flat) < _WIDEST).all(axis=1))  # NaN is not
+    good = np.asarray((np.abs(flat) < _WIDEST).all(axis=1))  # False for NaN
     number = np.arange(len(share)).reshape(cells[1] + 1, cells[0] + 1)
     faces = np.stack([number[1:, :-1], number[1:, 1:], number[:-1, 1:], number[:-1, :-1]], -1).reshape(-1, 4)
     faces = faces[good[faces].all(axis=1)]
@@ -199,7 +199,7 @@ def author_image_plane(stage: Usd.Stage, path: Sdf.Path, captured: CaptureCamera
     mesh.CreateNormalsAttr(Vt.Vec3fArray([Gf.Vec3f(0, 0, 1)] * len(used)))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    mesh.CreateDoubleSidedAttr(False)  # who looks at it from elsewhere mostly does so from behind
+    mesh.CreateDoubleSidedAttr(False)  # so that it hides nothing from other cameras, most of which see its back
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(corner_points))
     st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
     st.Set(Vt.Vec2fArray.FromNumpy(np.column_stack([share[used, 0], 1 - share[used, 1]]).astype(np.float32)))

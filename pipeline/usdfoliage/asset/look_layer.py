@@ -14,14 +14,14 @@ EditValue = float | tuple[float, float, float]
 
 REPRESENTATION = "representation"  # the variant set of a plant that chooses what its leaves are
 BEZIER = "bezier"  # its variant that edits act on
-LOD = "lod"  # the one that chooses which of its parts are shown
+LOD = "lod"  # the variant set that chooses which of its parts are shown
 LEAFY_LODS = ("leaves", "both", "auto")  # those with leaves, where a plant has any
 LOOK_OF = "lookOf"  # of a look's record: the asset's interface layer, as seen from the look
 LOOK_PRIM = "lookPrim"  # the one placement that it is for
 CUSTOM_DATA_KEY = "usdfoliage"  # of a layer's customLayerData; a layer of ours has it
 
-# Leaf lengths on every side of the leaves. Storm culls each leaf by the prototype's extent, and edits that add up or
-# are authored by hand move what is drawn without widening it: of two looks only the stronger one's extent stands.
+# Leaf lengths on every side of the leaves. Storm culls each leaf by the prototype's extent. Edits of several looks add
+# up, but only the extent of the strongest look counts, and edits authored by hand widen no extent.
 PROTOTYPE_MARGIN = 1.0
 
 _VISIBLE = 2  # of extentsHint's pairs of corners, a pair a purpose: the first two, default and render, may hold leaves
@@ -83,7 +83,7 @@ def placement_class(class_path: Sdf.Path, placement: Sdf.Path) -> Sdf.Path:
 
 
 def path_between(target: str, folder: str) -> str:
-    """The way from a look's folder to a file, beginning with ./ or ../, both absolute."""
+    """The relative path from a look's folder to a file, beginning with ./ or ../; both are given as absolute paths."""
     relative = os.path.relpath(target, folder)
     return relative if relative.startswith("..") else f"./{relative}"
 

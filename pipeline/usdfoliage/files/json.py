@@ -1,4 +1,4 @@
-"""JSON that somebody else may have written or damaged, read so that nothing in it takes the reader's stack or time."""
+"""Reading JSON that others may have written or damaged: no content exhausts the reader's stack or time."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A folder for files that nobody keeps, and the message where its disk is full."""
+"""A folder for temporary files, and the message where its disk is full."""
 
 import shutil
 import tempfile
@@ -22,7 +22,7 @@ def temporary_folder(purpose: str, failure: type[FoliageError] = FoliageError) -
         failure: What is raised where it is no FoliageError yet.
 
     Raises:
-        FoliageError: It cannot be made, or what went wrong within went wrong where its disk is full.
+        FoliageError: It cannot be made, or the block failed while its disk was full.
     """
     try:
         kept = tempfile.TemporaryDirectory(prefix=f"usdfoliage-{purpose}-", ignore_cleanup_errors=True)

@@ -1,4 +1,4 @@
-"""TOML that somebody else wrote, read so that nothing in it takes the reader's memory, stack or time."""
+"""Reading TOML that others wrote: no content exhausts the reader's memory, stack or time."""
 
 import tomllib
 from pathlib import Path

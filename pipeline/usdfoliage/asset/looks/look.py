@@ -104,7 +104,7 @@ def open_root_layer(path: Path) -> Sdf.Layer:
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     plant = stage.DefinePrim(look.prim_path or f"/{interface.defaultPrim}")
-    for prefix in plant.GetPath().GetPrefixes()[:-1]:  # what stands for the scene around one placement
+    for prefix in plant.GetPath().GetPrefixes()[:-1]:  # prims in place of the scene's around one placement
         parent = UsdGeom.Xform.Define(stage, prefix).GetPrim()
         Usd.ModelAPI(parent).SetKind(Kind.Tokens.assembly if prefix.IsRootPrimPath() else Kind.Tokens.group)
     plant.GetReferences().AddReference(str(look.asset))

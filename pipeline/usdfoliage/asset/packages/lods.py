@@ -18,7 +18,7 @@ AUTO_LAYER = "lod_auto.usda"
 RENDER, PROXY, GUIDE = "geo/render", "geo/proxy", "geo/guide"  # below the root prim
 HEURISTIC = "lod/ScreenSize"  # not below geo, whose children are what UsdLod chooses from
 
-_BLEND = 0.8  # of the threshold: where a renderer that can blends has the crown alone
+_BLEND = 0.8  # of the threshold: from here down a renderer that blends draws the crown alone
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,7 +19,7 @@ from usdfoliage.crown.bare_faces import find_bare_faces
 from usdfoliage.errors import AssetError
 
 BARE_LAYER = "branches_bare.usdc"
-# What moves stands at its first time, as it does where the crown was made.
+# Animated branches are read at their first time, at which the crown was made.
 _REST = Usd.TimeCode.EarliestTime()
 _KINDS = (Vt.Vec3fArray, Vt.IntArray, Vt.IntArray)  # of points, of vertices of each face, and of their indices
 

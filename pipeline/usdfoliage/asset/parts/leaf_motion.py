@@ -41,7 +41,7 @@ class LeafMotion:
     """Leaves in each of T frames."""
 
     frames: int  # T
-    placed: Callable[[int], Leaves]  # in a frame from 0 on; an array that stays is the very same one in all
+    placed: Callable[[int], Leaves]  # called with a frame, from 0 on; an array that never changes is the same object
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,7 +188,7 @@ def adapt_leaf_motion(layer: Sdf.Layer, name: str, drawn: DrawnLeaves) -> list[B
 
 def read_points(layer: Path, path: Sdf.Path) -> NDArray[np.float64]:
     """Points (P, 3) of the prim at path in a layer of ours; none where it has none."""
-    copy = open_copy(layer)  # that goes when nothing holds it, and what is in it too
+    copy = open_copy(layer)  # kept in a variable: USD drops a layer that nothing refers to
     points = copy.GetAttributeAtPath(path.AppendProperty("points"))
     points_m = None if points is None else stored_numbers(points.default, (None, 3))
     return np.zeros((0, 3)) if points_m is None else points_m

@@ -94,7 +94,7 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves, lods: Sequence[str
     """
     check_leaves(foliage.leaves)
     representations, appearance = foliage.settings.representations, foliage.appearance
-    jitter = leaf_jitter(foliage.edits, appearance)  # whose map is read before it is copied
+    jitter = leaf_jitter(foliage.edits, appearance)  # reads the jitter's map before that is copied
     texture = copy_map(place, f"{place.name}_leaf", appearance.texture)
     jitter_map = copy_map(place, f"{place.name}_leaf_jitter", appearance.jitter_map)
     boxes = _write_representations(place, foliage, jitter, jitter_map)

@@ -21,7 +21,7 @@ JITTER_MAP = "foliage:leaf:jitterMap"
 
 DISPLAY_COLOR = "displayColor"
 
-# What else may be known of each leaf: field of Leaves, primvar.
+# Optional facts of each leaf: field of Leaves, primvar.
 _FACTS = (
     ("phase", "leaf:phase"),
     ("color", DISPLAY_COLOR),

@@ -1,4 +1,4 @@
-"""What validators find, and what of it a studio has decided to live with."""
+"""What validators find, and which of these findings a studio accepts."""
 
 from dataclasses import dataclass
 from fnmatch import fnmatchcase

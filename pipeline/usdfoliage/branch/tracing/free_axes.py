@@ -1,4 +1,4 @@
-"""Stems that stand free: what a noisy cloud of a herb shows of its branches, where nothing of it is round. Our own.
+"""Stems that stand free: the branches that a noisy cloud of a herb shows clearly, where no branch is round. Our own.
 
 An axis stands free where hardly anything is beside it, as a stem does below the leaves; an axis that was traced over
 leaves, or through a hedge, has them on both sides.
@@ -18,17 +18,17 @@ _AT_ONCE = 4000  # places whose surroundings are in memory at once
 
 @dataclass(frozen=True, kw_only=True)
 class FreeAxisSettings:
-    """What stands free; lengths in heights of the cloud."""
+    """When an axis stands free; lengths in heights of the cloud."""
 
-    reach: float = 0.02  # from the axis, within which points are its own
-    beside: tuple[float, float] = (1.5, 3.0)  # reaches, between which points are of something else
-    max_beside: float = 0.8  # of them, for each of its own
-    stem: float = 0.3  # length of a stem at least,
-    free: float = 0.25  # of which so much must stand free,
-    rise: float = 0.2  # and there rise, or hang, so far
+    reach: float = 0.02  # distance from the axis up to which points are the axis' own
+    beside: tuple[float, float] = (1.5, 3.0)  # distances in reaches between which points are of something else
+    max_beside: float = 0.8  # points of something else for each of the axis' own, at most
+    stem: float = 0.3  # smallest length of a stem,
+    free: float = 0.25  # of which at least so much must stand free,
+    rise: float = 0.2  # and over which it must rise, or hang, at least so far
     straight: float = 0.6  # distance from its root to where it last stands free, over the path: over leaves, axes wind
-    max_hidden: float = 0.5  # share of the stems that need not
-    twig: float = 0.04  # length of another branch at least: half of it must stand free
+    max_hidden: float = 0.5  # share of the stems that need not stand free, at most
+    twig: float = 0.04  # smallest length of another branch, half of which must stand free
 
     def __post_init__(self) -> None:
         if not (0 < self.reach < 1 and 1 <= self.beside[0] < self.beside[1] and self.max_beside > 0):
@@ -55,7 +55,7 @@ def stands_free(
     free = np.zeros(len(skeleton.points_m), bool)
     if not reach_m > 0:
         return free
-    # One point for a cell, so that what was seen often counts no more.
+    # One point for a cell, so that a place with many points counts no more than one with few.
     cells_m = cell_means(points_m, number_cells(points_m, reach_m / 2))
     tree = cKDTree(cells_m)
     along = _directions(skeleton, reach_m)

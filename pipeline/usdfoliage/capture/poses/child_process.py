@@ -42,13 +42,13 @@ def run_items(
 ) -> tuple[ItemFailure, ...]:
     """Do the items of a job, each in one of so many child processes; an item whose "out" exists is done already.
 
-    An item at which a child ends is a failure, and a new child does what was left.
+    An item at which a child ends is a failure; a new child does the items that were left.
 
     Args:
         job: What the worker is given besides its items.
         items: Each with the file that it makes, "out".
         work: Where the jobs are written.
-        processes: At most so many at once.
+        processes: How many child processes run at once, at most.
         progress: Called with items done, or with steps of the only item.
         module: The worker.
 

@@ -1,4 +1,4 @@
-"""The part of pose estimation that calls COLMAP: in a process of its own, whose end ends nothing else.
+"""The part of pose estimation that calls COLMAP, in a process of its own: where COLMAP crashes, only that one ends.
 
 usage: python -m usdfoliage.capture.poses.worker JOB.json
 

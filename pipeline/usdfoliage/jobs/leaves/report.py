@@ -1,4 +1,4 @@
-"""The report of leaves found in a capture: what one looks at before they are accepted."""
+"""The report of leaves found in a capture: pictures and measures to look at before one accepts them."""
 
 import os
 from collections.abc import Mapping, Sequence

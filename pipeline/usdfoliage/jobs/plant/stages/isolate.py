@@ -197,10 +197,10 @@ def _link(path: Path, there: Path) -> None:
 def _draw_masks(
     call: StageCall, capture: Capture, cloud: Cloud, plant: NDArray[np.bool_], target: Path, *, aimed: bool
 ) -> list[_DrawnMask]:
-    """The mask of every photograph, written; with those that it came with, both must hold.
+    """Write the mask of every photograph: of the plant's pixels those that are in the photograph's own mask too.
 
-    What of a photograph has no depth is none of a plant that the photographs are aimed at. Where they are aimed at
-    nothing, it is part of the plant: there the rest is drawn.
+    Where the photographs are aimed at one plant, pixels without depth are not of it, and the plant's points are drawn.
+    Where they are aimed at nothing, such pixels are of the plant, and the other points are drawn.
     """
     drawn = plant if aimed else ~plant
     grid = make_plant_grid(cloud.points_m, drawn)
