@@ -25,6 +25,12 @@ class Setting:
     name: str
     value: str = ""
 
+    def __str__(self) -> str:
+        """As a plan has it: branches.internode_m = 0.2; or up_axis = "Z" in capture.toml."""
+        file, _, key = self.name.rpartition(":")
+        text = f"{key} = {self.value}" if self.value else key
+        return f"{text} in {file}" if file else text
+
 
 Remedy = tuple[str | Setting, ...]  # the parts of a sentence
 RenderSetting = Callable[[Setting], str]
@@ -129,7 +135,7 @@ def label_remarks(remarks: Iterable[Remark], render: RenderSetting) -> list[str]
 
 def explain_error(error: FoliageError, render: RenderSetting) -> str:
     """What is wrong, and what to do about it."""
-    return f"{error}; {write_remedy(error.remedy, render)}" if error.remedy else str(error)
+    return f"{error.text}; {write_remedy(error.remedy, render)}" if error.remedy else error.text
 
 
 def write_remedy(remedy: Remedy, render: RenderSetting) -> str:
@@ -138,7 +144,5 @@ def write_remedy(remedy: Remedy, render: RenderSetting) -> str:
 
 
 def as_plan_setting(setting: Setting) -> str:
-    """A setting as a build's plan has it: branches.internode_m = 0.2; or up_axis = "Z" in capture.toml."""
-    file, _, key = setting.name.rpartition(":")
-    text = f"{key} = {setting.value}" if setting.value else key
-    return f"{text} in {file}" if file else text
+    """A setting as a build's plan has it."""
+    return str(setting)

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from usdfoliage.errors import AssetError, CaptureError
+from usdfoliage.errors import WriteError
 from usdfoliage.files.atomic import replace_file, whole_file
 
 
@@ -34,11 +34,11 @@ def test_a_full_disk_is_found_before_the_name_is_given(tmp_path: Path, monkeypat
     path = tmp_path / "a.txt"
     path.write_bytes(b"old")
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(CaptureError) as refusal, whole_file(path, CaptureError) as new:
+    with pytest.raises(WriteError) as refusal, whole_file(path) as new:
         new.write_bytes(b"new")
     assert str(refusal.value) == (
         f"{path} was not written: No space left on device; "
-        "what was there is unchanged: make room or choose another folder"
+        "what was there is unchanged; make room or choose another folder"
     )
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
@@ -46,7 +46,7 @@ def test_a_full_disk_is_found_before_the_name_is_given(tmp_path: Path, monkeypat
 
 def test_a_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(AssetError) as refusal, whole_file(tmp_path / "file" / "a", AssetError, remedy=""):
+    with pytest.raises(WriteError) as refusal, whole_file(tmp_path / "file" / "a", remedy=""):
         pass
     assert str(refusal.value).endswith("was not written: File exists; what was there is unchanged")
 

@@ -42,7 +42,7 @@ def full_report(folder: Path) -> PlantReport:
         generator="usdfoliage test",
         species="Ilex aquifolium",
         warnings=[
-            ReportWarning(stage="Leaves", text="14 of 380 leaves did not fit", advice="Look at their report."),
+            ReportWarning(stage="Leaves", text="14 of 380 leaves did not fit", remedy="Look at their report."),
             ReportWarning(stage="Capture", text="The scale is not known.", severe=True),
         ],
         facts=[Row(name="height", value="1.84 m"), Row(name="leaves", value="365", remark="median 68 mm long")],

@@ -102,7 +102,7 @@ def build(
     show = None if progress is None else lambda _, what, share: progress(what, share)
     ((_, made),) = build_plants([request], where, show)
     if made.error:
-        raise RuntimeError(made.error) if made.is_fault else FoliageError(made.error)
+        raise RuntimeError(made.error) if made.is_fault else FoliageError(made.error, made.remedy)
     top = made.asset.parent if made.asset is not None else made.result
     page = top / "report" / "index.html" if top is not None else None
     return BuildResult(

@@ -31,20 +31,20 @@ def find_interface(asset: Path) -> Path:
     check_usd_name(asset)
     if asset.is_file():
         if asset.suffix.lower() not in USD_SUFFIXES:
-            raise AssetError(f"{asset} is no USD file; name an asset's folder or its .usda")
+            raise AssetError(f"{asset} is no USD file", "name an asset's folder or its .usda")
         return asset
     if not asset.is_dir():
-        raise AssetError(f"{asset} does not exist; name an asset's folder or its .usda")
+        raise AssetError(f"{asset} does not exist", "name an asset's folder or its .usda")
     try:
         layers = usd_files_at_top(asset)
     except OSError as error:
         raise AssetError(f"{asset} cannot be read: {error.strerror}") from error
     if not layers:
-        raise AssetError(f"{asset} is no asset: it has no USD file at its top; name an asset's folder or its .usda")
+        raise AssetError(f"{asset} is no asset: it has no USD file at its top", "name an asset's folder or its .usda")
     if len(layers) > 1:
         names = ", ".join(path.name for path in layers)
         raise AssetError(
-            f"{asset} has {len(layers)} USD files at its top ({names}), an asset has one; name the one meant"
+            f"{asset} has {len(layers)} USD files at its top ({names}), an asset has one", "name the one meant"
         )
     return layers[0]
 
@@ -57,7 +57,7 @@ def open_layer(path: Path) -> Sdf.Layer:
     """
     layer, reason = try_layer(path)
     if layer is None:
-        raise AssetError(f"{path} cannot be read as USD ({reason}); write it again")
+        raise AssetError(f"{path} cannot be read as USD ({reason})", "write it again")
     return layer
 
 
@@ -70,9 +70,9 @@ def open_copy(path: Path) -> Sdf.Layer:
     try:
         layer = Sdf.Layer.OpenAsAnonymous(str(path))
     except Tf.ErrorException as error:
-        raise AssetError(f"{path} cannot be read as USD; write the asset again") from error
+        raise AssetError(f"{path} cannot be read as USD", "write the asset again") from error
     if layer is None:
-        raise AssetError(f"{path} is missing or no USD; write the asset again")
+        raise AssetError(f"{path} is missing or no USD", "write the asset again")
     return layer
 
 
@@ -134,10 +134,10 @@ def check_layers(root: Sdf.Layer, path: Path) -> None:
         AssetError: A layer that it needs is no file, no text, too deep, or lists what it does not hold.
     """
     if _is_incomplete(root):
-        raise AssetError(f"{path} cannot be read as USD ({INCOMPLETE}); write it again")
+        raise AssetError(f"{path} cannot be read as USD ({INCOMPLETE})", "write it again")
     for lost, reason in lost_layers(root):
         if reason in (NO_FILE, TOO_DEEP, INCOMPLETE) or reason.endswith(NO_TEXT):
-            raise AssetError(f"{path} needs {lost}, which cannot be read as USD ({reason}); write it again")
+            raise AssetError(f"{path} needs {lost}, which cannot be read as USD ({reason})", "write it again")
 
 
 def lost_layers(root: Sdf.Layer) -> Iterator[tuple[Path, str]]:
@@ -169,7 +169,7 @@ def check_usd_name(path: Path) -> None:
         if ord(character) < 32 or ord(character) == 127 or character == "\\" or 0xD800 <= ord(character) < 0xE000:
             escaped = ascii(str(path))[1:-1]
             raise AssetError(
-                f"{escaped} has {character!a} in its path, which USD cannot read; rename it, or its folder"
+                f"{escaped} has {character!a} in its path, which USD cannot read", "rename it, or its folder"
             )
 
 
@@ -221,7 +221,7 @@ def require_leaves(stage: Usd.Stage, path: Path) -> list[Usd.Prim]:
     if not leaves:
         plants = find_plants(stage)
         seen = f"a plant without leaves in the selected variants (<{plants[0].GetPath()}>)" if plants else "no plant"
-        raise AssetError(f"{path} holds {seen}; name an asset with leaves, or choose another lod or representation")
+        raise AssetError(f"{path} holds {seen}", "name an asset with leaves, or choose another lod or representation")
     return leaves
 
 
@@ -253,7 +253,7 @@ def select_representation(stage: Usd.Stage, name: str) -> None:
                 f"<{plant.GetPath()}> has no representation {name}; it has {', '.join(known) or 'none to choose from'}"
             )
         if plant.IsInstanceProxy():
-            raise AssetError(f"<{plant.GetPath()}> is part of an instance; select {name} on the instance itself")
+            raise AssetError(f"<{plant.GetPath()}> is part of an instance", f"select {name} on the instance itself")
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for plant in find_plants(stage):
             plant.GetVariantSets().SetSelection(REPRESENTATION, name)

@@ -65,5 +65,5 @@ def unpacked(path: Path) -> Iterator[Path]:
 def _open(path: Path) -> Ar.Ar_PyAsset:
     opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(str(path)))
     if opened is None:
-        raise AssetError(f"{path} cannot be read; pack the asset again")
+        raise AssetError(f"{path} cannot be read", "pack the asset again")
     return opened

@@ -10,7 +10,7 @@ from typing import Any
 from pxr import Sdf
 
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
-from usdfoliage.errors import AssetError
+from usdfoliage.errors import WriteError
 from usdfoliage.files.hashing import digest_text
 from usdfoliage.files.json import read_json
 
@@ -132,7 +132,7 @@ def write_provenance_file(folder: Path, provenance: Provenance) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(content, indent=2, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
-        raise AssetError(f"{path} cannot be written: {error.strerror}") from error
+        raise WriteError(f"{path} cannot be written: {error.strerror}") from error
     return path
 
 

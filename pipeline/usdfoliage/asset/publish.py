@@ -30,7 +30,7 @@ from pxr import Sdf, Tf
 from usdfoliage.asset.locate import check_usd_name, usd_files_at_top
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.asset.packed_files import is_package
-from usdfoliage.errors import AssetError
+from usdfoliage.errors import AssetError, WriteError
 from usdfoliage.files.atomic import flush_to_disk
 from usdfoliage.files.json import read_json
 from usdfoliage.files.locks import open_lock, open_old_lock, try_lock, wait_for_lock
@@ -64,7 +64,7 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
         target = _resolve(out)
         made = _make_parents(target.parent)
     except OSError as error:
-        raise AssetError(_refuse(out, error)) from error
+        raise WriteError(_refuse(out, error)) from error
     try:
         lock, new = _begin(target)
         try:
@@ -80,11 +80,11 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
             _take_place(new, target)
             made = []
         except AssetError as error:  # a file's name as the user knows it
-            raise AssetError(str(error).replace(str(new), str(out)), error.remedy) from error
+            raise type(error)(error.text.replace(str(new), str(out)), error.remedy) from error
         finally:
             _end(lock, new)
     except OSError as error:
-        raise AssetError(_explain(out, target, error)) from error
+        raise WriteError(_explain(out, target, error)) from error
     finally:
         with suppress(OSError):  # one of them is in use by now
             for folder in reversed(made):
@@ -114,7 +114,7 @@ def plan_folder(out: Path, interface: str, force: bool = False) -> str:
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         _check_replaceable(out, target, force)
     except OSError as error:
-        raise AssetError(_refuse(out, error)) from error
+        raise WriteError(_refuse(out, error)) from error
     return f"would {'replace' if stands else 'write'}: {out / interface}"
 
 
@@ -146,8 +146,8 @@ def _own_files(folder: Path, record: Mapping[str, Any]) -> set[str]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise AssetError(
-            f"{folder / FILES_LIST}, the list of the asset's own files, cannot be read ({reason}); "
-            "move what is yours out of the folder, and use --force to replace the rest"
+            f"{folder / FILES_LIST}, the list of the asset's own files, cannot be read ({reason})",
+            "move what is yours out of the folder, and use --force to replace the rest",
         ) from error
     return set(listed)
 
@@ -190,9 +190,9 @@ def _record_files(folder: Path) -> None:
     try:
         written = layer.Export(str(interface))
     except Tf.ErrorException as error:
-        raise AssetError(f"{interface.name} cannot be written: {error}") from error
+        raise WriteError(f"{interface.name} cannot be written: {error}") from error
     if not written:
-        raise AssetError(f"{interface.name} cannot be written")
+        raise WriteError(f"{interface.name} cannot be written")
 
 
 def _resolve(out: Path) -> Path:
@@ -205,11 +205,13 @@ def _resolve(out: Path) -> Path:
     try:
         target = Path(os.path.realpath(out, strict=True))
     except FileNotFoundError as error:
-        raise AssetError(f"{out} is a symbolic link to {out.readlink()}, which is missing; remove the link") from error
+        raise AssetError(
+            f"{out} is a symbolic link to {out.readlink()}, which is missing", "remove the link"
+        ) from error
     except OSError as error:
-        raise AssetError(f"{out} cannot be followed: {error.strerror}; name a folder") from error
+        raise AssetError(f"{out} cannot be followed: {error.strerror}", "name a folder") from error
     if not target.name:
-        raise AssetError(f"{out} is the root of the file system; name a folder for the asset")
+        raise AssetError(f"{out} is the root of the file system", "name a folder for the asset")
     return target
 
 
@@ -228,9 +230,9 @@ def _check_replaceable(out: Path, target: Path, force: bool) -> None:
     if not target.exists():
         return
     if not target.is_dir():
-        raise AssetError(f"{out} is a file; name a folder for the asset")
+        raise AssetError(f"{out} is a file", "name a folder for the asset")
     if target.is_mount():
-        raise AssetError(f"{out} is where a file system is mounted, and cannot be replaced; name a folder in it")
+        raise AssetError(f"{out} is where a file system is mounted, and cannot be replaced", "name a folder in it")
     if not any(target.iterdir()):
         return
     if is_asset_folder(target):
@@ -238,14 +240,14 @@ def _check_replaceable(out: Path, target: Path, force: bool) -> None:
         if foreign:
             more = f" and {len(foreign) - 3} more" if len(foreign) > 3 else ""
             raise AssetError(
-                f"{out} holds files that are not the asset's: {', '.join(foreign[:3])}{more}; "
-                "move them elsewhere, or use --force to lose them"
+                f"{out} holds files that are not the asset's: {', '.join(foreign[:3])}{more}",
+                "move them elsewhere, or use --force to lose them",
             )
         return
     if not force:
         raise AssetError(
-            f"{out} is a folder with other things than one asset of usdfoliage, and would be replaced; "
-            "name another folder, or use --force to lose what is in it"
+            f"{out} is a folder with other things than one asset of usdfoliage, and would be replaced",
+            "name another folder, or use --force to lose what is in it",
         )
     here = Path.cwd()
     if target in (here, *here.parents) or target in (Path.home(), *Path.home().parents):

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from pxr import Sdf
 
-from usdfoliage.errors import AssetError
 from usdfoliage.files.atomic import whole_file
 
 
@@ -24,7 +23,7 @@ def publish_written(path: Path, write: Callable[[Path], object]) -> None:
     Raises:
         AssetError: The file cannot be written; what was there is unchanged.
     """
-    with whole_file(path, AssetError, remedy="") as new:
+    with whole_file(path, remedy="") as new:
         write(new)
     opened = Sdf.Layer.Find(str(path))
     if opened:

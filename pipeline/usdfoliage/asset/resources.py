@@ -22,7 +22,7 @@ def resource_folder(relative: str) -> Path:
         if (place / "schemas" / "usdFoliage" / "plugInfo.json").is_file() and (place / relative).is_dir():
             return place / relative
     places = " and ".join(str(place) for place in _PLACES)
-    raise AssetError(f"{relative} is missing, looked for in {places}; install usdfoliage again")
+    raise AssetError(f"{relative} is missing, looked for in {places}", "install usdfoliage again")
 
 
 def plugin_folders() -> tuple[Path, ...]:

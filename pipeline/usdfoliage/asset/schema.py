@@ -46,6 +46,6 @@ def require_schemas() -> None:
     missing = [name for name in SCHEMAS if registry.FindAppliedAPIPrimDefinition(name) is None]
     if missing:
         raise AssetError(
-            f"USD does not know {', '.join(missing)}: a stage was opened before usdfoliage was imported; "
-            "import usdfoliage first, or set what `usdfoliage env` prints"
+            f"USD does not know {', '.join(missing)}: a stage was opened before usdfoliage was imported",
+            "import usdfoliage first, or set what `usdfoliage env` prints",
         )

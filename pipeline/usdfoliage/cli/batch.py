@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     print(_ROW.format("plant", "", "seconds", "leaves", "size", ""))
     codes = {EXIT_CODES["failed"]} if failed else set()
     for plant in (*failed, *listed.skipped):
-        print(_ROW.format(plant.name, plant.state, "", "", "", f"{plant.message}; {plant.advice}"))
+        print(_ROW.format(plant.name, plant.state, "", "", "", plant.sentence))
     counts: dict[str, int] = {"failed": len(failed)} if failed else {}
     try:
         with PlantBar() as bar:
@@ -109,7 +109,7 @@ def _describe(made: "BuiltPlant", plant: "LibraryPlant") -> str:
     seconds = sum((made.seconds or {}).values())
     size = "" if plant.size_bytes is None else f"{plant.size_bytes / 1e6:.1f} MB"
     leaves = "" if plant.leaves is None else f"{plant.leaves:,}"
-    text = f"{plant.message}{f'; {plant.advice}' if plant.advice else ''}"
+    text = plant.sentence
     if made.verdict == "built" and not made.seconds:
         text = f"nothing to do{f'; {text}' if text else ''}"
     return _ROW.format(made.request.name, made.verdict, f"{seconds:.1f}", leaves, size, text).rstrip()
@@ -125,7 +125,7 @@ def _print_plans(requests: "list[BuildRequest]", failed: "list[LibraryPlant]") -
     print(row.format("plant", "photographs", "tasks", "to do", "seconds", ""))
     total_s, bad = 0.0, len(failed)
     for plant in failed:
-        print(row.format(plant.name, "", "", "", "", f"{plant.message}; {plant.advice}"))
+        print(row.format(plant.name, "", "", "", "", plant.sentence))
     for request in requests:
         try:
             inputs, plan = plan_plant(request, "names")

@@ -23,7 +23,7 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
                 file=sys.stderr,
             )
         else:
-            print(f"error: {made.error}", file=sys.stderr)
+            print(f"error: {made.message}", file=sys.stderr)
         return
     for warning in warnings_of(made.remarks):
         print(f"warning: {warning.sentence(as_plan_setting)}")
@@ -61,7 +61,7 @@ def format_plant(made: "BuiltPlant") -> str:
         facts=made.facts,
         remarks=made.remarks,
         verdict=made.verdict,
-        error=made.error,
+        error=made.message,
         errors=made.errors,
         seconds=dict(made.seconds or {}),
     )

@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     if options.output.suffix.lower() != ".png":
         raise PreviewError(f"the picture is a PNG, so its name must end in .png ({options.output})")
     if options.turntable is not None and options.camera is not None:
-        raise PreviewError("--turntable makes its own cameras; leave out --camera")
+        raise PreviewError("--turntable makes its own cameras", "leave out --camera")
     width_px, height_px = options.size
     try:
         settings = PreviewSettings(

@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
         handle_interrupts()
         if options.step in (LIST, PLAN, PUBLISH):
             if options.chunk or options.chunks:
-                raise FoliageError(f"{options.step} has no chunks; leave --chunk and --chunks out")
+                raise FoliageError(f"{options.step} has no chunks", "leave --chunk and --chunks out")
             return _publish(request, options, lines) if options.step == PUBLISH else _plan(request, options, lines)
         return _run_chunks(request, options, lines)
     except FoliageError as error:
@@ -130,7 +130,7 @@ def _run_chunks(request: "BuildRequest", options: argparse.Namespace, lines: "Op
 
         done = run_chunk(chunk, show)
         if done.error:
-            raise FoliageError(done.error)
+            raise FoliageError(done.error, done.remedy)
         if done.fault:
             lines.fail(f"internal fault in {name}")
             print(report_fault(done.fault, f"{name} of {request.name}", debug=options.debug), file=sys.stderr)

@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.keep_days >= 0:
         raise FoliageError(f"--keep-days must be 0 or more, not {options.keep_days:g}")
     if options.dry_run and not options.prune:
-        raise FoliageError("--dry-run lists what --prune would remove; add --prune")
+        raise FoliageError("--dry-run lists what --prune would remove", "add --prune")
     folder = _find_folder(options.folder)
     stored = survey_work(folder, options.keep_days)
     if not options.prune:

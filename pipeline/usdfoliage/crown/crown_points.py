@@ -90,8 +90,8 @@ def _refuse_plane(points_m: Array, flat: float) -> None:
     if spread_m[2] < flat * spread_m[1]:
         raise FitError(
             f"the {len(points_m):,} points of the crown lie in a plane: they spread {spread_m[2]:.3g} m across it, and "
-            f"{flat * spread_m[1]:.3g} m are needed for {spread_m[1]:.3g} m along it; give a cloud of the plant from "
-            "all sides, without walls, and check its axes"
+            f"{flat * spread_m[1]:.3g} m are needed for {spread_m[1]:.3g} m along it",
+            "give a cloud of the plant from all sides, without walls, and check its axes",
         )
 
 

@@ -226,13 +226,13 @@ def _check_directions(known: float) -> tuple[Remark, ...]:
         FitError: They are too few.
     """
     text = f"from the crown's centre there are points in {known:.0%} of the directions"
-    advice = "give a cloud from all sides, of one plant"
+    remedy = "give a cloud from all sides, of one plant"
     if known < _MIN_KNOWN:
-        raise FitError(f"{text}, {_MIN_KNOWN:.0%} needed; {advice}")
+        raise FitError(f"{text}, {_MIN_KNOWN:.0%} needed", remedy)
     if known >= _FEW_KNOWN:
         return ()
     text = f"{text}; elsewhere its surface is a guess between them"
-    return (remark("crown-directions-few", text, remedy=advice),)
+    return (remark("crown-directions-few", text, remedy=remedy),)
 
 
 def _own_colors(colors: NDArray[np.float64] | None) -> tuple[NDArray[np.float64] | None, str]:

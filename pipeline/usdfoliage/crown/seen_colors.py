@@ -263,7 +263,7 @@ def fill_unseen(
         FitError: No photograph shows the crown.
     """
     if not colors.seen.any():
-        raise FitError("no photograph shows the crown; check that the cameras and the cloud are of one world")
+        raise FitError("no photograph shows the crown", "check that the cameras and the cloud are of one world")
     color, seen = _fill_specks(colors, settings.speck_texels)
     if (~seen).mean() < settings.min_unseen:
         return stretch_colors(color, seen), "photographs show all of the crown"

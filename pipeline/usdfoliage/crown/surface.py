@@ -103,7 +103,7 @@ def inflate_silhouette(
     eroded = cv2.erode(inside.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))) > 0
     rim = inside & ~eroded  # 8-connected: every side neighbour of an inner cell is inside
     if np.count_nonzero(eroded) < 9:
-        raise FitError("the silhouette is too thin to inflate: it has fewer than 9 inner cells; give a finer mask")
+        raise FitError("the silhouette is too thin to inflate: it has fewer than 9 inner cells", "give a finer mask")
 
     rows, columns = np.nonzero(inside)
     flat = cells[rows, columns]
@@ -176,7 +176,7 @@ def _largest_part(within: NDArray[np.bool_]) -> NDArray[np.bool_]:
         part |= square
     count, labels, stats, _ = cv2.connectedComponentsWithStats(cells.astype(np.uint8), connectivity=4)
     if count < 2:
-        raise FitError("the silhouette is too thin to inflate; give a finer mask")
+        raise FitError("the silhouette is too thin to inflate", "give a finer mask")
     return np.asarray(labels == 1 + np.argmax(stats[1:, cv2.CC_STAT_AREA]))
 
 

@@ -252,7 +252,8 @@ def _fit_patch(valid: NDArray[np.bool_], settings: TextureSettings) -> tuple[int
     h, w = valid.shape
     raise FitError(
         f"the exemplar is too small: {np.count_nonzero(valid)} pixels of {w}×{h} may be copied, and no square of "
-        f"{_MIN_PATCH_PX} pixels fits into them; give a larger picture or a fuller mask"
+        f"{_MIN_PATCH_PX} pixels fits into them",
+        "give a larger picture or a fuller mask",
     )
 
 

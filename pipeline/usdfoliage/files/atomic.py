@@ -6,32 +6,29 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from usdfoliage.errors import FoliageError
+from usdfoliage.errors import WriteError
 
 _NEW = "usdfoliage-new"
 _MAX_STEM = 40  # characters: the whole name stays below 255 bytes
 
 
 @contextmanager
-def whole_file(
-    path: Path, failure: type[FoliageError], remedy: str = "make room or choose another folder"
-) -> Iterator[Path]:
+def whole_file(path: Path, remedy: str = "make room or choose another folder") -> Iterator[Path]:
     """As replace_file, with an error that names the file.
 
     Args:
         path: Where the file shall be.
-        failure: What is raised where it cannot be written.
-        remedy: What to do then; empty where there is nothing to do.
+        remedy: What to do where it cannot be written; empty where there is nothing to do.
 
     Raises:
-        FoliageError: The file cannot be written, in which case what was there is unchanged.
+        WriteError: The file cannot be written, in which case what was there is unchanged.
     """
     try:
         with replace_file(path) as new:
             yield new
     except OSError as error:
-        unchanged = ": ".join(filter(None, ("what was there is unchanged", remedy)))
-        raise failure(f"{path} was not written: {error.strerror or error}; {unchanged}") from error
+        text = f"{path} was not written: {error.strerror or error}; what was there is unchanged"
+        raise WriteError(text, remedy) from error
 
 
 @contextmanager

@@ -53,7 +53,7 @@ def digest_file(path: Path) -> str:
     try:
         return hash_file(path).hex()
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
 
 
 def digest_text(text: str) -> str:

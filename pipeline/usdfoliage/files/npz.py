@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, WriteError
 from usdfoliage.files.atomic import replace_file
 
 # What reading a damaged file raises.
@@ -35,12 +35,12 @@ def write_model(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Put the arrays of a model into a file that one stage hands on to others, as write_arrays.
 
     Raises:
-        CaptureError: It cannot be written.
+        WriteError: It cannot be written.
     """
     try:
         write_arrays(path, arrays)
     except OSError as error:
-        raise CaptureError(f"{path} was not written: {error.strerror or error}; make room there") from error
+        raise WriteError(f"{path} was not written: {error.strerror or error}", "make room there") from error
 
 
 @contextmanager
@@ -57,7 +57,7 @@ def reading_model(path: Path, what: str) -> Iterator[None]:
     try:
         yield
     except (*DAMAGED, TypeError) as error:
-        raise CaptureError(f"{path} holds no {what} ({error}); run the same command again") from error
+        raise CaptureError(f"{path} holds no {what} ({error})", "run the same command again") from error
 
 
 def read_arrays(path: Path, names: Iterable[str] | None = None) -> dict[str, NDArray[Any]]:

@@ -28,7 +28,7 @@ def temporary_folder(purpose: str, failure: type[FoliageError] = FoliageError) -
         kept = tempfile.TemporaryDirectory(prefix=f"usdfoliage-{purpose}-", ignore_cleanup_errors=True)
     except OSError as error:
         raise failure(
-            f"there is no place for temporary files: {error.strerror}; make room, or name a folder in TMPDIR"
+            f"there is no place for temporary files: {error.strerror}", "make room, or name a folder in TMPDIR"
         ) from error
     with kept as name:
         try:
@@ -41,6 +41,6 @@ def temporary_folder(purpose: str, failure: type[FoliageError] = FoliageError) -
                 raise
             kind = type(error) if isinstance(error, FoliageError) else failure
             raise kind(
-                f"{error}; {free_bytes / 2**20:.0f} MB are free for temporary files in {Path(name).parent}: make room "
-                "there, or name another folder in TMPDIR"
+                f"{error}; {free_bytes / 2**20:.0f} MB are free for temporary files in {Path(name).parent}",
+                "make room there, or name another folder in TMPDIR",
             ) from error

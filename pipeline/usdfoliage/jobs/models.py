@@ -107,7 +107,7 @@ def read_crown(prim: Usd.Prim, asset_from_photo: NDArray[np.float64]) -> CrownMo
     facts = read_crown_facts(prim)
     if facts.radius_map is None or facts.color_map is None:
         what = "radius" if facts.radius_map is None else "colour"
-        raise AssetError(f"the {what} map of the crown is missing ({place(prim)}); write the asset again")
+        raise AssetError(f"the {what} map of the crown is missing ({place(prim)})", "write the asset again")
     with unpacked(facts.radius_map) as file:
         radius_m = np.asarray(read_cubemap(file).pixels, np.float32)
     with unpacked(facts.color_map) as file:
@@ -115,7 +115,8 @@ def read_crown(prim: Usd.Prim, asset_from_photo: NDArray[np.float64]) -> CrownMo
     if radius_m.ndim != 3 or color.shape != (*radius_m.shape, 3):
         raise AssetError(
             f"the maps of the crown hold {radius_m.shape} and {color.shape}, one radius and one colour a texel are "
-            f"needed ({place(prim)}); write the asset again"
+            f"needed ({place(prim)})",
+            "write the asset again",
         )
     if not (np.isfinite(radius_m).all() and np.isfinite(color).all() and radius_m.min() > 0):
         raise AssetError(f"a radius of the crown is not above 0, or a number is not finite ({place(prim)})")
@@ -131,5 +132,5 @@ def read_crown(prim: Usd.Prim, asset_from_photo: NDArray[np.float64]) -> CrownMo
 def _unmoved(prim: Usd.Prim, plant: Usd.Prim) -> Usd.Prim:
     """The prim; AssetError where a transform stands between it and its plant, which no model can hold."""
     if not np.array_equal(matrix_in_plant(prim, plant), np.eye(4)):
-        raise AssetError(f"a transform moves a part within its plant ({place(prim)}); move the whole plant instead")
+        raise AssetError(f"a transform moves a part within its plant ({place(prim)})", "move the whole plant instead")
     return prim

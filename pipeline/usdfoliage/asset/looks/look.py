@@ -78,10 +78,10 @@ def open_asset(asset: Path, load: Usd.Stage.InitialLoadSet = Usd.Stage.LoadAll) 
     plants = find_plants(stage)
     for error in stage.GetCompositionErrors():
         if not plants or any(error.rootSite.path.HasPrefix(plant.GetPath()) for plant in plants):
-            raise AssetError(f"{path} cannot be put together: {error}; write the asset again")
+            raise AssetError(f"{path} cannot be put together: {error}", "write the asset again")
     if not plants and not find_leaves(stage):
         raise AssetError(
-            f"{path} holds no plant: none of its prims has {PLANT_API}; name an asset's folder, its .usda or a look"
+            f"{path} holds no plant: none of its prims has {PLANT_API}", "name an asset's folder, its .usda or a look"
         )
     return stage
 
@@ -126,7 +126,7 @@ def read_look(layer: Sdf.Layer) -> Look | None:
         asset = Path(os.path.normpath(folder / stated))
         if asset.is_file():
             return Look(path=path, asset=asset, prim_path=str(record.get(LOOK_PRIM, "")))
-    raise AssetError(f"{path} is a look of {stated}, which is not there; put the asset there or write the look again")
+    raise AssetError(f"{path} is a look of {stated}, which is not there", "put the asset there or write the look again")
 
 
 def write_look_layer(
@@ -200,7 +200,9 @@ def _open_bezier(asset: Path) -> Usd.Stage:
 def _the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:
     plant = stage.GetDefaultPrim()
     if not plant or PLANT_API not in plant.GetAppliedSchemas():
-        raise AssetError(f"{interface} is no asset: its default prim has no {PLANT_API}; name the asset, not the scene")
+        raise AssetError(
+            f"{interface} is no asset: its default prim has no {PLANT_API}", "name the asset, not the scene"
+        )
     return plant
 
 
@@ -208,7 +210,9 @@ def _class_path(plant: Usd.Prim, interface: Path, prim_path: str | None) -> Sdf.
     """The class whose opinions reach every placement, or one of its own for one placement."""
     class_path = find_class(plant)
     if class_path is None:
-        raise AssetError(f"{interface}: <{plant.GetPath()}> inherits no class, so no look can reach it; write it again")
+        raise AssetError(
+            f"{interface}: <{plant.GetPath()}> inherits no class, so no look can reach it", "write it again"
+        )
     return class_path if prim_path is None else placement_class(class_path, _read_prim_path(prim_path))
 
 
@@ -241,15 +245,15 @@ def check_look_output(path: Path, interface: Path, *, force: bool = False) -> Pa
     folder = Path(os.path.realpath(interface)).parent
     if target.is_relative_to(folder) and not is_package(interface):
         raise AssetError(
-            f"{path} lies in the asset's folder {folder}, which a look leaves as it is; write it elsewhere"
+            f"{path} lies in the asset's folder {folder}, which a look leaves as it is", "write it elsewhere"
         )
     if target.is_dir():
-        raise AssetError(f"{path} is a folder; name the .usda to write")
+        raise AssetError(f"{path} is a folder", "name the .usda to write")
     if target.exists() and not force:
         layer, _ = try_layer(target)
         record = layer.customLayerData.get(CUSTOM_DATA_KEY) if layer is not None else None
         if not isinstance(record, dict) or LOOK_OF not in record:
             raise AssetError(
-                f"{path} is there already and no look of usdfoliage; name another, or use --force to lose it"
+                f"{path} is there already and no look of usdfoliage", "name another, or use --force to lose it"
             )
     return target

@@ -15,7 +15,7 @@ import OpenEXR
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from usdfoliage.errors import AssetError
+from usdfoliage.errors import AssetError, WriteError
 from usdfoliage.geometry.cubemap import texel_identity
 
 logger = logging.getLogger(__name__)
@@ -91,7 +91,7 @@ def read_cubemap(path: Path) -> CubemapFile:
     """
     damage = _find_damage(path)  # the OpenEXR module prints on stdout about it
     if damage:
-        raise AssetError(f"{path} cannot be read as OpenEXR: {damage}; write it again")
+        raise AssetError(f"{path} cannot be read as OpenEXR: {damage}", "write it again")
     try:
         with OpenEXR.File(str(path)) as file:
             header, channels = dict(file.header()), file.channels()  # the file empties its own when it is closed
@@ -165,7 +165,7 @@ def _write(
         with OpenEXR.File(str(path)) as written:
             found = {name: np.array(channel.pixels) for name, channel in written.channels().items()}
     except (OSError, RuntimeError, ValueError) as error:
-        raise AssetError(f"{path} cannot be written: {error}; is the disk full?") from error
+        raise WriteError(f"{path} cannot be written: {error}", "is the disk full?") from error
     # OpenEXR's module reports no full disk: the file is there, and ends too early or holds zeros.
     if found.keys() != channels.keys() or any(not np.array_equal(found[name], channels[name]) for name in channels):
-        raise AssetError(f"{path} does not hold what was written to it; is the disk full?")
+        raise WriteError(f"{path} does not hold what was written to it", "is the disk full?")

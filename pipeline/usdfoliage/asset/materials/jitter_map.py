@@ -25,27 +25,29 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
         with unpacked(path) as file:
             return read_jitter_map(file)
     if not path.is_file():
-        raise CaptureError(f"{path} is missing; name an image whose first row is one cycle of the jitter")
+        raise CaptureError(f"{path} is missing", "name an image whose first row is one cycle of the jitter")
     try:
         source = oiio.ImageInput.open(str(path))
     except TypeError as error:  # a name that is not valid Unicode
-        raise CaptureError(f"the file name of {path!r} is not valid Unicode; rename it") from error
+        raise CaptureError(f"the file name of {path!r} is not valid Unicode", "rename it") from error
     if source is None:
         reason = oiio.geterror() or "no reason given"
-        raise CaptureError(f"{path} is not an image that can be read ({reason.splitlines()[0]}); use PNG, TIFF or EXR")
+        raise CaptureError(
+            f"{path} is not an image that can be read ({reason.splitlines()[0]})", "use PNG, TIFF or EXR"
+        )
     try:
         spec = source.spec()
         if spec.width < MIN_TEXELS:
             raise CaptureError(f"{path} is {spec.width} pixel wide; a wave needs {MIN_TEXELS} or more")
         if spec.width > MAX_TEXELS:
-            raise CaptureError(f"{path} is {spec.width} pixels wide, {MAX_TEXELS} are allowed; scale it down")
+            raise CaptureError(f"{path} is {spec.width} pixels wide, {MAX_TEXELS} are allowed", "scale it down")
         pixels = source.read_image(0, 0, 0, 1, oiio.FLOAT)
         reason = source.geterror()
     finally:
         source.close()
     if pixels is None:
         why = reason.splitlines()[0] if reason else "no reason given"
-        raise CaptureError(f"{path} cannot be read to its end ({why}); write it again")
+        raise CaptureError(f"{path} cannot be read to its end ({why})", "write it again")
     row = np.asarray(pixels, np.float64).reshape(spec.height, spec.width, -1)[0, :, 0]
     if not ((row >= 0) & (row <= 1)).all():  # false for NaN too
         raise CaptureError(

@@ -73,10 +73,10 @@ def require_plant(stage: Usd.Stage, path: Path) -> Usd.Prim:
     if plants:
         names = ", ".join(f"<{plant.GetPath()}>" for plant in plants[:3])
         more = f" and {len(plants) - 3} more" if len(plants) > 3 else ""
-        raise AssetError(f"{path} holds {len(plants)} plants ({names}{more}); name the asset of one of them")
+        raise AssetError(f"{path} holds {len(plants)} plants ({names}{more})", "name the asset of one of them")
     raise AssetError(
-        f"{path} is no asset of usdfoliage: none of its prims has {PLANT_API}; "
-        "name an asset's folder, its .usda, or a look"
+        f"{path} is no asset of usdfoliage: none of its prims has {PLANT_API}",
+        "name an asset's folder, its .usda, or a look",
     )
 
 
@@ -148,7 +148,7 @@ def read_leaf_appearance(leaves: Usd.Prim, jitter_map: Path | None) -> LeafAppea
         AssetError: The texture is missing, or it or the jitter map lies in a package.
     """
     if jitter_map is not None and is_packed(jitter_map):
-        raise AssetError(f"the jitter map {jitter_map} lies in a package; unpack that, as any zip file, first")
+        raise AssetError(f"the jitter map {jitter_map} lies in a package", "unpack that, as any zip file, first")
     targets = UsdGeom.PointInstancer(leaves).GetPrototypesRel().GetForwardedTargets()
     prototype = leaves.GetStage().GetPrimAtPath(targets[0]) if targets else None
     if not prototype:
@@ -187,7 +187,7 @@ def read_crown_facts(prim: Usd.Prim) -> CrownFacts:
 def _crown_value(prim: Usd.Prim, name: str) -> Any:
     value = prim.GetAttribute(f"foliage:crown:{name}").Get()
     if value is None:
-        raise AssetError(f"foliage:crown:{name} is missing ({place(prim)}); write the asset again")
+        raise AssetError(f"foliage:crown:{name} is missing ({place(prim)})", "write the asset again")
     return value
 
 
@@ -196,7 +196,9 @@ def _crown_numbers(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray
     numbers = stored_numbers(value, shape)
     if numbers is None:
         needed = f"{shape[0]} numbers are" if shape else "a number is"
-        raise AssetError(f"foliage:crown:{name} holds {value}, {needed} needed ({place(prim)}); write the asset again")
+        raise AssetError(
+            f"foliage:crown:{name} holds {value}, {needed} needed ({place(prim)})", "write the asset again"
+        )
     return numbers
 
 
@@ -234,7 +236,7 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
     except Tf.ErrorException as error:
         lost = next(lost_layers(open_layer(interface)), None)
         why = f"it needs {lost[0]}, which cannot be read ({lost[1]})" if lost else first_reason(error)
-        raise AssetError(f"{interface} cannot be read: {why}; write the asset again") from error
+        raise AssetError(f"{interface} cannot be read: {why}", "write the asset again") from error
     log_diagnostics(diagnostics)
     paths = [Path(layer.realPath) for layer in layers] or [interface.absolute()]
     if is_package(interface):  # by itself its first layer is called by the name of the package
@@ -297,9 +299,11 @@ def _read_texture(gprim: Usd.Prim) -> Path | None:
         return None
     path = _file(stored)
     if path is None:
-        raise AssetError(f"the texture {stored.path} is missing ({place(gprim)}); put the file there")
+        raise AssetError(f"the texture {stored.path} is missing ({place(gprim)})", "put the file there")
     if is_packed(path):
-        raise AssetError(f"the texture {path} ({place(gprim)}) lies in a package; unpack that, as any zip file, first")
+        raise AssetError(
+            f"the texture {path} ({place(gprim)}) lies in a package", "unpack that, as any zip file, first"
+        )
     return path
 
 

@@ -46,7 +46,7 @@ def read_other_parts(asset: Path) -> OtherParts | None:
     stage = Usd.Stage.Open(open_layer(interface))
     plants = find_plants(stage)
     if len(plants) != 1:
-        raise AssetError(f"{asset} holds {len(plants)} plants; name the asset of one")
+        raise AssetError(f"{asset} holds {len(plants)} plants", "name the asset of one")
     return find_other_parts(plants[0], interface)
 
 
@@ -66,9 +66,10 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
     spec = open_layer(layer).GetPrimAtPath(f"/{name}") if layer.is_file() else None
     if spec is None:
         if is_package(interface):
-            raise AssetError(f"{interface} is a package; unpack it, as any zip file, and name the folder")
+            raise AssetError(f"{interface} is a package", "unpack it, as any zip file, and name the folder")
         raise AssetError(
-            f"<{plant.GetPath()}> has branches besides its leaves, and {interface} is not their asset; name its folder"
+            f"<{plant.GetPath()}> has branches besides its leaves, and {interface} is not their asset",
+            "name its folder",
         )
     if is_whole:
         return _parts_of_whole(plant, interface, spec)
@@ -174,7 +175,7 @@ def _read_set(spec: Sdf.PrimSpec, name: str, selected: str) -> VariantSet:
 def _variants(prim: Sdf.PrimSpec, name: str) -> dict[str, Sdf.VariantSpec]:
     if name not in prim.variantSets:
         layer = prim.layer
-        raise AssetError(f"{layer.realPath} <{prim.path}> has no variant set {name}; write the asset again")
+        raise AssetError(f"{layer.realPath} <{prim.path}> has no variant set {name}", "write the asset again")
     return dict(prim.variantSets[name].variants.items())
 
 
@@ -193,7 +194,7 @@ def _box(extent: object, where: str) -> NDArray[np.float64]:
     """An extent as a box (2, 3); AssetError for what is none, which would make hints of the new asset wrong."""
     corners = stored_numbers(extent, (2, 3))
     if corners is None or not np.isfinite(corners).all():
-        raise AssetError(f"the extent of {where} is no two corners of a box; compute it again")
+        raise AssetError(f"the extent of {where} is no two corners of a box", "compute it again")
     return corners
 
 

@@ -120,7 +120,7 @@ def _read_mesh(mesh: UsdGeom.Mesh, surface: Path) -> tuple[NDArray[np.float32], 
     reason = _why_no_mesh(points, counts, vertices)
     if reason:
         raise AssetError(
-            f"{surface}: the mesh <{mesh.GetPath()}> is broken ({reason}); mend it, or build the branches again"
+            f"{surface}: the mesh <{mesh.GetPath()}> is broken ({reason})", "mend it, or build the branches again"
         )
     return (
         np.array(points, np.float32).reshape(-1, 3),

@@ -95,7 +95,7 @@ def read_skeleton(prim: Usd.Prim) -> Skeleton:
     }
     missing = [name for name, value in values.items() if value is None]
     if missing:
-        raise AssetError(f"<{prim.GetPath()}> has no {', '.join(missing)}; write the asset again")
+        raise AssetError(f"<{prim.GetPath()}> has no {', '.join(missing)}", "write the asset again")
     try:
         with np.errstate(invalid="ignore"):  # of bytes that are no number at all, which Skeleton refuses
             points_m = np.array(values["points_m"], np.float64).reshape(-1, 3)
@@ -109,7 +109,7 @@ def read_skeleton(prim: Usd.Prim) -> Skeleton:
             order=np.array(values["order"], np.int32),
         )
     except (ValueError, IndexError) as error:
-        raise AssetError(f"<{prim.GetPath()}> is no skeleton: {error}; write the asset again") from error
+        raise AssetError(f"<{prim.GetPath()}> is no skeleton: {error}", "write the asset again") from error
 
 
 def write_branches_layer(

@@ -197,7 +197,7 @@ def _open_renamed(path: Path, old: str, new: str) -> Sdf.Layer:
     layer = open_copy(path)
     if old != new and layer.GetPrimAtPath(f"/{old}"):
         if old not in layer.rootPrims:
-            raise AssetError(f"{path} is damaged: it holds </{old}> and does not list it; write the asset again")
+            raise AssetError(f"{path} is damaged: it holds </{old}> and does not list it", "write the asset again")
         Sdf.CopySpec(layer, f"/{old}", layer, f"/{new}")
         del layer.rootPrims[old]
         layer.defaultPrim = new

@@ -98,11 +98,11 @@ def read_crown_radius(path: Path, name: str) -> tuple[NDArray[np.floating], NDAr
     )
     center_m = stored_numbers(center, (3,))
     if not isinstance(radius_map, Sdf.AssetPath) or not radius_map.path or center_m is None:
-        raise AssetError(f"{path} lacks the radius map or the centre of the crown </{name}/{CROWN}>; build it again")
+        raise AssetError(f"{path} lacks the radius map or the centre of the crown </{name}/{CROWN}>", "build it again")
     file = Path(radius_map.resolvedPath or path.parent / radius_map.path)
     pixels = read_cubemap(file).pixels
     if pixels.ndim != 3 or not (np.isfinite(pixels).all() and pixels.min() > 0):
-        raise AssetError(f"{file} holds no radii, which are one number above 0 a texel; build the crown again")
+        raise AssetError(f"{file} holds no radii, which are one number above 0 a texel", "build the crown again")
     return pixels, center_m
 
 

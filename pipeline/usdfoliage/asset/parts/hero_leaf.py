@@ -127,7 +127,8 @@ def read_hero_leaf(prim: Usd.Prim) -> ReadLeaves:
     if vertex_counts != (U_COUNT, V_COUNT):
         raise AssetError(
             f"the patch has {vertex_counts[0]} × {vertex_counts[1]} control points where a leaf has "
-            f"{U_COUNT} × {V_COUNT} ({place(prim)}); rebuild it with these, of degree 3 across and 4 along"
+            f"{U_COUNT} × {V_COUNT} ({place(prim)})",
+            "rebuild it with these, of degree 3 across and 4 along",
         )
     points = read_array(prim, "points", (U_COUNT * V_COUNT, 3))
     matrix = np.array(UsdGeom.Xformable(prim).GetLocalTransformation())

@@ -113,12 +113,12 @@ def read_edits(prim: Usd.Prim) -> LeafEdits:
         numbers = stored_numbers(value, () if single else (3,))
         if numbers is None:
             needed = "one number is" if single else "three numbers are"
-            raise AssetError(f"primvars:{name} holds {value}, {needed} needed ({place(prim)}); set the edit again")
+            raise AssetError(f"primvars:{name} holds {value}, {needed} needed ({place(prim)})", "set the edit again")
         stored[field] = float(numbers) if single else tuple(map(float, numbers))
     try:
         return LeafEdits(**stored)
     except ValueError as error:
-        raise AssetError(f"{error} ({place(prim)}); set the edit again") from error
+        raise AssetError(f"{error} ({place(prim)})", "set the edit again") from error
 
 
 def animated_edits(prim: Usd.Prim) -> list[str]:
@@ -139,7 +139,9 @@ def read_jitter_map_path(prim: Usd.Prim) -> Path | None:
         return None
     path = Path(value.resolvedPath)
     if not value.resolvedPath or not (path.is_file() or is_packed(path)):
-        raise AssetError(f"the jitter map {value.path} is missing ({place(prim)}); put the file there or block the map")
+        raise AssetError(
+            f"the jitter map {value.path} is missing ({place(prim)})", "put the file there or block the map"
+        )
     return path
 
 
@@ -160,20 +162,21 @@ def read_array(prim: Usd.Prim, name: str, shape: tuple[int, ...]) -> NDArray[np.
     values = np.asarray(value)
     if values.dtype.kind not in "iuf" or not values.ndim:
         raise AssetError(
-            f"{name} holds no numbers, and {shape[0]} elements are needed, one a leaf ({place(prim)}); "
-            "write the leaves again, or drop the layer that changed them"
+            f"{name} holds no numbers, and {shape[0]} elements are needed, one a leaf ({place(prim)})",
+            "write the leaves again, or drop the layer that changed them",
         )
     if values.shape != shape:
         raise AssetError(
-            f"{name} has {len(values)} elements where {shape[0]} are needed, one a leaf ({place(prim)}); "
-            "write the leaves again, or drop the layer that changed them"
+            f"{name} has {len(values)} elements where {shape[0]} are needed, one a leaf ({place(prim)})",
+            "write the leaves again, or drop the layer that changed them",
         )
     finite = np.isfinite(values)
     if not finite.all():
         wrong = np.flatnonzero(~finite.reshape(len(values), -1).all(axis=1))
         raise AssetError(
             f"{name} is not finite in {len(wrong)} of {len(values)} leaves, the first is leaf {wrong[0]} "
-            f"({place(prim)}); drop these leaves or fit them again"
+            f"({place(prim)})",
+            "drop these leaves or fit them again",
         )
     return values.astype(np.float64)
 

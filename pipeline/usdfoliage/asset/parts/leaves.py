@@ -189,8 +189,8 @@ def read_leaves(prim: Usd.Prim) -> ReadLeaves:
     if not instancer or LEAF_API not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
         what = f"a {prim.GetTypeName() or 'prim without type'}" if prim else "no prim"
         raise AssetError(
-            f"no leaves: {what} where a PointInstancer with {LEAF_API} is needed"
-            f"{f' ({place(prim)})' if prim else ''}; choose the representation bezier"
+            f"no leaves: {what} where a PointInstancer with {LEAF_API} is needed{f' ({place(prim)})' if prim else ''}",
+            "choose the representation bezier",
         )
     time = time_of(instancer.GetPositionsAttr())
     positions = instancer.GetPositionsAttr().Get(time)

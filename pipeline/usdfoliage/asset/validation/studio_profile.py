@@ -88,7 +88,7 @@ def read_profile(path: Path) -> StudioProfile:
     try:
         content = read_toml(path)
     except OSError as error:
-        raise AssetError(f"the profile {path} cannot be read: {error.strerror}; name a TOML file") from error
+        raise AssetError(f"the profile {path} cannot be read: {error.strerror}", "name a TOML file") from error
     except ValueError as error:
         raise AssetError(f"the profile {path} cannot be read: {error}") from error
     return StudioProfile(accepted=_read_accepted(path, content.pop("accepted", [])), rules=_read_rules(path, content))

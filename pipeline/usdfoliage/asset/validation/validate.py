@@ -139,8 +139,8 @@ def _validate_scene(root: Sdf.Layer, path: Path) -> dict[Finding, list[str]]:
     # Where something cannot be composed, plants may be missing for that reason; the validators report it.
     if not _has_plants(stage) and not stage.GetCompositionErrors():
         raise AssetError(
-            f"{path} holds no plant: no active prim of it has {PLANT_API} or another schema of usdFoliage; name an "
-            "asset's folder, its .usda, a look, or a scene that refers to assets"
+            f"{path} holds no plant: no active prim of it has {PLANT_API} or another schema of usdFoliage",
+            "name an asset's folder, its .usda, a look, or a scene that refers to assets",
         )
     findings = run_usd_validators(stage, KnownFindings())
     return {finding: [_label(())] for finding in findings if (finding.validator, finding.error) not in NOT_FOR_SCENES}

@@ -55,12 +55,12 @@ def open_las_parts(path: Path, unit_is_given: bool = False) -> CloudParts:
         packing = [record.record_data for record in header.vlrs if record.user_id == "laszip encoded"]
         has_colors = "red" in set(header.point_format.dimension_names)
     if not (np.isfinite(scales).all() and np.isfinite(offsets).all() and (scales != 0).all()):
-        raise CaptureError(f"{path} is damaged: its scale is {scales}, its offset {offsets}; write it again")
+        raise CaptureError(f"{path} is damaged: its scale is {scales}, its offset {offsets}", "write it again")
     present = (path.stat().st_size - start) // max(point_size, 1)
     if not compressed and count > present:
         raise CaptureError(
-            f"{path} is truncated: its header states {count:,} points, there are at most {max(present, 0):,}; "
-            f"copy it again"
+            f"{path} is truncated: its header states {count:,} points, there are at most {max(present, 0):,}",
+            "copy it again",
         )
     if compressed and count:
         _check_chunk_table(path, start, count, bytes(packing[0]) if packing else b"")
@@ -85,7 +85,7 @@ def _check_records(path: Path) -> None:
     counts = [struct.unpack_from("<I", head, at)[0] for at in (100, 243) if len(head) >= at + 4]
     is_long = len(head) > 25 and head[25] >= 4  # LAS 1.4 has records behind the points
     if any(count * 54 > size for count in counts[: 2 if is_long else 1]):  # bytes that one has at least
-        raise CaptureError(f"{path} is damaged: it states more records than it has bytes for; copy it again")
+        raise CaptureError(f"{path} is damaged: it states more records than it has bytes for", "copy it again")
 
 
 def _check_chunk_table(path: Path, start: int, count: int, packing: bytes) -> None:
@@ -105,17 +105,17 @@ def _check_chunk_table(path: Path, start: int, count: int, packing: bytes) -> No
             (table,) = struct.unpack("<q", file.read(8))
         if not start + 8 <= table <= size - 8:
             raise CaptureError(
-                f"{path} is truncated or damaged: its table of chunks is to be at byte {table:,} of {size:,}; "
-                f"copy it again"
+                f"{path} is truncated or damaged: its table of chunks is to be at byte {table:,} of {size:,}",
+                "copy it again",
             )
         file.seek(table)
         _, chunks = struct.unpack("<II", file.read(8))
         (in_chunk,) = struct.unpack_from("<I", packing, 12)  # all bits set: as the table has it of each
         is_fixed = in_chunk != _VARIABLE
         if is_fixed and in_chunk > max(count, _MAX_IN_CHUNK):  # lazrs asks for the memory of a whole one
-            raise CaptureError(f"{path} is damaged: it states {in_chunk:,} points in a chunk; copy it again")
+            raise CaptureError(f"{path} is damaged: it states {in_chunk:,} points in a chunk", "copy it again")
         if chunks > table - start or count > chunks * in_chunk:  # none is empty
-            raise CaptureError(f"{path} is damaged: it states {count:,} points in {chunks:,} chunks; copy it again")
+            raise CaptureError(f"{path} is damaged: it states {count:,} points in {chunks:,} chunks", "copy it again")
 
 
 @contextmanager
@@ -125,16 +125,16 @@ def _report_damage(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise CaptureError(f"{path} cannot be read: {reason}; check it and its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {reason}", "check it and its permissions") from error
     except MemoryError as error:
-        raise CaptureError(f"{path} is damaged: it asks for more memory than there is; copy it again") from error
+        raise CaptureError(f"{path} is damaged: it asks for more memory than there is", "copy it again") from error
     except _DAMAGED as error:
         reason = str(error).split("\n")[0][:200] or type(error).__name__
-        raise CaptureError(f"{path} is damaged or no LAS file: {reason}; copy or export it again") from error
+        raise CaptureError(f"{path} is damaged or no LAS file: {reason}", "copy or export it again") from error
     except BaseException as error:
         if type(error).__name__ != "PanicException":
             raise
-        raise CaptureError(f"{path} is damaged: its points cannot be unpacked; copy or export it again") from error
+        raise CaptureError(f"{path} is damaged: its points cannot be unpacked", "copy or export it again") from error
 
 
 def _read_parts(path: Path, count: int, has_colors: bool) -> Iterator[CloudPart]:
@@ -148,7 +148,7 @@ def _read_parts(path: Path, count: int, has_colors: bool) -> Iterator[CloudPart]
             yield _as_part(part, has_colors)
     if done < count:
         raise CaptureError(
-            f"{path} is truncated: its header states {count:,} points, there are {done:,}; copy it again"
+            f"{path} is truncated: its header states {count:,} points, there are {done:,}", "copy it again"
         )
 
 
@@ -197,14 +197,14 @@ def _check_unit(path: Path, unit: LasUnit, sides: NDArray[np.float64]) -> list[R
     across, height = unit.metres_per_unit, unit.metres_per_height
     if across is not None and height is not None and abs(height - across) > _SAME_UNIT * across:
         raise CaptureError(
-            f"{path} has a unit of {across:g} m across and of {height:g} m in height; convert it to metres, "
-            f"with PDAL or las2las, or give the unit of all three"
+            f"{path} has a unit of {across:g} m across and of {height:g} m in height",
+            "convert it to metres, with PDAL or las2las, or give the unit of all three",
         )
     if unit.is_degrees:
         if np.max(sides[:2]) <= _DEGREES_WIDE and sides[2] > 10 * np.max(sides[:2]):
             raise CaptureError(
-                f"{path} is in degrees of longitude and latitude; project it to metres first, e.g. to UTM with "
-                f"PDAL's filters.reprojection"
+                f"{path} is in degrees of longitude and latitude",
+                "project it to metres first, e.g. to UTM with PDAL's filters.reprojection",
             )
         text = "the file's coordinate system has degrees, but its points are too far apart for them"
         return [remark("cloud-system-in-degrees", text)]

@@ -103,7 +103,7 @@ def write_cloud(path: Path, cloud: Cloud, comments: Sequence[str] = (), metres_p
     header.append(f"element vertex {len(cloud)}")
     header += [f"property {words[kind]} {name}" for name, kind in zip(names, types, strict=True)]
     row = np.dtype([(name, "<" + kind) for name, kind in zip(names, types, strict=True)])
-    with whole_file(path, CaptureError) as new, new.open("xb") as file:
+    with whole_file(path) as new, new.open("xb") as file:
         file.write(("\n".join([*header, "end_header"]) + "\n").encode("ascii"))
         for start in range(0, len(cloud), _CHUNK):
             part = slice(start, start + _CHUNK)
@@ -162,15 +162,15 @@ def read_cloud_file(path: Path, metres_per_unit: float = 1.0) -> CloudFile:
     if not (np.isfinite(metres_per_unit) and metres_per_unit > 0):
         raise ValueError(f"metres_per_unit must be above 0, not {metres_per_unit}")
     if not path.is_file():
-        raise CaptureError(f"{path} does not exist or is no file; give a cloud in PLY")
+        raise CaptureError(f"{path} does not exist or is no file", "give a cloud in PLY")
     try:
         with path.open("rb") as file:
             header = _read_header(path, file)
             columns, count = _read_vertices(path, file, header)
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
     except MemoryError as error:
-        raise CaptureError(f"{path} does not fit into memory; thin the cloud") from error
+        raise CaptureError(f"{path} does not fit into memory", "thin the cloud") from error
     return _as_cloud(columns, count, metres_per_unit)
 
 
@@ -201,13 +201,13 @@ def open_cloud_parts(path: Path) -> CloudParts:
 def _open_vertices(path: Path) -> tuple[_Header, _Element]:
     """The header, and of its elements the vertices, which are complete as far as the file's size shows."""
     if not path.is_file():
-        raise CaptureError(f"{path} does not exist or is no file; give a cloud in PLY")
+        raise CaptureError(f"{path} does not exist or is no file", "give a cloud in PLY")
     try:
         with path.open("rb") as file:
             header = _read_header(path, file)
             file.seek(0, 2)
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
     return header, _find_vertices(path, header)
 
 
@@ -226,9 +226,9 @@ def _read_parts(path: Path, header: _Header, has_colors: bool) -> Iterator[Cloud
                 if wanted:
                     return
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
     except MemoryError as error:
-        raise CaptureError(f"{path} does not fit into memory; thin the cloud") from error
+        raise CaptureError(f"{path} does not fit into memory", "thin the cloud") from error
 
 
 def _read_element_parts(
@@ -274,11 +274,11 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
             else:
                 raise ValueError
         except (IndexError, KeyError, ValueError) as error:
-            raise CaptureError(f"{path}:{number} {line[:60]!r} is no line of a PLY header; write it again") from error
+            raise CaptureError(f"{path}:{number} {line[:60]!r} is no line of a PLY header", "write it again") from error
         if sum(len(properties) for _, _, properties in elements) > MAX_PROPERTIES:
-            raise CaptureError(f"{path} has more than {MAX_PROPERTIES} properties; write it again with fewer")
+            raise CaptureError(f"{path} has more than {MAX_PROPERTIES} properties", "write it again with fewer")
     if order is None:
-        raise CaptureError(f"{path} does not state its format; write it again as binary_little_endian")
+        raise CaptureError(f"{path} does not state its format", "write it again as binary_little_endian")
     named = tuple(_Element(name, count, tuple(properties)) for name, count, properties in elements)
     return _Header(order, named, tuple(comments))
 
@@ -287,11 +287,11 @@ def _header_lines(path: Path, file: BinaryIO) -> list[str]:
     """What stands between the first line, ply, and end_header."""
     start = file.read(MAX_HEADER_BYTES)
     if start[:3] != b"ply" or start[3:4] not in (b"\n", b"\r"):
-        raise CaptureError(f"{path} is no PLY file: it begins with {start[:8]!r}; give a cloud in PLY")
+        raise CaptureError(f"{path} is no PLY file: it begins with {start[:8]!r}", "give a cloud in PLY")
     ending = b"\r\n" if start[3:5] == b"\r\n" else start[3:4]
     at = start.find(ending + b"end_header" + ending)
     if at < 0:
-        raise CaptureError(f"{path} has no end_header in its first {len(start):,} bytes; copy it again")
+        raise CaptureError(f"{path} has no end_header in its first {len(start):,} bytes", "copy it again")
     file.seek(at + len(b"end_header") + 2 * len(ending))
     return start[3 + len(ending) : at].decode("latin-1").split(ending.decode("ascii")) if at > 3 else []
 
@@ -324,7 +324,7 @@ def _read_vertices(path: Path, file: BinaryIO, header: _Header) -> tuple[dict[st
 def _find_vertices(path: Path, header: _Header) -> _Element:
     vertices = next((element for element in header.elements if element.name == "vertex"), None)
     if vertices is None:
-        raise CaptureError(f"{path} has no element vertex, but {_names(header.elements)}; give a cloud")
+        raise CaptureError(f"{path} has no element vertex, but {_names(header.elements)}", "give a cloud")
     names = {one.name for one in vertices.properties if one.count_type is None}
     if not {"x", "y", "z"} <= names:
         raise CaptureError(f"the vertices of {path} have {', '.join(sorted(names)) or 'nothing'}, but no x, y and z")
@@ -457,7 +457,7 @@ def _read_text(path: Path, file: BinaryIO, element: _Element, wanted: bool) -> d
                     values[number] = _single_numbers(line.split(), element.properties)
     except (IndexError, ValueError) as error:
         raise CaptureError(
-            f"{path} has a line of {element.name} that is not {len(element.properties)} properties; copy it again"
+            f"{path} has a line of {element.name} that is not {len(element.properties)} properties", "copy it again"
         ) from error
     columns: dict[str, NDArray[np.generic]] = {}
     for index, one in enumerate(singles[: values.shape[1]]):
@@ -503,8 +503,8 @@ class _TruncatedError(CaptureError):
 
 def _truncated(path: Path, element: _Element, found: int) -> _TruncatedError:
     error = _TruncatedError(
-        f"{path} is truncated: its header states {element.rows:,} rows of {element.name}, there are at most "
-        f"{found:,}; copy it again"
+        f"{path} is truncated: its header states {element.rows:,} rows of {element.name}, there are at most {found:,}",
+        "copy it again",
     )
     error.found = found
     return error

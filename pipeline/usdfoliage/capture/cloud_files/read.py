@@ -158,7 +158,7 @@ def find_cloud(folder: Path) -> Path:
     try:
         files = sorted(one for one in folder.iterdir() if one.is_file() and not one.name.startswith("."))
     except OSError as error:
-        raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{folder} cannot be read: {error.strerror}", "check its permissions") from error
     for suffix in CLOUD_SUFFIXES:
         for file in files:
             if file.stem.lower() == "cloud" and file.suffix.lower() == suffix:
@@ -168,10 +168,10 @@ def find_cloud(folder: Path) -> Path:
         return clouds[0]
     if clouds:
         raise CaptureError(
-            f"{folder} has {len(clouds)} clouds: {named([file.name for file in clouds])}; give one of them, "
-            f"or call it cloud{clouds[0].suffix}"
+            f"{folder} has {len(clouds)} clouds: {named([file.name for file in clouds])}",
+            f"give one of them, or call it cloud{clouds[0].suffix}",
         )
-    raise CaptureError(f"{folder} has no cloud; put one there as cloud.ply, .las, .laz or .xyz, or give a file")
+    raise CaptureError(f"{folder} has no cloud", "put one there as cloud.ply, .las, .laz or .xyz, or give a file")
 
 
 def is_cloud_input(path: Path) -> bool:
@@ -210,20 +210,20 @@ def check_cloud_file(path: Path) -> bytes:
     """
     known = ", ".join(CLOUD_SUFFIXES)
     if not path.exists():
-        raise CaptureError(f"{path} does not exist; give a cloud ({known}) or a capture folder")
+        raise CaptureError(f"{path} does not exist", f"give a cloud ({known}) or a capture folder")
     if not path.is_file():
-        raise CaptureError(f"{path} is neither a file nor a folder; give a cloud ({known}) or a capture folder")
+        raise CaptureError(f"{path} is neither a file nor a folder", f"give a cloud ({known}) or a capture folder")
     try:
         with path.open("rb") as file:
             start = file.read(len(_E57))
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
     if not start:
-        raise CaptureError(f"{path} is empty (0 bytes); copy it again")
+        raise CaptureError(f"{path} is empty (0 bytes)", "copy it again")
     if start == _E57 or path.suffix.lower() == _E57_SUFFIX:
         raise CaptureError(
-            f"{path} is E57, which is not read; convert it to LAZ, with 'pdal translate {path.name} {path.stem}.laz' "
-            f"or CloudCompare (File, Save as LAS)"
+            f"{path} is E57, which is not read",
+            f"convert it to LAZ, with 'pdal translate {path.name} {path.stem}.laz' or CloudCompare (File, Save as LAS)",
         )
     return start
 
@@ -237,7 +237,7 @@ def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
     if suffix in _TEXT:
         return open_text_parts(path)
     raise CaptureError(
-        f"{path} is no cloud that can be read: {suffix or 'no suffix'}; give one of {', '.join(CLOUD_SUFFIXES)}"
+        f"{path} is no cloud that can be read: {suffix or 'no suffix'}", f"give one of {', '.join(CLOUD_SUFFIXES)}"
     )
 
 
@@ -272,21 +272,21 @@ def _read_points(
 def _check_points(path: Path, points: NDArray[np.float64], total: int, left_out: Counter[str]) -> None:
     """Refuse what can be no plant."""
     if total == 0:
-        raise CaptureError(f"{path} has no points; export it again")
+        raise CaptureError(f"{path} has no points", "export it again")
     if not len(points):
         why = ", ".join(f"{count:,} {what}" for what, count in left_out.items())
-        raise CaptureError(f"{path} has no usable point: {why}; export it again")
+        raise CaptureError(f"{path} has no usable point: {why}", "export it again")
     local = points - points[0]
     if not local.any():
-        raise CaptureError(f"all {total:,} points of {path} are in one place; export it again")
+        raise CaptureError(f"all {total:,} points of {path} are in one place", "export it again")
     if len(points) < MIN_POINTS:
         raise CaptureError(
-            f"{path} has {len(points)} usable points in different places, {MIN_POINTS} are needed; give a scan"
+            f"{path} has {len(points)} usable points in different places, {MIN_POINTS} are needed", "give a scan"
         )
     local = local - local.mean(axis=0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(local.T @ local / len(local)), 0))
     if spread[1] <= _THIN * spread[2]:
-        raise CaptureError(f"the {len(points):,} points of {path} are on a line; check which columns or axes it has")
+        raise CaptureError(f"the {len(points):,} points of {path} are on a line", "check which columns or axes it has")
 
 
 def _find_unit(parts: CloudParts, points: NDArray[np.float64]) -> tuple[float, list[Remark]]:

@@ -56,9 +56,9 @@ def open_text_parts(path: Path) -> CloudParts:
             head = file.read(_HEAD)
             size = file.seek(0, 2)
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
     if b"\0" in head:
-        raise CaptureError(f"{path} is not plain text (it has zero bytes); save it as text in UTF-8 or ASCII")
+        raise CaptureError(f"{path} is not plain text (it has zero bytes)", "save it as text in UTF-8 or ASCII")
     layout = _find_layout(path, head)
     return CloudParts(
         parts=_read_parts(path, layout),
@@ -95,7 +95,7 @@ def _find_layout(path: Path, head: bytes) -> _Layout:
             comments.append(line)
             names = _names(line) or names
     raise CaptureError(
-        f"{path} has no line 'x y z' among its first {min(len(lines), _HEAD_LINES)}; give a cloud as text"
+        f"{path} has no line 'x y z' among its first {min(len(lines), _HEAD_LINES)}", "give a cloud as text"
     )
 
 
@@ -164,7 +164,7 @@ def _read_parts(path: Path, layout: _Layout) -> Iterator[CloudPart]:
                     rest += block
                     if len(rest) > _LONGEST_LINE:
                         raise CaptureError(
-                            f"{path} has a line of more than {_LONGEST_LINE:,} bytes; give a cloud as text"
+                            f"{path} has a line of more than {_LONGEST_LINE:,} bytes", "give a cloud as text"
                         )
                     continue
                 text, rest = rest + block[:end], block[end:]
@@ -172,8 +172,8 @@ def _read_parts(path: Path, layout: _Layout) -> Iterator[CloudPart]:
                 found, bad, work = found + len(values), bad + wrong, work + len(text)
                 if bad > _MAX_BAD * (found + bad) and bad > 1:
                     raise CaptureError(
-                        f"{path}: {bad:,} of the first {found + bad:,} lines are not {max(columns) + 1} numbers; "
-                        f"give a text file with a point x y z a line"
+                        f"{path}: {bad:,} of the first {found + bad:,} lines are not {max(columns) + 1} numbers",
+                        "give a text file with a point x y z a line",
                     )
                 colors = values[:, 3:].astype(np.float32) if layout.color else None
                 left_out = ((wrong, "lines that are no points"),) if wrong else ()
@@ -181,11 +181,11 @@ def _read_parts(path: Path, layout: _Layout) -> Iterator[CloudPart]:
                 if not block:
                     break
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
     if layout.declared is not None and found + bad < layout.declared:
         raise CaptureError(
-            f"{path} is truncated: its first line states {layout.declared:,} points, there are {found + bad:,}; "
-            f"copy it again"
+            f"{path} is truncated: its first line states {layout.declared:,} points, there are {found + bad:,}",
+            "copy it again",
         )
 
 

@@ -27,9 +27,9 @@ class _Binary:
             with path.open("rb") as file:  # images may be large, and little of them is wanted
                 self.data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except ValueError as error:
-            raise CaptureError(f"{path} is empty; copy it again") from error
+            raise CaptureError(f"{path} is empty", "copy it again") from error
         except OSError as error:
-            raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+            raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
 
     @property
     def where(self) -> str:
@@ -46,12 +46,12 @@ class _Binary:
     def take_name(self) -> str:
         end = self.data.find(b"\0", self.position)
         if end < 0:
-            raise CaptureError(f"{self.where}: the image name does not end; copy the file again")
+            raise CaptureError(f"{self.where}: the image name does not end", "copy the file again")
         raw = self.data[self.position : end]
         try:
             name = raw.decode()
         except UnicodeDecodeError as error:
-            raise CaptureError(f"{self.where}: the image name {raw[:40]!r} is not UTF-8; rename it") from error
+            raise CaptureError(f"{self.where}: the image name {raw[:40]!r} is not UTF-8", "rename it") from error
         self.position = end + 1
         return name
 
@@ -94,5 +94,5 @@ def read_binary_points(path: Path) -> Iterator[tuple[float, float, float]]:
         file.skip(3 + 8)  # colour, error
         file.skip(8 * file.take_count())  # the track
         if not np.isfinite((x, y, z)).all():
-            raise CaptureError(f"{where}: a point is not finite; remove it")
+            raise CaptureError(f"{where}: a point is not finite", "remove it")
         yield x, y, z

@@ -44,7 +44,7 @@ def find_camera_model(cameras: Path) -> Path:
         if any((folder / f"images{suffix}").is_file() for suffix in (".txt", ".bin")):
             return folder
     raise CaptureError(
-        f"{cameras} has no COLMAP model; put cameras.txt and images.txt (or cameras.bin and images.bin) there"
+        f"{cameras} has no COLMAP model", "put cameras.txt and images.txt (or cameras.bin and images.bin) there"
     )
 
 
@@ -63,7 +63,7 @@ def read_camera_model(folder: Path) -> CameraModel:
     lenses: dict[int, Lens] = {}
     for camera_id, lens, where in read_text_lenses(path) if path.suffix == ".txt" else read_binary_lenses(path):
         if camera_id in lenses:
-            raise CaptureError(f"{where}: camera {camera_id} is there twice; leave one")
+            raise CaptureError(f"{where}: camera {camera_id} is there twice", "leave one")
         lenses[camera_id] = lens
 
     path = _existing(folder, "images")
@@ -76,7 +76,7 @@ def read_camera_model(folder: Path) -> CameraModel:
             raise CaptureError(f"{image.source}: {image.name} is there twice, first at {images[image.name].source}")
         images[image.name] = image
     if not images:
-        raise CaptureError(f"{path} has no images; give the poses of the photographs")
+        raise CaptureError(f"{path} has no images", "give the poses of the photographs")
     logger.info("%s: %d cameras, %d images", folder, len(lenses), len(images))
     return CameraModel(folder=folder, lenses=lenses, images=tuple(images[name] for name in sorted(images)))
 
@@ -106,4 +106,4 @@ def _existing(folder: Path, stem: str) -> Path:
             if path.stat().st_size > _MAX_BYTES:
                 raise CaptureError(f"{path} has {path.stat().st_size / 2**30:.1f} GiB; at most 4 are read")
             return path
-    raise CaptureError(f"{folder} has neither {stem}.txt nor {stem}.bin; copy the whole COLMAP model there")
+    raise CaptureError(f"{folder} has neither {stem}.txt nor {stem}.bin", "copy the whole COLMAP model there")

@@ -47,7 +47,7 @@ def checked_image(
         CaptureError: The pose is none, or the name leads out of the folder of images; the message begins with where.
     """
     if not all(math.isfinite(number) for number in (*quaternion, *translation)):
-        raise CaptureError(f"{where}: the pose of {name!r} is not finite; remove the image or pose it again")
+        raise CaptureError(f"{where}: the pose of {name!r} is not finite", "remove the image or pose it again")
     if max(map(abs, translation)) > _MAX_TRANSLATION:
         raise CaptureError(
             f"{where}: {name!r} is {max(map(abs, translation)):g} units away; at most {_MAX_TRANSLATION:g} can be used"

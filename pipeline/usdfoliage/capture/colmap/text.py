@@ -21,9 +21,9 @@ def _text_lines(path: Path) -> Iterator[tuple[str, str]]:
                 if not line.startswith("#"):
                     yield f"{path}:{number}", line.strip()
     except UnicodeDecodeError as error:
-        raise CaptureError(f"{path} is not text in UTF-8; name a binary model .bin") from error
+        raise CaptureError(f"{path} is not text in UTF-8", "name a binary model .bin") from error
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
 
 
 def read_text_lenses(path: Path) -> Iterator[tuple[int, Lens, str]]:
@@ -96,11 +96,11 @@ def _floats(where: str, fields: Sequence[str]) -> list[float]:
             value = float(field)
         except ValueError as error:
             raise CaptureError(
-                f"{where}: {field[:40]!r} must be a number; write the model again with the program that made it"
+                f"{where}: {field[:40]!r} must be a number", "write the model again with the program that made it"
             ) from error
         if not np.isfinite(value):
             raise CaptureError(
-                f"{where}: {field[:40]} must be finite; leave that photograph or point out, or estimate the poses"
+                f"{where}: {field[:40]} must be finite", "leave that photograph or point out, or estimate the poses"
             )
         values.append(value)
     return values

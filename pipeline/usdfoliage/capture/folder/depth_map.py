@@ -83,15 +83,15 @@ def _read_millimetres(path: Path, width_px: int, height_px: int) -> NDArray[np.f
 
 def _read_exr(path: Path, width_px: int, height_px: int) -> tuple[NDArray[np.float32], str]:
     if not path.is_file():
-        raise CaptureError(f"{path} does not exist or is no file; give a depth map")
+        raise CaptureError(f"{path} does not exist or is no file", "give a depth map")
     # By OpenImageIO: the OpenEXR module prints on stdout about what is damaged.
     source = oiio.ImageInput.open(str(path))
     if source is None or source.format_name() != "openexr":
-        raise CaptureError(f"{path} is no OpenEXR file that can be read ({_reason(oiio.geterror)}); copy it again")
+        raise CaptureError(f"{path} is no OpenEXR file that can be read ({_reason(oiio.geterror)})", "copy it again")
     try:
         spec = source.spec()
         if spec.deep or spec.depth > 1:
-            raise CaptureError(f"{path} is a deep or volume image; give one depth a pixel")
+            raise CaptureError(f"{path} is a deep or volume image", "give one depth a pixel")
         data = _Window(spec.x, spec.y, spec.width, spec.height)
         display = _Window(spec.full_x, spec.full_y, spec.full_width, spec.full_height)
         if (width_px, height_px) not in (data.size, display.size):  # before memory is taken for a damaged size
@@ -102,9 +102,9 @@ def _read_exr(path: Path, width_px: int, height_px: int) -> tuple[NDArray[np.flo
         pixels = source.read_image(0, 0, channel, channel + 1, "float")
         failure = _reason(source.geterror)
         if pixels is None or source.has_error:
-            raise CaptureError(f"{path} is truncated or damaged ({failure}); copy it again")
+            raise CaptureError(f"{path} is truncated or damaged ({failure})", "copy it again")
     except UnicodeDecodeError as error:
-        raise CaptureError(f"{path} has names that are not Unicode; copy it again") from error
+        raise CaptureError(f"{path} has names that are not Unicode", "copy it again") from error
     finally:
         source.close()
     values = np.array(pixels, np.float32).reshape(data.height, data.width)

@@ -93,7 +93,8 @@ def _stated_color_space(raster: Raster) -> str:
                 return space
         raise CaptureError(
             f"{raster.path} has chromaticities {', '.join(f'{value:g}' for value in raster.chromaticities)}, "
-            f"of none of {', '.join(_CHROMATICITIES)}; convert it to linear Rec.709 or state its colour space"
+            f"of none of {', '.join(_CHROMATICITIES)}",
+            "convert it to linear Rec.709 or state its colour space",
         )
     if raster.is_float:
         return LINEAR
@@ -153,6 +154,6 @@ def _convert_by_ocio(path: Path, encoded: NDArray[np.float32], space: str) -> ND
         if not result.has_error:
             return np.asarray(result.get_pixels(oiio.FLOAT), np.float32)
     raise CaptureError(
-        f"the colour space {space!r} of {path} is unknown; use {', '.join([SRGB, *list(_OCIO_NAMES)[1:]])}, "
-        f"or a name of the OpenColorIO configuration"
+        f"the colour space {space!r} of {path} is unknown",
+        f"use {', '.join([SRGB, *list(_OCIO_NAMES)[1:]])}, or a name of the OpenColorIO configuration",
     )

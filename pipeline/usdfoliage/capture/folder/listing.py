@@ -34,7 +34,7 @@ def files_below(folder: Path) -> dict[str, Path]:
             elif leads_nowhere(path):
                 raise CaptureError(explain_lost_link(path))
     except OSError as error:
-        raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{folder} cannot be read: {error.strerror}", "check its permissions") from error
     return {name: found[name] for name in sorted(found)}
 
 
@@ -109,8 +109,8 @@ def _places(view: str | int, names: Sequence[str]) -> Iterable[int]:
     if len(same_stem) == 1:
         return same_stem
     raise CaptureError(
-        f"there is no view {text[:80]!r} among {counted(len(names), 'posed photograph')}: {named(list(names))}; "
-        f"give a name, a place from 0 to {len(names) - 1}, or start:stop:step"
+        f"there is no view {text[:80]!r} among {counted(len(names), 'posed photograph')}: {named(list(names))}",
+        f"give a name, a place from 0 to {len(names) - 1}, or start:stop:step",
     )
 
 

@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.depth_map import DEPTH_CHANNEL
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, WriteError
 from usdfoliage.files.atomic import whole_file
 
 # A layer of its own: Z alone is depth, to read_depth as to any compositing program.
@@ -110,36 +110,36 @@ def _write(path: Path, channels: Mapping[str, NDArray[np.floating]], facts: Mapp
         **facts,
     }
     planes = {name: np.ascontiguousarray(plane) for name, plane in channels.items()}
-    with whole_file(path, CaptureError) as new:
+    with whole_file(path) as new:
         try:
             OpenEXR.File(header, dict(planes)).write(str(new))
             with OpenEXR.File(str(new), separate_channels=True) as file:
                 written = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
         except (RuntimeError, ValueError) as error:
-            raise CaptureError(f"{path} was not written: {error}; is the disk full?") from error
+            raise WriteError(f"{path} was not written: {error}", "is the disk full?") from error
         # OpenEXR's module reports no full disk: the file is there, and ends too early or holds zeros.
         if written.keys() != planes.keys() or any(not np.array_equal(written[name], planes[name]) for name in planes):
-            raise CaptureError(f"{path} was not written: it does not hold what was written to it; is the disk full?")
+            raise WriteError(f"{path} was not written: it does not hold what was written to it", "is the disk full?")
 
 
 def _read(path: Path) -> dict[str, NDArray[np.float32]]:
     """The channels of an OpenEXR file by their names."""
     if not path.is_file():
-        raise CaptureError(f"{path} does not exist or is no file; give a map in OpenEXR")
+        raise CaptureError(f"{path} does not exist or is no file", "give a map in OpenEXR")
     # By OpenImageIO: the OpenEXR module prints on stdout about what is damaged.
     source = oiio.ImageInput.open(str(path))
     if source is None or source.format_name() != "openexr":
         oiio.geterror()  # else it is printed at the end
-        raise CaptureError(f"{path} is no OpenEXR file that can be read; copy it again")
+        raise CaptureError(f"{path} is no OpenEXR file that can be read", "copy it again")
     try:
         spec = source.spec()
         names = [str(name) for name in spec.channelnames]
         pixels = None if spec.deep else source.read_image("float")
         if pixels is None or source.has_error:
             source.geterror()
-            raise CaptureError(f"{path} is truncated or damaged; copy it again")
+            raise CaptureError(f"{path} is truncated or damaged", "copy it again")
     except UnicodeDecodeError as error:
-        raise CaptureError(f"{path} has names that are not Unicode; copy it again") from error
+        raise CaptureError(f"{path} has names that are not Unicode", "copy it again") from error
     finally:
         source.close()
     planes = np.array(pixels, np.float32).reshape(spec.height, spec.width, len(names))

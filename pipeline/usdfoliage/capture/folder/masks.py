@@ -68,11 +68,11 @@ def read_mask(path: Path, photo_shape: tuple[int, ...], photo_orientation: int =
         )
     if not mask.any():
         raise CaptureError(
-            f"the mask {path} is empty: its brightest pixel is {brightest:.1%} of white, "
-            f"the plant must be above 50%; paint the plant white"
+            f"the mask {path} is empty: its brightest pixel is {brightest:.1%} of white, the plant must be above 50%",
+            "paint the plant white",
         )
     if mask.all():
-        raise CaptureError(f"the mask {path} is full: all {mask.size} pixels are white; paint the background black")
+        raise CaptureError(f"the mask {path} is full: all {mask.size} pixels are white", "paint the background black")
     return mask
 
 

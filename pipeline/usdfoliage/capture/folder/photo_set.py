@@ -100,12 +100,12 @@ def read_photo_set(
         CaptureError: There is no folder, no photograph in it, or none can be read; only videos are there.
     """
     if not images.is_dir():
-        raise CaptureError(f"{images} is no folder; give the folder of the photographs")
+        raise CaptureError(f"{images} is no folder", "give the folder of the photographs")
     found = files_below(images)
     if names is not None:
         missing = sorted(set(names) - set(found))
         if missing:
-            raise CaptureError(f"{images} has no {named(missing)}; give names of files in it")
+            raise CaptureError(f"{images} has no {named(missing)}", "give names of files in it")
         found = {name: found[name] for name in sorted(set(names))}
     videos = [name for name in found if is_video(name)]
     raws = [name for name in found if PurePosixPath(name).suffix.lower() in RAW]

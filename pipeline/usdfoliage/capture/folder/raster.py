@@ -60,10 +60,10 @@ def read_raster(path: Path) -> Raster:
     try:
         source = oiio.ImageInput.open(str(path), hints)
     except TypeError as error:  # a name that is not valid Unicode
-        raise CaptureError(f"the file name of {path!r} is not valid Unicode; rename it") from error
+        raise CaptureError(f"the file name of {path!r} is not valid Unicode", "rename it") from error
     if source is None or source.format_name() == "null":
         reason = _text(oiio.geterror) or "no reason given"
-        raise CaptureError(f"{path} is not an image that can be read ({reason}); use JPEG, PNG, TIFF or EXR")
+        raise CaptureError(f"{path} is not an image that can be read ({reason})", "use JPEG, PNG, TIFF or EXR")
     try:
         return _read_picture(path, source)
     finally:
@@ -84,21 +84,21 @@ def apply_orientation(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
 def _check_file(path: Path) -> None:
     try:
         if path.is_dir():
-            raise CaptureError(f"{path} is a folder; give an image file")
+            raise CaptureError(f"{path} is a folder", "give an image file")
         if not path.exists():
-            raise CaptureError(f"{path} does not exist; check the path")
+            raise CaptureError(f"{path} does not exist", "check the path")
         if not path.is_file():  # opening a pipe would wait for ever
-            raise CaptureError(f"{path} is not a regular file; give an image file")
+            raise CaptureError(f"{path} is not a regular file", "give an image file")
         size_bytes = path.stat().st_size
         if size_bytes == 0:
-            raise CaptureError(f"{path} is empty (0 bytes); copy it again")
+            raise CaptureError(f"{path} is empty (0 bytes)", "copy it again")
         with path.open("rb") as file:
             damage = _png_damage(file, size_bytes) if file.read(len(_PNG_SIGNATURE)) == _PNG_SIGNATURE else ""
         if damage:
-            raise CaptureError(f"{path} is {damage}; copy it again")
+            raise CaptureError(f"{path} is {damage}", "copy it again")
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise CaptureError(f"{path!s} cannot be read: {reason}; check the path and its permissions") from error
+        raise CaptureError(f"{path!s} cannot be read: {reason}", "check the path and its permissions") from error
 
 
 def _png_damage(file: BinaryIO, size_bytes: int) -> str:
@@ -143,7 +143,7 @@ def _png_header_damage(header: bytes) -> str:
 def _read_picture(path: Path, source: Any) -> Raster:
     spec = source.spec()
     if spec.deep or spec.depth > 1:
-        raise CaptureError(f"{path} is a deep or volume image; give a flat picture")
+        raise CaptureError(f"{path} is a deep or volume image", "give a flat picture")
     for width, height in ((spec.width, spec.height), (spec.full_width, spec.full_height)):
         if min(width, height) < MIN_SIDE_PX:
             raise CaptureError(f"{path} is {width}×{height} pixels; at least {MIN_SIDE_PX} a side are needed")
@@ -155,7 +155,7 @@ def _read_picture(path: Path, source: Any) -> Raster:
     try:
         names = [str(name) for name in spec.channelnames]
     except UnicodeDecodeError as error:
-        raise CaptureError(f"{path} has channel names that are not Unicode; copy it again") from error
+        raise CaptureError(f"{path} has channel names that are not Unicode", "copy it again") from error
     color_at, alpha_at = _choose_channels(path, names, spec.alpha_channel)
     chosen = color_at if alpha_at is None else [*color_at, alpha_at]
     first, end = min(chosen), max(chosen) + 1
@@ -165,7 +165,7 @@ def _read_picture(path: Path, source: Any) -> Raster:
     failed = source.has_error
     failure = _text(source.geterror)  # the only sign of a truncated JPEG, whose rest is grey
     if pixels is None or failed or failure:
-        raise CaptureError(f"{path} is truncated or damaged ({failure or 'no reason given'}); copy it again")
+        raise CaptureError(f"{path} is truncated or damaged ({failure or 'no reason given'})", "copy it again")
     if source.seek_subimage(1, 0):  # True where there is a second picture
         logger.info("%s has several pictures; the first is read", path)
     if spec.get_int_attribute("tiff:PhotometricInterpretation") == 5 or "CMYK" in (
@@ -211,8 +211,8 @@ def _choose_channels(path: Path, names: list[str], alpha_channel: int) -> tuple[
     if len(others) == 1:
         return others, alpha
     raise CaptureError(
-        f"{path} has {len(names)} channels ({', '.join(names)}), "
-        f"neither R, G, B nor a single grey one; save it as RGB, RGBA or grey"
+        f"{path} has {len(names)} channels ({', '.join(names)}), neither R, G, B nor a single grey one",
+        "save it as RGB, RGBA or grey",
     )
 
 
@@ -228,7 +228,8 @@ def _check_values(path: Path, pixels: NDArray[np.float32], names: list[str], cho
             value = pixels[row, column, chosen[channel]]
             raise CaptureError(
                 f"{path} has {count} values that are {kind}, the first at column {column}, row {row}, "
-                f"channel {names[chosen[channel]]}: {value:g}; {remedy}"
+                f"channel {names[chosen[channel]]}: {value:g}",
+                remedy,
             )
 
 
@@ -239,7 +240,7 @@ def _display_window(path: Path, pixels: NDArray[Any], spec: Any) -> NDArray[Any]
         return pixels
     right, bottom = min(left + spec.width, spec.full_width), min(top + spec.height, spec.full_height)
     if right <= max(left, 0) or bottom <= max(top, 0):
-        raise CaptureError(f"{path} has no pixels in its display window; write it with an overlapping data window")
+        raise CaptureError(f"{path} has no pixels in its display window", "write it with an overlapping data window")
     displayed = np.zeros((spec.full_height, spec.full_width, pixels.shape[2]), pixels.dtype)
     displayed[max(top, 0) : bottom, max(left, 0) : right] = pixels[
         max(-top, 0) : bottom - top, max(-left, 0) : right - left

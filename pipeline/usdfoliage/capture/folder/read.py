@@ -120,11 +120,11 @@ def read_capture(
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise CaptureError(f"{folder} is no folder; give a capture folder with images/ and cameras/")
+        raise CaptureError(f"{folder} is no folder", "give a capture folder with images/ and cameras/")
     settings, toml_remarks = read_capture_settings(folder)
     photos = files_below(folder_below(folder, "images"))
     if not any(is_picture(name) for name in photos):
-        raise CaptureError(f"{folder / 'images'} has no photographs; put them there as JPEG, PNG, TIFF or EXR")
+        raise CaptureError(f"{folder / 'images'} has no photographs", "put them there as JPEG, PNG, TIFF or EXR")
     cameras_folder = folder_below(folder, cameras)
     if not cameras_folder.is_dir():
         raise CaptureError(
@@ -350,7 +350,8 @@ def _fit_lens(chosen: CaptureView, photo: Photo) -> tuple[Lens, int]:
     except ValueError as error:
         raise CaptureError(
             f"{photo.path} is {stored[0]}×{stored[1]} pixels, its camera for {chosen.lens.width_px}×"
-            f"{chosen.lens.height_px}; give the pictures that the cameras were made from, or these resized"
+            f"{chosen.lens.height_px}",
+            "give the pictures that the cameras were made from, or these resized",
         ) from error
 
 

@@ -109,4 +109,4 @@ def _read(path: Path) -> dict[str, Any]:
     except ValueError as error:
         raise CaptureError(f"{path} is no TOML: {error}") from error
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error

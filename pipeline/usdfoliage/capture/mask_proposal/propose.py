@@ -101,7 +101,7 @@ def propose_mask(
     try:
         mask = clean_mask(mask, CleanMaskSettings()).mask
     except CaptureError as error:
-        raise FitError(f"no crown was found in the photograph ({error})", _GIVE_MASK) from error
+        raise FitError(f"no crown was found in the photograph ({error.text})", _GIVE_MASK) from error
 
     confidence, remark = _assess(mask, _belief(candidates, clusters.shape) > 0.5, contrast, bool(sky.any()))
     logger.info("mask proposed, confidence %.2f: %s", confidence, remark)

@@ -240,7 +240,7 @@ def depth_range_m(
             return 1 / (near + margin + nearer * near), 1 / max(far - margin - 0.02 * near, 0.5 * far)
     depth = float(_looked_at_m(cameras) @ camera.cam_from_world[2, :3] + camera.cam_from_world[2, 3])
     if not depth > 0:
-        raise CaptureError("the range of depths cannot be found: the cameras do not look at one place; give points3D")
+        raise CaptureError("the range of depths cannot be found: the cameras do not look at one place", "give points3D")
     return depth / 2, depth * 2
 
 

@@ -144,7 +144,8 @@ def plan_depths(
     if not any(sources):
         raise CaptureError(
             f"no two of {len(cameras)} photographs look at the same place from {settings.selection.min_angle_deg:g} to "
-            f"{settings.selection.max_angle_deg:g} degrees apart; {_hint(cameras, ranges_m, settings)}"
+            f"{settings.selection.max_angle_deg:g} degrees apart",
+            f"{_hint(cameras, ranges_m, settings)}",
         )
     return DepthPlan(ranges_m=tuple(ranges_m), farthest_m=tuple(farthest_m), sources=tuple(sources))
 

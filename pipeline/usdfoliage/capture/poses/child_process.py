@@ -82,7 +82,7 @@ def _is_full_disk(text: str) -> bool:
 
 
 def _full(work: Path) -> CaptureError:
-    return CaptureError(f"{work} has no space left; free some and start again: what is done is kept")
+    return CaptureError(f"{work} has no space left", "free some and start again: what is done is kept")
 
 
 def _is_done(path: Path) -> bool:
@@ -141,7 +141,7 @@ def _do_share(
                 events.put(("failed", left[0][0], f"the process ended there ({ending})"))
                 left = left[1:]
     except OSError as error:
-        raise CaptureError(f"{work} cannot be used: {error.strerror}; choose another folder") from error
+        raise CaptureError(f"{work} cannot be used: {error.strerror}", "choose another folder") from error
     finally:
         events.put(("end", 0, ""))
 

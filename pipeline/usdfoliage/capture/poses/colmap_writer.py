@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.poses.result import Registered
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, WriteError
 from usdfoliage.files.atomic import flush_to_disk
 
 _FILES = ("cameras.txt", "points3D.txt", "images.txt")  # the last is what a model is known by
@@ -37,7 +37,9 @@ def write_colmap_model(folder: Path, registered: Registered) -> None:
     """
     for photo in registered.photos:
         if photo.name != photo.name.strip() or len(photo.name.splitlines()) != 1:
-            raise CaptureError(f"the name {photo.name!r} cannot be written into a COLMAP model; rename the photograph")
+            raise CaptureError(
+                f"the name {photo.name!r} cannot be written into a COLMAP model", "rename the photograph"
+            )
     numbers = _camera_numbers(registered)
     places = _places_in_photos(registered)
     texts = {
@@ -62,11 +64,11 @@ def write_colmap_model(folder: Path, registered: Registered) -> None:
             shutil.rmtree(new, ignore_errors=True)
     except UnicodeEncodeError as error:
         raise CaptureError(
-            f"a photograph's name is no Unicode and cannot be written into {folder}; rename it"
+            f"a photograph's name is no Unicode and cannot be written into {folder}", "rename it"
         ) from error
     except OSError as error:
-        raise CaptureError(
-            f"{folder} was not written: {error.strerror or error}; make room or choose another folder"
+        raise WriteError(
+            f"{folder} was not written: {error.strerror or error}", "make room or choose another folder"
         ) from error
 
 

@@ -130,7 +130,7 @@ def register_photos(
     try:
         work.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise CaptureError(f"{work} cannot be made: {error.strerror}; choose another folder") from error
+        raise CaptureError(f"{work} cannot be made: {error.strerror}", "choose another folder") from error
     processes = settings.threads or os.cpu_count() or 1
 
     features, failed = _find_features(photos, work, settings, processes, progress_in_step("features", progress))
@@ -329,13 +329,14 @@ def _map(
     if not overlapping.any():
         raise CaptureError(
             f"no two of {counted(len(usable), 'photograph')} in {photo_set.folder} overlap: the best pair has "
-            f"{int(found.verified.max())} features in common, {settings.min_matches} are needed; "
-            f"photograph the plant from places 10 to 15 degrees apart, with something still and textured around it"
+            f"{int(found.verified.max())} features in common, {settings.min_matches} are needed",
+            "photograph the plant from places 10 to 15 degrees apart, with something still and textured around it",
         )
     if bool((found.panoramic | ~overlapping).all()):
         raise CaptureError(
             f"the camera only turned between the photographs in {photo_set.folder} and did not move: no depth can be "
-            f"seen so; walk around the plant"
+            f"seen so",
+            "walk around the plant",
         )
     wanted = {"auto": ("incremental", "global")}.get(settings.mapper, (settings.mapper,))
     best: dict[str, NDArray[Any]] = {}
@@ -372,7 +373,8 @@ def _map(
         )
         raise CaptureError(
             f"no cameras could be found for the photographs in {photo_set.folder}: "
-            f"{counted(int(overlapping.sum() // 2), 'pair')} of them overlap, but none starts a reconstruction; {hint}"
+            f"{counted(int(overlapping.sum() // 2), 'pair')} of them overlap, but none starts a reconstruction",
+            hint,
         )
     order = np.asarray(usable, np.int64)
     best["images"] = order[best["images"]]
@@ -398,7 +400,8 @@ def _check_moved(photo_set: PhotoSet, model: dict[str, NDArray[Any]]) -> None:
     if angle_deg < _MIN_PARALLAX_DEG:
         raise CaptureError(
             f"the camera only turned between the photographs in {photo_set.folder} and did not move, or hardly: points "
-            f"are seen from directions {angle_deg:.1f}° apart, {_MIN_PARALLAX_DEG}° are needed; walk around the plant"
+            f"are seen from directions {angle_deg:.1f}° apart, {_MIN_PARALLAX_DEG}° are needed",
+            "walk around the plant",
         )
 
 

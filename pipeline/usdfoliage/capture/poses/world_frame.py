@@ -264,7 +264,7 @@ def _scale(
         ]
         apart = float(np.linalg.norm(ends[1] - ends[0]))
         if apart <= 1e-6 * distance:
-            raise CaptureError("the ends of the scale bar are one place; give the places of its two marks")
+            raise CaptureError("the ends of the scale bar are one place", "give the places of its two marks")
         return settings.scale_bar.metres / apart, "scale bar"
     if gps is not None:
         return gps.scale, "gps"
@@ -293,7 +293,8 @@ def _intersect_rays(registered: Registered, centers: Array, places: Sequence[tup
     if np.linalg.cond(matrix) > 1e6:
         raise CaptureError(
             f"the rays to an end of the scale bar are parallel: {', '.join(name for name, _, _ in places)} were taken "
-            f"from one place; mark it in photographs farther apart"
+            f"from one place",
+            "mark it in photographs farther apart",
         )
     return np.asarray(np.linalg.solve(matrix, side), np.float64)
 

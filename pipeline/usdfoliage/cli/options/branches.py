@@ -27,7 +27,7 @@ from usdfoliage.jobs.edits.settings import read_representations
 def read_branches_request(options: argparse.Namespace) -> BranchesRequest:
     """The request that a command line makes; FoliageError for values that cannot be."""
     if options.species_file is not None and not options.species:
-        raise FoliageError("--species-file holds species; name with --species which one is meant")
+        raise FoliageError("--species-file holds species", "name with --species which one is meant")
     if not 0 <= options.seed < 2**62:  # an asset records it as int64, and those of variations follow it
         raise FoliageError(f"--seed must be 0 or more and below 2^62, not {options.seed}")
     species = load_species(options.species, options.species_file) if options.species else None
@@ -80,9 +80,9 @@ def _read_foliage(options: argparse.Namespace, species: Species | None) -> Folia
     """The leaves that a command line asks for."""
     kind = options.foliage or (FITTED if options.leaves else NONE)
     if kind == FITTED and options.leaves is None:
-        raise FoliageError("--foliage fitted takes leaves from an asset of leaves; name it with --leaves")
+        raise FoliageError("--foliage fitted takes leaves from an asset of leaves", "name it with --leaves")
     if kind != FITTED and options.leaves is not None:
-        raise FoliageError(f"--leaves is for --foliage fitted, not {kind}; leave one of them out")
+        raise FoliageError(f"--leaves is for --foliage fitted, not {kind}", "leave one of them out")
     shortest_m, longest_m = LENGTHS_M
     if options.leaf_length is not None and not shortest_m <= options.leaf_length <= longest_m:
         raise FoliageError(f"--leaf-length must be {shortest_m:g} to {longest_m:g} metres, not {options.leaf_length:g}")
@@ -113,7 +113,7 @@ def _read_motion(options: argparse.Namespace) -> BranchMotion:
     rig = sway = None
     has_rig = options.rig or options.sway is not None
     if options.rig_order is not None and not has_rig:
-        raise FoliageError("--rig-order is of a rig; add --rig or --sway")
+        raise FoliageError("--rig-order is of a rig", "add --rig or --sway")
     if options.rig_order is not None and options.rig_order < 0:
         raise FoliageError(f"--rig-order must be 0 or more, not {options.rig_order}")
     for name, frames in (("--sway", options.sway), ("--growth", options.growth)):

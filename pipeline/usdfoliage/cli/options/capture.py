@@ -21,9 +21,9 @@ def read_capture_request(options: argparse.Namespace) -> CaptureRequest:
         FoliageError: A value cannot be, or the file of settings cannot be used.
     """
     if options.source is None:
-        raise FoliageError("no photographs are named; give their folder, as in: usdfoliage capture PHOTOS -o CAPTURE")
+        raise FoliageError("no photographs are named", "give their folder, as in: usdfoliage capture PHOTOS -o CAPTURE")
     if options.resume and options.fresh:
-        raise FoliageError("--resume goes on with an earlier run and --fresh forgets it; use one of them")
+        raise FoliageError("--resume goes on with an earlier run and --fresh forgets it", "use one of them")
     if options.threads is not None and options.threads < 0:
         raise FoliageError(f"--threads must be 0, for all cores, or more, not {options.threads}")
     if options.report_views < 0:

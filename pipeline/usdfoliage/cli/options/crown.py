@@ -104,4 +104,4 @@ def refuse_options(options: argparse.Namespace, others: dict[str, object], text:
     given = [name for name, default in others.items() if getattr(options, name, default) != default]
     if given:
         names = ", ".join(f"--{name.replace('_', '-')}" for name in given)
-        raise FoliageError(f"{text}; {names} {'has' if len(given) == 1 else 'have'} no meaning there: leave it out")
+        raise FoliageError(f"{text}", f"{names} {'has' if len(given) == 1 else 'have'} no meaning there: leave it out")

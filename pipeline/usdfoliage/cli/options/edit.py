@@ -16,7 +16,7 @@ def read_edit_request(options: argparse.Namespace) -> EditRequest:
     given = [name for name in EDIT_OPTIONS if getattr(options, name) is not None]
     if not given:
         names = ", ".join(f"--{name.replace('_', '-')}" for name in EDIT_OPTIONS)
-        raise FoliageError(f"no edit is named, so there is nothing to write; name one or more of {names}")
+        raise FoliageError("no edit is named, so there is nothing to write", f"name one or more of {names}")
     return EditRequest(
         asset=options.asset,
         output=options.output,
@@ -66,7 +66,7 @@ def _read_silhouette(given: Sequence[Sequence[float]]) -> dict[str, Vector]:
             raise FoliageError(f"--silhouette: the point is 1, 2 or 3, counted from the base, not {numbers[0]:g}")
         name = f"silhouette{numbers[0]:.0f}"
         if name in points:
-            raise FoliageError(f"--silhouette names point {numbers[0]:.0f} twice; add the numbers up")
+            raise FoliageError(f"--silhouette names point {numbers[0]:.0f} twice", "add the numbers up")
         points[name] = _vector([*numbers[1:], 0.0][:3])
     return points
 

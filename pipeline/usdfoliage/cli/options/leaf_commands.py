@@ -54,7 +54,7 @@ def name_option(read: Callable[[Any], T], value: Any) -> T:
     try:
         return read(value)
     except FoliageError as error:
-        raise FoliageError(f"--{error}", error.remedy) from error
+        raise FoliageError(f"--{error.text}", error.remedy) from error
 
 
 def read_resolution(options: argparse.Namespace) -> tuple[int, int] | None:

@@ -17,9 +17,9 @@ from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file, set_eve
 def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
     """The request that a command line makes; FoliageError for values that cannot be."""
     if options.capture is None:
-        raise FoliageError("no capture is named; give its folder, as in: usdfoliage leaves CAPTURE -o OUT")
+        raise FoliageError("no capture is named", "give its folder, as in: usdfoliage leaves CAPTURE -o OUT")
     if options.output is None:
-        raise FoliageError("no output is named; give the asset's folder with -o OUT")
+        raise FoliageError("no output is named", "give the asset's folder with -o OUT")
     if options.report_views < 0:
         raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
     return LeavesRequest(

@@ -130,7 +130,9 @@ def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | 
         return None
     interface, _ = interface_of(asset)
     if interface.resolve().is_relative_to(output.resolve()):
-        raise AssetError(f"{output} holds the leaves that are read, {asset}, and would lose them; name another folder")
+        raise AssetError(
+            f"{output} holds the leaves that are read, {asset}, and would lose them", "name another folder"
+        )
     stage = open_asset(asset)
     plant = require_plant(stage, asset)
     if "representation" in plant.GetVariantSets().GetNames():
@@ -138,7 +140,7 @@ def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | 
     prim = require_leaves(stage, asset)[0]
     read = read_leaves(prim)
     if not len(read.leaves):
-        raise AssetError(f"{asset} has leaves, but none is shown; name an asset of leaves")
+        raise AssetError(f"{asset} has leaves, but none is shown", "name an asset of leaves")
     leaves = move_leaves(bake_leaves(read.leaves, read.edits), matrix_in_plant(prim, plant))
     return FittedLeaves(
         leaves=leaves, edits=remaining_edits(read.edits), appearance=read_leaf_appearance(prim, read.jitter_map)

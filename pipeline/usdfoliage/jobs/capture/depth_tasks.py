@@ -32,7 +32,7 @@ from usdfoliage.files.threads import MAX_AT_ONCE, map_ahead, map_threaded, share
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture.settings import DenseChoice
 from usdfoliage.jobs.work.keys import task_key
-from usdfoliage.jobs.work.results import explain, forget, has_result, read_result, write_result
+from usdfoliage.jobs.work.results import describe_unwritten, forget, has_result, read_result, write_result
 from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark, remark, remark_from_json
 
@@ -349,7 +349,7 @@ def _match_by_colmap(tasks: DepthTasks, views: Sequence[int], report: Callable[[
     try:
         write_stereo_workspace(folder, tasks.plan, read_view)
     except OSError as error:
-        raise CaptureError(explain(folder, error)) from error
+        raise describe_unwritten(folder, error) from error
     run_stereo(folder, tasks.plan)
     for index in views:
         view = read_view(index)
@@ -499,7 +499,7 @@ def _write_estimate(path: Path, estimate: DepthEstimate) -> None:
 def _need(path: Path) -> Arrays:
     stored = read_result(path)
     if stored is None:
-        raise CaptureError(f"{path} was removed or damaged while it was in use; run the same command again")
+        raise CaptureError(f"{path} was removed or damaged while it was in use", "run the same command again")
     return stored
 
 

@@ -17,7 +17,7 @@ from usdfoliage.capture.folder.settings import FILE_NAME
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
-from usdfoliage.jobs.work.results import WORK, explain, write_whole
+from usdfoliage.jobs.work.results import WORK, describe_unwritten, write_whole
 from usdfoliage.remarks import Remark, Setting, remark
 
 logger = logging.getLogger(__name__)
@@ -58,11 +58,11 @@ def find_photographs(source: Path, output: Path | None) -> GivenPhotographs:
         CaptureError: There are no two photographs, or nowhere to put what is made of them.
     """
     if is_video(source.name) and not source.is_dir():
-        raise CaptureError(f"{source} is a video; {explain_video(str(source))}")
+        raise CaptureError(f"{source} is a video", explain_video(str(source)))
     if source.is_file():
-        raise CaptureError(f"{source} is one file; give the folder of at least two photographs, or a capture")
+        raise CaptureError(f"{source} is one file", "give the folder of at least two photographs, or a capture")
     if not source.is_dir():
-        raise CaptureError(f"{source} does not exist; give a folder of photographs, or a capture with {IMAGES}/")
+        raise CaptureError(f"{source} does not exist", f"give a folder of photographs, or a capture with {IMAGES}/")
     is_capture = (source / IMAGES).is_dir()
     images = source / IMAGES if is_capture else source
     below = files_below(images) if is_capture else _files_in(images)
@@ -80,7 +80,7 @@ def find_photographs(source: Path, output: Path | None) -> GivenPhotographs:
             )
         output = source
     if output.exists() and not output.is_dir():
-        raise CaptureError(f"{output} is a file; name a folder for the capture")
+        raise CaptureError(f"{output} is a file", "name a folder for the capture")
     if not is_capture and _same(source, output):
         raise CaptureError(
             f"{output} holds the photographs themselves",
@@ -99,7 +99,7 @@ def _files_in(folder: Path) -> dict[str, Path]:
     try:
         return {path.name: path for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != "."}
     except OSError as error:
-        raise CaptureError(f"{folder} cannot be read: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{folder} cannot be read: {error.strerror}", "check its permissions") from error
 
 
 def _remark_unused(
@@ -216,14 +216,14 @@ def _bring(path: Path, there: Path, *, link: bool) -> None:
         finally:
             new.unlink(missing_ok=True)
     except OSError as error:
-        raise CaptureError(explain(there, error)) from error
+        raise describe_unwritten(there, error) from error
 
 
 def _unlink(path: Path) -> None:
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
-        raise CaptureError(f"{path} cannot be removed: {error.strerror}; check its permissions") from error
+        raise CaptureError(f"{path} cannot be removed: {error.strerror}", "check its permissions") from error
 
 
 class Record:
@@ -313,6 +313,6 @@ def publish(new: Path, capture: Path, names: Iterable[str], record: Record) -> N
                     there.unlink(missing_ok=True)
                 (new / name).replace(there)
         except OSError as error:
-            raise CaptureError(explain(there, error)) from error
+            raise describe_unwritten(there, error) from error
     record.replace_made(listed, digests)
     record.write()

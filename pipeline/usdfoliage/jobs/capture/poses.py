@@ -77,8 +77,9 @@ def check_world(settings: WorldSettings, *, given: bool) -> None:
     stated = (settings.known_distance, settings.scale_bar, settings.up_vector)
     if given and (any(value is not None for value in stated) or settings.up != "auto" or settings.times != 1):
         raise CaptureError(
-            f"the given poses keep their frame and unit; state what these are in {FILE_NAME} (up_axis, "
-            "metres_per_unit), and leave the settings of capture.world as they are"
+            "the given poses keep their frame and unit",
+            f"state what these are in {FILE_NAME} (up_axis, "
+            "metres_per_unit), and leave the settings of capture.world as they are",
         )
 
 
@@ -129,7 +130,7 @@ def estimate_poses(
         left_out = "; ".join(f"{item.name} is left out: {item.reason}" for item in photo_set.dropped[:_MAX_NAMED])
         more = len(photo_set.dropped) - _MAX_NAMED
         which = f"{left_out}; and {more} more" if more > 0 else left_out
-        raise CaptureError(f"{error} ({which})" if which else str(error)) from error
+        raise CaptureError(f"{error.text} ({which})" if which else error.text, error.remedy) from error
     reasons = warnings_of(registered.remarks)
     if reasons and settings.uncertain_poses == "stop":
         raise CaptureError(

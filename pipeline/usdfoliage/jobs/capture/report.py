@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.spacing import point_widths
 from usdfoliage.capture.folder.listing import counted, named
-from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import whole_file
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture.map_pictures import (
@@ -151,7 +150,7 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"
-    with whole_file(index, CaptureError) as new:
+    with whole_file(index) as new:
         new.write_text(page, encoding="utf-8", errors="backslashreplace")  # file names may be any bytes
     return index
 

@@ -17,13 +17,12 @@ from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.capture.folder.read import Capture
 from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings
-from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.depth_tasks import DepthTasks, PreparedViews, in_world, picture_of, read_estimate
 from usdfoliage.jobs.capture.folder import CAMERAS
 from usdfoliage.jobs.capture.maps import ViewMaps
 from usdfoliage.jobs.capture.photograph import CapturePhotograph, DrawnMaps
 from usdfoliage.jobs.capture.poses import PosedCapture, failures_of
-from usdfoliage.jobs.work.results import explain, write_whole
+from usdfoliage.jobs.work.results import describe_unwritten, write_whole
 
 CLOUD, LAYER, LAYER_CLOUD, REPORT = "cloud.ply", "capture.usda", "capture_cloud.usdc", "report"
 
@@ -47,7 +46,7 @@ def lay_maps(new: Path, maps: Sequence[ViewMaps], places: Sequence[str]) -> None
                 except OSError:  # no links on this disk, or the disk is full: then the copy raises
                     shutil.copyfile(path, there)
             except OSError as error:
-                raise CaptureError(explain(there, error)) from error
+                raise describe_unwritten(there, error) from error
 
 
 def write_results(new: Path, capture: Capture, prepared: PreparedViews, cloud: Cloud) -> None:
@@ -87,7 +86,7 @@ def lay_cameras(new: Path, model: Path) -> None:
     try:
         shutil.copytree(model, new / CAMERAS)
     except OSError as error:
-        raise CaptureError(explain(new / CAMERAS, error)) from error
+        raise describe_unwritten(new / CAMERAS, error) from error
 
 
 def describe_photographs(

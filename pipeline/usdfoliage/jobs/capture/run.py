@@ -96,7 +96,7 @@ class CaptureRequest:
 
     def __post_init__(self) -> None:
         if self.resume and self.fresh:
-            raise FoliageError("resume goes on with an earlier run and fresh forgets it; use one of them")
+            raise FoliageError("resume goes on with an earlier run and fresh forgets it", "use one of them")
         if self.threads < 0:
             raise FoliageError(f"threads must be 0, for all cores, or more, not {self.threads}")
         if self.report_views < 0:
@@ -127,7 +127,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
     given = find_photographs(request.source, request.output)
     read_capture_settings(given.source)  # what is wrong with it is raised before anything is written
     if request.resume and not has_results(given.work):
-        raise CaptureError(f"{given.folder} has no earlier run to go on with (resume); begin one")
+        raise CaptureError(f"{given.folder} has no earlier run to go on with (resume)", "begin one")
     if request.settings.dense == "colmap":
         check_cuda()
     known = poses_are_given(given, Record(given.work), request.settings.poses)
@@ -183,7 +183,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         if not len(cloud):
             raise CaptureError(
                 f"no depth was found in {counted(len(prepared.views), 'photograph')} of {given.folder}: they agree "
-                "about nothing; check that the cameras belong to them, and that neighbours overlap by two thirds"
+                "about nothing",
+                "check that the cameras belong to them, and that neighbours overlap by two thirds",
             )
         new = given.work / _NEW
         forget(new)

@@ -201,7 +201,7 @@ def fit_captured_crown(
             progress=progress,
         )
     except FitError as error:
-        raise FitError(f"{error} ({request.cloud.path})") from error
+        raise FitError(f"{error.text} ({request.cloud.path})", error.remedy) from error
 
 
 def _leaf_colors(plant: PlantPoints) -> NDArray[np.float64] | None:

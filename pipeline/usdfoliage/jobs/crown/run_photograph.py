@@ -89,7 +89,7 @@ def read_crown_input(request: CrownRequest) -> CrownInput:
     try:
         crown: CleanMask = clean_mask(given)
     except FoliageError as error:
-        raise type(error)(f"{error} ({request.mask or request.photo})", error.remedy) from error
+        raise type(error)(f"{error.text} ({request.mask or request.photo})", error.remedy) from error
     proposed = request.mask is None and photo.alpha is None
     remarks += crown.remarks
     return CrownInput(photo=photo, mask=crown.mask, foliage=crown.foliage, proposed=proposed, remarks=tuple(remarks))

@@ -64,7 +64,7 @@ def read_tangent(text: str) -> float | NDArray[np.float64] | None:
             tangent = _evaluate(ast.parse(text, mode="eval").body, {"i": i, "j": j, "pi": np.float64(math.pi)})
     except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError, OverflowError) as error:
         raise FoliageError(
-            f"tangent {text!r} is no number, file or formula ({error}); write for example 2, tangent.exr or '1 + 2*j'"
+            f"tangent {text!r} is no number, file or formula ({error})", "write for example 2, tangent.exr or '1 + 2*j'"
         ) from error
     return _check(np.broadcast_to(np.asarray(tangent, dtype=np.float64), i.shape), f"tangent {text!r}")
 

@@ -158,7 +158,7 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
     others = find_other_parts(plant, interface)
     if find_crown(plant) is not None and not (others is not None and others.is_whole):
         raise AssetError(
-            f"{request.asset} has a crown besides its leaves, which bake would lose; bake the leaves' asset"
+            f"{request.asset} has a crown besides its leaves, which bake would lose", "bake the leaves' asset"
         )
     present = representations(plant)
     remarks = _check_patches(plant, request.source)
@@ -228,10 +228,10 @@ def _check_place(output: Path, interface: Path) -> None:
         return  # a scene that has a plant
     if target != folder and target.is_relative_to(folder):
         raise AssetError(
-            f"{output} lies in the asset's folder {folder}; name a folder beside it, or that folder itself"
+            f"{output} lies in the asset's folder {folder}", "name a folder beside it, or that folder itself"
         )
     if target != folder and folder.is_relative_to(target):
-        raise AssetError(f"{output} holds the asset that is read, {folder}, and would lose it; name another folder")
+        raise AssetError(f"{output} holds the asset that is read, {folder}, and would lose it", "name another folder")
 
 
 def describe_settings(request: BakeRequest, given: BakeInput) -> dict[str, str]:
@@ -281,7 +281,7 @@ def read_patches(prims: Sequence[Any], plant: Any, progress: StepProgress | None
     if not read:
         if failed:
             raise AssetError(f"none of {len(failed)} patches is near to a leaf, the first is {failed[0]}")
-        raise AssetError(f"<{plant.GetPath()}> has no patches in its representation nurbs; bake from bezier")
+        raise AssetError(f"<{plant.GetPath()}> has no patches in its representation nurbs", "bake from bezier")
     text = f"{len(residuals_m):,} of {len(prims):,} patches were changed and fitted"
     if residuals_m:
         text += (

@@ -62,7 +62,7 @@ def move_leaves(leaves: Leaves, matrix: NDArray[np.float64]) -> Leaves:
     turn = matrix[:3, :3] / scale if scale > 0 else np.zeros((3, 3))
     if scale <= 0 or np.abs(turn @ turn.T - np.eye(3)).max() > RIGID:
         raise AssetError(
-            "the leaves stand under a matrix that shears, mirrors or stretches them; undo it and bake again"
+            "the leaves stand under a matrix that shears, mirrors or stretches them", "undo it and bake again"
         )
     if not len(leaves):
         return leaves

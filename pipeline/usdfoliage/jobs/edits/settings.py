@@ -53,7 +53,8 @@ def check_memory(count: int, settings: LeafAssetSettings) -> None:
     if needed > there:
         raise FoliageError(
             f"{count:,} leaves as {', '.join(settings.representations)} need about {needed / 2**30:,.0f} GiB of "
-            f"memory, this machine has {there / 2**30:,.0f}; choose fewer representations, or a coarser resolution"
+            f"memory, this machine has {there / 2**30:,.0f}",
+            "choose fewer representations, or a coarser resolution",
         )
 
 
@@ -70,14 +71,14 @@ def check_texture(path: Path) -> None:
     import OpenImageIO as oiio
 
     if not path.is_file():
-        raise CaptureError(f"{path} does not exist; name a picture of a leaf")
+        raise CaptureError(f"{path} does not exist", "name a picture of a leaf")
     try:
         source = oiio.ImageInput.open(str(path))
     except TypeError as error:  # a name that is not valid Unicode
-        raise CaptureError(f"the file name of {path!r} is not valid Unicode; rename it") from error
+        raise CaptureError(f"the file name of {path!r} is not valid Unicode", "rename it") from error
     if source is None:
         reason = (oiio.geterror() or "no reason given").splitlines()[0]
-        raise CaptureError(f"{path} is no image that can be read ({reason}); use PNG, JPEG, TIFF or EXR")
+        raise CaptureError(f"{path} is no image that can be read ({reason})", "use PNG, JPEG, TIFF or EXR")
     source.close()
 
 

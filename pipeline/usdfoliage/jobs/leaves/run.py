@@ -267,15 +267,15 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
     if request.depth == SWEEP or (request.depth == AUTO and not has_maps):
         if len(views) < 2:
             raise CaptureError(
-                f"{request.capture} has no depth for the one photograph that is used, and it takes two to compute it; "
-                "give depth maps, or more photographs"
+                f"{request.capture} has no depth for the one photograph that is used, and it takes two to compute it",
+                "give depth maps, or more photographs",
             )
         try:
             depths = sweep_depths(views, capture.points_m, request.settings.sweep, progress_in_step("sweep", progress))
         except CaptureError as error:
             raise CaptureError(
-                f"depth cannot be computed from the photographs: {error}; put depth maps into "
-                f"{request.capture / DEFAULT_DEPTH}, or give photographs that overlap"
+                f"depth cannot be computed from the photographs: {error.text}",
+                f"put depth maps into {request.capture / DEFAULT_DEPTH}, or give photographs that overlap",
             ) from error
         views = [replace(view, depth_m=depth_m) for view, depth_m in zip(views, depths, strict=True)]
         text = "depth was computed from the photographs; it is coarse, and so are the leaves"

@@ -30,19 +30,19 @@ def connect_dask(scheduler: str, timeout_s: float = 30.0, patience_s: float = PA
     try:
         from distributed import Client
     except ImportError as error:
-        raise FoliageError("a scheduler needs Dask; install it with: pip install 'usdfoliage[dask]'") from error
+        raise FoliageError("a scheduler needs Dask", "install it with: pip install 'usdfoliage[dask]'") from error
     try:
         client = Client(scheduler, timeout=timeout_s, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise FoliageError(
-            f"no Dask scheduler answers at {scheduler}: {error}; start one with: dask scheduler"
+            f"no Dask scheduler answers at {scheduler}: {error}", "start one with: dask scheduler"
         ) from error
     try:
         start = time.monotonic()
         while not _count_threads(client):
             if time.monotonic() - start > timeout_s:
                 raise FoliageError(
-                    f"the Dask scheduler at {scheduler} has no workers; start some with: dask worker {scheduler}"
+                    f"the Dask scheduler at {scheduler} has no workers", f"start some with: dask worker {scheduler}"
                 )
             time.sleep(0.2)
         last_seen = time.monotonic()
@@ -54,8 +54,8 @@ def connect_dask(scheduler: str, timeout_s: float = 30.0, patience_s: float = PA
                 last_seen = time.monotonic()
             elif time.monotonic() - last_seen > patience_s:
                 raise FoliageError(
-                    f"the Dask scheduler at {scheduler} is gone, or has had no workers for {patience_s:.0f} s; start "
-                    "it or some workers, then the same command goes on from here"
+                    f"the Dask scheduler at {scheduler} is gone, or has had no workers for {patience_s:.0f} s",
+                    "start it or some workers, then the same command goes on from here",
                 )
             return threads
 

@@ -34,6 +34,7 @@ class Done:
     spare: bool = False  # it was not done, since all that would be made of it is there
     lost: bool = False  # it was not done, since what it needs is gone: plan again
     error: str = ""  # what the user's data or set-up lack
+    remedy: str = ""  # what to do about it, with the settings of a plan
     fault: str = ""  # a fault of ours, with its traceback
 
     @property

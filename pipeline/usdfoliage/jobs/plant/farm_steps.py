@@ -99,7 +99,8 @@ def find_chunks(
     if of is not None and of != step.chunks:
         raise FoliageError(
             f"{name} has {step.chunks} chunks, not {of}: the photographs or the plan have changed since the job was "
-            "made; make it again"
+            "made",
+            "make it again",
         )
     chosen = chunks or range(1, step.chunks + 1)
     if chosen[0] < 1 or chosen[-1] > step.chunks:

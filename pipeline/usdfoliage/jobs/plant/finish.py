@@ -27,6 +27,7 @@ class BuiltPlant:
 
     request: BuildRequest
     error: str = ""  # why there is no asset
+    remedy: str = ""  # what to do about it, with the settings of a plan
     is_fault: bool = False  # whether that is a fault of ours; then error is its traceback
     failed: str = ""  # the task that failed
     result: Path | None = None  # folder with the finished asset in the work folder
@@ -38,6 +39,11 @@ class BuiltPlant:
     wall_s: float = 0.0  # of the run
     remarks: tuple[Remark, ...] = ()  # of all stages, warnings first
     facts: tuple[Row, ...] = ()
+
+    @property
+    def message(self) -> str:
+        """Error and remedy as one sentence."""
+        return f"{self.error}; {self.remedy}" if self.remedy else self.error
 
     @property
     def verdict(self) -> str:
@@ -70,7 +76,7 @@ def finish_plant(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant
     with use_plant(made.request), hold_work_lock(made.request.store.lock(plan.tasks[REPORT].key), shared=True):
         if read_stamp(made.request.store, plan.tasks[REPORT].key) is None:
             raise FoliageError(
-                f"the report in {made.request.work} vanished as soon as it was made; run the same command again"
+                f"the report in {made.request.work} vanished as soon as it was made", "run the same command again"
             )
         return _finish(made, plan, executor)
 

@@ -61,14 +61,14 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", digest_by
     try:
         is_file = source.is_file()
     except OSError as error:  # such a name cannot be
-        raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}; name a capture") from error
+        raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}", "name a capture") from error
     if is_cloud_input(source):
         check_cloud_file(source)
     if is_file:
         if not is_cloud_input(source):
             raise CaptureError(
-                f"{source} is neither a folder nor a point cloud ({', '.join(CLOUD_SUFFIXES)}); "
-                "name a folder of photographs"
+                f"{source} is neither a folder nor a point cloud ({', '.join(CLOUD_SUFFIXES)})",
+                "name a folder of photographs",
             )
         files = {source.name: source}
         _require_names(files)
@@ -89,7 +89,7 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", digest_by
         folders = [MASKS, CAMERAS]
         has_depth = depth != "estimated" and bool(files_below(source / DEPTH_FOLDER))
         if depth == "given" and not has_depth:
-            raise CaptureError(f"{source} has no {DEPTH_FOLDER}/; set leaves.depth to estimated, or put maps there")
+            raise CaptureError(f"{source} has no {DEPTH_FOLDER}/", "set leaves.depth to estimated, or put maps there")
         for folder in [*folders, *([DEPTH_FOLDER] if has_depth else [])]:
             files.update({f"{folder}/{name}": path for name, path in files_below(source / folder).items()})
         has_cameras = any(name.startswith(f"{CAMERAS}/") for name in files)
@@ -119,11 +119,11 @@ def _require_names(files: Mapping[str, Path]) -> None:
     """
     for name, path in files.items():
         if "\\" in name:
-            raise CaptureError(f"{path} has a backslash in its name, which is another folder elsewhere; rename it")
+            raise CaptureError(f"{path} has a backslash in its name, which is another folder elsewhere", "rename it")
         try:
             name.encode()
         except UnicodeEncodeError as error:
-            raise CaptureError(f"{path} has a name that is not in UTF-8; rename it") from error
+            raise CaptureError(f"{path} has a name that is not in UTF-8", "rename it") from error
 
 
 def _digest_files(
@@ -138,7 +138,7 @@ def _digest_files(
         try:
             seen = path.stat()
         except OSError as error:
-            raise CaptureError(f"{path} cannot be read: {error.strerror}; check its permissions") from error
+            raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
         mark: list[object] = [seen.st_size, seen.st_mtime_ns, seen.st_ino]
         stored = known.get(name)
         if digest_by != "bytes" and stored and stored[:3] == mark:

@@ -14,7 +14,7 @@ from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.capture.folder import IMAGES
 from usdfoliage.jobs.plant.finish import BuiltPlant
 from usdfoliage.jobs.plant.pages.library_page import Library, LibraryPlant, PlantState, write_library_page
-from usdfoliage.remarks import as_plan_setting, warnings_of
+from usdfoliage.remarks import as_plan_setting, warnings_of, write_remedy
 
 COLUMNS = ("capture", "name", "plan")
 _PAGE_SHARE = 0.05  # of the time, that writing the page may take while plants are built
@@ -54,25 +54,28 @@ def read_library(source: Path) -> LibraryList:
         listed = _read_folder(source)
     else:
         if source.exists() and not source.is_file():  # a pipe would be waited for
-            raise CaptureError(f"{source} is no regular file; name a list of captures, or a folder of them")
+            raise CaptureError(f"{source} is no regular file", "name a list of captures, or a folder of them")
         try:
             text = source.read_bytes().decode("utf-8-sig")
         except OSError as error:
             raise CaptureError(
-                f"{source} cannot be read: {error.strerror}; name a list of captures, or a folder"
+                f"{source} cannot be read: {error.strerror}", "name a list of captures, or a folder"
             ) from error
         except UnicodeDecodeError as error:
-            raise CaptureError(f"{source} is no text in UTF-8; name a list of captures, or a folder of them") from error
+            raise CaptureError(
+                f"{source} is no text in UTF-8", "name a list of captures, or a folder of them"
+            ) from error
         listed = LibraryList(entries=tuple(_read_lines(source, text)))
     if not listed.entries:
-        raise CaptureError(f"{source} has no captures; put one a line there, or name a folder of captures")
+        raise CaptureError(f"{source} has no captures", "put one a line there, or name a folder of captures")
     names: dict[str, LibraryEntry] = {}
     for entry in listed.entries:
         other = names.setdefault(entry.name.casefold(), entry)
         if other is not entry:
             raise CaptureError(
                 f"{entry.place}: {entry.capture.name} and {other.capture.name} ({other.place}) would both be called "
-                f"{entry.name}; give one of them another name in a list, after a tab"
+                f"{entry.name}",
+                "give one of them another name in a list, after a tab",
             )
     return listed
 
@@ -87,12 +90,14 @@ def _read_folder(folder: Path) -> LibraryList:
                 if (path / IMAGES).is_dir() or any(is_picture(each.name) for each in path.iterdir()):
                     entries.append(_entry(path, str(folder)))
                 else:
-                    advice = "put photographs there, or move the folder elsewhere"
-                    skipped.append(_skip(path, "the folder has no photographs", advice))
+                    remedy = "put photographs there, or move the folder elsewhere"
+                    skipped.append(_skip(path, "the folder has no photographs", remedy))
             elif path.suffix.lower() in CLOUD_SUFFIXES and path.suffix.lower() not in (".txt", ".csv"):
                 entries.append(_entry(path, str(folder)))
     except OSError as error:
-        raise CaptureError(f"{error.filename or folder} cannot be read: {error.strerror}; check permissions") from error
+        raise CaptureError(
+            f"{error.filename or folder} cannot be read: {error.strerror}", "check permissions"
+        ) from error
     return LibraryList(entries=tuple(entries), skipped=tuple(skipped))
 
 
@@ -129,18 +134,18 @@ def _read_lines(source: Path, text: str) -> Iterator[LibraryEntry]:
 
 def _read_path(text: str, place: str) -> Path:
     if "\0" in text:
-        raise CaptureError(f"{place} has a zero byte in a path; is it a list of captures?")
+        raise CaptureError(f"{place} has a zero byte in a path", "is it a list of captures?")
     try:
         return Path(text).expanduser()
     except RuntimeError as error:  # ~ of nobody
-        raise CaptureError(f"{place}: {text} cannot be found: {error}; write the folder itself") from error
+        raise CaptureError(f"{place}: {text} cannot be found: {error}", "write the folder itself") from error
 
 
 def _split_csv(line: str, place: str) -> list[str]:
     try:
         return next(csv.reader([line]))
     except csv.Error as error:
-        raise CaptureError(f"{place} is no line of CSV: {error}; put one capture a line there") from error
+        raise CaptureError(f"{place} is no line of CSV: {error}", "put one capture a line there") from error
 
 
 def _entry(capture: Path, place: str, name: str = "", plan: Path | None = None) -> LibraryEntry:
@@ -148,8 +153,8 @@ def _entry(capture: Path, place: str, name: str = "", plan: Path | None = None) 
     return LibraryEntry(name=asset_name(named), capture=capture, plan=plan, place=place)
 
 
-def _skip(path: Path, message: str, advice: str) -> LibraryPlant:
-    return LibraryPlant(name=path.name, state="skipped", capture=path.name, message=message, advice=advice)
+def _skip(path: Path, message: str, remedy: str) -> LibraryPlant:
+    return LibraryPlant(name=path.name, state="skipped", capture=path.name, message=message, remedy=remedy)
 
 
 @dataclass
@@ -196,7 +201,7 @@ def describe_built(made: BuiltPlant, folder: Path) -> LibraryPlant:
     capture = request.capture.name
     if made.verdict in ("failed", "fault"):
         text = made.error.strip().splitlines()[-1] if made.is_fault else made.error
-        return describe_failed(request.name, capture, text, request.settings.plant.species)
+        return describe_failed(request.name, capture, FoliageError(text, made.remedy), request.settings.plant.species)
     facts = {row.name: row.value for row in made.facts}
     warnings = warnings_of(made.remarks)
     state: PlantState = "warnings" if warnings or made.errors else "built"
@@ -227,22 +232,21 @@ def describe_built(made: BuiltPlant, folder: Path) -> LibraryPlant:
     )
 
 
-def describe_failed(name: str, capture: str, error: str, species: str = "") -> LibraryPlant:
-    """A plant that was not built, and why. In our messages the part after the last semicolon is the remedy."""
-    message, _, advice = error.rpartition("; ")
+def describe_failed(name: str, capture: str, error: FoliageError, species: str = "") -> LibraryPlant:
+    """A plant that was not built, and why."""
     return LibraryPlant(
         name=name,
         state="failed",
         capture=capture,
         species=species,
-        message=message or advice,
-        advice=advice if message else "",
+        message=error.text,
+        remedy=write_remedy(error.remedy, as_plan_setting),
     )
 
 
-def explain_entry(entry: LibraryEntry, error: FoliageError) -> str:
-    """The message about an entry that is no valid request."""
-    return f"{entry.place}: {error}"
+def explain_entry(entry: LibraryEntry, error: FoliageError) -> FoliageError:
+    """The error about an entry that is no valid request."""
+    return FoliageError(f"{entry.place}: {error.text}", error.remedy)
 
 
 def _number(value: str | None) -> float | None:

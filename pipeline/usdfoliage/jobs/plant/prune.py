@@ -80,7 +80,7 @@ def prune_work(folder: Path, keep_days: float = 0.0) -> tuple[StoredTask, ...]:
     removed = []
     with ExitStack() as locks:
         if not locks.enter_context(try_work_lock(store.plant_lock(PRUNING))):
-            raise FoliageError(f"{folder} is being pruned, or a build of it begins, just now; try again")
+            raise FoliageError(f"{folder} is being pruned, or a build of it begins, just now", "try again")
         free = {key: locks.enter_context(try_work_lock(store.plant_lock(key))) for key in _plants(store)}
         for remark in _find_unclear(store, free):
             raise FoliageError(remark)

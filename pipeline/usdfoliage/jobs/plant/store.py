@@ -29,12 +29,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usdfoliage.capture.folder.listing import explain_lost_link, leads_nowhere
-from usdfoliage.errors import FoliageError
+from usdfoliage.errors import FoliageError, WriteError
 from usdfoliage.files.hashing import digest_file, digest_text, hash_file
 from usdfoliage.files.json import read_json
 from usdfoliage.files.locks import lacks_locks, open_lock, open_old_lock, try_lock, wait_for_lock
 from usdfoliage.jobs.work.keys import task_key
-from usdfoliage.jobs.work.results import explain, write_whole
+from usdfoliage.jobs.work.results import describe_unwritten, write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -214,7 +214,7 @@ def fill_result(store: Store, key: str) -> Iterator[Path]:
         finally:
             _remove(new)
     except OSError as error:
-        raise FoliageError(explain(there, error)) from error
+        raise describe_unwritten(there, error) from error
 
 
 def drop_result(store: Store, key: str) -> None:
@@ -264,7 +264,7 @@ def hold_work_lock(path: Path, *, shared: bool) -> Iterator[bool]:
             has_lock = True
         except OSError as error:
             if not lacks_locks(error):
-                raise FoliageError(f"{path} cannot be locked: {error.strerror}; name another work folder") from error
+                raise FoliageError(f"{path} cannot be locked: {error.strerror}", "name another work folder") from error
             # Without locks two runs may do a task twice; each result still appears whole.
             logger.info("%s: the file system has no locks", path)
             has_lock = False
@@ -286,8 +286,8 @@ def try_work_lock(path: Path) -> Iterator[bool]:
             free = try_lock(lock)
         except OSError as error:
             raise FoliageError(
-                f"{path} cannot be locked ({error.strerror}), so that what is in use is unknown; remove what you "
-                "like by hand while no run uses the folder"
+                f"{path} cannot be locked ({error.strerror}), so that what is in use is unknown",
+                "remove what you like by hand while no run uses the folder",
             ) from error
         yield free
     finally:
@@ -299,7 +299,7 @@ def _open_lock(path: Path) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         return open_lock(path)
     except OSError as error:
-        raise FoliageError(f"{path} cannot be written: {error.strerror}; name another work folder") from error
+        raise WriteError(f"{path} cannot be written: {error.strerror}", "name another work folder") from error
 
 
 def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
@@ -328,7 +328,7 @@ def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
                         raise
             shutil.copyfile(path, there)
         except OSError as error:
-            raise FoliageError(explain(there, error)) from error
+            raise describe_unwritten(there, error) from error
 
 
 def remove_leftovers(store: Store) -> None:

@@ -30,6 +30,7 @@ class StageSummary:
     pictures: Sequence[StagePicture] = ()
     detail: str = ""  # a page of the stage's own, from the result's folder
     failure: str = ""  # why there is no result; the plant goes without
+    remedy: str = ""  # what to do about that, with the settings of a plan
     poor: bool = False  # made without Storm's pictures: the next run tries again
 
     def warning_texts(self) -> list[str]:
@@ -58,10 +59,11 @@ def read_summary(folder: Path) -> StageSummary:
             pictures=tuple(StagePicture(**picture) for picture in values["pictures"]),
             detail=values["detail"],
             failure=values["failure"],
+            remedy=values["remedy"],
             poor=values["poor"],
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise CaptureError(f"{folder / SUMMARY} cannot be read ({error}); run the same command again") from error
+        raise CaptureError(f"{folder / SUMMARY} cannot be read ({error})", "run the same command again") from error
 
 
 def rename_paths(folder: Path, rename: Callable[[str], str]) -> None:
@@ -72,5 +74,6 @@ def rename_paths(folder: Path, rename: Callable[[str], str]) -> None:
         rows=[replace(row, value=rename(row.value), remark=rename(row.remark)) for row in values.rows],
         remarks=[rename_in(each, rename) for each in values.remarks],
         failure=rename(values.failure),
+        remedy=rename(values.remedy),
     )
     write_summary(folder, renamed)

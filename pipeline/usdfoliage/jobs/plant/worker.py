@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from usdfoliage.capture.folder.listing import named
-from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.errors import CaptureError, FoliageError, WriteError
 from usdfoliage.jobs.capture.folder import IMAGES
 from usdfoliage.jobs.plant.call import BuildRequest, Stage, StageCall, digest_profile
 from usdfoliage.jobs.plant.executors import Done, TaskOrder
@@ -55,7 +55,7 @@ from usdfoliage.jobs.plant.tasks import (
     plan_build,
 )
 from usdfoliage.progress import StepProgress
-from usdfoliage.remarks import as_plan_setting, explain_error
+from usdfoliage.remarks import as_plan_setting, write_remedy
 
 logger = logging.getLogger(__name__)
 
@@ -78,8 +78,6 @@ STAGES: Mapping[str, Stage] = {
 # These read many files of others, each of which is checked for damage as it is read.
 _READ_MANY = (MATCHING, DEPTH)
 
-_NOT_WRITTEN = re.compile("was not written|cannot be written")
-
 
 def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Done:
     """Do one task, unless another run has done it meanwhile.
@@ -99,10 +97,21 @@ def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Do
         with use_plant(order.request):
             return _run(order, inputs, plan, task, progress)
     except FoliageError as error:
-        text = _as_given(explain_error(error, as_plan_setting), order.request, str(order.request.capture))
-        return Done(name=order.name, seconds=0.0, was_run=True, error=text)
+        return _explain(order, error)
     except Exception:  # noqa: BLE001 (a farm must hear of any)
         return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
+
+
+def _explain(order: TaskOrder, error: FoliageError) -> Done:
+    """The error with the files of the capture as the user has them.
+
+    What could not be written is a file of the task itself, and the disk of the work folder the one to look at.
+    """
+    text, remedy = error.text, write_remedy(error.remedy, as_plan_setting)
+    if not isinstance(error, WriteError):
+        source = str(order.request.capture)
+        text, remedy = _as_given(text, order.request, source), _as_given(remedy, order.request, source)
+    return Done(name=order.name, seconds=0.0, was_run=True, error=text, remedy=remedy)
 
 
 def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, progress: StepProgress | None) -> Done:
@@ -203,20 +212,15 @@ def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -
             return
         text = named(changed)
     except CaptureError as error:
-        text = str(error).partition(";")[0]
+        text = error.text
     drop_result(request.store, task.key)
     raise CaptureError(
-        f"{request.capture} changed while it was read: {text}; run the same command again when nothing writes there"
+        f"{request.capture} changed while it was read: {text}", "run the same command again when nothing writes there"
     )
 
 
 def _as_given(text: str, request: BuildRequest, source: str) -> str:
-    """A message with files of the capture as source has them: tasks work on links and copies in the work folder.
-
-    What could not be written is a file of the task itself, and the disk of the work folder the one to look at.
-    """
-    if _NOT_WRITTEN.search(text):
-        return text
+    """A message with files of the capture as source has them: tasks work on links and copies in the work folder."""
     name = re.escape(request.capture.resolve().name)
     laid = rf"{re.escape(str(request.store.folder))}/(?:scratch/[^/\s]+|results/[^/\s]+/capture)/{name}"
     if not (request.capture / IMAGES).is_dir():  # a plain folder of photographs

@@ -211,7 +211,7 @@ def draw_views(
         try:
             result = run_recorder(request, work, settings.stall_timeout_s, progress)
         except PreviewError as error:
-            raise PreviewError(f"{error}{_describe_lost_layers(usd_file)}") from error
+            raise PreviewError(f"{error.text}{_describe_lost_layers(usd_file)}", error.remedy) from error
         logger.info(
             "Storm (USD %s) drew %d views in %.1f s", result["usd_version"], len(views), time.monotonic() - started
         )

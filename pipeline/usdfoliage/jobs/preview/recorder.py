@@ -52,14 +52,14 @@ def find_interpreter() -> Path:
     if chosen:
         python = Path(chosen)
         if not os.access(python, os.X_OK) or python.is_dir():
-            raise PreviewError(f"{INTERPRETER_VARIABLE} names no program that can be started ({python}); correct it")
+            raise PreviewError(f"{INTERPRETER_VARIABLE} names no program that can be started ({python})", "correct it")
         return python
     python = REPOSITORY / ".venv-preview" / "bin" / "python"
     if not os.access(python, os.X_OK):
         how = "run `make setup`" if (REPOSITORY / "Makefile").is_file() else "pip install bpy==5.0.1 into a Python 3.11"
         raise PreviewError(
-            f"the preview interpreter is missing ({python}); {how}, "
-            f"or set {INTERPRETER_VARIABLE} to a Python whose USD has imaging"
+            f"the preview interpreter is missing ({python})",
+            f"{how}, or set {INTERPRETER_VARIABLE} to a Python whose USD has imaging",
         )
     return python
 
@@ -144,7 +144,7 @@ def _follow_progress(process: subprocess.Popen[bytes], stall_timeout_s: float, p
         while True:
             if not selector.select(max(0.0, deadline - time.monotonic())):
                 raise PreviewError(
-                    f"Storm drew no picture within {stall_timeout_s:g} s; try a smaller size or a lower complexity"
+                    f"Storm drew no picture within {stall_timeout_s:g} s", "try a smaller size or a lower complexity"
                 )
             data = os.read(process.stdout.fileno(), 65536)
             if not data:

@@ -87,6 +87,6 @@ def write_picture(path: Path, picture: NDArray[np.uint8], *, jpeg_quality: int =
     good, encoded = cv2.imencode(path.suffix, bgr, quality)
     if not good:
         raise CaptureError(f"the picture {path.name} of the report could not be encoded")
-    with whole_file(path, CaptureError) as new:
+    with whole_file(path) as new:
         new.write_bytes(encoded.tobytes())
     return path.name

@@ -82,7 +82,7 @@ def _rename(table: dict[str, Any], old: str, new: str, path: Path) -> None:
         return
     target, new_last = _inner_table(table, new)
     if target is None or new_last in target:
-        raise FoliageError(f"{old} is the old name of {new}, and both are there; remove {old} ({path})")
+        raise FoliageError(f"{old} is the old name of {new}, and both are there", f"remove {old} ({path})")
     target[new_last] = inner.pop(last)
     logger.warning(
         "the setting %s is called %s now, and the next version will not know the old name (%s)", old, new, path

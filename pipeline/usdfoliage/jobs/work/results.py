@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, WriteError
 from usdfoliage.files.atomic import replace_file
 from usdfoliage.files.locks import lacks_locks, open_lock, try_lock
 from usdfoliage.files.npz import DAMAGED, find_damage, read_arrays, write_arrays
@@ -31,17 +31,18 @@ def lock_work(folder: Path) -> Iterator[None]:
     """Have the work folder for oneself; it is made where there is none.
 
     Raises:
-        CaptureError: Another run has it, or it cannot be written.
+        CaptureError: Another run has it.
+        WriteError: It cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = open_lock(folder / _LOCK)
     except OSError as error:
-        raise CaptureError(f"{folder} cannot be written: {error.strerror}; choose another folder with -o") from error
+        raise WriteError(f"{folder} cannot be written: {error.strerror}", "choose another folder with -o") from error
     try:
         if not _lock(lock, folder):
             holder = os.read(lock, 80).decode(errors="replace").strip() or "unknown"
-            raise CaptureError(f"{folder} is in use by another run ({holder}); wait until it ends, or end it")
+            raise CaptureError(f"{folder} is in use by another run ({holder})", "wait until it ends, or end it")
         os.ftruncate(lock, 0)
         os.pwrite(lock, f"process {os.getpid()} on {os.uname().nodename}\n".encode(), 0)
         yield
@@ -63,12 +64,12 @@ def write_result(path: Path, arrays: Mapping[str, NDArray[np.generic]], *, compr
     """Keep the arrays of a result; the file appears whole.
 
     Raises:
-        CaptureError: It cannot be written.
+        WriteError: It cannot be written.
     """
     try:
         write_arrays(path, arrays, compressed=compressed)
     except OSError as error:
-        raise CaptureError(explain(path, error)) from error
+        raise describe_unwritten(path, error) from error
 
 
 def read_result(path: Path, names: Iterable[str] | None = None) -> dict[str, NDArray[np.generic]] | None:
@@ -97,26 +98,26 @@ def write_whole(path: Path, data: bytes | memoryview) -> None:
     """Put data into the work folder; the file appears whole.
 
     Raises:
-        CaptureError: It cannot be written.
+        WriteError: It cannot be written.
     """
     try:
         with replace_file(path) as new:
             new.write_bytes(data)
     except OSError as error:
-        raise CaptureError(explain(path, error)) from error
+        raise describe_unwritten(path, error) from error
 
 
-def explain(path: Path, error: OSError) -> str:
-    """The message about a file that cannot be written."""
-    what = f"{path} was not written: {error.strerror or error}"
+def describe_unwritten(path: Path, error: OSError) -> WriteError:
+    """The error about a file of a work folder that cannot be written."""
+    text = f"{path} was not written: {error.strerror or error}"
+    remedy = "put that right"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         there = path
         while not there.exists():
             there = there.parent
-        what += f", {shutil.disk_usage(there).free / 1e6:,.0f} MB are free; make room, then"
-    else:
-        what += "; put that right, then"
-    return f"{what} the same command goes on from here"
+        text += f", {shutil.disk_usage(there).free / 1e6:,.0f} MB are free"
+        remedy = "make room"
+    return WriteError(text, f"{remedy}, then the same command goes on from here")
 
 
 def forget(folder: Path, keep: Iterable[Path] = ()) -> None:

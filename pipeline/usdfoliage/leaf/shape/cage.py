@@ -68,7 +68,7 @@ def build_leaf_cage(
     count, vertices = len(leaves), topology.vertex_count
     if count * len(topology.face_vertices) > np.iinfo(np.int32).max:
         raise AssetError(
-            f"{count} leaves of {vertices} control points are too many for one mesh; choose fewer across and along"
+            f"{count} leaves of {vertices} control points are too many for one mesh", "choose fewer across and along"
         )
     points_m = np.empty((count, vertices, 3), np.float32)
     st = np.empty((count, vertices, 2), np.float32)

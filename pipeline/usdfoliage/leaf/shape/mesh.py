@@ -98,7 +98,7 @@ def build_leaf_mesh(
     count, vertices = len(leaves), topology.vertex_count
     if count * len(topology.face_vertices) > np.iinfo(np.int32).max:
         raise AssetError(
-            f"{count} leaves of {vertices} vertices are too many for one mesh; choose fewer cells across and along"
+            f"{count} leaves of {vertices} vertices are too many for one mesh", "choose fewer cells across and along"
         )
     points_m = np.empty((count, vertices, 3), np.float32)
     normals = np.empty((count, vertices, 3), np.float32)

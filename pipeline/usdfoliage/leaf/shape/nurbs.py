@@ -68,8 +68,8 @@ def fit_leaf(net: NDArray[np.floating]) -> FittedLeaf:
     length = float(np.linalg.norm(apex - base))
     if length <= MIN_LENGTH * extent:
         raise FitError(
-            f"base and apex of the patch are {length:.3g} apart, {MIN_LENGTH * extent:.3g} at least are needed; "
-            "part the first row of control points from the last one"
+            f"base and apex of the patch are {length:.3g} apart, {MIN_LENGTH * extent:.3g} at least are needed",
+            "part the first row of control points from the last one",
         )
     patch_from_leaf = _frame(points, (apex - base) / length, length)
     in_leaf = (points - base) @ patch_from_leaf / length
@@ -105,8 +105,8 @@ def _frame(points: NDArray[np.float64], along: NDArray[np.float64], length: floa
     width = float(np.abs(across @ nearest).max())
     if width <= MIN_WIDTH * length:
         raise FitError(
-            f"the patch is {width:.3g} wide, {MIN_WIDTH * length:.3g} at least are needed; "
-            "draw its left and right silhouettes apart"
+            f"the patch is {width:.3g} wide, {MIN_WIDTH * length:.3g} at least are needed",
+            "draw its left and right silhouettes apart",
         )
     return np.column_stack([nearest, along, np.cross(nearest, along)])
 

@@ -92,7 +92,7 @@ def test_whatever_names_hold_is_text(tmp_path):
         species=NASTY,
         generator=NASTY,
         verdict=NASTY,
-        warnings=[ReportWarning(stage=NASTY, text=NASTY, advice=NASTY)],
+        warnings=[ReportWarning(stage=NASTY, text=NASTY, remedy=NASTY)],
         comparisons=[replace(one, name=NASTY, remark=NASTY) for one in report.comparisons],
         variants=[replace(one, set=NASTY, name=NASTY) for one in report.variants],
         stages=[replace(stage, pictures=[Picture(image=flat_picture((1, 2, 3)), caption=NASTY)])],

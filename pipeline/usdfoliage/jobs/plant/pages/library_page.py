@@ -39,10 +39,15 @@ class LibraryPlant:
     branches: int | None = None
     size_bytes: int | None = None  # of the asset on disk
     message: str = ""  # of what failed, why it was skipped, or the first warning
-    advice: str = ""  # what to do
+    remedy: str = ""  # what to do
     warnings: int = 0
     report: str = ""  # the plant's report, as seen from the library's folder; empty where there is none
     asset: str = ""  # its interface layer, likewise
+
+    @property
+    def sentence(self) -> str:
+        """Message and remedy."""
+        return f"{self.message}; {self.remedy}" if self.remedy else self.message
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,7 +21,7 @@ class ReportWarning:
 
     stage: str  # title of the stage it comes from; empty where it is about the whole
     text: str  # in plain words: what was found, and what was needed
-    advice: str = ""  # what to do
+    remedy: str = ""  # what to do
     severe: bool = False  # the result cannot be used as it is
 
 

@@ -148,9 +148,8 @@ def _why_none(call: StageCall) -> str:
             continue
         summary = read_summary(call.result_of(stage))
         why = summary.failure or next((each.text for each in summary.remarks if each.code in _LEFT_OUT), "")
-        # What follows a semicolon is advice on that one stage; the library's page shows the last one by itself.
-        what, _, advice = shorten(why or "none found", _MAX_CHARACTERS, placeholder=" …").partition("; ")
-        reasons.append(f"{stage.capitalize()}: {what}" + (f" ({advice.replace('; ', ', ')})" if advice else ""))
+        what = shorten(why or "none found", _MAX_CHARACTERS, placeholder=" …")
+        reasons.append(f"{stage.capitalize()}: {what}" + (f" ({summary.remedy})" if summary.remedy else ""))
     return ". ".join(reasons)
 
 

@@ -75,7 +75,7 @@ def choose_foliage(
         return ChosenFoliage(leaves=None, kind=kind, remarks=tuple(remarks), rows=())
     if kind == "captured":
         if placed is None or captured is None:
-            raise FoliageError("no leaf was found in the photographs; set foliage.kind to species, or auto")
+            raise FoliageError("no leaf was found in the photographs", "set foliage.kind to species, or auto")
         chosen = _representations(settings, len(placed))
         leaves = BranchLeaves(
             leaves=placed,
@@ -87,9 +87,9 @@ def choose_foliage(
     if kind == "filled":
         return _fill(captured, placed, traced, settings, remarks)
     if traced is None:
-        raise FoliageError(f"foliage.kind is {kind}, and there are no twigs for leaves; set it to captured or auto")
+        raise FoliageError(f"foliage.kind is {kind}, and there are no twigs for leaves", "set it to captured or auto")
     if kind == "drawn" and captured is None:
-        raise FoliageError("no leaf was found to draw from; set foliage.kind to species, or auto")
+        raise FoliageError("no leaf was found to draw from", "set foliage.kind to species, or auto")
     species = known_species(settings.plant.species) or load_species(GENERIC)
     request = FoliageRequest(
         kind=FITTED if kind == "drawn" else TEMPLATE,

@@ -43,7 +43,7 @@ from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summ
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
 from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.model_file import write_leaves_model
-from usdfoliage.remarks import Setting, as_plan_setting, explain_error, remark
+from usdfoliage.remarks import Setting, as_plan_setting, remark, write_remedy
 
 logger = logging.getLogger(__name__)
 
@@ -150,7 +150,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
     isolated = call.has(ISOLATION)
     capture = call.request.capture if given and not isolated else plant_capture(call)
     if not given and settings.depth == "given":
-        raise CaptureError(f"{capture} has depth but no cameras/ that it belongs to; set leaves.depth to estimated")
+        raise CaptureError(f"{capture} has depth but no cameras/ that it belongs to", "set leaves.depth to estimated")
     values = {field.name: getattr(settings, field.name) for field in fields(LeavesSettings)}
     chosen = set_everywhere(
         set_everywhere(LeavesSettings(**values), "threads", call.threads), "seed", call.settings.seed
@@ -274,7 +274,8 @@ def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[Result
     if isinstance(error, AssetError) or isinstance(error.__cause__, OSError):
         raise error
     logger.warning("no %s: %s", what, error)
-    text = explain_error(error, as_plan_setting).replace(str(call.store.folder), "…")
-    failed = remark("part-failed", f"the plant has no {what}: {text}", subject=what)
-    write_summary(call.out, StageSummary(failure=text, remarks=[failed]))
+    text = error.text.replace(str(call.store.folder), "…")
+    failed = remark("part-failed", f"the plant has no {what}: {text}", subject=what, remedy=error.remedy)
+    remedy = write_remedy(error.remedy, as_plan_setting)
+    write_summary(call.out, StageSummary(failure=text, remedy=remedy, remarks=[failed]))
     return ()
