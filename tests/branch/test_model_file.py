@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from usdfoliage.branch.cage.build import BranchCage, DroppedBranch, build_branch_cage
+from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.model_file import (
@@ -29,7 +30,9 @@ def assert_same_skeleton(found, wanted):
 
 def test_branches_come_back_with_all_their_surfaces(tmp_path):
     skeleton = fork()
-    whole = replace(build_branch_cage(skeleton), dropped=(DroppedBranch(curve=1, why="no room, für sie"),), loose=(1,))
+    whole = replace(
+        build_branch_cage(skeleton), dropped=(DroppedBranch(curve=1, reason=DropReason.NO_ROOM),), loose=(1,)
+    )
     coarse = build_branch_cage(skeleton.up_to_order(0))
     model = BranchesModel(
         skeleton=skeleton,

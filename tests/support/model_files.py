@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, WriteError
 
 
 def check_model_file(
@@ -44,6 +44,6 @@ def check_model_file(
         with pytest.raises(CaptureError, match=f"{name}.npz holds no .*run the same command again"):
             read(tmp_path / f"{name}.npz")
     (tmp_path / "file").write_text("")
-    with pytest.raises(CaptureError, match=r"file/model.npz was not written"):
+    with pytest.raises(WriteError, match=r"file/model.npz was not written"):
         write(tmp_path / "file" / "model.npz", model)
     return found

@@ -82,7 +82,7 @@ def write_capture_layer(
 
     Raises:
         ValueError: A path of a photograph is absolute, or name is no name of a prim.
-        AssetError: A file cannot be written.
+        WriteError: A file cannot be written.
     """
     if not Sdf.Path.IsValidIdentifier(name):
         raise ValueError(f"name must be the name of a prim, not {name!r}")

@@ -31,7 +31,7 @@ def export_layer(stage: Usd.Stage, path: Path) -> None:
     """Write the stage's root layer; path's suffix chooses text (.usda) or crate (.usdc).
 
     Raises:
-        AssetError: The file cannot be written.
+        WriteError: The file cannot be written.
     """
     save_layer(stage.GetRootLayer(), path)
 

@@ -114,7 +114,7 @@ def write_provenance_file(folder: Path, provenance: Provenance) -> Path:
     """Write all that is known of the run to PROVENANCE_FILE of the asset in folder; the same run, the same bytes.
 
     Raises:
-        AssetError: It cannot be written.
+        WriteError: It cannot be written.
     """
     content = {
         "species": provenance.species,

@@ -12,7 +12,7 @@ def publish_text(path: Path, text: str) -> None:
     """Put text where path is, in one step; a layer that USD has open from there is read again.
 
     Raises:
-        AssetError: The file cannot be written; what was there is unchanged.
+        WriteError: The file cannot be written; what was there is unchanged.
     """
     publish_written(path, lambda new: new.write_text(text, encoding="utf-8"))
 
@@ -21,7 +21,7 @@ def publish_written(path: Path, write: Callable[[Path], object]) -> None:
     """The same for what a function writes, to a name beside path with its suffix.
 
     Raises:
-        AssetError: The file cannot be written; what was there is unchanged.
+        WriteError: The file cannot be written; what was there is unchanged.
     """
     with whole_file(path, remedy="") as new:
         write(new)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.cage.build import BranchCage, DroppedBranch
+from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.files.npz import read_arrays, reading_model, write_model
@@ -50,7 +51,7 @@ def write_branches_model(path: Path, model: BranchesModel) -> None:
     """Write branches to a .npz file, which appears whole; the same bytes for the same branches.
 
     Raises:
-        CaptureError: It cannot be written.
+        WriteError: It cannot be written.
     """
     arrays = _pack_skeleton(model.skeleton)
     arrays |= _pack_cage("all", model.surfaces.whole)
@@ -89,7 +90,7 @@ def write_traced_plant(path: Path, traced: TracedPlant) -> None:
     """Write a cloud with its branches to a .npz file, which appears whole; the same bytes for the same cloud.
 
     Raises:
-        CaptureError: It cannot be written.
+        WriteError: It cannot be written.
     """
     arrays = {name: np.asarray(getattr(traced, name)) for name in _CLOUD}
     arrays["knows_leaves"] = np.array(traced.knows_leaves)
@@ -129,15 +130,17 @@ def _unpack_skeleton(arrays: Mapping[str, NDArray[Any]]) -> Skeleton:
 def _pack_cage(name: str, cage: BranchCage) -> dict[str, NDArray[Any]]:
     arrays = {f"cage_{name}_{part}": np.asarray(getattr(cage, part)) for part in _CAGE}
     arrays[f"cage_{name}_dropped"] = np.array([each.curve for each in cage.dropped], np.int64)
-    arrays[f"cage_{name}_why"] = np.array([each.why for each in cage.dropped], np.str_)
+    arrays[f"cage_{name}_reasons"] = np.array([each.reason for each in cage.dropped], np.str_)
     arrays[f"cage_{name}_loose"] = np.array(cage.loose, np.int64)
     return arrays
 
 
 def _unpack_cage(name: str, arrays: Mapping[str, NDArray[Any]]) -> BranchCage:
-    dropped, why = arrays[f"cage_{name}_dropped"].tolist(), arrays[f"cage_{name}_why"].tolist()
+    dropped, reasons = arrays[f"cage_{name}_dropped"].tolist(), arrays[f"cage_{name}_reasons"].tolist()
     return BranchCage(
         **{part: arrays[f"cage_{name}_{part}"] for part in _CAGE},
-        dropped=tuple(DroppedBranch(curve=each, why=reason) for each, reason in zip(dropped, why, strict=True)),
+        dropped=tuple(
+            DroppedBranch(curve=each, reason=DropReason(why)) for each, why in zip(dropped, reasons, strict=True)
+        ),
         loose=tuple(arrays[f"cage_{name}_loose"].tolist()),
     )

@@ -23,7 +23,7 @@ def write_crown_model(path: Path, made: MadeCrown) -> None:
     """Write a crown to a .npz file, which appears whole; the same bytes for the same crown.
 
     Raises:
-        CaptureError: It cannot be written.
+        WriteError: It cannot be written.
     """
     arrays = {name: np.asarray(getattr(made.model, name)) for name in _SHAPES}
     arrays |= {"relief_weight": np.array(made.model.relief_weight), "overlap": np.array(made.overlap)}

@@ -35,7 +35,7 @@ def write_leaves_model(path: Path, model: LeavesModel) -> None:
     """Write leaves to a .npz file, which appears whole; the same bytes for the same leaves.
 
     Raises:
-        CaptureError: It cannot be written.
+        WriteError: It cannot be written.
     """
     leaves = model.leaves
     arrays: dict[str, NDArray[Any]] = {name: np.asarray(getattr(leaves, name), np.float32) for name in _NUMBERS}

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.branch.cage.build import build_branch_cage, check_cage
-from usdfoliage.branch.cage.settle import TOO_SHORT
+from usdfoliage.branch.cage.drop_reason import DropReason
 
 from tests.support.branch_shapes import fork, limit, off_axis, plant_of, random_tree
 
@@ -104,7 +104,7 @@ def test_a_branch_inside_its_parent_is_named_and_what_it_carries_stays():
     plant = plant_of((TRUNK, 0.05, None, 0), (stub, 0.01, 0, 1), (leaving(80, 180, (0.02, 1, 0)), 0.008, 1, 1))
     cage = build_branch_cage(plant)
     assert_whole(plant, cage, dropped=1)
-    assert (cage.dropped[0].curve, cage.dropped[0].why) == (1, TOO_SHORT)
+    assert (cage.dropped[0].curve, cage.dropped[0].reason) == (1, DropReason.TOO_SHORT)
 
 
 def test_repeated_points_do_no_harm():
@@ -119,7 +119,7 @@ def test_branches_without_length_are_named():
     plant = plant_of((TRUNK, 0.05, None, 0), (point, 0.02, 0, 1), (leaving(60), 0.02, 1, 1))
     cage = build_branch_cage(plant)
     assert_whole(plant, cage, dropped=1)
-    assert cage.dropped[0].why == "has no length"
+    assert cage.dropped[0].reason == DropReason.NO_LENGTH
     alone = build_branch_cage(plant_of((point, 0.02, None, 0)))
     assert len(alone.faces) == 0
     assert len(alone.dropped) == 1

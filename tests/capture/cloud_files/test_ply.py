@@ -12,7 +12,7 @@ from hypothesis import given
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files import ply as ply_files
 from usdfoliage.capture.cloud_files.ply import fits_single, read_cloud, read_cloud_file, write_cloud
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, WriteError
 
 SCAN = Path(__file__).parents[4] / "shared/data/synthetic/tree_leaf_on/scan.ply"
 
@@ -135,7 +135,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(CaptureError, match="No space left on device; what was there is unchanged"):
+    with pytest.raises(WriteError, match="No space left on device; what was there is unchanged"):
         write_cloud(path, some_cloud(9))
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
@@ -143,7 +143,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
 
 def test_a_folder_that_is_a_file_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(CaptureError, match="was not written"):
+    with pytest.raises(WriteError, match="was not written"):
         write_cloud(tmp_path / "file" / "cloud.ply", some_cloud(5))
 
 

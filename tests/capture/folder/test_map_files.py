@@ -20,7 +20,7 @@ from usdfoliage.capture.folder.map_files import (
 )
 from usdfoliage.capture.folder.read import read_capture, read_view
 from usdfoliage.capture.lens import Lens, undistort, undistort_places
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, WriteError
 
 from tests.support.captures import LENS, look_at, sphere_depth, write_capture, write_depth
 
@@ -136,7 +136,7 @@ def test_a_full_disk_leaves_the_old_map(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(CaptureError, match="No space left"):
+    with pytest.raises(WriteError, match="No space left"):
         write_depth_map(tmp_path / "a.exr", np.zeros((4, 4)))
     assert (tmp_path / "a.exr").read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
@@ -152,7 +152,7 @@ def test_a_map_that_was_not_written_whole_is_an_error(tmp_path, monkeypatch):
         written(OpenEXR.File({"type": OpenEXR.scanlineimage}, {"Z": np.zeros((4, 4), np.float32)}), name)
 
     monkeypatch.setattr(OpenEXR.File, "write", write_less)
-    with pytest.raises(CaptureError, match="is the disk full"):
+    with pytest.raises(WriteError, match="is the disk full"):
         write_depth_map(tmp_path / "a.exr", np.ones((4, 4)))
     assert not list(tmp_path.iterdir())
 

@@ -12,7 +12,7 @@ from usdfoliage.capture.colmap.model import read_camera_model, read_model_points
 from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.poses.colmap_writer import write_colmap_model
 from usdfoliage.capture.poses.result import Registered, RegisteredPhoto
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, WriteError
 
 from tests.support.captures import look_at
 
@@ -123,6 +123,6 @@ def test_no_half_model_where_nothing_can_be_written(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(CaptureError, match="No space left"):
+    with pytest.raises(WriteError, match="No space left"):
         write_colmap_model(Path(tmp_path) / "cameras", registered(three_poses()))
     assert list(tmp_path.iterdir()) == []

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from usdfoliage.capture.cloud.model import Cloud
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import WriteError
 from usdfoliage.jobs.capture import overlap_pictures as overlap
 from usdfoliage.jobs.capture import report as capture_report
 from usdfoliage.jobs.capture.map_pictures import (
@@ -281,7 +281,7 @@ def test_a_full_disk_is_reported(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(CaptureError, match="No space left"):
+    with pytest.raises(WriteError, match="No space left"):
         write_capture_report(tmp_path, some_report())
     assert not (tmp_path / "index.html").exists()
 

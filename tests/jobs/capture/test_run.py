@@ -19,12 +19,20 @@ from usdfoliage.capture.mvs.agreement import DepthEstimate
 from usdfoliage.capture.mvs.rounds import MvsSettings, Round
 from usdfoliage.capture.mvs.upsampling import enlarge_depth
 from usdfoliage.capture.mvs.view_selection import ViewSelectionSettings
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, WriteError
 from usdfoliage.jobs.capture.depth_tasks import MissingTasks, find_missing, plan_tasks, prepare_views, read_pixels
 from usdfoliage.jobs.capture.maps import ViewMaps
 from usdfoliage.jobs.capture.run import size_cells
 from usdfoliage.jobs.work.keys import task_key
-from usdfoliage.jobs.work.results import explain, forget, has_result, lock_work, read_result, write_result, write_whole
+from usdfoliage.jobs.work.results import (
+    describe_unwritten,
+    forget,
+    has_result,
+    lock_work,
+    read_result,
+    write_result,
+    write_whole,
+)
 
 from tests.support.capture_photos import LENS, poses, write_posed_photos
 
@@ -88,7 +96,7 @@ def test_a_result_with_a_wrong_bit_is_none(tmp_path, compressed):
 
 def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
-    with pytest.raises(CaptureError, match="goes on from here"):
+    with pytest.raises(WriteError, match="goes on from here"):
         write_whole(tmp_path / "file" / "below", b"")
 
     def full(_descriptor):
@@ -100,7 +108,7 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
         write_whole(tmp_path / "a", b"new")
     assert (tmp_path / "a").read_bytes() == b"old"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "file"]
-    assert "put that right" in explain(tmp_path, OSError(13, "Permission denied"))
+    assert "put that right" in str(describe_unwritten(tmp_path, OSError(13, "Permission denied")))
 
 
 def test_only_one_run_has_the_work_folder(tmp_path):
@@ -110,7 +118,7 @@ def test_only_one_run_has_the_work_folder(tmp_path):
     with lock_work(tmp_path / "work"):
         pass
     (tmp_path / "file").write_text("")
-    with pytest.raises(CaptureError, match="cannot be written"), lock_work(tmp_path / "file" / "work"):
+    with pytest.raises(WriteError, match="cannot be written"), lock_work(tmp_path / "file" / "work"):
         pass
 
 

@@ -44,7 +44,7 @@ def write_radius_cubemap(path: Path, radius_m: NDArray[np.floating], attributes:
 
     Raises:
         ValueError: radius_m is not such a cubemap.
-        AssetError: The file cannot be written.
+        WriteError: The file cannot be written.
     """
     if radius_m.ndim != 3:
         raise ValueError(f"a radius cubemap must be (6, N, N), not {radius_m.shape}")
@@ -67,7 +67,7 @@ def write_color_cubemap(path: Path, color: NDArray[np.floating], attributes: Map
 
     Raises:
         ValueError: color is not such a cubemap.
-        AssetError: The file cannot be written.
+        WriteError: The file cannot be written.
     """
     if color.ndim != 4 or color.shape[3] != 3:
         raise ValueError(f"a colour cubemap must be (6, N, N, 3), not {color.shape}")

@@ -54,7 +54,7 @@ def write_asset(place: AssetPlace, parts: Sequence[Part], origin: Origin) -> Pat
         The interface layer.
 
     Raises:
-        AssetError: A file cannot be written.
+        WriteError: A file cannot be written.
     """
     far = [layer for part in parts for layer in part.far]
     lods = next((part.lods for part in parts if part.lods is not None), None)
@@ -93,7 +93,7 @@ def close_asset(
         The interface layer.
 
     Raises:
-        AssetError: A file cannot be written.
+        WriteError: A file cannot be written.
     """
     from_afar_first = sorted(parts, key=lambda part: not part.far)
     materials = [author for part in from_afar_first for author in part.materials]
@@ -111,7 +111,7 @@ def write_interface(place: AssetPlace, parts: Sequence[Part], plant: Plant, sets
     """Write the interface layer alone, or again where plant now holds more; returns the layer's path.
 
     Raises:
-        AssetError: It cannot be written.
+        WriteError: It cannot be written.
     """
     interface = place.folder / f"{place.name}.usda"
     frames = max((part.frames for part in parts), default=0)

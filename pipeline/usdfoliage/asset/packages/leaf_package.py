@@ -55,7 +55,7 @@ def write_crown_asset(
 
     Raises:
         ValueError: name is no identifier, or the crown is not what CrownModel promises.
-        AssetError: A file cannot be written.
+        WriteError: A file cannot be written.
     """
     place = begin_asset(folder, name)
     origin = Origin(provenance=provenance, asset_from_capture=crown.asset_from_photo, version=settings.version)

@@ -45,7 +45,7 @@ def write_bare_part(place: AssetPlace, hull: CrownHull, cage: BranchCage, color:
         What was written; nothing where no face stands out.
 
     Raises:
-        AssetError: The layer cannot be written.
+        WriteError: The layer cannot be written.
     """
     path = place.payload / BARE_LAYER
     return _write_bare(place, hull, stage_of_branches(path, place.name, cage, color), place.name, path)

@@ -60,7 +60,7 @@ def write_crown_maps(folder: Path, name: str, crown: CrownModel) -> None:
 
     Raises:
         ValueError: The two maps are not of one size, or one of them is no cubemap.
-        AssetError: A file cannot be written.
+        WriteError: A file cannot be written.
     """
     if crown.color.shape[:3] != crown.radius_m.shape:
         raise ValueError(f"radius and colour must be of one size, not {crown.radius_m.shape} and {crown.color.shape}")

@@ -25,7 +25,7 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int) -> Pa
 
     Raises:
         ValueError: The crown is not what CrownModel promises.
-        AssetError: A file cannot be written.
+        WriteError: A file cannot be written.
     """
     # A mesh finer than its map would show the map's texels as facets.
     prim = crown_prim(place.name, crown, min(mesh_size, crown.radius_m.shape[1]))

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.cage.check import CageCheck, check_mesh
-from usdfoliage.branch.cage.join import CROSSES, NO_ROOM, PARENT_DROPPED, join_branches
+from usdfoliage.branch.cage.drop_reason import DropReason
+from usdfoliage.branch.cage.join import join_branches
 from usdfoliage.branch.cage.layout import Layout
 from usdfoliage.branch.cage.mesh import Built
 from usdfoliage.branch.cage.pieces import LoosePieces, cut_loose
@@ -21,6 +22,7 @@ from usdfoliage.branch.model import Skeleton
 logger = logging.getLogger(__name__)
 
 PIECE_ROUNDS = 3  # of pieces that are cut loose from pieces
+_AT_FORKS = (DropReason.CROSSES, DropReason.NO_ROOM, DropReason.PARENT_DROPPED)  # these become pieces of their own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +30,7 @@ class DroppedBranch:
     """A branch that is not in the cage."""
 
     curve: int
-    why: str
+    reason: DropReason
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +63,7 @@ def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchC
     cage = _build_joined(skeleton, settings)
     for _ in range(PIECE_ROUNDS):
         lost = np.zeros(len(skeleton), bool)
-        lost[[each.curve for each in cage.dropped if each.why in (CROSSES, NO_ROOM, PARENT_DROPPED)]] = True
+        lost[[each.curve for each in cage.dropped if each.reason in _AT_FORKS]] = True
         joined = np.ones(len(skeleton), bool)
         joined[[each.curve for each in cage.dropped]] = False
         pieces = cut_loose(skeleton, lost, joined)
@@ -79,8 +81,8 @@ def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skele
     points, faces, corners = len(cage.points_m), len(cage.faces), len(cage.st_m)
     saved = set(pieces.curve.tolist()) - {int(pieces.curve[each.curve]) for each in other.dropped}
     roots = set(pieces.curve[pieces.skeleton.parent_curve < 0].tolist())
-    why = {each.curve: each.why for each in cage.dropped if each.curve not in saved}
-    why.update({int(pieces.curve[each.curve]): each.why for each in other.dropped})
+    reasons = {each.curve: each.reason for each in cage.dropped if each.curve not in saved}
+    reasons.update({int(pieces.curve[each.curve]): each.reason for each in other.dropped})
     curve = pieces.curve[other.curve]
     return BranchCage(
         points_m=np.concatenate([cage.points_m, other.points_m]),
@@ -92,7 +94,7 @@ def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skele
         fork_faces=np.concatenate([cage.fork_faces, other.fork_faces + faces]).astype(np.int32),
         fork_counts=np.concatenate([cage.fork_counts, other.fork_counts]),
         fork_curve=np.concatenate([cage.fork_curve, pieces.curve[other.fork_curve]]),
-        dropped=tuple(DroppedBranch(curve=each, why=why[each]) for each in sorted(why)),
+        dropped=tuple(DroppedBranch(curve=each, reason=reasons[each]) for each in sorted(reasons)),
         loose=tuple(sorted({*cage.loose, *(saved & roots)})),
     )
 
@@ -110,7 +112,7 @@ def check_cage(cage: BranchCage) -> CageCheck:
     return check_mesh(cage.points_m, cage.faces, cage.fork_faces, cage.fork_counts)
 
 
-def _finish(built: Built, layout: Layout, skeleton: Skeleton, dropped: dict[int, str]) -> BranchCage:
+def _finish(built: Built, layout: Layout, skeleton: Skeleton, dropped: dict[int, DropReason]) -> BranchCage:
     if dropped:
         logger.info("%d of %d branches are not in the cage", len(dropped), len(skeleton))
     return BranchCage(
@@ -123,11 +125,11 @@ def _finish(built: Built, layout: Layout, skeleton: Skeleton, dropped: dict[int,
         fork_faces=built.forks.faces.astype(np.int32),
         fork_counts=built.forks.counts.astype(np.int32),
         fork_curve=layout.curve[built.faces.loft_face[:, 0]].astype(np.int32),
-        dropped=tuple(DroppedBranch(curve=curve, why=dropped[curve]) for curve in sorted(dropped)),
+        dropped=tuple(DroppedBranch(curve=curve, reason=dropped[curve]) for curve in sorted(dropped)),
     )
 
 
-def _empty(dropped: dict[int, str]) -> BranchCage:
+def _empty(dropped: dict[int, DropReason]) -> BranchCage:
     none = np.zeros(0, np.int32)
     return BranchCage(
         points_m=np.zeros((0, 3)),
@@ -139,5 +141,5 @@ def _empty(dropped: dict[int, str]) -> BranchCage:
         fork_faces=none,
         fork_counts=none,
         fork_curve=none,
-        dropped=tuple(DroppedBranch(curve=curve, why=dropped[curve]) for curve in sorted(dropped)),
+        dropped=tuple(DroppedBranch(curve=curve, reason=dropped[curve]) for curve in sorted(dropped)),
     )

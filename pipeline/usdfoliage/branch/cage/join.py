@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.exits import Exits
 from usdfoliage.branch.cage.holes import Holes
 from usdfoliage.branch.cage.layout import Layout, lay_out_faces
@@ -18,10 +19,6 @@ from usdfoliage.branch.cage.tubes import Floats, Ints, Path, Tubes, find_paths
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.rooted_tree import RootedTree
 
-NO_ROOM = "its parent has no room left for it"
-CROSSES = "would cross its parent or a neighbour"
-COVERED = "shorter than the row of faces in which its parent ends"
-PARENT_DROPPED = "its parent was dropped"
 STEP = 1  # attempts that are made at once
 
 
@@ -31,7 +28,7 @@ class Joined:
 
     built: Built | None  # none where no branch has a length
     layout: Layout | None
-    dropped: dict[int, str]  # branches that are not in it, and why
+    dropped: dict[int, DropReason]  # branches that are not in it, and why
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +40,7 @@ class _Work:
     carried_m: Floats  # (B,), length of all that a branch carries and its own
 
     def build(
-        self, paths: list[Path], dropped: dict[int, str], moving: NDArray[np.bool_] | None = None
+        self, paths: list[Path], dropped: dict[int, DropReason], moving: NDArray[np.bool_] | None = None
     ) -> tuple[Built, Ints]:
         """The mesh of these paths, which change in place, and the holes to try again."""
         built = build_paths(paths, self.tries, self.settings, dropped, moving)
@@ -74,7 +71,7 @@ def join_branches(skeleton: Skeleton, settings: BranchCageSettings) -> Joined:
     _name_dropped(built.tubes, built.exits, built.holes, tries, dropped)
     layout = lay_out_faces(built.tubes, built.rings, built.holes, built.places, built.faces, _mean_radii(skeleton))
     for branch in set(built.tubes.piece_branch.tolist()) - set(layout.curve.tolist()):
-        dropped.setdefault(branch, COVERED)
+        dropped.setdefault(branch, DropReason.COVERED)
     return Joined(built=built, layout=layout, dropped=dropped)
 
 
@@ -87,16 +84,16 @@ def _try_around(paths: list[Path], built: Built, guilty: Ints, work: _Work) -> N
         built, guilty = work.build(paths, {})
 
 
-def _name_dropped(tubes: Tubes, exits: Exits, holes: Holes, tries: Ints, dropped: dict[int, str]) -> None:
+def _name_dropped(tubes: Tubes, exits: Exits, holes: Holes, tries: Ints, dropped: dict[int, DropReason]) -> None:
     """Add the branches without a hole, and why."""
-    lost: dict[int, str] = {}
+    lost: dict[int, DropReason] = {}
     for number in np.flatnonzero(tries[leading(tubes, exits)] >= ATTEMPTS).tolist():
-        lost[int(exits.tube[number])] = CROSSES
+        lost[int(exits.tube[number])] = DropReason.CROSSES
     for number in holes.homeless.tolist():
-        lost.setdefault(int(exits.tube[number]), NO_ROOM)
+        lost.setdefault(int(exits.tube[number]), DropReason.NO_ROOM)
     for tube, parent in zip(exits.tube.tolist(), exits.parent.tolist(), strict=True):
         if parent in lost:
-            lost.setdefault(tube, PARENT_DROPPED)
+            lost.setdefault(tube, DropReason.PARENT_DROPPED)
     for branch, tube in zip(tubes.piece_branch.tolist(), tubes.piece_tube.tolist(), strict=True):
         if tube in lost:
             dropped[branch] = lost[tube]

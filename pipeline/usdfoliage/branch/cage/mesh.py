@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.cage.check import find_fork_crossings
+from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.exits import Exits
 from usdfoliage.branch.cage.faces import Faces, HolePlaces, build_faces, place_hole_vertices
 from usdfoliage.branch.cage.fork_surroundings import Forks, gather_forks
@@ -44,7 +45,7 @@ def build_paths(
     paths: list[Path],
     tries: Ints,
     settings: BranchCageSettings,
-    dropped: dict[int, str],
+    dropped: dict[int, DropReason],
     moving: NDArray[np.bool_] | None = None,
 ) -> Built:
     """The mesh of these paths, which change in place.

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.cage.bending import ease_bends, move_starts, straighten_starts
+from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.exits import Exits, find_exits
 from usdfoliage.branch.cage.holes import Holes, place_holes
 from usdfoliage.branch.cage.rings import SHOULDER
 from usdfoliage.branch.cage.tubes import Floats, Ints, Path, Tubes, arcs_along, pack_paths
 
-TOO_SHORT = "too short to leave its parent's surface"
 NEAR_ENOUGH = 0.2  # of a radius: a hole this far from where its axis comes out needs no bend
 SMALLER = 0.88  # times, a hole in each new attempt
 FARTHER = 0.4  # radii, the first ring of its branch in each new attempt
@@ -21,7 +21,11 @@ ATTEMPTS = 8  # at a fork that crosses, before its branch is dropped
 
 
 def settle(
-    paths: list[Path], tries: Ints, clearance: float, dropped: dict[int, str], moving: NDArray[np.bool_] | None = None
+    paths: list[Path],
+    tries: Ints,
+    clearance: float,
+    dropped: dict[int, DropReason],
+    moving: NDArray[np.bool_] | None = None,
 ) -> tuple[Exits, Tubes, Holes]:
     """Find a place for every hole, and bend the branches to where their holes are.
 
@@ -56,7 +60,9 @@ def settle(
     return exits, tubes, holes
 
 
-def _leave_parents(paths: list[Path], tries: Ints, clearance: float, dropped: dict[int, str]) -> tuple[Tubes, Exits]:
+def _leave_parents(
+    paths: list[Path], tries: Ints, clearance: float, dropped: dict[int, DropReason]
+) -> tuple[Tubes, Exits]:
     """Find how the tubes leave their parents; those that do not are passed through by what they carry."""
     while True:
         ease_bends(paths)
@@ -70,7 +76,7 @@ def _leave_parents(paths: list[Path], tries: Ints, clearance: float, dropped: di
             return tubes, exits
         for number in sorted(inside):
             for branch, _ in paths[number].pieces:
-                dropped[branch] = TOO_SHORT
+                dropped[branch] = DropReason.TOO_SHORT
         for path in paths:
             while path.parent in inside:
                 path.leave_instead(paths[path.parent])

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import _native
+from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.model import Skeleton
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-NO_LENGTH = "has no length"
 # A branch turns by at most this to go on from its parent's tip; beyond it the tube would fold, and it leaves the side.
 GOES_ON_COSINE = 0.17
 SAME_POINT = 1e-6  # of the radius: shorter steps have no direction worth keeping
@@ -142,7 +142,7 @@ def turning(from_unit: Floats, to_unit: Floats) -> Floats:
     return 2 * np.arcsin(np.clip(np.linalg.norm(to_unit - from_unit, axis=1) / 2, 0, 1))
 
 
-def find_paths(skeleton: Skeleton) -> tuple[list[Path], dict[int, str]]:
+def find_paths(skeleton: Skeleton) -> tuple[list[Path], dict[int, DropReason]]:
     """The axes of the tubes of a skeleton, parents before children, and why branches have none."""
     points, radius = skeleton.points_m, skeleton.radius_m
     steps_m = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
@@ -154,7 +154,7 @@ def find_paths(skeleton: Skeleton) -> tuple[list[Path], dict[int, str]]:
     last = skeleton.first + skeleton.counts - 1
     parent, leaves = skeleton.parent_curve.copy(), skeleton.parent_vertex.copy()
     lengths = np.add.reduceat(kept, skeleton.first) > 1
-    dropped = {int(branch): NO_LENGTH for branch in np.flatnonzero(~lengths)}
+    dropped = {int(branch): DropReason.NO_LENGTH for branch in np.flatnonzero(~lengths)}
     for branch in np.flatnonzero(parent >= 0).tolist():
         # Whoever leaves from a branch's first point leaves from that branch's parent.
         while parent[branch] >= 0 and parent[parent[branch]] >= 0 and arc_m[leaves[branch]] == 0:

@@ -86,7 +86,7 @@ def write_cloud(path: Path, cloud: Cloud, comments: Sequence[str] = (), metres_p
 
     Raises:
         ValueError: A comment is not one printable line of ASCII, or a place is not finite.
-        CaptureError: The file cannot be written; what was there is unchanged.
+        WriteError: The file cannot be written; what was there is unchanged.
     """
     for comment in comments:
         if not (comment.isascii() and comment.isprintable()):

@@ -27,7 +27,7 @@ def write_depth_map(path: Path, depth_m: NDArray[np.floating]) -> None:
 
     Raises:
         ValueError: A depth is negative or not finite, or they are not (H, W).
-        CaptureError: The file cannot be written; what was there is unchanged.
+        WriteError: The file cannot be written; what was there is unchanged.
     """
     _check(depth_m, 2, "depth")
     if depth_m.min(initial=0) < 0:
@@ -41,7 +41,7 @@ def write_normal_map(path: Path, normals: NDArray[np.floating]) -> None:
 
     Raises:
         ValueError: They are not unit, nor 0, or not (H, W, 3).
-        CaptureError: The file cannot be written; what was there is unchanged.
+        WriteError: The file cannot be written; what was there is unchanged.
     """
     _check(normals, 3, "normals")
     length = np.linalg.norm(normals, axis=2)
@@ -57,7 +57,7 @@ def write_confidence_map(path: Path, confidence: NDArray[np.floating]) -> None:
 
     Raises:
         ValueError: A value is outside [0, 1] or not finite, or they are not (H, W).
-        CaptureError: The file cannot be written; what was there is unchanged.
+        WriteError: The file cannot be written; what was there is unchanged.
     """
     _check(confidence, 2, "confidence")
     if confidence.min(initial=0) < 0 or confidence.max(initial=0) > 1:

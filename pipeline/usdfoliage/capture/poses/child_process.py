@@ -53,7 +53,7 @@ def run_items(
         module: The worker.
 
     Raises:
-        CaptureError: The work folder cannot be written or is full; no child can be started.
+        WriteError: The work folder cannot be written or is full; no child can be started.
     """
     open_items = [(number, item) for number, item in enumerate(items) if not _is_done(Path(item["out"]))]
     shares = [open_items[start::processes] for start in range(max(1, processes))]

@@ -1,6 +1,7 @@
 """From a cloud on disk to an asset of branches."""
 
 import logging
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -323,14 +324,10 @@ def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[Remark]]:
         (order, build_branch_cage(skeleton.up_to_order(order), CAGE)) for order in _COARSER_ORDERS if order < highest
     ]
     remarks = []
-    reasons: dict[str, int] = {}
-    for lost in whole.dropped:
-        reasons[lost.why] = reasons.get(lost.why, 0) + 1
+    reasons = Counter(lost.reason for lost in whole.dropped)
     if reasons:
-        described = ", ".join(
-            f"{count} {reason}" for reason, count in sorted(reasons.items(), key=lambda each: -each[1])
-        )
-        text = f"{sum(reasons.values())} of {len(skeleton)} branches are in the skeleton alone: {described}"
+        described = ", ".join(f"{count} {reason.text}" for reason, count in reasons.most_common())
+        text = f"{len(whole.dropped)} of {len(skeleton)} branches are in the skeleton alone: {described}"
         remarks.append(remark("branches-in-skeleton-alone", text))
     if whole.loose:
         text = (

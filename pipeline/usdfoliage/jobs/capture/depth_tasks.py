@@ -303,7 +303,7 @@ def run_tasks(
     other processes that work on the same photographs.
 
     Raises:
-        CaptureError: The work folder cannot be written.
+        WriteError: The work folder cannot be written.
     """
     done = 0
 

@@ -287,7 +287,7 @@ def publish(new: Path, capture: Path, names: Iterable[str], record: Record) -> N
         record: Knows them afterwards.
 
     Raises:
-        CaptureError: A file cannot be written; the results remain in the work folder.
+        WriteError: A file cannot be written; the results remain in the work folder.
     """
     listed = list(names)
     digests = {file: digest_file(new / file) for name in listed for file in _files_of(new, name)}

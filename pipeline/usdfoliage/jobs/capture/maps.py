@@ -35,7 +35,7 @@ def write_maps(tasks: DepthTasks, *, threads: int = 0, progress: Progress | None
     """Write the maps of every view that has sources into the work folder, unless they are there.
 
     Raises:
-        CaptureError: They cannot be written.
+        WriteError: They cannot be written.
     """
     views = [index for index, path in enumerate(tasks.depth) if path is not None]
     maps = []

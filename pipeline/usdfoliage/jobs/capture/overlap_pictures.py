@@ -133,7 +133,7 @@ def write_plan(
         top: How it is looked at.
 
     Raises:
-        CaptureError: The picture cannot be written.
+        WriteError: The picture cannot be written.
     """
     cameras = {
         number: photograph.camera for number, photograph in enumerate(photographs) if photograph.camera is not None
@@ -186,7 +186,7 @@ def write_matrix(
     """Write who shares what with whom as squares.
 
     Raises:
-        CaptureError: The picture cannot be written.
+        WriteError: The picture cannot be written.
     """
     count = len(photographs)
     if shared is not None:

@@ -118,7 +118,7 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
     The page is written last. Maps are read for one photograph at a time.
 
     Raises:
-        CaptureError: A file cannot be written.
+        WriteError: A file cannot be written.
     """
     cameras = [photograph.camera for photograph in report.photographs if photograph.camera is not None]
     some = thin_cloud(report.cloud, FRAMING_POINTS)

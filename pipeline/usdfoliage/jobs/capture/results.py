@@ -31,7 +31,7 @@ def lay_maps(new: Path, maps: Sequence[ViewMaps], places: Sequence[str]) -> None
     """Links to the maps, in folders as the capture is to have them.
 
     Raises:
-        CaptureError: They cannot be written.
+        WriteError: They cannot be written.
     """
     stems = Counter(PurePosixPath(view_maps.name).with_suffix("") for view_maps in maps)
     for view_maps in maps:
@@ -81,7 +81,7 @@ def lay_cameras(new: Path, model: Path) -> None:
     """A copy of the model of estimated poses, as the capture is to have it.
 
     Raises:
-        CaptureError: It cannot be written.
+        WriteError: It cannot be written.
     """
     try:
         shutil.copytree(model, new / CAMERAS)

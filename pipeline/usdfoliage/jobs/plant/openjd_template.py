@@ -105,7 +105,7 @@ def write_template(path: Path, job: FarmJob, *, force: bool = False) -> Path:
         force: Replace a file that is no job's.
 
     Raises:
-        AssetError: A file cannot be written, or is no template; what was there is unchanged.
+        WriteError: A file cannot be written, or is no template; what was there is unchanged.
     """
     _spare(path, force)
     values = path.with_name(f"{path.stem}.parameters.yaml")
@@ -123,7 +123,7 @@ def write_bundle(folder: Path, job: FarmJob, *, force: bool = False) -> None:
         force: Write into a folder that holds something else.
 
     Raises:
-        AssetError: A file cannot be written, or the folder holds no bundle; what was there is unchanged.
+        WriteError: A file cannot be written, or the folder holds no bundle; what was there is unchanged.
     """
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "template.yaml").is_file() and not force:
         raise AssetError(f"{folder} holds something else than a bundle", ("name another folder, or give ", _FORCE))

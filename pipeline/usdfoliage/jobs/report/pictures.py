@@ -80,7 +80,7 @@ def write_picture(path: Path, picture: NDArray[np.uint8], *, jpeg_quality: int =
     """Write a picture (H, W) or (H, W, 3), red, green, blue; the file appears whole. Returns its name.
 
     Raises:
-        CaptureError: It cannot be written.
+        WriteError: It cannot be written.
     """
     quality = [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality] if path.suffix == ".jpg" else []
     bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR) if picture.ndim == 3 else picture

@@ -81,7 +81,7 @@ def write_library_page(folder: Path, library: Library) -> Path:
     The page holds its pictures; only the links lead out of it. The same library gives the same bytes.
 
     Raises:
-        AssetError: The page cannot be written; what was there is unchanged.
+        WriteError: The page cannot be written; what was there is unchanged.
     """
     plants = sorted(library.plants, key=lambda plant: (plant.name.casefold(), plant.name))
     tiles = [

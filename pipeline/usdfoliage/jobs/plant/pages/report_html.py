@@ -81,7 +81,7 @@ def write_plant_report(folder: Path, report: PlantReport) -> Path:
     picture is reported in its place.
 
     Raises:
-        AssetError: The page cannot be written; what was there is unchanged.
+        WriteError: The page cannot be written; what was there is unchanged.
     """
     sets: dict[str, list[_VariantRow]] = {}
     for variant in report.variants:
@@ -122,7 +122,7 @@ def write_timings(folder: Path, timings: Timings) -> Path:
     """Write how long a run took into folder, where its report finds it; returns the file.
 
     Raises:
-        AssetError: The file cannot be written; what was there is unchanged.
+        WriteError: The file cannot be written; what was there is unchanged.
     """
     text = json.dumps(_cleaned(asdict(timings)), indent=1, ensure_ascii=True).replace("<", "\\u003c")
     path = folder / TIMINGS
