@@ -104,7 +104,7 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
 
     write_whole(tmp_path / "a", b"old")
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(CaptureError, match="MB are free"):
+    with pytest.raises(WriteError, match="MB are free"):
         write_whole(tmp_path / "a", b"new")
     assert (tmp_path / "a").read_bytes() == b"old"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "file"]
