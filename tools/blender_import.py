@@ -31,15 +31,15 @@ def mesh_points(mesh: bpy.types.Mesh) -> np.ndarray:
     return points.reshape(-1, 3)
 
 
-def shown_meshes() -> list[tuple[bool, np.ndarray, np.ndarray]]:
-    """What Blender shows: for each mesh whether it is an instance, its points (N, 3) and its world matrix (4, 4)."""
-    shown = []
+def drawn_meshes() -> list[tuple[bool, np.ndarray, np.ndarray]]:
+    """What Blender draws: for each mesh whether it is an instance, its points (N, 3) and its world matrix (4, 4)."""
+    meshes = []
     for thing in bpy.context.evaluated_depsgraph_get().object_instances:
         if thing.object.type == "MESH":
             # Before subdivision: the control mesh is what the file holds.
             mesh = thing.object.original.data
-            shown.append((thing.is_instance, mesh_points(mesh), np.array(thing.matrix_world)))
-    return shown
+            meshes.append((thing.is_instance, mesh_points(mesh), np.array(thing.matrix_world)))
+    return meshes
 
 
 def count_islands(mesh: bpy.types.Mesh) -> int:
@@ -49,10 +49,10 @@ def count_islands(mesh: bpy.types.Mesh) -> int:
     first, second = edges.reshape(-1, 2).T
     label = np.arange(len(mesh.vertices))
     while True:
-        least = np.minimum(label[first], label[second])
+        smaller = np.minimum(label[first], label[second])
         new = label.copy()
-        np.minimum.at(new, first, least)
-        np.minimum.at(new, second, least)
+        np.minimum.at(new, first, smaller)
+        np.minimum.at(new, second, smaller)
         new = new[new]
         if np.array_equal(new, label):
             return len(np.unique(label))
@@ -91,10 +91,10 @@ def describe_scene() -> dict:
         "materials": sorted(material.name for material in bpy.data.materials if material.users),
         "images": [describe_image(image) for image in bpy.data.images if image.source == "FILE"],
     }
-    shown = shown_meshes()
-    found["instances"] = sum(is_instance for is_instance, _, _ in shown)
-    if shown:
-        points = np.concatenate([points @ matrix[:3, :3].T + matrix[:3, 3] for _, points, matrix in shown])
+    meshes = drawn_meshes()
+    found["instances"] = sum(is_instance for is_instance, _, _ in meshes)
+    if meshes:
+        points = np.concatenate([points @ matrix[:3, :3].T + matrix[:3, 3] for _, points, matrix in meshes])
         x, y, z = points.T
         in_asset = np.column_stack([x, z, -y])  # Blender stands Y-up stages up by a quarter turn about x
         found["bound_blender"] = [points.min(axis=0).tolist(), points.max(axis=0).tolist()]

@@ -17,7 +17,7 @@ PACKAGES=(
 # What tests look with: reports in a browser, the viewer on a virtual display.
 TEST_PACKAGES=(chromium chromium-driver xvfb)
 
-say() { printf '%s\n' "setup: $*" >&2; }
+report() { printf '%s\n' "setup: $*" >&2; }
 fail() { printf '%s\n' "error: $*" >&2; exit 1; }
 
 # The python that a stamp was made for is part of the stamp, so that a new interpreter rebuilds.
@@ -58,7 +58,7 @@ install_packages() { # install_packages PACKAGE...: these, and what the pythons 
   done
   if ! command -v dpkg-query >/dev/null 2>&1 || ! command -v apt-get >/dev/null 2>&1; then
     if [ -n "${USDFOLIAGE_PACKAGES_CHECKED:-}" ]; then return; fi
-    say "this machine has no apt; install what these Debian packages hold, then set USDFOLIAGE_PACKAGES_CHECKED=1"
+    report "this machine has no apt; install what these Debian packages hold, then set USDFOLIAGE_PACKAGES_CHECKED=1"
     fail "packages needed: ${wanted[*]}"
   fi
   for package in "${wanted[@]}"; do
@@ -70,7 +70,7 @@ install_packages() { # install_packages PACKAGE...: these, and what the pythons 
     command -v sudo >/dev/null 2>&1 || fail "these packages are missing and neither root nor sudo is there: ${missing[*]}"
     root=(sudo)
   fi
-  say "installing ${missing[*]}"
+  report "installing ${missing[*]}"
   "${root[@]}" apt-get update -qq || fail "apt-get update failed; is a package source configured?"
   "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null \
     || fail "apt-get could not install: ${missing[*]}"
@@ -80,7 +80,7 @@ make_venv() { # make_venv FOLDER PYTHON REQUIREMENTS
   local folder=$1 python=$2 requirements=$3 stamp
   stamp="$(fingerprint "$requirements")-$("$python" -c 'import sys; print(sys.version.split()[0])')"
   [ "$(cat "$folder/stamp" 2>/dev/null)" != "$stamp" ] || return 0
-  say "$folder: Python packages of $requirements"
+  report "$folder: Python packages of $requirements"
   "$python" -m venv --clear "$folder" || fail "$python cannot make a virtual environment; on Debian: apt-get install python3-venv"
   "$folder/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes -r "$requirements" \
     || fail "pip could not install $requirements into $folder"
@@ -94,7 +94,7 @@ build_product() {
   local stamp
   stamp=$(find pipeline/native pyproject.toml -type f | LC_ALL=C sort | xargs cat | sha256sum | cut -c1-16)
   if [ "$(cat .venv/built 2>/dev/null)" = "$stamp" ] && .venv/bin/python -c 'import usdfoliage._native' 2>/dev/null; then return; fi
-  say "building the extension"
+  report "building the extension"
   PATH="$PWD/.venv/bin:$PATH" .venv/bin/python -m pip install --quiet --disable-pip-version-check \
     --no-build-isolation --no-deps --editable . || fail "the extension did not build; the compiler's message is above"
   printf '%s' "$stamp" > .venv/built
@@ -102,7 +102,7 @@ build_product() {
 
 build_preview() {
   if [ -n "${USDFOLIAGE_HYDRA_PYTHON:-}" ]; then
-    say "preview: using $USDFOLIAGE_HYDRA_PYTHON"
+    report "preview: using $USDFOLIAGE_HYDRA_PYTHON"
     return
   fi
   make_venv .venv-preview "$(preview_python)" requirements/preview.txt

@@ -36,11 +36,11 @@ def main() -> int:
 def find_missing(wheel: Path) -> list[str]:
     """The files of the package and of what it loads that are not in the wheel."""
     with zipfile.ZipFile(wheel) as archive:
-        held = set(archive.namelist())
+        packed = set(archive.namelist())
     wanted = {f"usdfoliage/{path.relative_to(PACKAGE).as_posix()}" for path in tracked(PACKAGE)}
     for name in SHARED:
         wanted |= {f"usdfoliage/share/{path.relative_to(ROOT).as_posix()}" for path in tracked(ROOT / name)}
-    return sorted(wanted - held)
+    return sorted(wanted - packed)
 
 
 def tracked(folder: Path) -> list[Path]:
@@ -87,8 +87,8 @@ def run(command: list[str], folder: Path) -> str:
     kept |= {name: value for name, value in os.environ.items() if name.startswith("PIP_")}
     done = subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, check=False)
     if done.returncode:
-        shown = " ".join([Path(command[0]).name, *command[1:]])
-        raise RuntimeError(f"{shown} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+        words = " ".join([Path(command[0]).name, *command[1:]])
+        raise RuntimeError(f"{words} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
     return done.stdout
 
 

@@ -8,7 +8,7 @@ compared one by one, and of each prim its type, schemas and metadata, the values
 samples, their connections, the targets of its relationships, and the bytes of the pictures that attributes name. Two
 assets of different names are compared as if both had the name of OLD.
 
-What tells of the run that made an asset, and not of the plant, is ignored: see IGNORED_PROPERTIES, IGNORED_METADATA.
+What describes the run that made an asset, and not the plant, is ignored: see IGNORED_PROPERTIES, IGNORED_METADATA.
 Prints what differs, then one line with counts. Exit code 1 where something differs, 2 where an asset cannot be opened.
 """
 
@@ -75,20 +75,20 @@ def compare_assets(old: Path, new: Path, tolerance: float = 0.0) -> Comparison:
         if sets[0].get(name) != sets[1].get(name):
             found[Difference(where=f"variant set {name}", what=f"{sets[0].get(name)} and {sets[1].get(name)}")] = "any"
     common = {
-        name: [each for each in held.names if each in sets[1][name].names]
-        for name, held in sets[0].items()
+        name: [each for each in variants.names if each in sets[1][name].names]
+        for name, variants in sets[0].items()
         if name in sets[1]
     }
     for chosen in itertools.product(*common.values()):
         selection = dict(zip(common, chosen, strict=True))
         label = ", ".join(f"{name}={variant}" for name, variant in selection.items()) or "no variants"
         stages = [_open(layer, selection) for layer in layers]
-        held = [_prims(stage) for stage in stages]
+        by_path = [_prims(stage) for stage in stages]
         selections += 1
         for difference in _compare_stages(stages[0], stages[1]):
             found.setdefault(difference, label)
-        for path in sorted(held[0].keys() | held[1].keys()):
-            pair = held[0].get(path), held[1].get(path)
+        for path in sorted(by_path[0].keys() | by_path[1].keys()):
+            pair = by_path[0].get(path), by_path[1].get(path)
             if pair[0] is None or pair[1] is None:
                 where = "OLD" if pair[1] is None else "NEW"
                 found.setdefault(Difference(where=path, what=f"only in {where}"), label)
@@ -112,10 +112,10 @@ def _variants(layer: Sdf.Layer) -> dict[str, _Variants]:
     """The variants of each set of the default prim."""
     stage = Usd.Stage.Open(layer, Usd.Stage.LoadNone)
     sets = stage.GetDefaultPrim().GetVariantSets()
-    held = {name: sets.GetVariantSet(name) for name in sets.GetNames()}
+    variant_sets = {name: sets.GetVariantSet(name) for name in sets.GetNames()}
     return {
         name: _Variants(tuple(sorted(each.GetVariantNames())), each.GetVariantSelection())
-        for name, each in held.items()
+        for name, each in variant_sets.items()
     }
 
 
@@ -154,9 +154,9 @@ def _compare_prims(path: str, old: Usd.Prim, new: Usd.Prim, tolerance: float) ->
         for prim in (old, new)
     ]
     for name in facts[0]:
-        held = [_neutral(str(fact[name]), prim.GetStage()) for fact, prim in zip(facts, (old, new), strict=True)]
-        if held[0] != held[1]:
-            yield Difference(where=path, what=f"{name}: {held[0]} and {held[1]}")
+        values = [_neutral(str(fact[name]), prim.GetStage()) for fact, prim in zip(facts, (old, new), strict=True)]
+        if values[0] != values[1]:
+            yield Difference(where=path, what=f"{name}: {values[0]} and {values[1]}")
     yield from _compare_metadata(path, old, new)
     names = [{str(name) for name in prim.GetPropertyNames()} - set(IGNORED_PROPERTIES) for prim in (old, new)]
     for name in sorted(names[0] ^ names[1]):
@@ -166,7 +166,7 @@ def _compare_prims(path: str, old: Usd.Prim, new: Usd.Prim, tolerance: float) ->
 
 
 def _compare_metadata(where: str, old: Usd.Object, new: Usd.Object) -> Iterator[Difference]:
-    held = [
+    metadata = [
         {
             str(name): _neutral(_RESOLVED.sub("", str(value)), thing.GetStage())
             for name, value in thing.GetAllAuthoredMetadata().items()
@@ -174,9 +174,9 @@ def _compare_metadata(where: str, old: Usd.Object, new: Usd.Object) -> Iterator[
         }
         for thing in (old, new)
     ]
-    for name in sorted(held[0].keys() | held[1].keys()):
-        if held[0].get(name) != held[1].get(name):
-            yield Difference(where=where, what=f"{name}: {held[0].get(name)} and {held[1].get(name)}")
+    for name in sorted(metadata[0].keys() | metadata[1].keys()):
+        if metadata[0].get(name) != metadata[1].get(name):
+            yield Difference(where=where, what=f"{name}: {metadata[0].get(name)} and {metadata[1].get(name)}")
 
 
 def _compare_properties(where: str, old: Usd.Property, new: Usd.Property, tolerance: float) -> Iterator[Difference]:
@@ -218,8 +218,8 @@ def _compare_values(old: Any, new: Any, old_stage: Usd.Stage, new_stage: Usd.Sta
         return f"of type {type(old).__name__} and {type(new).__name__}"
     numbers = [_numbers(value) for value in (old, new)]
     if numbers[0] is None or numbers[1] is None:
-        held = _neutral(str(old), old_stage), _neutral(str(new), new_stage)
-        return "" if held[0] == held[1] else f"{held[0][:80]} and {held[1][:80]}"
+        texts = _neutral(str(old), old_stage), _neutral(str(new), new_stage)
+        return "" if texts[0] == texts[1] else f"{texts[0][:80]} and {texts[1][:80]}"
     if numbers[0].shape != numbers[1].shape:
         return f"{numbers[0].shape} and {numbers[1].shape} numbers"
     with np.errstate(invalid="ignore"):

@@ -27,7 +27,7 @@ def generate_schema(source: Path, folder: Path) -> None:
     """Write GENERATED into folder.
 
     Raises:
-        SystemExit: usdGenSchema refused the source; what it said is on stderr.
+        SystemExit: usdGenSchema refused the source; its message is on stderr.
     """
     # An installed copy of the very schema that is generated would clash with it.
     environment = {name: value for name, value in os.environ.items() if name != "PXR_PLUGINPATH_NAME"}

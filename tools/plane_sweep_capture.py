@@ -38,7 +38,7 @@ def main() -> int:
     parser.add_argument("-o", dest="out", type=Path, required=True, metavar="NEWCAPTURE", help="must not exist")
     parser.add_argument("--cameras", default="cameras", help="folder of the COLMAP model in CAPTURE")
     parser.add_argument("--points", type=Path, help="sparse points (binary PLY) where the model has no points3D")
-    parser.add_argument("--metres-per-unit", type=float, help="of the cameras; else what CAPTURE says")
+    parser.add_argument("--metres-per-unit", type=float, help="of the cameras; else that of CAPTURE")
     parser.add_argument("--width", type=int, help="reduce wider photographs to this")
     parser.add_argument("--views", help="which photographs, as usdfoliage leaves takes them")
     parser.add_argument("--green-mask", action="store_true", help="depth only where a photograph is green")

@@ -48,7 +48,7 @@ def schema_page(source: Path = SCHEMA_SOURCE) -> str:
 
 
 def split_doc(text: str) -> dict[str, str]:
-    """The parts of a property's doc: meaning, unit, range and length as far as they are said."""
+    """The parts of a property's doc: meaning, unit, range and length as far as they are stated."""
     found: dict[str, str] = {"meaning": ""}
     part = "meaning"
     for piece in " ".join(text.split()).rstrip(".").split("; "):
@@ -61,12 +61,12 @@ def split_doc(text: str) -> dict[str, str]:
 
 
 def _property_rows(prim: Sdf.PrimSpec) -> Iterator[str]:
-    for held in prim.properties:
-        said = split_doc(held.documentation)
-        is_attribute = isinstance(held, Sdf.AttributeSpec)
-        kind = str(held.typeName) if is_attribute else "rel"
-        default = "" if not is_attribute or held.default is None else f"`{held.default}`"
-        cells = [f"`{held.name}`", f"`{kind}`", default, said["meaning"], *(said.get(name, "") for name in PARTS)]
+    for spec in prim.properties:
+        parts = split_doc(spec.documentation)
+        is_attribute = isinstance(spec, Sdf.AttributeSpec)
+        kind = str(spec.typeName) if is_attribute else "rel"
+        default = "" if not is_attribute or spec.default is None else f"`{spec.default}`"
+        cells = [f"`{spec.name}`", f"`{kind}`", default, parts["meaning"], *(parts.get(name, "") for name in PARTS)]
         yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 

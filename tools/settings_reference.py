@@ -19,7 +19,7 @@ from usdfoliage.jobs.work.renamed_settings import RENAMED_SETTINGS
 from usdfoliage.jobs.work.settings_file import format_value
 
 SETTINGS_PAGE = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
-ONCE = ("seed", "threads")  # said for all tables at once, at the top or by an option
+ONCE = ("seed", "threads")  # stated for all tables at once, at the top or by an option
 
 HEAD = """\
 <!-- made by tools/settings_reference.py from the comments beside the settings in the code; do not edit -->

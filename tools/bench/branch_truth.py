@@ -21,8 +21,8 @@ BOUND_M = 0.03  # a place is found within this, or within twice its radius
 SEEN_RADIUS_M = 0.005  # from which on a branch is one that a scan may be asked for
 MEASURED_RADIUS_M = 0.01  # from which on its radius is compared
 ORDERS = 5
-WAYS = 400  # true nodes whose way to the root is followed
-ON_WAY = 0.8  # of a true way, that must be found
+PATHS = 400  # true nodes whose path to the root is followed
+ON_PATH = 0.8  # of a true path, that must be found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,14 +35,14 @@ class BranchScores:
     precision: float
     radius_error: float  # mean of |found - true| / true, where true is above 1 cm
     length_ratio: float  # found to true
-    ancestry: float  # true places whose way to the root was found
+    ancestry: float  # true places whose path to the root was found
 
 
 def read_true_skeleton(path: Path) -> Skeleton:
     """The skeleton that a simulated tree was grown with, Y up; the capture is Z up."""
-    held = json.loads(path.read_text(encoding="utf-8"))
-    nodes = np.asarray(held["nodes"], float)[:, [0, 2, 1]] * [1, 1, -1]
-    parent, order, radius_m = held["parent"], held["order"], np.asarray(held["radius"], float)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    nodes = np.asarray(content["nodes"], float)[:, [0, 2, 1]] * [1, 1, -1]
+    parent, order, radius_m = content["parent"], content["order"], np.asarray(content["radius"], float)
     goes_on: dict[int, int] = {}
     for node, above in enumerate(parent):
         if above >= 0 and order[node] == order[above]:
@@ -130,12 +130,12 @@ def score_skeleton(found: Skeleton, true: Skeleton) -> BranchScores:
         precision=_mean(back_m <= bound_m[true_place]),
         radius_error=_mean(error[thick]),
         length_ratio=float(found.lengths_m.sum() / true.lengths_m.sum()),
-        ancestry=_find_ways(found, true),
+        ancestry=_find_paths(found, true),
     )
 
 
 def vertex_parents(skeleton: Skeleton) -> NDArray[np.int64]:
-    """(V,) the vertex before each one on its way to the root, -1 for a root's first."""
+    """(V,) the vertex before each one on its path to the root, -1 for a root's first."""
     before = np.arange(len(skeleton.points_m)) - 1
     before[skeleton.first] = skeleton.parent_vertex
     return before
@@ -158,28 +158,28 @@ def _mean(values: NDArray[np.generic]) -> float:
     return float(np.mean(values)) if len(values) else float("nan")
 
 
-def _find_ways(found: Skeleton, true: Skeleton) -> float:
-    """Share of true places that have a found one near them whose way to the root is near the true way."""
+def _find_paths(found: Skeleton, true: Skeleton) -> float:
+    """Share of true places that have a found one near them whose path to the root is near the true path."""
     rng = np.random.default_rng(0)
     above_found, above_true = vertex_parents(found), vertex_parents(true)
-    chosen = rng.choice(len(true.points_m), min(WAYS, len(true.points_m)), replace=False)
+    chosen = rng.choice(len(true.points_m), min(PATHS, len(true.points_m)), replace=False)
     away_m, nearest = cKDTree(found.points_m).query(true.points_m[chosen])
     right = 0
     for vertex, gap_m, start in zip(chosen.tolist(), away_m.tolist(), nearest.tolist(), strict=True):
         if gap_m > max(2 * true.radius_m[vertex], BOUND_M):
             continue
-        way, other = _way(vertex, above_true), _way(start, above_found)
+        path, other = _path_to_root(vertex, above_true), _path_to_root(start, above_found)
         corners_m = found.points_m[other]
         steps = np.maximum(1, np.ceil(np.linalg.norm(np.diff(corners_m, axis=0), axis=1) / STEP_M)).astype(int)
         places = [np.linspace(a, b, n + 1) for a, b, n in zip(corners_m[:-1], corners_m[1:], steps, strict=True)]
-        near_m, _ = cKDTree(np.concatenate([corners_m, *places])).query(true.points_m[way])
-        right += bool(np.mean(near_m <= np.maximum(2 * true.radius_m[way], BOUND_M)) >= ON_WAY)
+        near_m, _ = cKDTree(np.concatenate([corners_m, *places])).query(true.points_m[path])
+        right += bool(np.mean(near_m <= np.maximum(2 * true.radius_m[path], BOUND_M)) >= ON_PATH)
     return right / len(chosen)
 
 
-def _way(vertex: int, above: NDArray[np.int64]) -> list[int]:
-    way = []
+def _path_to_root(vertex: int, above: NDArray[np.int64]) -> list[int]:
+    path = []
     while vertex >= 0:
-        way.append(vertex)
+        path.append(vertex)
         vertex = int(above[vertex])
-    return way
+    return path

@@ -142,10 +142,10 @@ def bench_synthetic() -> None:
                     parent_vertex=found.parent_vertex,
                     order=found.order,
                 )
-                scores, alike = score_skeleton(moved, true), compare_trees(moved, true)
+                scores, similarity = score_skeleton(moved, true), compare_trees(moved, true)
                 shares = [scores.recall, scores.recall_seen, *scores.recall_by_order, scores.precision]
-                shares += [scores.radius_error, scores.length_ratio, scores.ancestry, alike.total]
-                three = f"{alike.shape:.2f} / {alike.geometry:.2f} / {alike.structure:.2f}"
+                shares += [scores.radius_error, scores.length_ratio, scores.ancestry, similarity.total]
+                three = f"{similarity.shape:.2f} / {similarity.geometry:.2f} / {similarity.structure:.2f}"
                 rows.append([name, f"{what}, {len(cloud_m):,}", tool, *(f"{share:.3f}" for share in shares), three])
     if rows:
         print("\n### Simulated trees against their true skeletons\n")
@@ -236,7 +236,7 @@ def read_model(path: Path) -> Measured:
 
 
 def known_measures(path: Path) -> list[Measured]:
-    """What comes with a cloud: published cylinder models, and what its README says."""
+    """What comes with a cloud: published cylinder models, and the values of its README."""
     models = [read_model(model) for model in sorted(path.parent.glob(f"{path.stem}_qsm*.csv"))]
     if path.stem.startswith("stem_121913"):
         models.append(Measured(source="published table", diameter=0.571))

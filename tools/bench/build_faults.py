@@ -4,8 +4,8 @@
 usage: tools/bench/build_faults.py [--kills 20] [--seed 0] [--only NAME …]
 
 Every fault happens to a build of a small synthetic capture by the command line, without branches, crown and
-pictures; then the same command runs again. A whole plant with all of these, and a registration, are killed run
-after run until one comes to its end. Asked each time: what it said, its exit code, whether the output is absent or
+pictures; then the same command runs again. A whole plant with all of these, and a build of poses alone, are killed run
+after run until one comes to its end. Checked each time: its messages, its exit code, whether the output is absent or
 whole, whether the second run makes the same bytes as a build that nothing happened to, and whether it did anything
 again that was done. Disks are small tmpfs, which need root; without it those are left out. Exit 1 if anything is
 otherwise than it should be.
@@ -72,7 +72,7 @@ class Outcome:
     """What happened."""
 
     good: bool
-    said: str
+    text: str
 
 
 def command(capture: Path, plan: Path, folder: Path, *options: str) -> list[str]:
@@ -108,8 +108,8 @@ def judge(given: Given, folder: Path, first: str, before: Mapping[Path, int], ag
     left = [path.name for path in (folder / "work" / "results").glob(".*")]
     left += [path.name for path in folder.glob(".plant.*")]
     good = again == 0 and same and not repeated and not left
-    told = f"{codes}; then exit {again}, {'same bytes' if same else 'OTHER BYTES'}, {repeated} tasks done again"
-    return Outcome(good=good, said=f"{told}{f', left: {left}' if left else ''}{f': {first}' if first else ''}")
+    summary = f"{codes}; then exit {again}, {'same bytes' if same else 'OTHER BYTES'}, {repeated} tasks done again"
+    return Outcome(good=good, text=f"{summary}{f', left: {left}' if left else ''}{f': {first}' if first else ''}")
 
 
 def kill_at_random(given: Given, folder: Path) -> Outcome:
@@ -126,10 +126,10 @@ def kill_at_random(given: Given, folder: Path) -> Outcome:
         outcome = judge(given, place, "", before, run(given, place).returncode, codes="")
         finished.append(len(before))
         if not (outcome.good and whole):
-            bad.append(f"{number}: {outcome.said}{'' if whole else ', HALF AN ASSET'}")
+            bad.append(f"{number}: {outcome.text}{'' if whole else ', HALF AN ASSET'}")
         shutil.rmtree(place)
-    told = f"{given.kills} kills after {min(finished)} to {max(finished)} finished tasks; {len(bad)} went wrong"
-    return Outcome(good=not bad, said="; ".join([told, *bad]))
+    summary = f"{given.kills} kills after {min(finished)} to {max(finished)} finished tasks; {len(bad)} went wrong"
+    return Outcome(good=not bad, text="; ".join([summary, *bad]))
 
 
 def write_whole(folder: Path) -> list[str]:
@@ -150,7 +150,7 @@ def kill_whole(given: Given, folder: Path) -> Outcome:
     return _kill_until_done(given, folder, write_whole(folder), "plant")
 
 
-def kill_registration(given: Given, folder: Path) -> Outcome:
+def kill_poses(given: Given, folder: Path) -> Outcome:
     """The same of a build that estimates poses, and nothing more."""
     photographs = folder / "photographs"
     photographs.mkdir(parents=True)
@@ -187,8 +187,8 @@ def _kill_until_done(given: Given, folder: Path, words: Sequence[str], made: str
         if code != 0 or digests(place / made) != truth:
             bad.append(f"exit {code}, {'same bytes' if digests(place / made) == truth else 'OTHER BYTES'}")
         shutil.rmtree(place)
-    told = f"{kills} kills of builds of {seconds:.0f} s and {len(truth)} files; {len(bad)} went wrong"
-    return Outcome(good=not bad, said="; ".join([told, *bad]))
+    summary = f"{kills} kills of builds of {seconds:.0f} s and {len(truth)} files; {len(bad)} went wrong"
+    return Outcome(good=not bad, text="; ".join([summary, *bad]))
 
 
 def kill_parent(given: Given, folder: Path) -> Outcome:
@@ -204,7 +204,7 @@ def kill_parent(given: Given, folder: Path) -> Outcome:
     outcome = judge(
         given, folder, "", stamps(folder), run(given, folder).returncode, codes=f"{len(alive)} workers left"
     )
-    return Outcome(good=outcome.good and bool(workers) and not alive, said=outcome.said)
+    return Outcome(good=outcome.good and bool(workers) and not alive, text=outcome.text)
 
 
 def kill_worker(given: Given, folder: Path) -> Outcome:
@@ -215,9 +215,9 @@ def kill_worker(given: Given, folder: Path) -> Outcome:
     os.kill(spawned_by(process.pid)[0], signal.SIGKILL)
     _, errors = process.communicate()
     same = digests(folder / "plant") == given.truth
-    told = errors.strip().splitlines()[:1]
-    said = f"exit {process.returncode}, {'same bytes' if same else 'OTHER BYTES'}: {told}"
-    return Outcome(good=process.returncode == 0 and same, said=said)
+    first_lines = errors.strip().splitlines()[:1]
+    text = f"exit {process.returncode}, {'same bytes' if same else 'OTHER BYTES'}: {first_lines}"
+    return Outcome(good=process.returncode == 0 and same, text=text)
 
 
 def fill_disk(given: Given, folder: Path) -> Outcome:
@@ -234,11 +234,11 @@ def fill_disk(given: Given, folder: Path) -> Outcome:
             codes.append(ended.returncode)
             first = first or last_line(ended.stderr)
             if (disk / "plant").exists():
-                return Outcome(good=False, said=f"AN ASSET ON A FULL DISK of {size}")
+                return Outcome(good=False, text=f"AN ASSET ON A FULL DISK of {size}")
         before = stamps(disk)
         mount("-o", "remount,size=200m", str(disk))
         outcome = judge(given, disk, first, before, run(given, disk).returncode, codes=f"exits {codes}")
-        return Outcome(good=outcome.good and set(codes) == {2}, said=outcome.said)
+        return Outcome(good=outcome.good and set(codes) == {2}, text=outcome.text)
     finally:
         subprocess.run(["umount", str(disk)], check=True)
 
@@ -252,7 +252,7 @@ def fill_disk_whole(given: Given, folder: Path) -> Outcome:
     disk = folder / "disk"
     disk.mkdir(parents=True)
     mount("-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk))
-    bad, said, full = [], set[str](), 0
+    bad, messages, full = [], set[str](), 0
     try:
         for step in range(1, 200):
             mount("-o", f"remount,size={step * needed // 48}", str(disk))
@@ -267,14 +267,14 @@ def fill_disk_whole(given: Given, folder: Path) -> Outcome:
             if ended.returncode == 0:
                 break
             full += 1
-            said.add(last_line(ended.stderr))
+            messages.add(last_line(ended.stderr))
             if ended.returncode != 2 or "Traceback" in ended.stderr:
                 bad.append(f"exit {ended.returncode} at {step} forty-eighths: {last_line(ended.stderr)}")
             if (disk / "plant").exists():
                 bad.append(f"AN ASSET ON A FULL DISK at {step} forty-eighths")
         same = digests(disk / "plant") == truth
-        told = f"full {full} times, then exit {ended.returncode}, {'same bytes' if same else 'OTHER BYTES'}"
-        return Outcome(good=same and not bad and full > 0, said="; ".join([told, *bad, *sorted(said)]))
+        summary = f"full {full} times, then exit {ended.returncode}, {'same bytes' if same else 'OTHER BYTES'}"
+        return Outcome(good=same and not bad and full > 0, text="; ".join([summary, *bad, *sorted(messages)]))
     finally:
         subprocess.run(["umount", str(disk)], check=True)
 
@@ -294,7 +294,7 @@ def write_protect(given: Given, folder: Path) -> Outcome:
         again = subprocess.run(call, capture_output=True, text=True, check=False).returncode
         first = last_line(ended.stderr)
         outcome = judge(given, folder, first, before, again, codes=f"exit {ended.returncode}")
-        return Outcome(good=outcome.good and ended.returncode == 2, said=outcome.said)
+        return Outcome(good=outcome.good and ended.returncode == 2, text=outcome.text)
     finally:
         subprocess.run(["umount", str(disk)], check=True)
 
@@ -303,16 +303,16 @@ def damage(given: Given, folder: Path) -> Outcome:
     """Results that are altered by a byte, cut, and removed, and a stamp with another figure."""
 
     def alter(path: Path) -> None:
-        held = bytearray(path.read_bytes())
-        held[len(held) // 2] ^= 1
-        path.write_bytes(held)
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 1
+        path.write_bytes(data)
 
     damages: Mapping[str, Callable[[Path], object]] = {
         "an altered byte": alter,
         "a cut file": lambda path: path.write_bytes(path.read_bytes()[:-10]),
         "a removed file": lambda path: path.unlink(),
     }
-    told, good = [], True
+    failures, good = [], True
     for what, spoil in damages.items():
         for pattern in ("results/*/capture/*/cloud.ply", "results/*/asset/payload/leaves.usdc", "views/*/depth/*.npz"):
             run(given, folder, "--only", "asset")
@@ -322,13 +322,13 @@ def damage(given: Given, folder: Path) -> Outcome:
             same = digests(folder / "plant") == given.truth
             good &= ended.returncode == 0 and same
             if not same or ended.returncode:
-                told.append(f"{what} of {pattern}: exit {ended.returncode}, {last_line(ended.stderr)}")
+                failures.append(f"{what} of {pattern}: exit {ended.returncode}, {last_line(ended.stderr)}")
             shutil.rmtree(folder)
     run(given, folder, "--only", "asset")
     for path in stamps(folder):
         path.write_text(path.read_text().replace('"seconds": ', '"seconds": 1'))
     same = run(given, folder).returncode == 0 and digests(folder / "plant") == given.truth
-    return Outcome(good=good and same, said="; ".join(told) or "10 damages, each found: exit 0, same bytes")
+    return Outcome(good=good and same, text="; ".join(failures) or "10 damages, each found: exit 0, same bytes")
 
 
 def meet(given: Given, folder: Path) -> Outcome:
@@ -340,7 +340,7 @@ def meet(given: Given, folder: Path) -> Outcome:
     outcome = judge(
         given, folder, " | ".join(ran), stamps(folder), run(given, folder).returncode, codes=f"exits {codes}"
     )
-    return Outcome(good=outcome.good and codes == [0, 0], said=outcome.said)
+    return Outcome(good=outcome.good and codes == [0, 0], text=outcome.text)
 
 
 def break_photographs(given: Given, folder: Path) -> Outcome:
@@ -355,13 +355,13 @@ def break_photographs(given: Given, folder: Path) -> Outcome:
     ended = subprocess.run(command(capture, given.plan, folder), capture_output=True, text=True, check=False)
     warnings = [line for line in ended.stdout.splitlines() if "photographs are left out" in line]
     good = ended.returncode == 0 and any(line.startswith("warning: 3 of 10") for line in warnings)
-    return Outcome(good=good, said=f"exit {ended.returncode}: {' '.join(warnings) or last_line(ended.stderr)}")
+    return Outcome(good=good, text=f"exit {ended.returncode}: {' '.join(warnings) or last_line(ended.stderr)}")
 
 
 FAULTS: Mapping[str, Callable[[Given, Path], Outcome]] = {
     "random kills": kill_at_random,
     "kills, whole plant": kill_whole,
-    "kills, poses": kill_registration,
+    "kills, poses": kill_poses,
     "parent killed": kill_parent,
     "worker killed": kill_worker,
     "disk full": fill_disk,
@@ -409,8 +409,8 @@ def main() -> int:
                 continue
             outcome = FAULTS[name](given, folder / name.replace(" ", "-"))
             good &= outcome.good
-            said = outcome.said.replace(str(folder), "…")
-            print(f"{name:<20} {'good' if outcome.good else 'BAD '}  {said}", flush=True)
+            text = outcome.text.replace(str(folder), "…")
+            print(f"{name:<20} {'good' if outcome.good else 'BAD '}  {text}", flush=True)
     return 0 if good else 1
 
 

@@ -187,7 +187,7 @@ def main() -> int:
     if not options.data.exists():
         print(f"{options.data} is absent: only the demo's photograph is measured")
     for size in options.size:
-        # Of the larger sizes two photographs tell enough.
+        # Of the larger sizes two photographs are enough.
         for case in cases if size == options.size[0] else cases[:2]:
             command = [sys.executable, __file__, "--in-process", "--size", str(size), "--only", case.name]
             command += ["--data", str(options.data), *(["-o", str(options.output)] if options.output else [])]

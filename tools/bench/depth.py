@@ -5,7 +5,7 @@ usage: tools/bench/depth.py [CAPTURE ...] [--variants ours plain ...] [--quality
 
 The depth is found from the photographs and poses alone: depth, masks, scans and points of the capture are not looked
 at. The truth is depth/ (exact, of some or all views) with truth/<photograph>_label.png (1 wood, 2 leaf, 3 other), and
-truth/skeleton.json, where it is there, tells twigs (thinner than 10 mm) from other wood.
+truth/skeleton.json, where it is there, separates twigs (thinner than 10 mm) from other wood.
 For each variant: accuracy (share of the cloud's points near the plant that lie within a distance of its surface),
 completeness (share of the plant's surface within it of a point; of leaves, of wood), F; of the depth maps the share
 of pixels with depth and of these the share within a distance; processor seconds a view. Without captures the two
@@ -103,17 +103,17 @@ class Truth:
 def read_truth(capture: Capture) -> Truth:
     """The exact depth of a capture, as far as it has any."""
     points, labels, depths = [], [], {}
-    for held in capture.views:
-        stem = Path(held.name).with_suffix("")
+    for view in capture.views:
+        stem = Path(view.name).with_suffix("")
         depth_file = capture.folder / "depth" / f"{stem}.exr"
         label_file = capture.folder / "truth" / f"{stem}_label.png"
         if not depth_file.is_file() or not label_file.is_file():
             continue
         depth_m = np.asarray(oiio.ImageBuf(str(depth_file)).get_pixels(oiio.FLOAT), np.float32)[..., 0]
         label = np.asarray(cv2.imread(str(label_file), cv2.IMREAD_UNCHANGED), np.uint8)
-        depths[held.name] = depth_m, label
+        depths[view.name] = depth_m, label
         rows, columns = np.nonzero((depth_m > 0) & (label > 0))
-        camera = held.lens.pinhole(held.cam_from_world)
+        camera = view.lens.pinhole(view.cam_from_world)
         points.append(camera.unproject(np.column_stack([columns + 0.5, rows + 0.5]), depth_m[rows, columns]))
         labels.append(label[rows, columns])
     if not points:
@@ -128,9 +128,9 @@ def part_twigs(capture: Capture, points_m: NDArray[np.float64], label: NDArray[n
     skeleton = capture.folder / "truth" / "skeleton.json"
     if not skeleton.is_file():
         return label
-    held = json.loads(skeleton.read_text(encoding="utf-8"))
-    _, nearest = cKDTree(np.asarray(held["nodes"], float)).query(points_m, workers=-1)
-    thin = np.asarray(held["radius"], float)[nearest] < TWIG_RADIUS_M
+    content = json.loads(skeleton.read_text(encoding="utf-8"))
+    _, nearest = cKDTree(np.asarray(content["nodes"], float)).query(points_m, workers=-1)
+    thin = np.asarray(content["radius"], float)[nearest] < TWIG_RADIUS_M
     return np.where((label == WOOD) & thin, np.uint8(TWIG), label)
 
 
@@ -172,17 +172,17 @@ def score_depth(found: Mapping[str, DepthEstimate], truth: Truth) -> dict[str, f
     """Share of pixels with depth, and of these the share within 5 mm, by label; over the views that have truth."""
     scores = {}
     for name, label in (("leaf", LEAF), ("wood", WOOD), ("other", OTHER)):
-        pixels = held = right = 0
+        pixels = with_depth = right = 0
         for view, (depth_m, labels) in truth.depths.items():
             if view not in found:
                 continue
             of_label = (labels == label) & (depth_m > 0)
             own = found[view].depth_m
             pixels += int(of_label.sum())
-            held += int((of_label & (own > 0)).sum())
+            with_depth += int((of_label & (own > 0)).sum())
             right += int((of_label & (own > 0) & (np.abs(own - depth_m) <= 0.005)).sum())
-        scores[f"{name} with depth"] = held / max(pixels, 1)
-        scores[f"{name} within 5 mm"] = right / max(held, 1)
+        scores[f"{name} with depth"] = with_depth / max(pixels, 1)
+        scores[f"{name} within 5 mm"] = right / max(with_depth, 1)
     return scores
 
 

@@ -98,8 +98,8 @@ def main() -> int:
     parser.add_argument("--lanes", type=int, default=os.cpu_count() or 1, help="cases at once (all cores)")
     options = parser.parse_args()
 
-    with tempfile.TemporaryDirectory(prefix="usdfoliage-fuzz-") as held:
-        seeds, scratch = Path(held) / "seeds", Path(held) / "cases"
+    with tempfile.TemporaryDirectory(prefix="usdfoliage-fuzz-") as work_folder:
+        seeds, scratch = Path(work_folder) / "seeds", Path(work_folder) / "cases"
         seeds.mkdir()
         scratch.mkdir()
         subprocess.run(
@@ -117,8 +117,8 @@ def main() -> int:
                 print(f"fault: {case.kind}, {case.number} {case.mutation}: {'; '.join(faults)}")
     print(format_table(results))
     faulty = sum(bool(faults) for _, _, faults in results)
-    most = max((ended.most_bytes for _, ended, _ in results), default=0)
-    print(f"{len(results)} cases, {faulty} with faults, at most {most / 2**20:.0f} MiB; seed {options.seed}")
+    max_bytes = max((ended.peak_bytes for _, ended, _ in results), default=0)
+    print(f"{len(results)} cases, {faulty} with faults, at most {max_bytes / 2**20:.0f} MiB; seed {options.seed}")
     return 1 if faulty else 0
 
 

@@ -3,8 +3,8 @@
 
 usage: tools/bench/leaf.py [--leaves 100000] [--threads 2] [--repeats 5]
 
-Wall is the best of the repeats, with the median beside it; cpu is that of all threads, best of the repeats, and says
-more on a machine that is busy with other things. Ratios are numpy's over the native one's.
+Wall is the best of the repeats, with the median beside it; cpu is that of all threads, best of the repeats: the
+better measure on a machine that is busy with other things. Ratios are numpy's over the native one's.
 Exit 1 if 100,000 leaves miss a target.
 """
 
@@ -31,8 +31,8 @@ from usdfoliage.leaf.shape.variation import vary_leaves
 
 from tests.support.leaves import reference
 
-MOST_S = 0.3  # for the points of 100,000 leaves
-LEAST_RATIO = 10.0  # numpy's time over ours
+MAX_SECONDS = 0.3  # for the points of 100,000 leaves
+MIN_RATIO = 10.0  # numpy's time over ours
 TARGET_LEAVES = 100_000
 
 U, V = np.linspace(-1, 1, 9), np.linspace(0, 1, 9)
@@ -71,9 +71,9 @@ def bench_points(leaves: np.ndarray, threads: int, repeats: int) -> list[str]:
     for dtype in (np.float64, np.float32):
         run = measure(lambda dtype=dtype: evaluate_points(leaves, uv, dtype=dtype, threads=threads), repeats)
         report(f"points, {dtype.__name__}", run, plain)
-        if len(leaves) == TARGET_LEAVES and (run.wall > MOST_S or plain.wall < LEAST_RATIO * run.wall):
+        if len(leaves) == TARGET_LEAVES and (run.wall > MAX_SECONDS or plain.wall < MIN_RATIO * run.wall):
             ratio = plain.wall / run.wall
-            missed.append(f"{dtype.__name__}: {run.wall:.3f} s ({MOST_S:g}), {ratio:.1f} × numpy ({LEAST_RATIO:g})")
+            missed.append(f"{dtype.__name__}: {run.wall:.3f} s ({MAX_SECONDS:g}), {ratio:.1f} × numpy ({MIN_RATIO:g})")
     jitter, phase = Jitter(amplitude=0.02), spread_phases(len(leaves))
     report(
         "points with jitter, float64",

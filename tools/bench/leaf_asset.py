@@ -4,8 +4,8 @@
 usage: tools/bench/leaf_asset.py [-n 100000] [--many 1000000] [--repeat 3] [--representation bezier mesh]
 
 Writes a spray in every representation in a process of its own, and opens each in fresh ones: composed and traversed
-with its payload, then with every value read too. Of repeated times the best is told: other work on the machine only
-adds.
+with its payload, then with every value read too. Of repeated times the best is printed: other work on the machine
+only adds.
 Exit 1 if the instancer misses a target.
 """
 
@@ -21,7 +21,7 @@ from pathlib import Path
 
 TARGETS = {"write s": 2.0, "MB": 16.0, "compose s": 0.3}  # of 100,000 leaves as bezier
 TARGET_LEAVES = 100_000
-MOST_GIB = 4.0  # of memory, to write a million
+MAX_GIB = 4.0  # of memory, to write a million
 
 
 def write(out: Path, count: int, representation: str, repeat: int) -> dict[str, float]:
@@ -123,9 +123,9 @@ def main() -> int:
             ratios = [f"{column} {named[name][column] / named['bezier'][column]:.1f}" for column in ("MB", "read s")]
             print(f"{name} / bezier: {', '.join(ratios)}")
         if options.count == TARGET_LEAVES:
-            missed = [f"{name} above {most}" for name, most in TARGETS.items() if named["bezier"][name] > most]
-    if options.many and rows[f"bezier {options.many:,}"]["peak GiB"] > MOST_GIB:
-        missed.append(f"peak GiB above {MOST_GIB}")
+            missed = [f"{name} above {limit}" for name, limit in TARGETS.items() if named["bezier"][name] > limit]
+    if options.many and rows[f"bezier {options.many:,}"]["peak GiB"] > MAX_GIB:
+        missed.append(f"peak GiB above {MAX_GIB}")
     print(f"missed: {', '.join(missed)}" if missed else "every target is met")
     return 1 if missed else 0
 

@@ -29,9 +29,9 @@ from usdfoliage.leaf.shape.variation import vary_leaves
 
 from tests.support.leaves import clouds, fit_reference
 
-MOST_MS = 5.0  # a leaf and core
-LEAST_RATIO = 20.0  # the peer's time over ours
-MOST_WORSE = 1.02  # our distance over the peer's
+MAX_MS = 5.0  # a leaf and core
+MIN_RATIO = 20.0  # the peer's time over ours
+MAX_WORSE = 1.02  # our distance over the peer's
 NOISE = 0.003
 
 Keep = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -137,11 +137,11 @@ def main() -> int:
         closest = in_order(fit_leaves_to_surface(outlined), len(truth))
         report(f"{name}: by closest places", closest_ms, truth, closest)
         for fit, cost in (("alternating", ms), ("by closest places", closest_ms)):
-            if cost > MOST_MS:
-                missed.append(f"{name}: {fit} {cost:.2f} ms a leaf, {MOST_MS:g} allowed")
-        if peer_ms < LEAST_RATIO * ms:
-            missed.append(f"{name}: {peer_ms / ms:.1f} × the peer's speed, {LEAST_RATIO:g} needed")
-        if ours > MOST_WORSE * theirs:
+            if cost > MAX_MS:
+                missed.append(f"{name}: {fit} {cost:.2f} ms a leaf, {MAX_MS:g} allowed")
+        if peer_ms < MIN_RATIO * ms:
+            missed.append(f"{name}: {peer_ms / ms:.1f} × the peer's speed, {MIN_RATIO:g} needed")
+        if ours > MAX_WORSE * theirs:
             missed.append(f"{name}: {ours:.3f} % from the truth, the peer {theirs:.3f} %")
     for miss in missed:
         print(f"target missed: {miss}")

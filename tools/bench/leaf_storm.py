@@ -20,7 +20,7 @@ from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main as usdfoliage
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
 
-LEAST_IOU, MOST_DIFFERENCE = 0.995, 2.0
+MIN_IOU, MAX_DIFFERENCE = 0.995, 2.0
 FINE = ("--representation", "bezier", "mesh", "--resolution", "32", "128")
 CURLED = "--width 1.4 --curl 0.02 0.05 0.1"
 EDITS = {
@@ -71,9 +71,9 @@ def compare(asset: Path, size_px: int) -> list[tuple[str, float, float]]:
     for view, first, second in zip(views, *drawn, strict=True):
         covered = [picture[..., 3] > 0.5 for picture in (first, second)]
         either = covered[0] | covered[1]
-        shown = [finish_picture(picture, PreviewSettings().background).astype(float) for picture in (first, second)]
+        finished = [finish_picture(picture, PreviewSettings().background).astype(float) for picture in (first, second)]
         iou = float((covered[0] & covered[1]).sum() / either.sum())
-        rows.append((view.direction, iou, float(np.abs(shown[0] - shown[1])[either].mean())))
+        rows.append((view.direction, iou, float(np.abs(finished[0] - finished[1])[either].mean())))
     return rows
 
 
@@ -96,7 +96,7 @@ def main() -> int:
             for direction, iou, difference in compare(
                 folder / f"baked_{number}" / f"baked_{number}.usda", options.size
             ):
-                missed |= iou < LEAST_IOU or difference > MOST_DIFFERENCE
+                missed |= iou < MIN_IOU or difference > MAX_DIFFERENCE
                 print(f"{title:<22}{direction:<8}{iou:8.4f}{difference:8.3f}", flush=True)
     print("a target is missed" if missed else "every target is met")
     return 1 if missed else 0

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 APART = 10.0  # the cost of leaves that are nowhere near each other, in lengths
 GRID = 33  # points of a found leaf, along either way
 DISTANCE_POINTS, VISIBLE_POINTS = 1500, 300  # of a true leaf
-COARSE, COARSE_STEP = 0.2, 16  # beyond this distance, in lengths, every sixteenth point is enough to tell it
+COARSE, COARSE_STEP = 0.2, 16  # beyond this distance, in lengths, every sixteenth point is enough
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ class TruthSettings:
 
     visible_within_m: float = 0.004  # between a true point and the depth seen there; for leaves of some 70 mm
     visible_share: float = 0.5
-    most_distance: float = 0.08  # of a match, in lengths of the true leaf
+    max_distance: float = 0.08  # of a match, in lengths of the true leaf
     half_hidden: tuple[float, float] = (0.4, 0.6)  # share visible in the best view
 
 
@@ -51,7 +51,7 @@ class TrueLeaves:
     base_m: Array  # (N, 3)
     apex_m: Array  # (N, 3)
     length_m: Array  # (N,), from base to apex
-    visible_m: Array  # (N, VISIBLE_POINTS, 3), to tell what is seen
+    visible_m: Array  # (N, VISIBLE_POINTS, 3), to measure what is seen
     surface_m: Array  # (N, DISTANCE_POINTS, 3), to measure distances
 
     def __len__(self) -> int:
@@ -67,7 +67,7 @@ class Match:
     distance: Array  # (K,), in lengths of the true leaf
     nearest_true: Array  # (N,), the least distance of each true leaf to any found one, APART or less
     nearest_found: Array  # (M,), and of each found leaf to any true one
-    most_pairs: int  # pairs that would count, were all that do not count alike
+    max_pairs: int  # pairs that would count if all pairs that do not count had the same cost
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,8 +91,8 @@ class Scores:
     half_hidden: int  # matched leaves that are half hidden even in their best view
     half_hidden_length_error: float  # median
     duplicates: int  # found leaves that lie on a true one which another found leaf has
-    poor: int  # found leaves beyond the most that counts, but within twice of it
-    most_matched: int  # were pairs that do not count all alike: the least sum may part good pairs to save bad ones
+    poor: int  # found leaves beyond max_distance, but within twice of it
+    max_matched: int  # max_pairs of the match: the smallest sum may part good pairs to save bad ones
 
 
 def true_leaves(arrays: Mapping[str, NDArray[np.generic]]) -> TrueLeaves:
@@ -191,16 +191,16 @@ def match_leaves(true: TrueLeaves, leaves: Leaves, settings: TruthSettings = Tru
                     if costs[number, other] > COARSE:
                         break
     rows, columns = linear_sum_assignment(costs)
-    near = costs[rows, columns] <= settings.most_distance
+    near = costs[rows, columns] <= settings.max_distance
     rows, columns = rows[near], columns[near]
-    counting = linear_sum_assignment(np.where(costs <= settings.most_distance, costs, APART))
+    counting = linear_sum_assignment(np.where(costs <= settings.max_distance, costs, APART))
     return Match(
         true=rows,
         found=columns,
         distance=costs[rows, columns],
         nearest_true=costs.min(axis=1, initial=APART),
         nearest_found=costs.min(axis=0, initial=APART),
-        most_pairs=int((costs[counting] <= settings.most_distance).sum()),
+        max_pairs=int((costs[counting] <= settings.max_distance).sum()),
     )
 
 
@@ -252,9 +252,9 @@ def score_leaves(
         length_error=_median(length_error),
         half_hidden=int(half_hidden.sum()),
         half_hidden_length_error=_median(length_error[half_hidden]),
-        duplicates=int((nearest <= settings.most_distance).sum()),
-        poor=int(((nearest > settings.most_distance) & (nearest <= 2 * settings.most_distance)).sum()),
-        most_matched=matched.most_pairs,
+        duplicates=int((nearest <= settings.max_distance).sum()),
+        poor=int(((nearest > settings.max_distance) & (nearest <= 2 * settings.max_distance)).sum()),
+        max_matched=matched.max_pairs,
     )
 
 

@@ -39,13 +39,13 @@ DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SHARED_CAPTURE = Path("synthetic") / "dense_foliage"
 DEPTHS, METHODS = ("depth", "depth_noisy"), ("dense", "paper")
 
-LIMIT_PIXELS = 10 * 1200 * 900  # of all views, that the most seconds are for
-MOST_SECONDS, MOST_GIB = 60.0, 3.0
+LIMIT_PIXELS = 10 * 1200 * 900  # of all views, that MAX_SECONDS is for
+MAX_SECONDS, MAX_GIB = 60.0, 3.0
 FACTORS = (0.1, 10.0)
 SAME_SHARE, SAME_PERCENT = 0.01, 0.1  # of recall and precision, of the distance: how far they may move with the size
 TIMES = (1, 4, 16)
 BASE_LEAVES, BASE_VIEWS, BASE_SIZE = 60, 3, (640, 480)  # of the smallest capture of --scaling
-MOST_GROWTH = 1.5  # of the cost of a view or a leaf, from 1 to 16 times as many
+MAX_GROWTH = 1.5  # of the cost of a view or a leaf, from 1 to 16 times as many
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,8 +172,8 @@ def read_peak_gib() -> float:
 
 def run_in_a_process(case: Case) -> Result:
     """run_case in a process of its own; its words are ours, and an error ends the benchmark."""
-    told = json.dumps(asdict(case), default=str)
-    done = subprocess.run([sys.executable, __file__, "--case", told], capture_output=True, text=True, check=False)
+    case_json = json.dumps(asdict(case), default=str)
+    done = subprocess.run([sys.executable, __file__, "--case", case_json], capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"error: {case.capture.name}, {case.depth}, {case.method} failed:\n{done.stderr}")
     read = json.loads(done.stdout.splitlines()[-1])
@@ -235,12 +235,12 @@ def print_stages(rows: Sequence[tuple[str, Result]]) -> None:
 
 def check_result(name: str, case: Case, result: Result) -> list[str]:
     """The targets that a run missed."""
-    most_s = MOST_SECONDS * max(1.0, result.pixels / LIMIT_PIXELS)
+    max_s = MAX_SECONDS * max(1.0, result.pixels / LIMIT_PIXELS)
     missed = TARGETS[case.depth].missed(result.scores) if case.depth in TARGETS else []
-    if result.wall_s > most_s:
-        missed.append(f"{result.wall_s:.1f} s above {most_s:g}")
-    if result.peak_gib > MOST_GIB:
-        missed.append(f"{result.peak_gib:.2f} GiB above {MOST_GIB:g}")
+    if result.wall_s > max_s:
+        missed.append(f"{result.wall_s:.1f} s above {max_s:g}")
+    if result.peak_gib > MAX_GIB:
+        missed.append(f"{result.peak_gib:.2f} GiB above {MAX_GIB:g}")
     return [f"{name}: {miss}" for miss in missed]
 
 
@@ -293,10 +293,10 @@ def bench_scales(capture: Path, work: Path, options: argparse.Namespace) -> list
     missed = []
     first = rows[0][1].scores
     for name, result in rows[1:]:
-        for measure, most in (("recall", SAME_SHARE), ("precision", SAME_SHARE), ("distance_percent", SAME_PERCENT)):
+        for measure, limit in (("recall", SAME_SHARE), ("precision", SAME_SHARE), ("distance_percent", SAME_PERCENT)):
             change = getattr(result.scores, measure) - getattr(first, measure)
-            if not abs(change) <= most:
-                missed.append(f"{name}: {measure} moves by {change:+.3f}, at most {most:g} is the same")
+            if not abs(change) <= limit:
+                missed.append(f"{name}: {measure} moves by {change:+.3f}, at most {limit:g} is the same")
     return missed
 
 
@@ -333,8 +333,8 @@ def bench_scaling(work: Path, options: argparse.Namespace) -> list[str]:
                 flush=True,
             )
         growth = costs[-1] / costs[0]
-        if growth > MOST_GROWTH:
-            missed.append(f"{title}: {TIMES[-1]} × costs {growth:.2f} × as much for each, at most {MOST_GROWTH:g}")
+        if growth > MAX_GROWTH:
+            missed.append(f"{title}: {TIMES[-1]} × costs {growth:.2f} × as much for each, at most {MAX_GROWTH:g}")
     return missed
 
 
@@ -369,8 +369,8 @@ def main() -> int:
     parser.add_argument("--case", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.case:
-        told = json.loads(options.case)
-        print(json.dumps(asdict(run_case(Case(**{**told, "capture": Path(told["capture"])})))))
+        given = json.loads(options.case)
+        print(json.dumps(asdict(run_case(Case(**{**given, "capture": Path(given["capture"])})))))
         return 0
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)

@@ -22,7 +22,7 @@ from usdfoliage.asset.validation.findings import Finding
 from usdfoliage.asset.validation.known_findings import KnownFindings
 from usdfoliage.asset.validation.usd_validators import run_usd_validators
 
-Said = frozenset[tuple[str, str, str]]  # severity, path and message: USD's and NVIDIA's names for one rule differ
+FindingKeys = frozenset[tuple[str, str, str]]  # severity, path, message: USD's and NVIDIA's names for a rule differ
 
 
 def main() -> None:
@@ -38,9 +38,9 @@ def main() -> None:
         start = time.process_time()
         issues = package.ValidationEngine(variants=False).validate(stage).issues()
         engine = [nvidia_rules._with_our_rules(finding, stage) for finding in nvidia_rules._findings(issues)]
-        anew = _said([*run_usd_validators(stage, KnownFindings()), *engine])
+        anew = _keys_of([*run_usd_validators(stage, KnownFindings()), *engine])
         middle = time.process_time()
-        shared = _said([*run_usd_validators(stage, known), *nvidia_rules.run_nvidia_rules(stage, known)])
+        shared = _keys_of([*run_usd_validators(stage, known), *nvidia_rules.run_nvidia_rules(stage, known)])
         end = time.process_time()
         anew_s, shared_s = anew_s + middle - start, shared_s + end - middle
         label = f"{number + 1}/{len(selections)} {validation._label(selection)}"
@@ -50,7 +50,7 @@ def main() -> None:
     print(f"{anew_s:.1f} s anew, {shared_s:.1f} s shared: {anew_s / shared_s:.1f} times as fast")
 
 
-def _said(findings: list[Finding]) -> Said:
+def _keys_of(findings: list[Finding]) -> FindingKeys:
     return frozenset((finding.severity, finding.path, finding.message) for finding in findings)
 
 

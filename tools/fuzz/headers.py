@@ -1,4 +1,4 @@
-"""Headers that say what is not so, with checksums that are right: sizes of bombs, counts below nothing, no numbers."""
+"""Headers with false values and right checksums: sizes of bombs, counts below nothing, no numbers."""
 
 import re
 import struct
@@ -32,17 +32,17 @@ def lie_png(data: bytes, rng: np.random.Generator) -> bytes:
 def lie_jpeg(data: bytes, rng: np.random.Generator) -> bytes:
     """Another height, width, precision or number of channels in the frame's header."""
     at = max(data.find(b"\xff\xc0"), data.find(b"\xff\xc2"))
-    held = bytearray(data)
+    changed = bytearray(data)
     if rng.random() < 0.7:
-        struct.pack_into(">HH", held, at + 5, min(_choose(_SIDES, rng), 65535), min(_choose(_SIDES, rng), 65535))
+        struct.pack_into(">HH", changed, at + 5, min(_choose(_SIDES, rng), 65535), min(_choose(_SIDES, rng), 65535))
     else:
-        held[at + int(rng.choice((4, 9, 10, 11, 12)))] = int(rng.integers(256))
-    return bytes(held)
+        changed[at + int(rng.choice((4, 9, 10, 11, 12)))] = int(rng.integers(256))
+    return bytes(changed)
 
 
 def lie_tiff(data: bytes, rng: np.random.Generator) -> bytes:
     """Another value, type or count in one of the first directory's entries."""
-    held = bytearray(data)
+    changed = bytearray(data)
     order = "<" if data[:2] == b"II" else ">"
     (start,) = struct.unpack_from(order + "I", data, 4)
     (entries,) = struct.unpack_from(order + "H", data, start)
@@ -50,17 +50,17 @@ def lie_tiff(data: bytes, rng: np.random.Generator) -> bytes:
     value = _choose((*_SIDES, 10**9), rng)
     kind = int(rng.integers(4))
     if kind == 0:
-        struct.pack_into(order + "H", held, at + 2, int(rng.integers(20)))
+        struct.pack_into(order + "H", changed, at + 2, int(rng.integers(20)))
     elif kind == 1:
-        struct.pack_into(order + "I", held, at + 4, value)
+        struct.pack_into(order + "I", changed, at + 4, value)
     else:
-        struct.pack_into(order + "HII", held, at + 2, 4, 1, value)
-    return bytes(held)
+        struct.pack_into(order + "HII", changed, at + 2, 4, 1, value)
+    return bytes(changed)
 
 
 def lie_exr(data: bytes, rng: np.random.Generator) -> bytes:
     """Another data or display window, compression, order of lines, or numbers that are none."""
-    held = bytearray(data)
+    changed = bytearray(data)
     windows = [match.end() + 4 for match in re.finditer(rb"(?:dataWindow|displayWindow)\0box2i\0", data)]
     if rng.random() < 0.7 and windows:
         at = windows[int(rng.integers(len(windows)))]
@@ -68,13 +68,13 @@ def lie_exr(data: bytes, rng: np.random.Generator) -> bytes:
         kept = rng.random(4) < 0.5
         for place in range(4):
             if not kept[place]:
-                struct.pack_into("<i", held, at + 4 * place, sides[place])
+                struct.pack_into("<i", changed, at + 4 * place, sides[place])
     else:
         names = (rb"compression\0compression\0", rb"lineOrder\0lineOrder\0", rb"pixelAspectRatio\0float\0")
         found = [match.end() + 4 for name in names for match in re.finditer(name, data)]
         if found:
-            held[found[int(rng.integers(len(found)))]] = int(rng.integers(256))
-    return bytes(held)
+            changed[found[int(rng.integers(len(found)))]] = int(rng.integers(256))
+    return bytes(changed)
 
 
 def lie_ply(data: bytes, rng: np.random.Generator) -> bytes:
@@ -100,56 +100,56 @@ def lie_ply(data: bytes, rng: np.random.Generator) -> bytes:
 
 def lie_las(data: bytes, rng: np.random.Generator) -> bytes:
     """Another count of points or records, size or place of points, scale, offset or bounds."""
-    held = bytearray(data)
+    changed = bytearray(data)
     field = int(rng.integers(8))
     if field < 3:
         count = _choose(_COUNTS, rng)
-        struct.pack_into("<Q", held, 247, count)
-        struct.pack_into("<I", held, 107, count % 2**32)
+        struct.pack_into("<Q", changed, 247, count)
+        struct.pack_into("<I", changed, 107, count % 2**32)
     elif field == 3:
-        struct.pack_into("<I", held, int(rng.choice((94, 96, 100, 243))), _choose((*_SIDES, 227, 375), rng))
+        struct.pack_into("<I", changed, int(rng.choice((94, 96, 100, 243))), _choose((*_SIDES, 227, 375), rng))
     elif field == 4:
-        held[104 + int(rng.integers(3))] = int(rng.integers(256))
+        changed[104 + int(rng.integers(3))] = int(rng.integers(256))
     elif field == 5:
-        struct.pack_into("<Q", held, int(rng.choice((227, 235))), _choose(_COUNTS, rng))
+        struct.pack_into("<Q", changed, int(rng.choice((227, 235))), _choose(_COUNTS, rng))
     else:
         value = float(rng.choice((np.nan, np.inf, 0.0, 1e300, -1e-300, 1e15)))
-        struct.pack_into("<d", held, 131 + 8 * int(rng.integers(12)), value)
-    return bytes(held)
+        struct.pack_into("<d", changed, 131 + 8 * int(rng.integers(12)), value)
+    return bytes(changed)
 
 
 def lie_laz(data: bytes, rng: np.random.Generator) -> bytes:
     """As lie_las, or another size of chunks, packing, or place of the table of chunks."""
     if rng.random() < 0.5:
         return lie_las(data, rng)
-    held = bytearray(data)
+    changed = bytearray(data)
     packing = data.find(b"laszip encoded") - 2 + 54
     (start,) = struct.unpack_from("<I", data, 96)
     (table,) = struct.unpack_from("<q", data, start)
     value = _choose((0, 1, 2**31 - 1, 2**32 - 1, 50_000, 3), rng)
     kind = int(rng.integers(4))
     if kind == 0:
-        struct.pack_into("<I", held, packing + 12, value)
+        struct.pack_into("<I", changed, packing + 12, value)
     elif kind == 1:
-        held[packing + int(rng.integers(46))] = int(rng.integers(256))
+        changed[packing + int(rng.integers(46))] = int(rng.integers(256))
     elif kind == 2:
-        struct.pack_into("<I", held, table + 4, value)
+        struct.pack_into("<I", changed, table + 4, value)
     else:
-        struct.pack_into("<q", held, start, int(rng.choice((-1, 0, len(data), len(data) - 4, 2**62, start))))
-    return bytes(held)
+        struct.pack_into("<q", changed, start, int(rng.choice((-1, 0, len(data), len(data) - 4, 2**62, start))))
+    return bytes(changed)
 
 
 def lie_colmap(data: bytes, rng: np.random.Generator) -> bytes:
     """Another count of rows, or a number in the first row that is none."""
-    held = bytearray(data)
+    changed = bytearray(data)
     if rng.random() < 0.3:
-        struct.pack_into("<Q", held, 0, _choose(_COUNTS, rng))
+        struct.pack_into("<Q", changed, 0, _choose(_COUNTS, rng))
     elif rng.random() < 0.5:
-        struct.pack_into("<I", held, min(len(held) - 4, 8 + 4 * int(rng.integers(8))), _choose(_SIDES, rng))
+        struct.pack_into("<I", changed, min(len(changed) - 4, 8 + 4 * int(rng.integers(8))), _choose(_SIDES, rng))
     else:
         value = float(rng.choice((np.nan, np.inf, 0.0, 1e300, -1.0)))
-        struct.pack_into("<d", held, min(len(held) - 8, int(rng.choice((12, 20, 28, 32, 40, 48, 56)))), value)
-    return bytes(held)
+        struct.pack_into("<d", changed, min(len(changed) - 8, int(rng.choice((12, 20, 28, 32, 40, 48, 56)))), value)
+    return bytes(changed)
 
 
 def zero_rotation(data: bytes, _: np.random.Generator) -> bytes:

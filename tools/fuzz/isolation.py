@@ -38,7 +38,7 @@ class Ended:
     timed_out: bool
     stdout: str
     stderr: str
-    most_bytes: int  # of memory that it had at once
+    peak_bytes: int  # of memory that it had at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +104,7 @@ def poll_command(running: Running, time_limit_s: float = WAITING_LIMIT_S) -> End
         timed_out=timed_out,
         stdout=_text(Path(f"{running.streams}.out")),
         stderr=_text(Path(f"{running.streams}.err")),
-        most_bytes=used.ru_maxrss * 1024,
+        peak_bytes=used.ru_maxrss * 1024,
     )
 
 

@@ -11,7 +11,7 @@ _LEFT = re.compile(r"usdfoliage-(?:new|old|lock)|\.tmp$")  # names of what is no
 
 # A run of capture that stopped keeps links to its input and what it has done, to go on; these come last.
 _RESULTS = {f"out/{name}" for name in ("depth", "normals", "confidence", "cloud.ply", "capture.usda")}
-# libpng tells of what it unpacks on stderr, and cannot be told not to.
+# libpng reports what it unpacks on stderr, and no setting prevents that.
 _TOLERATED = ("WARNING: ", "libpng error: ", "libpng warning: ")
 
 State = Mapping[str, tuple[int, int, int]]
@@ -21,8 +21,8 @@ def folder_state(folder: Path) -> State:
     """Mode, size and time of everything below a folder; nothing is opened, as that may be a pipe."""
     found = {}
     for path in sorted(folder.rglob("*")):
-        held = path.lstat()
-        found[path.relative_to(folder).as_posix()] = (held.st_mode, held.st_size, held.st_mtime_ns)
+        status = path.lstat()
+        found[path.relative_to(folder).as_posix()] = (status.st_mode, status.st_size, status.st_mtime_ns)
     return found
 
 
@@ -60,7 +60,7 @@ def _message_faults(case: Case, ended: Ended) -> list[str]:
         return [f"noise: {lines[0][:100]}"] if lines else []
     errors = [line for line in lines if line.startswith("error: ")]
     if case.words[0] == "batch" and not errors and ended.stdout:
-        return [f"noise: {lines[0][:100]}"] if lines else []  # it tells of each plant that cannot be
+        return [f"noise: {lines[0][:100]}"] if lines else []  # it reports each plant that cannot be built
     if len(errors) != 1:
         return [f"{len(errors)} messages"]
     faults = [f"noise: {line[:100]}" for line in lines if line not in errors][:1]
@@ -68,7 +68,7 @@ def _message_faults(case: Case, ended: Ended) -> list[str]:
         faults.append("output on stdout as well")
     if len(errors[0]) > 1500:
         faults.append(f"message of {len(errors[0])} characters")
-    # A folder may be what is told of: it lacks the file.
+    # The message may name a folder: the one that lacks the file.
     if case.names_file and not any(part in errors[0] for part in Path(case.target).parts):
         faults.append("the file is not named")
     return faults

@@ -44,19 +44,19 @@ def _place(data: bytes, rng: np.random.Generator) -> int:
 
 
 def flip_bits(data: bytes, rng: np.random.Generator) -> bytes:
-    held = bytearray(data)
+    changed = bytearray(data)
     for _ in range(int(rng.integers(1, 9))):
-        if held:
-            held[_place(data, rng)] ^= 1 << int(rng.integers(8))
-    return bytes(held)
+        if changed:
+            changed[_place(data, rng)] ^= 1 << int(rng.integers(8))
+    return bytes(changed)
 
 
 def set_bytes(data: bytes, rng: np.random.Generator) -> bytes:
-    held = bytearray(data)
+    changed = bytearray(data)
     for _ in range(int(rng.integers(1, 30))):
-        if held:
-            held[_place(data, rng)] = int(rng.choice((0, 255, 128, int(rng.integers(256)))))
-    return bytes(held)
+        if changed:
+            changed[_place(data, rng)] = int(rng.choice((0, 255, 128, int(rng.integers(256)))))
+    return bytes(changed)
 
 
 def truncate(data: bytes, rng: np.random.Generator) -> bytes:

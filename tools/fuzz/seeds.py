@@ -144,7 +144,7 @@ def _write_clouds(folder: Path) -> None:
 
 
 def _write_beds(folder: Path) -> None:
-    """Two captures alike, one with a text and one with a binary model."""
+    """Two equal captures, one with a text and one with a binary model."""
     bed, binary = folder / "bed", folder / "binary"
     made = write_posed_photos(bed, CAPTURE_TOML)
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (40, 3))
@@ -154,13 +154,13 @@ def _write_beds(folder: Path) -> None:
     leaves = scene()
     (bed / "masks").mkdir()
     for number, (name, pose) in enumerate(made.items()):
-        _, depth_m, shown = draw(leaves, LENS.pinhole(pose))
+        _, depth_m, leaf_ids = draw(leaves, LENS.pinhole(pose))
         stem = bed / "depth" / name
         if number == 4:
             cv2.imwrite(str(stem), np.rint(depth_m * 1000).astype(np.uint16))
         else:
             write_depth(stem.with_suffix(".exr"), depth_m)
-        cv2.imwrite(str(bed / "masks" / name), (shown > 0).astype(np.uint8) * 255)
+        cv2.imwrite(str(bed / "masks" / name), (leaf_ids > 0).astype(np.uint8) * 255)
     shutil.copytree(bed, binary)
     for file in (binary / "cameras").iterdir():
         file.unlink()

@@ -45,8 +45,8 @@ class SceneSettings:
     width_px: int = 1200
     height_px: int = 900
     length_m: float = 0.07  # of a leaf, on average
-    width: float = 1.0  # of leaves, to that of the usual leaf, which is half as wide as long
-    variation: float = 1.0  # how much leaves differ and bend: 0 all alike, 1 as on a plant
+    width: float = 1.0  # of leaves, to that of the default leaf, which is half as wide as long
+    variation: float = 1.0  # how much leaves differ and bend: 0 all equal, 1 as on a plant
     framed_leaves: int = 400  # about how many of them a view shows; more leaves make the bed longer
     wall: bool = True
     seed: int = 0

@@ -243,13 +243,13 @@ def backdrop_depth(scene: Scene, camera: Pinhole) -> Array:
     return np.where(nearest < FAR * scene.leaves.length_m.mean(), nearest, 0.0)
 
 
-def _shadow_map(scene: Scene, towards: Array, texels_a_leaf: float, most: int, length_m: float) -> ShadowMap:
+def _shadow_map(scene: Scene, towards: Array, texels_a_leaf: float, max_texels: int, length_m: float) -> ShadowMap:
     across = np.cross([0.0, 0.0, 1.0] if abs(towards[2]) < 0.9 else [1.0, 0.0, 0.0], towards)
     across /= np.linalg.norm(across)
     axes = np.stack([across, np.cross(towards, across), towards])
     place = scene.points_m @ axes.T
     low, high = place.min(axis=0), place.max(axis=0)
-    texel_m = max(length_m / texels_a_leaf, float((high - low)[:2].max()) / most)
+    texel_m = max(length_m / texels_a_leaf, float((high - low)[:2].max()) / max_texels)
     columns, rows = (np.ceil((high - low)[:2] / texel_m).astype(int) + 1).tolist()
     # The buffer keeps what is greatest and above 0: the height over the lowest.
     hits = rasterise(
