@@ -98,7 +98,7 @@ def plane_at(depth, row, column, radius, steepest, noise):
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_planes_are_those_of_weighted_least_squares(seed):
+def test_planes_are_those_of_a_weighted_fit(seed):
     depth = foliage(seed)
     planes, support = fit_planes(depth, 0.0005)
     planes, support = planes.reshape(*depth.shape, 3), support.reshape(depth.shape)
