@@ -275,8 +275,11 @@ class TestSettings:
     @pytest.mark.parametrize(
         ("given", "message"),
         [
-            (("--min-confidence", 2), "--min-confidence must be from 0 to 1, not 2"),
-            (("--min-confidence", "nan"), "--min-confidence must be"),
+            (
+                ("--min-confidence", 2),
+                "min_confidence must be from 0 to 1, not 2.0; give another number with --min-confidence",
+            ),
+            (("--min-confidence", "nan"), "give another number with --min-confidence"),
             (("--plane-threshold", "-1"), "--plane-threshold must be"),
             (("--plane-threshold", "much"), "--plane-threshold must be"),
             (("--seed", -1), "seed"),

@@ -65,6 +65,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
         options={
             "leaves.depth": "--depth",
             "leaves.method": "--method",
+            "leaves.min_confidence": "--min-confidence",
             "plant.species": "--species",
             "plant.representations": "--representation",
             "seed": "--seed",

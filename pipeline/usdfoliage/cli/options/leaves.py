@@ -12,6 +12,7 @@ from usdfoliage.jobs.edits.settings import read_representations
 from usdfoliage.jobs.leaves.run import LeavesRequest
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file, set_everywhere
+from usdfoliage.remarks import Setting
 
 
 def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
@@ -50,13 +51,14 @@ def read_leaves_settings(options: argparse.Namespace) -> LeavesSettings:
         settings = read_settings_file(options.settings, settings)
     if options.seed is not None and not 0 <= options.seed < 2**63:  # an asset records it as int64
         raise FoliageError(f"the seed must be 0 or more and below 2^63, not {options.seed}")
-    try:
-        if options.method is not None:
-            settings = dataclasses.replace(settings, method=options.method)
-        if options.min_confidence is not None:
+    if options.method is not None:
+        settings = dataclasses.replace(settings, method=options.method)
+    if options.min_confidence is not None:
+        try:
             settings = dataclasses.replace(settings, min_confidence=options.min_confidence)
-    except ValueError as error:
-        raise FoliageError(f"--{str(error).replace('_', '-', 1)}") from error
+        except ValueError as error:
+            remedy = ("give another number with ", Setting(name="leaves.min_confidence"))
+            raise FoliageError(str(error), remedy) from error
     if options.plane_threshold is not None:
         settings = set_everywhere(settings, "plane_threshold_m", _read_plane_threshold(options.plane_threshold))
     if options.threads is not None:
