@@ -1,5 +1,6 @@
 """Libraries: lists of captures, plants that fail, and what a second run does."""
 
+import json
 import os
 import shutil
 from pathlib import Path
@@ -122,6 +123,18 @@ def test_one_bad_capture_does_not_stop_the_others_and_a_second_run_does_nothing(
         shutil.rmtree(plants / "all" / "broken2")
     printed = capsys.readouterr().out
     assert printed.count("nothing to do") == 2
+    assert run(*command, "--json") == 2
+    made = json.loads(capsys.readouterr().out)
+    assert made["asset"] is None
+    assert Path(made["report"]) == out / "index.html"
+    by_name = {plant["name"]: plant for plant in made["plants"]}
+    verdicts = {"broken": "failed", "elm": "built", "empty": "skipped", "oak": "built"}
+    assert {name: plant["verdict"] for name, plant in by_name.items()} == verdicts
+    assert len({tuple(plant) for plant in by_name.values()}) == 1  # all have the same keys
+    assert Path(by_name["oak"]["asset"]) == out / "oak" / "oak.usda"
+    assert "none of 2 photographs" in by_name["broken"]["error"]
+    assert by_name["empty"]["error"].startswith("the folder has no photographs; ")
+    assert "photographs-unusable" in [each["code"] for each in by_name["elm"]["remarks"]]
     assert before == {path: path.stat().st_mtime_ns for path in before}
 
 

@@ -1,5 +1,6 @@
 """A capture from photographs on the command line: good input, bad input, runs that are stopped and go on."""
 
+import json
 import os
 import shutil
 import signal
@@ -21,7 +22,8 @@ from usdfoliage.cli import capture as command
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture import poses as capture_poses
 from usdfoliage.jobs.capture.settings import QUALITIES
-from usdfoliage.remarks import remark
+from usdfoliage.remark_codes import REMARK_KINDS
+from usdfoliage.remarks import remark, remark_from_json
 
 from tests.capture.mvs.test_colmap_stereo import write_matrix
 from tests.support.capture_photos import LENS, draw, poses, scene, write_photos, write_posed_photos
@@ -126,6 +128,18 @@ def test_a_second_run_takes_all_from_the_first(bed, made, capsys):
     assert "earlier run" not in "".join(printed(capsys, *words(bed, "--fresh")))
     assert results(bed) == results(made)
     assert "there is no" not in refused(capsys, *words(bed, "--fresh", "--resume"))
+
+
+def test_a_capture_is_one_json_object(bed, capsys):
+    made = json.loads("\n".join(printed(capsys, *words(bed, "--json"))))
+    assert made["asset"] is None
+    assert made["report"] is None  # --no-report
+    assert Path(made["cloud"]) == bed / "cloud.ply"
+    assert [fact["name"] for fact in made["facts"]] == ["photographs", "coverage", "points"]
+    assert all(seconds >= 0 for seconds in made["seconds"].values())
+    assert {remark_from_json(each).code for each in made["remarks"]} <= set(REMARK_KINDS)
+    again = json.loads("\n".join(printed(capsys, *words(bed, "--json"))))
+    assert "tasks-done-before" in [each["code"] for each in again["remarks"]]
 
 
 def test_the_summary_and_the_report(bed, capsys):

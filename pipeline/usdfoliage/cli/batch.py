@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.build import add_ending, add_plan, add_where
 
 if TYPE_CHECKING:
@@ -30,13 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_plan(parser)
     add_where(parser)
     add_ending(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.options.build import read_where
     from usdfoliage.cli.plant_progress import PlantBar
-    from usdfoliage.cli.plant_results import EXIT_CODES
+    from usdfoliage.cli.plant_results import EXIT_CODES, list_plant
     from usdfoliage.jobs.plant.library import LibraryIndex, describe_built, read_library
     from usdfoliage.jobs.plant.run import build_plants
 
@@ -50,16 +53,21 @@ def run(options: argparse.Namespace) -> int:
     index = LibraryIndex(folder=folder, plants=len(listed.entries), skipped=listed.skipped)
     for plant in failed:
         index.add(plant)
-    print(_ROW.format("plant", "", "seconds", "leaves", "size", ""))
+    listed_plants = [_list_unbuilt(plant) for plant in (*failed, *listed.skipped)]
     codes = {EXIT_CODES["failed"]} if failed else set()
-    for plant in (*failed, *listed.skipped):
-        print(_ROW.format(plant.name, plant.state, "", "", "", plant.sentence))
+    if not options.json:
+        print(_ROW.format("plant", "", "seconds", "leaves", "size", ""))
+        for plant in (*failed, *listed.skipped):
+            print(_ROW.format(plant.name, plant.state, "", "", "", plant.sentence))
     counts: dict[str, int] = {"failed": len(failed)} if failed else {}
     try:
         with PlantBar() as bar:
             for _, made in build_plants(requests, where, bar.show):
                 plant = describe_built(made, folder)
-                bar.write(_describe(made, plant))
+                if not options.json:
+                    bar.write(_describe(made, plant))
+                capture = str(made.request.capture)
+                listed_plants.append({"name": made.request.name, "capture": capture, **list_plant(made)})
                 index.add(plant)
                 codes.add(EXIT_CODES[made.verdict])
                 counts[made.verdict] = counts.get(made.verdict, 0) + 1
@@ -70,10 +78,35 @@ def run(options: argparse.Namespace) -> int:
         print("error: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
     page = index.write()
+    exit_code = next((code for code in (1, 2, 3) if code in codes), 0)
+    if options.json:
+        listed_plants.sort(key=lambda plant: str(plant["name"]))
+        print(format_made(asset=None, report=page, facts=(), remarks=(), plants=listed_plants))
+        return exit_code
     text = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     print(f"{len(listed.entries)} plants: {text}{f', {len(listed.skipped)} skipped' if listed.skipped else ''}")
     print(f"index: {page}")
-    return next((code for code in (1, 2, 3) if code in codes), 0)
+    return exit_code
+
+
+def _list_unbuilt(plant: "LibraryPlant") -> dict[str, object]:
+    """A plant that was not tried, with the keys of one that was."""
+    from usdfoliage.cli.json_output import list_made
+
+    return {
+        "name": plant.name,
+        "capture": plant.capture,
+        **list_made(
+            asset=None,
+            report=None,
+            facts=(),
+            remarks=(),
+            verdict=plant.state,
+            error=plant.sentence,
+            errors=0,
+            seconds={},
+        ),
+    }
 
 
 def _read_requests(

@@ -9,8 +9,14 @@ the hash of what it was made of, in .usdfoliage/ inside the capture, which may b
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.leaf_commands import add_writing
+
+if TYPE_CHECKING:
+    from usdfoliage.jobs.capture.run import MadeCapture
+    from usdfoliage.jobs.report.table import Row
 
 QUALITIES = ("draft", "normal", "high")
 
@@ -87,10 +93,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-report", action="store_true", help="write no report")
     add_writing(parser)
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.options.capture import read_capture_request, read_capture_run_settings
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
@@ -111,12 +119,38 @@ def run(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("error: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
+    facts = _list_facts(made)
+    if options.json:
+        seconds = dict(made.seconds)
+        print(
+            format_made(
+                asset=None,
+                report=made.report,
+                facts=facts,
+                remarks=made.remarks,
+                cloud=str(made.cloud),
+                seconds=seconds,
+            )
+        )
+        return 0
     print_remarks(made.remarks, "capture")
-    print(f"photographs: {made.registered:,} of {made.photographs:,} have a pose, {made.views:,} have depth")
-    print(f"coverage: {made.coverage:.0%} of the median photograph's pixels that are not masked have depth")
-    print(f"points: {made.points:,}")
+    for row in facts:
+        print(f"{row.name}: {row.value}")
     print(f"seconds: {', '.join(f'{name} {seconds:.1f}' for name, seconds in made.seconds.items())}")
     print(f"cloud: {made.cloud}")
     if made.report is not None:
         print(f"report: {made.report}")
     return 0
+
+
+def _list_facts(made: "MadeCapture") -> "list[Row]":
+    """The figures of a capture."""
+    from usdfoliage.jobs.report.table import Row
+
+    photographs = f"{made.registered:,} of {made.photographs:,} have a pose, {made.views:,} have depth"
+    coverage = f"{made.coverage:.0%} of the median photograph's pixels that are not masked have depth"
+    return [
+        Row(name="photographs", value=photographs),
+        Row(name="coverage", value=coverage),
+        Row(name="points", value=f"{made.points:,}"),
+    ]

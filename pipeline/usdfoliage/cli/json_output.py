@@ -29,11 +29,22 @@ def format_made(
         remarks: With their codes and remedies.
         more: What this command alone has.
     """
-    content: Mapping[str, object] = {
+    return format_json(list_made(asset=asset, report=report, facts=facts, remarks=remarks, **more))
+
+
+def list_made(
+    *, asset: Path | None, report: Path | None, facts: "Iterable[Row]", remarks: Iterable[Remark], **more: object
+) -> dict[str, object]:
+    """The keys and values that format_made writes."""
+    return {
         "asset": None if asset is None else str(asset),
         "report": None if report is None else str(report),
         "facts": [asdict(row) for row in facts],
         "remarks": [each.as_json() for each in remarks],
         **more,
     }
+
+
+def format_json(content: Mapping[str, object]) -> str:
+    """One JSON object as text."""
     return json.dumps(content, indent=2, ensure_ascii=False)

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.json_output import format_made
+from usdfoliage.cli.json_output import format_json, list_made
 from usdfoliage.remarks import as_plan_setting, warnings_of
 
 if TYPE_CHECKING:
@@ -52,10 +52,15 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
 
 def format_plant(made: "BuiltPlant") -> str:
     """What became of a plant, as JSON."""
+    return format_json(list_plant(made))
+
+
+def list_plant(made: "BuiltPlant") -> dict[str, object]:
+    """What became of a plant: the keys and values of its JSON object."""
     page = None if made.result is None else made.result / "report" / "index.html"
     if made.asset is not None:
         page = made.request.output / "report" / "index.html"
-    return format_made(
+    return list_made(
         asset=made.asset,
         report=page,
         facts=made.facts,
