@@ -8,13 +8,12 @@ What a setting means, its unit and its range are the comment beside its field in
 
 import argparse
 import dataclasses
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from usdfoliage.jobs.plant.settings import BuildSettings
-from usdfoliage.jobs.work.field_comments import field_comments
+from usdfoliage.jobs.work.field_comments import field_comments, split_comment
 from usdfoliage.jobs.work.renamed_settings import RENAMED_SETTINGS
 from usdfoliage.jobs.work.settings_file import format_value
 
@@ -85,13 +84,6 @@ def _rows(settings: Any, *, at_top: bool) -> Iterator[str]:
         meaning, unit, allowed = split_comment(comments.get(field.name, ""))
         cells = (f"`{field.name}`", f"`{format_value(value)}`", unit, allowed, meaning)
         yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
-
-
-def split_comment(comment: str) -> tuple[str, str, str]:
-    """Meaning, unit and range of a comment such as "Patches have this size. Unit: pixels. Range: 1 or more."."""
-    parts = re.split(r" (?=Unit: |Range: )", comment)
-    found = {part.partition(": ")[0]: part.partition(": ")[2].rstrip(".") for part in parts[1:]}
-    return parts[0], found.get("Unit", ""), found.get("Range", "")
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from usdfoliage import __version__
+from usdfoliage.cli.help_format import HelpFormatter, shorten_usage
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.remarks import explain_error
@@ -33,30 +34,54 @@ COMMANDS = (
     "validate",
     "env",
 )
+EPILOG = """\
+To begin, build a plant from a folder of photographs, and read its report:
+
+    usdfoliage build photographs/ -o assets/plant
+
+'usdfoliage COMMAND --help' describes a command and its options."""
 MAX_CHARACTERS = 1000  # of a message
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """The whole command line; each command's module in usdfoliage.cli adds its own arguments."""
+def build_parser(only: str | None = None) -> argparse.ArgumentParser:
+    """The command line; each command's module in usdfoliage.cli adds its own arguments.
+
+    Args:
+        only: The command that gets its arguments; the others keep their summaries. A command's arguments need its
+            settings classes, and reading those of all commands takes seconds. None: every command gets them.
+    """
     parser = argparse.ArgumentParser(
-        prog="usdfoliage", description="Photographs of real plants in, editable OpenUSD foliage assets out."
+        prog="usdfoliage",
+        description="Make editable OpenUSD foliage assets from photographs and point clouds of real plants.",
+        epilog=EPILOG,
+        formatter_class=HelpFormatter,
+        add_help=False,
     )
-    parser.add_argument("--version", action="version", version=f"usdfoliage {__version__}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(title="commands", dest="command", required=True, metavar="COMMAND")
     for name in COMMANDS:
         module = importlib.import_module(f"usdfoliage.cli.{name}")
         summary = (module.__doc__ or "").strip().splitlines()[0]
         command = commands.add_parser(
-            name,
-            help=summary,
-            description=module.__doc__,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            name, help=summary, description=module.__doc__, formatter_class=HelpFormatter, add_help=False
         )
-        module.add_arguments(command)
-        command.add_argument("-v", "--verbose", action="store_true", help="print what each stage did")
-        command.add_argument("--debug", action="store_true", help="show a traceback for any error")
+        if only in (None, name):
+            module.add_arguments(command)
+        general = command.add_argument_group("general")
+        _add_help(general)
+        general.add_argument("-v", "--verbose", action="store_true", help="Print what each stage does.")
+        general.add_argument("--debug", action="store_true", help="Print a traceback with every error.")
+        shorten_usage(command)
         command.set_defaults(run=module.run)
+    general = parser.add_argument_group("general")
+    _add_help(general)
+    general.add_argument(
+        "--version", action="version", version=f"usdfoliage {__version__}", help="Print the version, and stop."
+    )
     return parser
+
+
+def _add_help(parser: argparse._ActionsContainer) -> None:
+    parser.add_argument("-h", "--help", action="help", default=argparse.SUPPRESS, help="Print this help, and stop.")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -66,7 +91,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: PTH123, SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # file names may be any bytes
-    options = build_parser().parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    try:
+        options = build_parser(next((word for word in words if word in COMMANDS), "")).parse_args(words)
+    except KeyboardInterrupt:
+        print("error: interrupted; nothing was written", file=sys.stderr)
+        return 130
     logging.basicConfig(
         level=logging.INFO if options.verbose else logging.WARNING,
         format="%(levelname)s: %(message)s",

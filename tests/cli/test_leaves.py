@@ -305,7 +305,10 @@ class TestSettings:
     def test_the_help_states_the_defaults_of_the_settings(self):
         parser = argparse.ArgumentParser()
         command.add_arguments(parser)
-        assert f"({LeavesSettings().method})" in parser.format_help()
+        help_text = " ".join(parser.format_help().split())
+        assert f"The default is {LeavesSettings().method}." in help_text
+        assert f"from 0 to 1; the default is {LeavesSettings().min_confidence:g}." in help_text
+        assert "in metres, above 0; the default is auto." in help_text
         for name in ("method", "min_confidence", "plane_threshold", "seed", "threads"):
             assert parser.get_default(name) is None, name  # the settings' own
 

@@ -109,7 +109,8 @@ def test_the_help_states_the_defaults_of_the_settings():
     parser = argparse.ArgumentParser()
     scatter.add_arguments(parser)
     assert parser.get_default("length") == SpraySettings().length_m
-    assert f"({LeafMeshSettings().across} {LeafMeshSettings().along})" in parser.format_help()
+    help_text = " ".join(parser.format_help().split())
+    assert f"The default is {LeafMeshSettings().across} {LeafMeshSettings().along}." in help_text
     assert parser.get_default("variation") == SpraySettings().variation.amount
 
 

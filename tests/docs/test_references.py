@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 from usdfoliage.jobs.plant.settings import BuildSettings
-from usdfoliage.jobs.work.field_comments import field_comments
+from usdfoliage.jobs.work.field_comments import field_comments, split_comment
 from usdfoliage.jobs.work.settings_file import format_settings
 from usdfoliage.remark_codes import REMARK_KINDS
 
 from tools.remark_reference import GUIDE, with_tables
 from tools.schema_reference import SCHEMA_PAGE, schema_page, split_doc
-from tools.settings_reference import ONCE, SETTINGS_PAGE, settings_page, split_comment, walk_settings
+from tools.settings_reference import ONCE, SETTINGS_PAGE, settings_page, walk_settings
 
 ROOT = Path(__file__).parents[2]
 

@@ -1,8 +1,10 @@
-"""Make a new asset whose leaves are as ASSET shows them: its edits become part of the 21 parameters of each leaf.
+"""Write a new asset that has the edits of a look in its leaves.
 
-Every representation of the new asset then holds the same leaves. Jitter is no parameter: it stays an edit, which the
-mesh carries exactly, subdiv approximately, and of which nurbs has the slow part. DIR may be the folder of ASSET, which
-is replaced.
+The edits of ASSET become part of the 21 numbers of each leaf, so that every representation of the new asset has the
+same leaves. Jitter is none of these numbers and stays an edit: mesh has it exactly, subdiv approximately, and nurbs has
+the slow part of it. DIR may be the folder of ASSET, which is then replaced.
+
+    usdfoliage bake looks/drooping.usda -o assets/drooping
 """
 
 import argparse
@@ -13,20 +15,32 @@ from usdfoliage.cli.options.leaf_commands import add_representation, add_resolut
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("asset", metavar="ASSET", type=Path, help="asset folder, its .usda, or a look")
-    parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="the new asset's folder")
-    parser.add_argument("--name", help="name of the new asset (ASSET's)")
-    add_representation(parser, "those that ASSET has")
-    add_resolution(parser)
-    parser.add_argument(
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "asset", metavar="ASSET", type=Path, help="The input is the folder of an asset, its .usda file, or a look."
+    )
+    files.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, required=True, help="The new asset is written to this folder."
+    )
+    files.add_argument(
+        "--name",
+        help="The new asset has this name. The default is the name of the folder DIR, or that of ASSET if DIR is its "
+        "folder.",
+    )
+    leaves = parser.add_argument_group("leaves")
+    add_representation(leaves, "those that ASSET has")
+    add_resolution(leaves)
+    leaves.add_argument(
         "--from",
         dest="source",
         choices=("bezier", "nurbs"),
         default="bezier",
-        help="where the leaves come from: nurbs fits them to patches that a modeller changed (%(default)s)",
+        help="The leaves come from this representation. nurbs fits leaves to patches that were changed in another "
+        "program. The default is %(default)s.",
     )
-    add_writing(parser)
-    add_json(parser)
+    run_options = parser.add_argument_group("this run")
+    add_writing(run_options)
+    add_json(run_options)
 
 
 def run(options: argparse.Namespace) -> int:

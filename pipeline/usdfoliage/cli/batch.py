@@ -1,11 +1,16 @@
-"""Build a library: every plant of a list, or of a folder of captures, with an index page.
+"""Build many plants from a list or a folder of captures, with an index page.
 
-LIST is a folder, whose sub-folders of photographs, captures and point clouds are plants; or a text file with a capture
-a line, after tabs its name and its plan (TOML) if need be; or a CSV file with the columns capture, name, plan. Paths in
-a list are as seen from it. Plants share the work folder and the workers. One that fails does not stop the others, and a
-second run does only what is new or has changed. DIR/index.html shows all plants, while they are built too.
+LIST is one of these:
 
-The exit code is 0 when all plants stand, 2 when some could not be built, 3 when validation finds errors in some.
+    a folder       each folder of photographs, capture and point cloud in it is a plant
+    a text file    one capture on each line; a name and a plan (TOML) may follow after tabs
+    a CSV file     with a column capture; columns name and plan are optional
+
+Paths in a list are relative to the list. All plants share the work folder and the processes. If one plant fails, the
+others are still built. A second run builds only what is new or changed. DIR/index.html shows all plants, also while
+they are built.
+
+The exit code is 0 if all plants are built, 2 if some cannot be built, and 3 if validation finds errors in some.
 """
 
 import argparse
@@ -14,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.options.build import add_ending, add_plan, add_where
+from usdfoliage.cli.options.build import add_ending, add_plan, add_where, add_work
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.call import BuildRequest
@@ -26,12 +31,24 @@ _ROW = "{:<24}  {:<8}  {:>7}  {:>7}  {:>9}  {}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("list", metavar="LIST", type=Path, help="a list of captures, or a folder of them")
-    parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="the library: a folder a plant")
-    add_plan(parser)
-    add_where(parser)
-    add_ending(parser)
-    add_json(parser)
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "list", metavar="LIST", type=Path, help="The input is a list of captures, or a folder of captures."
+    )
+    files.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=Path,
+        required=True,
+        help="The assets are written to this folder, each plant to a folder of its own.",
+    )
+    add_work(files)
+    add_plan(parser.add_argument_group("settings of all plants"))
+    run_options = parser.add_argument_group("this run")
+    add_where(run_options)
+    add_ending(run_options)
+    add_json(run_options)
 
 
 def run(options: argparse.Namespace) -> int:

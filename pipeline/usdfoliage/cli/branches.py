@@ -1,131 +1,182 @@
-"""Trace the branches of a tree or bush through its cloud, and make an asset of them.
+"""Trace the branches of a plant through its point cloud, and write an asset.
 
-CLOUD is a file (PLY, LAS, LAZ or text with x y z a line) or the folder of a capture. The asset holds the skeleton with
-radii, where each branch springs from and of which order it is, and one closed surface over all branches; with --foliage
-leaves on its twigs too, to be edited as those of any asset of leaves.
+CLOUD is a file (PLY, LAS, LAZ, or text with x y z on each line) or the folder of a capture. The asset has the skeleton
+with radii, parents and orders of the branches, and one closed surface over all branches. With --foliage it also has
+leaves on its twigs, which can be edited as in any other asset.
+
+    usdfoliage branches scan.laz -o assets/ash
+    usdfoliage branches scan.laz -o assets/maple --species maple --foliage template
 """
 
 import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.options.leaf_commands import add_representation, add_resolution
+from usdfoliage.cli.options.cloud import add_cloud, add_cloud_leaves
+from usdfoliage.cli.options.leaf_commands import (
+    add_no_preview,
+    add_output,
+    add_representation,
+    add_resolution,
+    add_seed,
+    add_writing,
+)
+from usdfoliage.cli.options.setting_help import state_default
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("cloud", metavar="CLOUD", type=Path, help="a point cloud, or the folder of a capture")
-    parser.add_argument("-o", "--output", metavar="OUT", type=Path, required=True, help="the asset's folder")
-    parser.add_argument("--name", help="name of the asset (OUT's basename)")
+    from usdfoliage.jobs.branches.run import BranchesRequest
+
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "cloud", metavar="CLOUD", type=Path, help="The input is a point cloud, or the folder of a capture."
+    )
+    add_output(files)
+    cloud = parser.add_argument_group("the cloud")
+    add_cloud(cloud)
+    add_cloud_leaves(cloud)
+    _add_tracing(parser.add_argument_group("branches"))
+    _add_species(parser.add_argument_group("species"))
+    _add_leaves(parser.add_argument_group("leaves"))
+    _add_motion(parser.add_argument_group("motion"))
+    run_options = parser.add_argument_group("this run")
+    add_seed(run_options, BranchesRequest.seed, 62)
+    add_no_preview(run_options)
+    add_writing(run_options)
+    add_json(run_options)
+
+
+def _add_tracing(parser: argparse._ActionsContainer) -> None:
+    from usdfoliage.asset.parts.branch_part import BranchAssetSettings
+    from usdfoliage.branch.tracing.reconstruct import BranchSettings
+    from usdfoliage.jobs.branches.plant_cloud import MIN_POINTS, PlantCloudRequest
+    from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, METHODS, RegrowthRequest
+
     parser.add_argument(
-        "--roots",
-        default="auto",
-        metavar="auto|K|X,Y,Z",
-        help="where stems come out of the ground: found, the K densest places, or points in the cloud's coordinates, "
-        "with ; between them; --roots=-1,0,2 where the first number is negative (%(default)s)",
+        "--method",
+        choices=METHODS,
+        default=RegrowthRequest.method,
+        help="trace lets branches follow the points; grow lets them grow from the roots through the points. The "
+        "default is %(default)s.",
     )
     parser.add_argument(
-        "--internode", metavar="METRES", type=float, help="length of an internode (0.005 of the plant's height)"
+        "--internode",
+        metavar="METRES",
+        type=float,
+        help="An internode has this length in metres, above 0. The default is "
+        f"{BranchSettings.internode_of_height:g} of the plant's height.",
     )
-    parser.add_argument(
-        "--cloud-leaves",
-        default="auto",
-        choices=("auto", "on", "off"),
-        help="whether the cloud has leaves, which are then left out (what the cloud shows)",
-    )
-    parser.add_argument(
-        "--up",
-        default="auto",
-        metavar="AXIS",
-        help="of the cloud: X, Y, Z, or down as in --up=-Z (what the cloud shows)",
-    )
-    parser.add_argument("--unit", default="auto", help="unit of the cloud: m, cm, mm or ft (what the file states)")
     parser.add_argument(
         "--most-points",
         dest="max_points",
         metavar="N",
         type=int,
-        default=400_000,
-        help="that branches are traced through (%(default)s)",
+        default=PlantCloudRequest.max_points,
+        help=f"Branches are traced through this many points at most, {MIN_POINTS} or more; the default is %(default)s.",
     )
+    parser.add_argument(
+        "--fill-hidden",
+        action="store_true",
+        help="Grow branches also inside the crown, where its foliage hides them from the cloud.",
+    )
+    parser.add_argument(
+        "--variations",
+        metavar="N",
+        type=int,
+        default=RegrowthRequest.variations,
+        help="So many further plants grow through the same cloud with slightly different parameters, from 0 to "
+        f"{MAX_VARIATIONS}; the default is %(default)s.",
+    )
+    parser.add_argument(
+        "--bark-color",
+        metavar=("R", "G", "B"),
+        type=float,
+        nargs=3,
+        help="The branches have this linear colour, from 0 to 1 each. The default is a brown, "
+        f"{state_default(BranchAssetSettings.color)}.",
+    )
+
+
+def _add_species(parser: argparse._ActionsContainer) -> None:
+    from usdfoliage.branch.foliage.species import GENERIC
+
     parser.add_argument(
         "--species",
         default="",
         metavar="NAME",
-        help="of the library: written into the asset, how thickness follows from length, and how leaves stand; "
-        "it adds no leaves by itself (none; leaves are then those of a generic one)",
+        help="This species of the library is written into the asset, and decides the thickness of branches and the "
+        f"places of leaves. It adds no leaves by itself. Without this option leaves stand as those of {GENERIC}.",
     )
     parser.add_argument(
-        "--species-file", metavar="FILE", type=Path, help="TOML of species that change the library's or add to them"
+        "--species-file",
+        metavar="FILE",
+        type=Path,
+        help="This TOML file has species that change those of the library or add to them.",
     )
+
+
+def _add_leaves(parser: argparse._ActionsContainer) -> None:
+    from usdfoliage.branch.foliage.place import FoliageSettings
+    from usdfoliage.jobs.branches.foliage import KINDS
+    from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES
+
     parser.add_argument(
         "--foliage",
-        choices=("none", "template", "fitted"),
-        help="leaves on the twigs: none, of the species' proportions, or those that usdfoliage leaves fitted to a "
-        "capture (fitted with --leaves, else none)",
+        choices=KINDS,
+        help="none adds no leaves; template adds leaves in the proportions of the species; fitted draws from the "
+        "leaves of --leaves. The default is fitted with --leaves, and none without.",
     )
     parser.add_argument(
         "--leaves",
         metavar="ASSET",
         type=Path,
-        help="asset of fitted leaves: their shape, colour and length are drawn",
+        help="Leaves get their shape, colour and length from this asset, which usdfoliage leaves made.",
     )
     parser.add_argument(
-        "--leaf-length", metavar="METRES", type=float, help="of a leaf (the species', or that of the fitted ones)"
+        "--leaf-length",
+        metavar="METRES",
+        type=float,
+        help=f"A leaf has this length in metres, from {LENGTHS_M[0]:g} to {LENGTHS_M[1]:g}. The default is the length "
+        "of the species, or of the leaves in --leaves.",
     )
     parser.add_argument(
         "--most-leaves",
         dest="max_leaves",
         metavar="N",
         type=int,
-        default=60_000,
-        help="more are thinned evenly (%(default)s)",
+        default=FoliageSettings.max_leaves,
+        help=f"The plant has this many leaves at most, from 1 to {MAX_LEAVES}; more are thinned evenly. The default is "
+        "%(default)s.",
     )
-    parser.add_argument(
-        "--bark-color", metavar=("R", "G", "B"), type=float, nargs=3, help="of the branches, linear, 0 to 1 (a brown)"
-    )
-    add_representation(parser, "of leaves: all four up to 2000 of them, beyond that bezier")
+    add_representation(parser)
     add_resolution(parser)
+
+
+def _add_motion(parser: argparse._ActionsContainer) -> None:
+    from usdfoliage.branch.motion.rig import RigSettings
+
     parser.add_argument(
-        "--method",
-        choices=("trace", "grow"),
-        default="trace",
-        help="branches follow the points, or grow through them from the roots, as a plant might have (%(default)s)",
-    )
-    parser.add_argument(
-        "--fill-hidden",
-        action="store_true",
-        help="grow branches inside the crown as well, where its foliage hid them from the cloud",
-    )
-    parser.add_argument(
-        "--variations",
-        metavar="N",
-        type=int,
-        default=0,
-        help="further plants, grown through the same cloud with slightly other parameters (%(default)s)",
-    )
-    parser.add_argument(
-        "--rig", action="store_true", help="joints that turn the branches (UsdSkel), in a variant: rig=skel"
+        "--rig", action="store_true", help="Write joints that turn the branches (UsdSkel), in the variant rig=skel."
     )
     parser.add_argument(
         "--rig-order",
         metavar="N",
         type=int,
-        help="of the last branches with a joint; others follow the one that they spring from (2)",
+        help="Branches up to this order have a joint, 0 or more; finer branches follow their parent. The default is "
+        f"{RigSettings.order}.",
     )
-    parser.add_argument("--sway", metavar="FRAMES", type=int, help="a gentle sway of the rig in a loop; implies --rig")
+    parser.add_argument(
+        "--sway",
+        metavar="FRAMES",
+        type=int,
+        help="Write a gentle sway of the rig as a loop of so many frames, 2 or more. It includes --rig.",
+    )
     parser.add_argument(
         "--growth",
         metavar="FRAMES",
         type=int,
-        help="the growth of the plant in so many frames, in a variant: growth=growing",
+        help="Write the growth of the plant in so many frames, 2 or more, in the variant growth=growing.",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
-    parser.add_argument("--no-preview", action="store_true", help="leave the pictures of the asset out of the report")
-    parser.add_argument("--force", action="store_true", help="replace OUT though it is not an asset of ours")
-    parser.add_argument(
-        "--dry-run", action="store_true", help="check the input, print what would be done, write nothing"
-    )
-    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:

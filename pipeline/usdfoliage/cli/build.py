@@ -1,11 +1,15 @@
-"""Build one whole plant of a capture: leaves, branches and crown in one asset, with a report, validated.
+"""Build one whole plant from a capture: leaves, branches and crown in one asset.
 
-CAPTURE is a folder of photographs, a capture (images/ with cameras/, depth/, masks/, capture.toml as far as there are
-any), or a point cloud. Every task's result is kept by the hash of what it is made of, so that a run that was stopped
-goes on where it was, another run of the same does nothing, and another setting does again only what it touches.
+CAPTURE is a folder of photographs, a capture, or a point cloud. A capture is a folder with images/, and with cameras/,
+depth/, masks/ and capture.toml as far as they exist. The asset has a report and is validated.
 
-The exit code is 0 when the asset stands, 2 for input that cannot be used, 3 when validation finds errors: then the
-asset is not put in its place.
+    usdfoliage build photographs/ -o assets/shrub
+
+The result of every task is kept under the hash of its inputs. If a run is stopped, the same command continues it. A
+second run with the same input does nothing. A changed setting repeats only the tasks that depend on it.
+
+The exit code is 0 if the asset is written, and 2 if the input cannot be used. It is 3 if validation finds errors; the
+asset is then not written.
 """
 
 import argparse
@@ -14,7 +18,8 @@ import sys
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.options.build import add_ending, add_plan, add_where
+from usdfoliage.cli.options.build import add_ending, add_plan, add_where, add_work
+from usdfoliage.cli.options.leaf_commands import add_name
 
 logger = logging.getLogger(__name__)
 
@@ -25,24 +30,37 @@ STAGES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("capture", metavar="CAPTURE", type=Path, nargs="?", help="photographs, a capture, or a cloud")
-    parser.add_argument("-o", "--output", metavar="ASSET", type=Path, help="the asset's folder")
-    parser.add_argument("--name", help="name of the asset (ASSET's basename)")
-    parser.add_argument(
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "capture",
+        metavar="CAPTURE",
+        type=Path,
+        nargs="?",
+        help="The input is a folder of photographs, a capture, or a point cloud.",
+    )
+    files.add_argument("-o", "--output", metavar="ASSET", type=Path, help="The asset is written to this folder.")
+    add_name(files, "ASSET")
+    add_work(files)
+    add_plan(parser.add_argument_group("settings of the plant"))
+    run_options = parser.add_argument_group("this run")
+    run_options.add_argument(
         "--only",
         nargs="+",
         choices=STAGES,
         metavar="STAGE",
         default=(),
-        help=f"stop after these stages, with what they need; nothing is put into ASSET ({', '.join(STAGES)})",
+        help="Run only these stages and the stages that they need; ASSET is not written. The stages are "
+        f"{', '.join(STAGES)}.",
     )
-    parser.add_argument(
-        "--print-plan", action="store_true", help="print every setting of every stage with what it means, as TOML"
+    add_where(run_options)
+    add_ending(run_options)
+    output = parser.add_argument_group("printed output")
+    output.add_argument(
+        "--print-plan",
+        action="store_true",
+        help="Print every setting of every stage with its meaning, as TOML, and stop.",
     )
-    add_plan(parser)
-    add_where(parser)
-    add_ending(parser)
-    add_json(parser)
+    add_json(output)
 
 
 def run(options: argparse.Namespace) -> int:

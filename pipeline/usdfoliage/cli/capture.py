@@ -1,9 +1,13 @@
-"""Make a dense coloured cloud, and depth for every photograph, out of a folder of photographs.
+"""Compute cameras, depth and a coloured cloud from a folder of photographs.
 
-PHOTOS is a folder of photographs, or a capture: a folder with images/ and, where the poses are known, cameras/ (a
-COLMAP model); masks/ and capture.toml are optional. The capture gets depth/, normals/, confidence/, cloud.ply and
-capture.usda. A run that was stopped goes on where it was when the same command is given again: each result is kept by
-the hash of what it was made of, in .usdfoliage/ inside the capture, which may be deleted.
+PHOTOS is a folder of photographs, or a capture: a folder with images/, and with cameras/ (a COLMAP model) if the poses
+are known. masks/ and capture.toml are optional. The capture gets depth/, normals/, confidence/, cloud.ply and
+capture.usda.
+
+    usdfoliage capture photographs/ -o captures/shrub
+
+If a run is stopped, the same command continues it: each result is kept under the hash of its inputs, in .usdfoliage/
+inside the capture. You may delete that folder when no run uses it.
 """
 
 import argparse
@@ -12,88 +16,106 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.options.leaf_commands import add_writing
+from usdfoliage.cli.options.leaf_commands import (
+    add_report_views,
+    add_seed,
+    add_settings_file,
+    add_threads,
+    add_views,
+    add_writing,
+)
+from usdfoliage.cli.options.setting_help import describe_setting
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.capture.run import MadeCapture
+    from usdfoliage.jobs.capture.settings import CaptureRunSettings
     from usdfoliage.jobs.report.table import Row
 
 QUALITIES = ("draft", "normal", "high")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("source", metavar="PHOTOS", type=Path, nargs="?", help="a folder of photographs, or a capture")
-    parser.add_argument(
-        "-o", "--output", metavar="CAPTURE", type=Path, help="the capture to fill (PHOTOS where that is a capture)"
+    from usdfoliage.jobs.capture.run import CaptureRequest
+    from usdfoliage.jobs.capture.settings import CaptureRunSettings
+
+    settings = CaptureRunSettings()
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "source",
+        metavar="PHOTOS",
+        type=Path,
+        nargs="?",
+        help="The input is a folder of photographs, or a capture.",
     )
-    parser.add_argument(
-        "--quality", choices=QUALITIES, default="normal", help="how thoroughly photographs are matched (%(default)s)"
+    files.add_argument(
+        "-o",
+        "--output",
+        metavar="CAPTURE",
+        type=Path,
+        help="The results are written to this capture. The default is PHOTOS if that is a capture.",
     )
-    parser.add_argument(
-        "--views",
-        metavar="SPEC",
-        help="only these photographs: names, numbers from 0 in the order of the names, or start:stop:step; with commas "
-        "between them (all)",
+    add_views(files)
+    _add_matching(parser.add_argument_group("how photographs are matched"), settings)
+    _add_poses(parser.add_argument_group("poses, and what is estimated where they are not known"), settings)
+    all_settings = parser.add_argument_group("all settings")
+    add_settings_file(all_settings)
+    add_seed(all_settings, settings.depth.seed, 31, is_setting=True)
+    run_options = parser.add_argument_group("this run")
+    add_threads(run_options, CaptureRequest.threads, is_setting=True)
+    run_options.add_argument(
+        "--resume",
+        action="store_true",
+        help="Only continue an earlier run; without one the command ends. Earlier results are used in any case.",
     )
-    parser.add_argument(
-        "--poses",
-        choices=("auto", "known", "estimate"),
-        help="known: those in cameras/, which keep their frame and unit; estimate: found from the photographs, in "
-        "metres and Y up; auto: known where they are (auto)",
+    run_options.add_argument(
+        "--fresh", action="store_true", help="Forget the results of earlier runs, and begin again."
     )
+    add_report_views(run_options, CaptureRequest.report_views)
+    run_options.add_argument("--no-report", action="store_true", help="Write no report.")
+    add_writing(run_options)
+    add_json(run_options)
+
+
+def _add_matching(parser: argparse._ActionsContainer, settings: "CaptureRunSettings") -> None:
+    from usdfoliage.jobs.capture.settings import PRESETS
+
+    sides = ", ".join(f"{quality} {preset.depth.max_side_px}" for quality, preset in PRESETS.items())
+    parser.add_argument(
+        "--quality",
+        choices=QUALITIES,
+        default="normal",
+        help="Photographs are matched at this quality. Their longer side then has at most so many pixels: "
+        f"{sides}. The default is %(default)s.",
+    )
+    parser.add_argument("--mask", choices=("auto", "given", "none"), help=describe_setting(settings, "mask"))
+    parser.add_argument("--dense", choices=("own", "colmap"), help=describe_setting(settings, "dense"))
+
+
+def _add_poses(parser: argparse._ActionsContainer, settings: "CaptureRunSettings") -> None:
+    estimation, world = settings.pose_estimation, settings.world
+    parser.add_argument("--poses", choices=("auto", "known", "estimate"), help=describe_setting(settings, "poses"))
     parser.add_argument(
         "--scale",
         metavar="SCALE",
-        help="of estimated poses: how many times as large as without it, or PHOTO,PHOTO,METRES: how far apart two "
-        "were taken; capture.toml may have a scale_bar or known_distance instead",
+        help=f"{describe_setting(world, 'times')} Or PHOTO,PHOTO,METRES: the distance in metres between the cameras of "
+        "two photographs. scale_bar or known_distance in capture.toml can take its place.",
     )
     parser.add_argument(
         "--up",
         metavar="UP",
-        help="of estimated poses: auto, gps, elevation, level, ground, ring, trunk, photographs, or X,Y,Z in the "
-        "world as it is without it (auto)",
+        help=f"{describe_setting(world, 'up')} Or X,Y,Z: the up direction in the world as it is without this option.",
     )
     parser.add_argument(
         "--camera",
         choices=("auto", "one", "several"),
-        help="of estimated poses: whether one camera took all photographs of a size (auto: as EXIF states)",
+        help="one gives all photographs one camera, several gives each its own; auto shares one among photographs of "
+        f"the same size, make, model and focal length. The default is {estimation.one_camera}.",
     )
     parser.add_argument(
         "--matching",
         choices=("auto", "exhaustive", "sequential", "retrieval"),
-        help="of estimated poses: which photographs are compared (auto: all; of many, neighbours and similar ones)",
+        help=describe_setting(estimation, "matching"),
     )
-    parser.add_argument(
-        "--mask",
-        choices=("auto", "given", "none"),
-        help="auto: depth only where masks/ are white, and of photographs without one not in the sky; given: only the "
-        "former; none: everywhere (auto)",
-    )
-    parser.add_argument(
-        "--dense",
-        choices=("own", "colmap"),
-        help="what matches photographs: ours, or the PatchMatch of a pycolmap that is built with CUDA (own)",
-    )
-    parser.add_argument(
-        "--settings", metavar="FILE", type=Path, help="TOML with any of the settings; the other options override it"
-    )
-    parser.add_argument(
-        "--print-settings", action="store_true", help="print every setting, as --settings and the options have it"
-    )
-    parser.add_argument("--seed", type=int, help="of every random choice (0)")
-    parser.add_argument("--threads", type=int, help="at most this many; the result is the same (all cores)")
-    parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="only go on with an earlier run, do not begin one (results are reused anyway)",
-    )
-    parser.add_argument("--fresh", action="store_true", help="forget what earlier runs did, and begin anew")
-    parser.add_argument(
-        "--report-views", metavar="N", type=int, default=12, help="how many photographs the report shows (%(default)s)"
-    )
-    parser.add_argument("--no-report", action="store_true", help="write no report")
-    add_writing(parser)
-    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,11 +1,15 @@
-"""Make an asset of the crown of a tree or shrub, from one photograph, a capture or a cloud.
+"""Make a crown from one photograph, a capture or a point cloud, and write an asset.
 
-PHOTO shows the whole of a dense crown from the side; without --mask a mask is proposed and kept in the asset as
-<name>_mask_proposal.png: look at it, correct it, and give it with --mask. CAPTURE is the folder of a capture with
-photographs, cameras and the cloud that `usdfoliage capture` makes of them: the crown then is where the points are and
-the photographs show it. CLOUD is a point cloud alone: the crown is where its points are, in their colours. The asset
-gets a crown mesh, a radius and a colour cubemap (EXR), a report and, where the preview interpreter is installed,
-pictures.
+PHOTO shows a whole dense crown from the side. Without --mask the command proposes a mask and keeps it in the asset as
+NAME_mask_proposal.png: check it, correct it, and pass it with --mask. CAPTURE is the folder of a capture with
+photographs, cameras and a cloud, as usdfoliage capture makes them: the crown is where the points are and the
+photographs show it. CLOUD is a point cloud alone: the crown is where its points are, and has their colours.
+
+    usdfoliage crown oak.jpg --mask oak_mask.png -o assets/oak --height 7.5
+    usdfoliage crown scan.laz -o assets/ash_crown
+
+The asset has a mesh of the crown, cubemaps of its radius and its colour (EXR), and a report, with pictures if the
+preview interpreter is installed.
 """
 
 import argparse
@@ -13,72 +17,117 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.cloud import add_cloud
+from usdfoliage.cli.options.leaf_commands import (
+    add_no_preview,
+    add_output,
+    add_report_views,
+    add_seed,
+    add_threads,
+    add_writing,
+)
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.crown.written import WrittenCrown
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    from usdfoliage.asset.packages.leaf_package import AssetSettings
+    from usdfoliage.jobs.crown.photograph import MAX_SIZE, MIN_SIZE, CrownSettings
+    from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest
+    from usdfoliage.jobs.crown.run_photograph import CrownRequest
+
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
         "photo",
         metavar="PHOTO|CAPTURE|CLOUD",
         type=Path,
-        help="JPEG, PNG, TIFF or EXR; the folder of a capture; or PLY, LAS, LAZ, XYZ, ...",
+        help="The input is a photograph (JPEG, PNG, TIFF or EXR), the folder of a capture, or a point cloud (PLY, LAS, "
+        "LAZ, XYZ, ...).",
     )
-    parser.add_argument("-o", "--output", metavar="OUT", type=Path, required=True, help="the asset's folder")
-    parser.add_argument("--name", help="name of the asset (OUT's basename)")
-    parser.add_argument("--size", type=int, default=256, help="texels a side of a cubemap face (%(default)s)")
+    add_output(files)
+    files.add_argument(
+        "--species", metavar="NAME", default=CrownRequest.species, help="This species is written into the asset."
+    )
+    files.add_argument(
+        "--size",
+        metavar="TEXELS",
+        type=int,
+        default=CrownSettings.size,
+        help=f"A face of the cubemaps has this many texels a side, from {MIN_SIZE} to {MAX_SIZE}; the default is "
+        "%(default)s.",
+    )
+    files.add_argument(
+        "--mesh-size",
+        metavar="N",
+        type=int,
+        default=AssetSettings.crown_mesh_size,
+        help="The mesh has this many vertices along an edge of the cube, 2 or more; the default is %(default)s.",
+    )
     _add_photo_options(parser.add_argument_group("of a photograph"))
-    _add_capture_options(parser.add_argument_group("of a capture or a cloud"))
-    parser.add_argument("--mesh-size", type=int, default=129, help="vertices along an edge of the mesh (%(default)s)")
-    parser.add_argument("--species", default="", help="written into the asset")
-    parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
-    parser.add_argument("--threads", type=int, default=0, help="at most this many; the result is the same (all cores)")
-    parser.add_argument("--no-preview", action="store_true", help="leave the pictures out of the report")
-    parser.add_argument("--force", action="store_true", help="replace OUT though it is not an asset of ours")
+    cloud = parser.add_argument_group("of a capture or a cloud")
+    add_cloud(cloud)
+    add_report_views(cloud, CapturedCrownRequest.report_views)
+    run_options = parser.add_argument_group("this run")
+    add_seed(run_options, CrownSettings.seed)
+    add_threads(run_options, CrownSettings.threads)
+    add_no_preview(run_options)
+    add_writing(run_options)
+    add_json(run_options)
+
+
+def _add_photo_options(parser: argparse._ActionsContainer) -> None:
+    from usdfoliage.jobs.crown.photograph import CrownSettings
+    from usdfoliage.jobs.crown.tangent import FLATTEST, STEEPEST
+    from usdfoliage.jobs.work.settings_file import AUTO
+
     parser.add_argument(
-        "--dry-run", action="store_true", help="check the input, print what would be done, write nothing"
+        "--mask",
+        metavar="FILE",
+        type=Path,
+        help="This image has the size of the photograph and is white on the crown. The default is a proposal.",
     )
-    add_json(parser)
-
-
-def _add_photo_options(parser: argparse._ArgumentGroup) -> None:
-    parser.add_argument("--mask", type=Path, help="image of the same size, white = crown (proposed when absent)")
     parser.add_argument(
-        "--height", metavar="METRES", type=float, default=5.0, help="of the crown, seen from the front (%(default)s)"
+        "--height",
+        metavar="METRES",
+        type=float,
+        default=CrownSettings.height_m,
+        help="The crown has this height in metres, above 0, seen from the front; the default is %(default)g.",
     )
     parser.add_argument(
         "--tangent",
         metavar="K",
-        default="auto",
-        help="slope of the surface at the silhouette: a number (2 inflates a disc to a ball), an image, a formula in "
-        "i (from the left) and j (from the top) such as '1 + 2*j', or auto, as deep as wide (%(default)s)",
-    )
-    parser.add_argument("--relief", metavar="RHO", type=float, default=0.12, help="its weight, 0 to 1 (%(default)s)")
-    parser.add_argument(
-        "--laplacian", action="store_true", help="relief from a Laplacian instead of a Gaussian pyramid"
+        default=AUTO,
+        help="The surface has this slope at the silhouette: a number from "
+        f"{FLATTEST:g} to {STEEPEST:g} (2 makes a ball of a disc), an image, or a formula in i (from the left) and j "
+        "(from the top) such as '1 + 2*j'. auto makes the crown as deep as wide. The default is %(default)s.",
     )
     parser.add_argument(
-        "--copies", type=int, default=1, help="1 to 4 turned copies of the surface, for flat crowns (%(default)s)"
+        "--relief",
+        metavar="RHO",
+        type=float,
+        default=CrownSettings.relief,
+        help="Light foliage stands out and dark foliage recedes by this weight, from 0 to 1; the default is "
+        "%(default)g.",
     )
-    parser.add_argument("--color-space", help="of PHOTO, if the file does not state it (sRGB; linear for floats)")
-
-
-def _add_capture_options(parser: argparse._ArgumentGroup) -> None:
     parser.add_argument(
-        "--roots",
-        default="auto",
-        metavar="auto|K|X,Y,Z",
-        help="where stems come out of the ground, as for branches: the first one is the asset's origin (%(default)s)",
+        "--laplacian",
+        action="store_true",
+        help="Compute the relief from a Laplacian pyramid instead of a Gaussian one.",
     )
-    parser.add_argument("--up", default="auto", metavar="AXIS", help="axis of the cloud that is up (%(default)s)")
-    parser.add_argument("--unit", default="auto", help="unit of the cloud, if its file does not state it (%(default)s)")
     parser.add_argument(
-        "--report-views",
-        type=int,
-        default=6,
+        "--copies",
         metavar="N",
-        help="photographs that the report shows, of a capture (%(default)s)",
+        type=int,
+        default=CrownSettings.copies,
+        help="The crown has this many turned copies of the surface, from 1 to 4, for crowns that would be flat; the "
+        "default is %(default)s.",
+    )
+    parser.add_argument(
+        "--color-space",
+        metavar="NAME",
+        help="The photograph has this colour space. The default is the one that the file states, or else sRGB, and "
+        "linear for floating-point files.",
     )
 
 

@@ -1,11 +1,13 @@
-"""Write a look: a layer that edits all leaves of an asset. Nothing is baked and the asset is not touched.
+"""Write a look: a layer that edits all leaves of an asset.
 
-The look changes the asset wherever a scene refers to it, once it is sublayered into that scene; muted, it is as if it
-were not there. ASSET may itself be a look: every option acts on what ASSET shows, so with a look of --width 1.5 and
---width 2 the leaves become three times as wide. --jitter takes the place of an earlier one.
+The asset itself does not change. The look acts in every scene that sublayers it, wherever the scene refers to the
+asset; mute it, and the original is back. ASSET may itself be a look. Each option then acts on the edited leaves: with
+--width 2 over a look of --width 1.5, leaves become three times as wide. --jitter replaces an earlier jitter.
 
-Lengths are in leaf lengths: base at (0, 0, 0), apex at (0, 1, 0), width along x, height along z. Both stay where they
-are under every edit.
+    usdfoliage edit assets/spray --width 1.3 --bend 0.3 -o looks/drooping.usda
+
+Lengths are in leaf lengths: the base is at (0, 0, 0), the apex at (0, 1, 0), width along x, height along z. No edit
+moves base or apex.
 """
 
 import argparse
@@ -14,26 +16,64 @@ from dataclasses import asdict
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.options.leaf_commands import accept_negative_numbers, add_writing
+from usdfoliage.cli.options.leaf_commands import accept_negative_numbers, add_jitter_map, add_writing
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     accept_negative_numbers(parser)
-    parser.add_argument("asset", metavar="ASSET", type=Path, help="asset folder, its .usda, or a look")
-    parser.add_argument("-o", "--output", metavar="LOOK", type=Path, required=True, help="the layer to write, a .usda")
-    edits = parser.add_argument_group("edits")
-    edits.add_argument("--width", metavar="F", type=float, help="factor on the width")
-    edits.add_argument(
-        "--asymmetry", metavar=("X", "Y"), type=float, nargs=2, help="move both control points of the axis in its plane"
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "asset", metavar="ASSET", type=Path, help="The input is the folder of an asset, its .usda file, or a look."
     )
-    edits.add_argument("--axis1", metavar=("X", "Y", "Z"), type=float, nargs=3, help="move the one nearer to the base")
-    edits.add_argument("--axis2", metavar=("X", "Y", "Z"), type=float, nargs=3, help="move the one nearer to the apex")
+    files.add_argument(
+        "-o",
+        "--output",
+        metavar="LOOK",
+        type=Path,
+        required=True,
+        help="The look is written to this file, whose name ends in .usda.",
+    )
+    files.add_argument(
+        "--prim",
+        metavar="PATH",
+        help="Only the asset at this prim of a scene is edited. The default is every placement of the asset.",
+    )
+    _add_edits(parser.add_argument_group("edits, in leaf lengths"))
+    run_options = parser.add_argument_group("this run")
+    add_writing(run_options)
+    add_json(run_options)
+
+
+def _add_edits(edits: argparse._ActionsContainer) -> None:
+    edits.add_argument("--width", metavar="F", type=float, help="Leaves become this many times as wide, 0 or more.")
+    edits.add_argument(
+        "--asymmetry",
+        metavar=("X", "Y"),
+        type=float,
+        nargs=2,
+        help="Both control points of the axis move by this much in the plane of the leaf.",
+    )
+    edits.add_argument(
+        "--axis1",
+        metavar=("X", "Y", "Z"),
+        type=float,
+        nargs=3,
+        help="The control point of the axis nearer to the base moves by this much.",
+    )
+    edits.add_argument(
+        "--axis2",
+        metavar=("X", "Y", "Z"),
+        type=float,
+        nargs=3,
+        help="The control point of the axis nearer to the apex moves by this much.",
+    )
     edits.add_argument(
         "--bend",
         metavar=("Z1", "Z2"),
         type=float,
         nargs="+",
-        help="raise both control points of the axis by Z1, or the second by Z2",
+        help="Both control points of the axis rise by Z1, or the second one by Z2 if that is given. A positive number "
+        "lets the tip droop.",
     )
     edits.add_argument(
         "--silhouette",
@@ -41,30 +81,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs="+",
         action="append",
-        help="move silhouette point 1, 2 or 3 by V along the axis, X away from it, Z up, if given; once for each point",
+        help="Point 1, 2 or 3 of the silhouette, counted from the base, moves by V along the axis, by X away from it "
+        "and by Z up. Z may be left out. Give this option once for each point.",
     )
     edits.add_argument(
         "--curl",
         metavar=("INNER", "OUTER", "SILHOUETTE"),
         type=float,
         nargs=3,
-        help="raise the inner curve, the outer curve and the silhouette, on both halves",
+        help="The inner curve, the outer curve and the silhouette rise by these three numbers, on both halves.",
     )
     edits.add_argument(
         "--jitter",
         metavar=("A", "F"),
         type=float,
         nargs=2,
-        help="wave the silhouette: amplitude, cycles from base to apex",
+        help="The silhouette becomes a wave of amplitude A with F cycles from base to apex. A = 0 removes it.",
     )
-    edits.add_argument(
-        "--jitter-map", metavar="FILE", type=Path, help="image whose first row is one cycle of the wave (procedural)"
-    )
-    parser.add_argument(
-        "--prim", metavar="PATH", help="edit only the asset that stands at this prim of the scene (all of them)"
-    )
-    add_writing(parser)
-    add_json(parser)
+    add_jitter_map(edits)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,7 +1,9 @@
-"""Print what a studio sets so that its own USD programs know the foliage schemas, validators and usdview's menu.
+"""Print the environment variables with which other USD programs find the plug-ins.
 
-PXR_PLUGINPATH_NAME names the schemas, the validators and usdview's plug-in, PYTHONPATH where their modules are; both
-keep what they hold. For a POSIX shell: eval "$(usdfoliage env)"
+PXR_PLUGINPATH_NAME names the foliage schemas, the validators and the plug-in of usdview; PYTHONPATH names the folders
+of their modules. Both keep the values that they have. In a POSIX shell:
+
+    eval "$(usdfoliage env)"
 """
 
 import argparse
@@ -14,7 +16,12 @@ SHELLS = ("sh", "csh", "powershell", "json")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--shell", choices=SHELLS, default="sh", help="whose syntax (default: sh)")
+    parser.add_argument(
+        "--shell",
+        choices=SHELLS,
+        default=SHELLS[0],
+        help="The lines are in the syntax of this shell; the default is %(default)s.",
+    )
 
 
 def run(options: argparse.Namespace) -> int:

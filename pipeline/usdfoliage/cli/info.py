@@ -1,12 +1,16 @@
-"""Print what an asset holds: counts, sizes, ranges of the leaf parameters, edits, layers."""
+"""Print what an asset contains: counts, sizes, leaf parameters, edits and layers."""
 
 import argparse
 from pathlib import Path
 
+from usdfoliage.cli.json_output import add_json
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("asset", metavar="ASSET", type=Path, help="asset folder, its .usda, or a look")
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
+    parser.add_argument(
+        "asset", metavar="ASSET", type=Path, help="The input is the folder of an asset, its .usda file, or a look."
+    )
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from usdfoliage.jobs.report.table import Row
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
+def add_json(parser: argparse._ActionsContainer) -> None:
+    parser.add_argument("--json", action="store_true", help="Print one JSON object instead of lines of text.")
 
 
 def format_made(

@@ -1,65 +1,68 @@
-"""Find single leaves in posed photographs with depth, and make an asset of them.
+"""Find single leaves in photographs with depth, and write an asset.
 
-CAPTURE is a folder with images/, cameras/ (a COLMAP model) and depth/ (float EXR, channel Z, metres); masks/ and
-capture.toml are optional. Every leaf becomes a Bézier surface that stays editable; the asset also gets the leaves'
-colours, an average leaf texture, and a report that shows every step over the photographs.
+CAPTURE is a folder with images/, cameras/ (a COLMAP model) and depth/ (float EXR, channel Z, metres). masks/ and
+capture.toml are optional. Every leaf becomes a Bézier surface that stays editable. The asset also has the colours of
+the leaves, a picture of the average leaf, and a report that shows every step over the photographs.
+
+    usdfoliage leaves captures/shrub -o assets/shrub
 """
 
 import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.options.leaf_commands import add_representation, add_writing
+from usdfoliage.cli.options.leaf_commands import (
+    add_name,
+    add_no_preview,
+    add_report_views,
+    add_representation,
+    add_seed,
+    add_settings_file,
+    add_threads,
+    add_views,
+    add_writing,
+)
+from usdfoliage.cli.options.setting_help import describe_setting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("capture", metavar="CAPTURE", type=Path, nargs="?", help="the capture's folder")
-    parser.add_argument("-o", "--output", metavar="OUT", type=Path, help="the asset's folder")
-    parser.add_argument(
-        "--method",
-        choices=("dense", "paper"),
-        help="dense: grow leaves pixel by pixel and fit them with all their edges; "
-        "paper: superpixels, template matching and alternating fits, as published (dense)",
+    from usdfoliage.jobs.leaves.run import AUTO, DEFAULT_DEPTH, SWEEP, LeavesRequest
+    from usdfoliage.jobs.leaves.settings import LeavesSettings
+
+    settings = LeavesSettings()
+    files = parser.add_argument_group("input and output")
+    files.add_argument("capture", metavar="CAPTURE", type=Path, nargs="?", help="The input is the folder of a capture.")
+    files.add_argument("-o", "--output", metavar="OUT", type=Path, help="The asset is written to this folder.")
+    add_name(files)
+    files.add_argument(
+        "--species", metavar="NAME", default=LeavesRequest.species, help="This species is written into the asset."
     )
-    parser.add_argument(
+    add_representation(files)
+    add_views(files)
+    files.add_argument(
         "--depth",
         metavar="FOLDER",
-        default="auto",
-        help="the folder of depth maps inside CAPTURE; sweep: computed from the photographs "
-        "(the folder depth where it has any maps, else sweep)",
+        default=LeavesRequest.depth,
+        help=f"The depth maps are in this folder of CAPTURE; {SWEEP} computes depth from the photographs. The default "
+        f"is {AUTO}: the folder {DEFAULT_DEPTH} if it has any maps, or else {SWEEP}.",
     )
-    parser.add_argument(
-        "--plane-threshold",
-        metavar="METRES",
-        help="δ_plane, how far neighbouring parts of one leaf may lie from each other's planes; "
-        "auto takes it from the capture's own scale (auto)",
+    method = parser.add_argument_group("how leaves are found")
+    method.add_argument("--method", choices=("dense", "paper"), help=describe_setting(settings, "method"))
+    method.add_argument(
+        "--plane-threshold", metavar="METRES", help=describe_setting(settings.dense, "plane_threshold_m")
     )
-    parser.add_argument(
-        "--min-confidence", metavar="SHARE", type=float, help="leaves of less confidence are dropped, 0 to 1"
+    method.add_argument(
+        "--min-confidence", metavar="SHARE", type=float, help=describe_setting(settings, "min_confidence")
     )
-    parser.add_argument(
-        "--views",
-        metavar="SPEC",
-        help="only these photographs: names, numbers from 0 in the order of the names, or start:stop:step; with commas "
-        "between them (all)",
-    )
-    parser.add_argument(
-        "--settings", metavar="FILE", type=Path, help="TOML with any of the settings; the other options override it"
-    )
-    parser.add_argument(
-        "--print-settings", action="store_true", help="print every setting, as --settings and the options have it"
-    )
-    parser.add_argument("--name", help="name of the asset (OUT's basename)")
-    parser.add_argument("--species", default="", help="written into the asset")
-    add_representation(parser, "all four up to 2000 leaves, beyond that bezier")
-    parser.add_argument("--seed", type=int, help="of every random choice (0)")
-    parser.add_argument("--threads", type=int, help="at most this many; the result is the same (all cores)")
-    parser.add_argument(
-        "--report-views", metavar="N", type=int, default=12, help="how many photographs the report shows (%(default)s)"
-    )
-    parser.add_argument("--no-preview", action="store_true", help="leave Storm's pictures out of the report")
-    add_writing(parser)
-    add_json(parser)
+    all_settings = parser.add_argument_group("all settings")
+    add_settings_file(all_settings)
+    add_seed(all_settings, LeavesRequest.seed, is_setting=True)
+    run_options = parser.add_argument_group("this run")
+    add_threads(run_options, settings.threads, is_setting=True)
+    add_report_views(run_options, LeavesRequest.report_views)
+    add_no_preview(run_options)
+    add_writing(run_options)
+    add_json(run_options)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,60 +1,101 @@
-"""Draw an asset in Hydra Storm: one picture, or a turntable.
+"""Draw an asset with Hydra Storm: one picture or a turntable.
 
-ASSET is an asset folder, a look, which is shown over its asset, or any USD file. It is framed by its bounds and lit
-like a turntable of a lookdev department, unless the file brings lights of its own. No display and no GPU are needed.
+ASSET is the folder of an asset, a look, which is drawn over its asset, or any USD file. The camera frames its bounds.
+The light is that of a lookdev turntable, unless the file has lights. No display and no GPU are needed.
+
+    usdfoliage preview assets/oak -o oak.png --turntable 24
 """
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from usdfoliage.cli.options.setting_help import state_default
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("asset", metavar="ASSET", type=Path, help="asset folder, look, or a USD file")
-    parser.add_argument("-o", "--output", metavar="PNG", type=Path, required=True, help="the picture to write")
-    parser.add_argument(
-        "--turntable",
-        metavar="N",
-        type=int,
-        help="N frames all around, PNG_000 and so on beside the output, which becomes their contact sheet",
+    from usdfoliage.jobs.preview.pictures import (
+        COMPLEXITIES,
+        MAX_SIDE_PX,
+        MIN_SIDE_PX,
+        PURPOSES,
+        PreviewSettings,
     )
-    parser.add_argument("--size", metavar=("W", "H"), type=int, nargs=2, default=(960, 960), help="pixels (960 960)")
-    parser.add_argument(
+
+    settings = PreviewSettings()
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "asset", metavar="ASSET", type=Path, help="The input is the folder of an asset, a look, or a USD file."
+    )
+    files.add_argument(
+        "-o", "--output", metavar="PNG", type=Path, required=True, help="The picture is written to this PNG file."
+    )
+    files.add_argument(
+        "--size",
+        metavar=("W", "H"),
+        type=int,
+        nargs=2,
+        default=(settings.width_px, settings.height_px),
+        help=f"The picture has this width and height in pixels, from {MIN_SIDE_PX} to {MAX_SIDE_PX} each; the default "
+        f"is {settings.width_px} {settings.height_px}.",
+    )
+    files.add_argument(
+        "--turntable",
+        metavar="FRAMES",
+        type=int,
+        help="Draw so many frames all around, 2 or more. They are written beside PNG with numbers in their names, and "
+        "PNG becomes a sheet of all frames.",
+    )
+    camera = parser.add_argument_group("camera")
+    camera.add_argument(
         "--view",
         choices=("front", "right", "back", "left", "top", "bottom", "three-quarter"),
         default="three-quarter",
-        help="where the camera stands (%(default)s)",
+        help="The camera stands on this side; the default is %(default)s.",
     )
-    parser.add_argument("--camera", metavar="PATH", help="look through this camera of the file instead")
-    parser.add_argument(
+    camera.add_argument("--camera", metavar="PATH", help="The picture is drawn with this camera of the file.")
+    camera.add_argument(
+        "--frame",
+        type=float,
+        metavar="TIME",
+        help="Moving things are drawn at this time code. The default is the first one of the file.",
+    )
+    scene = parser.add_argument_group("what is drawn, and how")
+    scene.add_argument(
         "--complexity",
-        choices=("low", "medium", "high", "veryhigh"),
-        default="high",
-        help="how finely subdivision surfaces are drawn (%(default)s)",
+        choices=tuple(COMPLEXITIES),
+        default=settings.complexity,
+        help="Subdivision surfaces are drawn this finely; the default is %(default)s.",
     )
-    parser.add_argument(
+    scene.add_argument(
         "--background",
         metavar="COLOR",
         nargs="+",
-        help="R G B as displayed, 0 to 1 each, or: transparent (a neutral grey)",
+        help="The background has this colour: R G B as displayed, from 0 to 1 each, or transparent. The default is a "
+        f"neutral grey, {state_default(settings.background)}.",
     )
-    parser.add_argument(
+    scene.add_argument(
         "--purpose",
-        choices=("default", "render", "proxy", "guide"),
+        choices=PURPOSES,
         nargs="+",
-        default=("default", "render"),
-        help="what is drawn (default render)",
+        default=settings.purposes,
+        help=f"Prims with these purposes are drawn; the default is {state_default(settings.purposes)}.",
     )
-    parser.add_argument(
+    scene.add_argument(
         "--variant",
         metavar="SET=NAME",
         action="append",
         default=[],
-        help="show this variant, such as representation=mesh, wherever there is the set; may be repeated",
+        help="This variant is selected on every prim that has the variant set, as in representation=mesh. Give this "
+        "option once for each set.",
     )
-    parser.add_argument("--frame", type=float, metavar="TIME", help="of what moves, as a time code (the first)")
-    parser.add_argument(
-        "--mute", metavar="LAYER", type=Path, action="append", default=[], help="leave this layer out; may be repeated"
+    scene.add_argument(
+        "--mute",
+        metavar="LAYER",
+        type=Path,
+        action="append",
+        default=[],
+        help="This layer is left out. Give this option once for each layer.",
     )
 
 

@@ -1,38 +1,77 @@
-"""Make an asset of a random spray of leaves, for tests and demonstrations.
+"""Make a random spray of leaves, for tests and demonstrations.
 
-Every leaf is a variation of one natural leaf, on twigs that grow from the origin. The same options and seed give the
-same bytes.
+Every leaf is a variation of one natural leaf, on twigs that grow from the origin. The same options and the same seed
+give the same bytes.
+
+    usdfoliage scatter -n 400 -o assets/spray
 """
 
 import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.options.leaf_commands import add_representation, add_resolution, add_writing
+from usdfoliage.cli.options.leaf_commands import (
+    add_jitter_map,
+    add_output,
+    add_representation,
+    add_resolution,
+    add_seed,
+    add_writing,
+)
+from usdfoliage.cli.options.setting_help import state_default
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("-n", "--count", metavar="N", type=int, required=True, help="how many leaves, 0 or more")
-    parser.add_argument("-o", "--output", metavar="OUT", type=Path, required=True, help="the asset's folder")
-    parser.add_argument("--name", help="name of the asset (OUT's basename)")
-    parser.add_argument("--seed", type=int, default=0, help="of every random choice (%(default)s)")
-    parser.add_argument("--length", metavar="METRES", type=float, default=0.08, help="of a leaf (%(default)s)")
-    parser.add_argument(
+    from usdfoliage.asset.parts.leaf_part import LeafAppearance
+    from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES, MAX_VARIATION
+    from usdfoliage.leaf.shape.spray import SpraySettings
+
+    spray = SpraySettings()
+    files = parser.add_argument_group("output")
+    add_output(files)
+    add_representation(files)
+    add_resolution(files)
+    leaves = parser.add_argument_group("leaves")
+    leaves.add_argument(
+        "-n",
+        "--count",
+        metavar="N",
+        type=int,
+        required=True,
+        help=f"The spray has this many leaves, from 0 to {MAX_LEAVES}.",
+    )
+    leaves.add_argument(
+        "--length",
+        metavar="METRES",
+        type=float,
+        default=spray.length_m,
+        help=f"A leaf has this mean length in metres, from {LENGTHS_M[0]:g} to {LENGTHS_M[1]:g}; the default is "
+        "%(default)g.",
+    )
+    leaves.add_argument(
         "--variation",
         metavar="SHARE",
         type=float,
-        default=1.0,
-        help="how much the leaves differ: 0 not at all, 1 as on a plant (%(default)s)",
+        default=spray.variation.amount,
+        help="Leaves differ by this much: 0 makes all leaves equal, 1 lets them differ as on a plant, and the maximum "
+        f"is {MAX_VARIATION:g}. The default is %(default)g.",
     )
-    add_representation(parser, "all four up to 2000 leaves, beyond that bezier")
-    add_resolution(parser)
-    parser.add_argument("--texture", metavar="FILE", type=Path, help="picture of a leaf, its alpha cuts it out")
-    parser.add_argument(
-        "--jitter-map", metavar="FILE", type=Path, help="image whose first row is one cycle of a jittered silhouette"
+    leaves.add_argument(
+        "--color",
+        metavar=("R", "G", "B"),
+        type=float,
+        nargs=3,
+        help="A leaf has this linear colour, from 0 to 1 each; the default is "
+        f"{state_default(LeafAppearance().color)}.",
     )
-    parser.add_argument("--color", metavar=("R", "G", "B"), type=float, nargs=3, help="of a leaf, linear, 0 to 1")
-    add_writing(parser)
-    add_json(parser)
+    leaves.add_argument(
+        "--texture", metavar="FILE", type=Path, help="This picture shows a leaf; its alpha cuts the leaf out."
+    )
+    add_jitter_map(leaves)
+    add_seed(leaves, 0)
+    run_options = parser.add_argument_group("this run")
+    add_writing(run_options)
+    add_json(run_options)
 
 
 def run(options: argparse.Namespace) -> int:

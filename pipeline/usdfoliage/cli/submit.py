@@ -1,37 +1,82 @@
-"""Write a build as a job for a render farm: a template of Open Job Description, or a bundle for AWS Deadline Cloud.
+"""Write a build as a job for a render farm.
 
-Nothing is sent. The job runs `usdfoliage task` for every step; run it here with `openjd run JOB.yaml -p
-file://JOB.parameters.yaml`, or send a bundle with `deadline bundle submit FOLDER`. Other farms take the steps of
-`usdfoliage task --step list --json`. The work folder must be one that all machines see.
+The job is a template of Open Job Description, or a bundle for AWS Deadline Cloud. It runs usdfoliage task for every
+step. Nothing is sent. Run a template on this machine, or send a bundle:
+
+    openjd run JOB.yaml -p file://JOB.parameters.yaml
+    deadline bundle submit FOLDER
+
+For other farms, usdfoliage task --step list --json prints the steps. All machines must see the work folder.
 """
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.options.build import add_plan, add_publishing
+from usdfoliage.cli.options.build import add_plan, add_publishing, add_work
+from usdfoliage.cli.options.leaf_commands import add_threads
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.openjd_template import JobParameter
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("capture", metavar="CAPTURE", type=Path, help="photographs, a capture, or a cloud")
-    parser.add_argument(
-        "-o", "--output", metavar="ASSET", type=Path, help="the asset's folder (asked for on submitting)"
+    from usdfoliage.jobs.plant.openjd_template import FarmJob
+
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "capture",
+        metavar="CAPTURE",
+        type=Path,
+        help="The input is a folder of photographs, a capture, or a point cloud.",
     )
-    parser.add_argument("--name", help="name of the asset (ASSET's basename, else CAPTURE's)")
-    parser.add_argument("--template", metavar="JOB.yaml", type=Path, help="the template; values go beside it")
-    parser.add_argument("--bundle", metavar="FOLDER", type=Path, help="a job bundle")
-    parser.add_argument("--executable", default="usdfoliage", help="usdfoliage on the workers (%(default)s)")
-    parser.add_argument("--cores", type=int, default=4, help="that a machine for heavy steps must have (%(default)s)")
-    parser.add_argument("--memory-mib", type=int, default=8192, help="likewise (%(default)s)")
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="of each task (all cores)")
-    parser.add_argument(
-        "--no-chunking", action="store_true", help="for farms without the extension TASK_CHUNKING: one chunk a task"
+    files.add_argument(
+        "-o",
+        "--output",
+        metavar="ASSET",
+        type=Path,
+        help="The asset is written to this folder. Without this option the job asks for it.",
     )
-    add_plan(parser)
-    add_publishing(parser)
+    files.add_argument(
+        "--name", help="The asset has this name. The default is the name of the folder ASSET, or else of CAPTURE."
+    )
+    files.add_argument(
+        "--template",
+        metavar="JOB.yaml",
+        type=Path,
+        help="The job template is written to this file, and the values of its parameters beside it.",
+    )
+    files.add_argument("--bundle", metavar="FOLDER", type=Path, help="A job bundle is written to this folder.")
+    add_work(files)
+    add_plan(parser.add_argument_group("settings of the plant"))
+    farm = parser.add_argument_group("machines of the farm")
+    farm.add_argument(
+        "--executable",
+        metavar="NAME",
+        default=FarmJob.executable,
+        help="The workers start usdfoliage by this name or path; the default is %(default)s.",
+    )
+    farm.add_argument(
+        "--cores",
+        metavar="N",
+        type=int,
+        default=FarmJob.cores,
+        help="A machine for heavy steps has at least this many cores, 1 or more; the default is %(default)s.",
+    )
+    farm.add_argument(
+        "--memory-mib",
+        metavar="MIB",
+        type=int,
+        default=FarmJob.memory_mib,
+        help="A machine for heavy steps has at least this memory in MiB, 1 or more; the default is %(default)s.",
+    )
+    add_threads(farm, 0)
+    farm.add_argument(
+        "--no-chunking",
+        action="store_true",
+        help="Write one task for each chunk, for farms without the extension TASK_CHUNKING.",
+    )
+    add_publishing(parser.add_argument_group("the last step"))
 
 
 def run(options: argparse.Namespace) -> int:

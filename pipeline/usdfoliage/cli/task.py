@@ -1,12 +1,12 @@
-"""Run one step of a build, or some of its chunks, as a render farm does.
+"""Run one step of a build, or some chunks of it, as a render farm does.
 
-The steps of a plant are those of `--step list`, in their order; each may run when those that it needs are done. The
-first, plan, reads the input; the last, publish, puts the asset in its place. Whatever wraps commands can run a build:
-a job of Open Job Description, as usdfoliage submit writes it, or a task each in Tractor, OpenCue or Deadline. A step
-whose results are there does nothing, so a farm may run one again whenever it likes.
+--step list prints the steps of a plant in their order. A step may run when the steps that it needs are done. The first
+step, plan, reads the input; the last step, publish, writes the asset. Any farm that runs commands can run a build: as a
+job of Open Job Description, which usdfoliage submit writes, or as one task for each command in Tractor, OpenCue or
+Deadline. A step whose results exist does nothing, so a farm may repeat it at any time.
 
-The exit code is 0 when the step is done, 2 for input that cannot be used, or where what the step needs is not done, 3
-when validation finds errors in the asset that is to be published.
+The exit code is 0 if the step is done. It is 2 if the input cannot be used, or if the results that the step needs do
+not exist. It is 3 if validation finds errors in the asset that the step publish would write.
 """
 
 import argparse
@@ -16,7 +16,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.options.build import add_plan, add_publishing
+from usdfoliage.cli.options.build import add_plan, add_publishing, add_work
+from usdfoliage.cli.options.leaf_commands import add_output, add_threads
 
 if TYPE_CHECKING:
     from usdfoliage.cli.openjd_lines import OpenjdLines
@@ -43,20 +44,43 @@ def read_chunks(text: str) -> range:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("capture", metavar="CAPTURE", type=Path, help="photographs, a capture, or a cloud")
-    parser.add_argument("-o", "--output", metavar="ASSET", type=Path, required=True, help="the asset's folder")
-    parser.add_argument("--name", help="name of the asset (ASSET's basename)")
-    parser.add_argument("--step", required=True, metavar="STEP", help="the step; list prints them, with their chunks")
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--chunk", type=read_chunk, metavar="K/N", help="one chunk of N (all)")
-    which.add_argument("--chunks", type=read_chunks, metavar="A-B", help="some chunks, from 1 (all)")
-    parser.add_argument("--json", action="store_true", help="the list as JSON")
-    parser.add_argument(
-        "--openjd", action="store_true", help="print progress and errors as Open Job Description has them"
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "capture",
+        metavar="CAPTURE",
+        type=Path,
+        help="The input is a folder of photographs, a capture, or a point cloud.",
     )
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="the result is the same (all cores)")
-    add_plan(parser)
-    add_publishing(parser)
+    add_output(files, "ASSET")
+    add_work(files)
+    add_plan(parser.add_argument_group("settings of the plant"))
+    step = parser.add_argument_group("this step")
+    step.add_argument(
+        "--step",
+        required=True,
+        metavar="STEP",
+        help="This step runs. The step list prints all steps with their numbers of chunks.",
+    )
+    which = step.add_mutually_exclusive_group()
+    which.add_argument(
+        "--chunk",
+        type=read_chunk,
+        metavar="K/N",
+        help="Only chunk K of N runs, as in 3/10. The default is all chunks.",
+    )
+    which.add_argument(
+        "--chunks",
+        type=read_chunks,
+        metavar="A-B",
+        help="Only the chunks from A to B run, counted from 1, as in 3-5. The default is all chunks.",
+    )
+    add_threads(step, 0)
+    add_publishing(step)
+    output = parser.add_argument_group("printed output")
+    output.add_argument("--json", action="store_true", help="Print the list of steps as JSON.")
+    output.add_argument(
+        "--openjd", action="store_true", help="Print progress and errors as lines of Open Job Description."
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,11 +1,13 @@
-"""Check an asset or a scene: our validators, every one that USD has, and NVIDIA's where they are installed.
+"""Check an asset or a scene with the validators of usdfoliage, USD and NVIDIA.
 
-An asset is checked in all its variants, a look over its asset. A scene that refers to assets is checked as it is
-selected, with its edits, and without NVIDIA's rules and those for an asset's own files.
+An asset is checked in all its variants, and a look over its asset. A scene that refers to assets is checked in the
+selection that it has, with its edits, but without the rules for an asset's own files and those of NVIDIA. The rules of
+NVIDIA need the package usd-validation-nvidia.
 
-Prints one line a finding: its severity, the validator, the prim, what is wrong. The exit code is 0 without an error,
-3 with one. Warnings that the studio profile accepts are counted in the last line; -v prints them with its reason.
-The profile also holds rules of the studio: names, kinds, textures, sizes, metadata, variant sets.
+The command prints one line for each finding: severity, validator, prim, and what is wrong. The exit code is 0 without
+an error, and 3 with an error. The studio profile lists warnings that are accepted, with reasons; the last line counts
+them, and -v prints them. The profile also has rules of the studio for names, kinds, textures, sizes, metadata and
+variant sets.
 """
 
 import argparse
@@ -13,6 +15,8 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from usdfoliage.cli.json_output import add_json
 
 if TYPE_CHECKING:
     from usdfoliage.asset.validation.findings import Finding
@@ -22,14 +26,20 @@ EXIT_WITH_ERRORS = 3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("asset", type=Path, metavar="ASSET", help="the asset's folder, its .usda, a look, or a scene")
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
+    parser.add_argument(
+        "asset",
+        type=Path,
+        metavar="ASSET",
+        help="The input is the folder of an asset, its .usda file, a look, or a scene.",
+    )
     parser.add_argument(
         "--profile",
         type=Path,
         metavar="FILE",
-        help="a studio's rules and accepted warnings, TOML, instead of those shipped with usdfoliage",
+        help="This TOML file has the studio's rules and accepted warnings. The default is the file that comes with "
+        "usdfoliage.",
     )
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:

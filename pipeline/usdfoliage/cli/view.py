@@ -1,11 +1,12 @@
 """Look at an asset in a window, and edit its leaves with sliders.
 
-ASSET is an asset folder, a look, which is shown over its asset, or a USD file with plants. Drag with the left button to
-orbit, the middle one to pan, the right one or the wheel to zoom (with Alt too, as in usdview); F frames all, Ctrl+P
-saves a picture. Edits act at once and change no file; "Save look…" writes them as a layer, as `usdfoliage edit` does.
+ASSET is the folder of an asset, a look, which is shown over its asset, or a USD file with plants. Drag with the left
+button to orbit, with the middle button to pan, with the right button or the wheel to zoom (with Alt too, as in
+usdview). F frames everything, and Ctrl+P saves a picture. Edits act at once and change no file. "Save look…" writes
+them as a layer, as usdfoliage edit does.
 
-The same panel stands in usdview once `usdfoliage env` is set. A window needs a display and PySide6 in the preview's
-Python.
+The program usdview has the same panel once usdfoliage env is set. A window needs a display, and PySide6 in
+the preview's Python.
 """
 
 import argparse
@@ -14,16 +15,35 @@ from pathlib import Path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("asset", metavar="ASSET", type=Path, nargs="?", help="asset folder, look, or a USD file")
+    from usdfoliage.jobs.preview.viewer import ViewerSettings
+
     parser.add_argument(
-        "--capture", metavar="FOLDER", type=Path, help="show the cloud and the cameras of this capture over the asset"
+        "asset",
+        metavar="ASSET",
+        type=Path,
+        nargs="?",
+        help="The input is the folder of an asset, a look, or a USD file.",
     )
-    parser.add_argument("--size", metavar=("W", "H"), type=int, nargs=2, default=(1280, 800), help="pixels (1280 800)")
+    parser.add_argument(
+        "--capture",
+        metavar="FOLDER",
+        type=Path,
+        help="The cloud and the cameras of this capture are shown over the asset.",
+    )
+    parser.add_argument(
+        "--size",
+        metavar=("W", "H"),
+        type=int,
+        nargs=2,
+        default=(ViewerSettings.width_px, ViewerSettings.height_px),
+        help="The window has this width and height in pixels, 200 or more each; the default is "
+        f"{ViewerSettings.width_px} {ViewerSettings.height_px}.",
+    )
     parser.add_argument(
         "--script",
         metavar="JSON",
         type=Path,
-        help="do these actions in the window, then close it; hydra_preview/README.md lists them",
+        help="Do the actions of this file in the window, then close it. hydra_preview/README.md lists the actions.",
     )
     # usdview's plug-in asks what the window asks: the average leaf, and to write looks.
     parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)

@@ -1,9 +1,10 @@
-"""List the work folder of builds, and remove what is no longer needed.
+"""List the work folder of builds, and remove the results that no build needs.
 
-Needed is what the latest build of each plant (a capture and its output) needs, but the planes of matching whose depth
-is done. The rest are results of other settings, photographs or versions, and what killed runs left. What is removed is
-made again when a build asks for it. While a task of a plant runs nothing of that plant is removed; nothing outside of
-the folder ever is.
+Results are needed if the latest build of a plant uses them; a plant is a capture and its output. The planes of matching
+are not needed when their depth is done. Results of other settings, photographs or versions, and of killed runs, are not
+needed. A build makes removed results again when it needs them.
+
+While a task of a plant runs, nothing of that plant is removed. Nothing outside the folder is ever removed.
 """
 
 import argparse
@@ -13,7 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.jobs.plant.work_folder import WORK_VARIABLE
+from usdfoliage.jobs.plant.work_folder import BESIDE_ASSET, WORK_VARIABLE
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.prune import StoredTask
@@ -25,12 +26,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="?",
         metavar="FOLDER",
-        help=f"of --work; builds without have .usdfoliage beside the asset (${WORK_VARIABLE})",
+        help="This is the folder that builds have in --work; the default is the folder in "
+        f"${WORK_VARIABLE}. Builds without either have {BESIDE_ASSET} beside the asset.",
     )
-    parser.add_argument("--prune", action="store_true", help="remove what is not needed")
-    parser.add_argument("--dry-run", action="store_true", help="with --prune: only print what would be removed")
+    parser.add_argument("--prune", action="store_true", help="Remove the results that are not needed.")
     parser.add_argument(
-        "--keep-days", type=float, default=0.0, metavar="N", help="keep what was used in so many days (%(default)g)"
+        "--dry-run", action="store_true", help="With --prune, only print what would be removed. Nothing is removed."
+    )
+    parser.add_argument(
+        "--keep-days",
+        type=float,
+        default=0.0,
+        metavar="DAYS",
+        help="Results that were used in so many days stay, 0 or more; the default is %(default)g.",
     )
 
 

@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.jobs.plant.work_folder import WORK_VARIABLE, find_work_folder
+from usdfoliage.cli.options.setting_help import describe_setting
+from usdfoliage.jobs.plant.work_folder import BESIDE_ASSET, WORK_VARIABLE, find_work_folder
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.call import BuildRequest
@@ -12,57 +13,86 @@ if TYPE_CHECKING:
     from usdfoliage.jobs.plant.settings import BuildSettings
 
 
-def add_plan(parser: argparse.ArgumentParser) -> None:
+def add_plan(parser: argparse._ActionsContainer) -> None:
     """What decides the plant."""
+    from usdfoliage.jobs.plant.settings import BuildSettings
+
+    settings = BuildSettings()
     parser.add_argument(
         "--plan",
         metavar="FILE",
         type=Path,
-        help="TOML with the settings of every stage, as --print-plan shows them; what it leaves out stays as it is",
+        help="This TOML file has the settings of every stage, as usdfoliage build --print-plan prints them. "
+        "Settings that it leaves out keep their defaults.",
     )
-    parser.add_argument("--species", help="written into the asset; a known one gives allometry and leaves")
-    parser.add_argument("--seed", type=int, help="of every random choice (0)")
+    parser.add_argument("--species", metavar="NAME", help=describe_setting(settings.plant, "species"))
+    parser.add_argument("--seed", metavar="N", type=int, help=describe_setting(settings, "seed"))
+    parser.add_argument(
+        "--profile",
+        metavar="FILE",
+        type=Path,
+        help="This TOML file has the studio's rules for validation. The default comes with usdfoliage.",
+    )
+
+
+def add_work(parser: argparse._ActionsContainer) -> None:
+    """Where results of tasks are kept."""
     parser.add_argument(
         "--work",
         metavar="FOLDER",
         type=Path,
-        help="where results of tasks are kept by their hashes; may be shared by many plants, and deleted whenever no "
-        f"run uses it (${WORK_VARIABLE}, else .usdfoliage beside the asset)",
-    )
-    parser.add_argument(
-        "--profile", metavar="FILE", type=Path, help="the studio's rules for validation, TOML (those shipped)"
+        help="The results of tasks are kept in this folder. Many plants may share it, and you may delete it when no "
+        f"run uses it. The default is the folder in ${WORK_VARIABLE}, or else {BESIDE_ASSET} beside the asset.",
     )
 
 
-def add_where(parser: argparse.ArgumentParser) -> None:
+def add_where(parser: argparse._ActionsContainer) -> None:
     """Where tasks run."""
+    from usdfoliage.jobs.plant.run import ExecutorChoice
+
     parser.add_argument(
-        "--jobs", type=int, default=1, metavar="N", help="processes of this machine that work at once (%(default)s)"
+        "--jobs",
+        type=int,
+        default=ExecutorChoice.jobs,
+        metavar="N",
+        help="This many processes of this machine work at the same time, 1 or more; the default is %(default)s.",
     )
     parser.add_argument(
-        "--scheduler", default="", metavar="tcp://HOST:PORT", help="a Dask scheduler whose workers do the tasks instead"
+        "--scheduler",
+        default=ExecutorChoice.scheduler,
+        metavar="tcp://HOST:PORT",
+        help="The workers of this Dask scheduler run the tasks, instead of this machine.",
     )
     parser.add_argument(
-        "--threads", type=int, default=0, metavar="N", help="of each task; the result is the same (all cores, shared)"
+        "--threads",
+        type=int,
+        default=ExecutorChoice.threads,
+        metavar="N",
+        help="Each task uses at most this many threads; the result is the same with any number. The default is "
+        "%(default)s: all cores, shared among the processes.",
     )
 
 
-def add_ending(parser: argparse.ArgumentParser) -> None:
+def add_ending(parser: argparse._ActionsContainer) -> None:
     """What happens at the end, or does not."""
     parser.add_argument(
-        "--dry-run", action="store_true", help="print the tasks, what is done already, how long the rest takes"
+        "--dry-run",
+        action="store_true",
+        help="Print the tasks, how many of them are done already, and how long the others take. No task runs.",
     )
     add_publishing(parser)
 
 
-def add_publishing(parser: argparse.ArgumentParser) -> None:
+def add_publishing(parser: argparse._ActionsContainer) -> None:
     """What may be put in its place, and what may be lost there."""
     parser.add_argument(
         "--keep-invalid",
         action="store_true",
-        help="put an asset in its place though validation finds errors in it; the exit code is 3 nevertheless",
+        help="Write the asset even if validation finds errors in it. The exit code is still 3.",
     )
-    parser.add_argument("--force", action="store_true", help="replace a folder that is not an asset of ours")
+    parser.add_argument(
+        "--force", action="store_true", help="Replace the output folder even if it is not an asset of usdfoliage."
+    )
 
 
 def read_settings(options: argparse.Namespace) -> "BuildSettings":

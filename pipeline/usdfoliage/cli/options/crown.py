@@ -15,18 +15,24 @@ from usdfoliage.jobs.crown.photograph import CrownSettings
 from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest
 from usdfoliage.jobs.crown.run_photograph import CrownRequest
 from usdfoliage.jobs.crown.tangent import read_tangent
+from usdfoliage.jobs.work.settings_file import AUTO
 
 # Of the command line: options that only a photograph has, those that only a capture has, and their defaults.
 PHOTO_OPTIONS: dict[str, object] = {
     "mask": None,
-    "height": 5.0,
-    "tangent": "auto",
-    "relief": 0.12,
-    "laplacian": False,
-    "copies": 1,
+    "height": CrownSettings.height_m,
+    "tangent": AUTO,
+    "relief": CrownSettings.relief,
+    "laplacian": CrownSettings.band_pass,
+    "copies": CrownSettings.copies,
     "color_space": None,
 }
-CAPTURE_OPTIONS: dict[str, object] = {"roots": "auto", "up": "auto", "unit": "auto", "report_views": 6}
+CAPTURE_OPTIONS: dict[str, object] = {
+    "roots": AUTO,
+    "up": AUTO,
+    "unit": AUTO,
+    "report_views": CapturedCrownRequest.report_views,
+}
 
 
 def read_crown_request(options: argparse.Namespace) -> CrownRequest:

@@ -1,42 +1,150 @@
-"""Options that the leaf commands share."""
+"""Options that commands share, with one help for all of them."""
 
 import argparse
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 from usdfoliage.errors import FoliageError
 
 T = TypeVar("T")
 
-REPRESENTATIONS = ("bezier", "nurbs", "subdiv", "mesh")
 _NEGATIVE_NUMBER = re.compile(r"-\.?\d")
 
 
-def add_representation(parser: argparse.ArgumentParser, default: str) -> None:
+def add_representation(parser: argparse._ActionsContainer, default: str | None = None) -> None:
+    """Which representations are written.
+
+    Args:
+        parser: Where the option goes.
+        default: Which ones are written without the option; None: as many as the number of leaves allows.
+    """
+    from usdfoliage.asset.variants import REPRESENTATIONS
+    from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL
+
+    by_number = f"all up to {MAX_LEAVES_OF_ALL} leaves, and bezier alone beyond"
     parser.add_argument(
         "--representation",
         metavar="NAME",
         nargs="+",
-        help=f"which to write: {', '.join(REPRESENTATIONS)} ({default}); bezier is always there",
+        help=f"The leaves are written in these forms: {', '.join(REPRESENTATIONS)}. bezier is always written. "
+        f"The default is {default or by_number}.",
     )
 
 
-def add_resolution(parser: argparse.ArgumentParser) -> None:
+def add_resolution(parser: argparse._ActionsContainer) -> None:
+    from usdfoliage.jobs.edits.settings import MAX_CELLS
+    from usdfoliage.leaf.shape.mesh import LeafMeshSettings
+
     parser.add_argument(
         "--resolution",
         metavar=("ACROSS", "ALONG"),
         type=int,
         nargs=2,
-        help="cells of a leaf of the mesh, across it, an even number, and along it (8 16)",
+        help="In the representation mesh each leaf has this many cells across, an even number of 4 or more, and along, "
+        f"2 or more; {MAX_CELLS} at most. The default is {LeafMeshSettings.across} {LeafMeshSettings.along}.",
     )
 
 
-def add_writing(parser: argparse.ArgumentParser) -> None:
-    """What every command has that writes."""
-    parser.add_argument("--force", action="store_true", help="replace what is there though it is not ours")
+def add_output(parser: argparse._ActionsContainer, metavar: str = "OUT") -> None:
+    """The folder of an asset, and the asset's name."""
     parser.add_argument(
-        "--dry-run", action="store_true", help="check the input, print what would be done, write nothing"
+        "-o", "--output", metavar=metavar, type=Path, required=True, help="The asset is written to this folder."
+    )
+    add_name(parser, metavar)
+
+
+def add_name(parser: argparse._ActionsContainer, metavar: str = "OUT") -> None:
+    parser.add_argument("--name", help=f"The asset has this name. The default is the name of the folder {metavar}.")
+
+
+def add_writing(parser: argparse._ActionsContainer) -> None:
+    """What every command has that writes."""
+    parser.add_argument(
+        "--force", action="store_true", help="Replace the output even if it was not written by usdfoliage."
+    )
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="Check the input and print what the command would do. Nothing is written.",
+    )
+
+
+def add_seed(parser: argparse._ActionsContainer, default: int, powers: int = 63, *, is_setting: bool = False) -> None:
+    """The seed of all random choices.
+
+    Args:
+        parser: Where the option goes.
+        default: That of the settings.
+        powers: It is below 2 to this power.
+        is_setting: Whether a settings file may have another one, which stays where the option is not given.
+    """
+    parser.add_argument(
+        "--seed",
+        metavar="N",
+        type=int,
+        default=None if is_setting else default,
+        help=f"Every random choice starts from this number, from 0 to below 2^{powers}; the default is {default}.",
+    )
+
+
+def add_threads(parser: argparse._ActionsContainer, default: int, *, is_setting: bool = False) -> None:
+    """How many threads work; the parameters are those of add_seed."""
+    parser.add_argument(
+        "--threads",
+        metavar="N",
+        type=int,
+        default=None if is_setting else default,
+        help="At most this many threads work, 0 or more; the result is the same with any number. "
+        f"The default is {default}, which is one per core.",
+    )
+
+
+def add_jitter_map(parser: argparse._ActionsContainer) -> None:
+    parser.add_argument(
+        "--jitter-map",
+        metavar="FILE",
+        type=Path,
+        help="The first row of this image is one cycle of the jitter's wave. The default is a procedural wave.",
+    )
+
+
+def add_report_views(parser: argparse._ActionsContainer, default: int) -> None:
+    parser.add_argument(
+        "--report-views",
+        metavar="N",
+        type=int,
+        default=default,
+        help="The report shows this many photographs, 0 or more; the default is %(default)s.",
+    )
+
+
+def add_no_preview(parser: argparse._ActionsContainer) -> None:
+    parser.add_argument("--no-preview", action="store_true", help="Leave the pictures by Storm out of the report.")
+
+
+def add_views(parser: argparse._ActionsContainer) -> None:
+    parser.add_argument(
+        "--views",
+        metavar="SPEC",
+        help="Only these photographs are used: names, numbers from 0 in the order of the names, or start:stop:step, "
+        "with commas between them. The default is all of them.",
+    )
+
+
+def add_settings_file(parser: argparse._ActionsContainer) -> None:
+    """A file with settings, and the settings that hold."""
+    parser.add_argument(
+        "--settings",
+        metavar="FILE",
+        type=Path,
+        help="This TOML file has any of the settings, as --print-settings prints them. Options override it.",
+    )
+    parser.add_argument(
+        "--print-settings",
+        action="store_true",
+        help="Print every setting as --settings and the options set it, and stop.",
     )
 
 

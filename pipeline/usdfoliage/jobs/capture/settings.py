@@ -22,7 +22,7 @@ MaskChoice = Literal["auto", "given", "none"]
 class CaptureRunSettings:
     """Everything that decides the cloud of a capture."""
 
-    # known takes the cameras of the folder cameras/; estimated finds them from the photographs; auto takes known ones
+    # known takes the cameras of the folder cameras/; estimate finds them from the photographs; auto takes known ones
     # where the folder is there.
     poses: PosesChoice = "auto"
     # stop ends the run where estimated poses are probably wrong; use goes on with them.

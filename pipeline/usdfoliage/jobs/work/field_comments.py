@@ -4,6 +4,7 @@ import ast
 import dataclasses
 import functools
 import inspect
+import re
 import textwrap
 from collections.abc import Hashable, Mapping
 
@@ -43,3 +44,10 @@ def _own_comments(kind: type) -> dict[str, str]:
         if comment:
             found[node.target.id] = comment
     return found
+
+
+def split_comment(comment: str) -> tuple[str, str, str]:
+    """Meaning, unit and range of a comment such as "Patches have this size. Unit: pixels. Range: 1 or more."."""
+    parts = re.split(r" (?=Unit: |Range: )", comment)
+    found = {part.partition(": ")[0]: part.partition(": ")[2].rstrip(".") for part in parts[1:]}
+    return parts[0], found.get("Unit", ""), found.get("Range", "")
