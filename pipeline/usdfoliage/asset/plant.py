@@ -21,7 +21,7 @@ SKELETON = "geo/guide/Skeleton"
 
 COLLECTIONS = ("leaves", "branches", "crown")  # of a whole plant
 
-_RELATIONSHIPS: Mapping[str, str] = {LEAVES: "foliage:leaves", CROWN: "foliage:crown", SKELETON: "foliage:skeleton"}
+TO_LEAVES, TO_CROWN, TO_SKELETON = "foliage:leaves", "foliage:crown", "foliage:skeleton"  # relationships of the root
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +42,7 @@ class Plant:
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors
     extent_m: NDArray[np.float64]  # (2, 3), smallest and largest corner of everything below, but guides
     guide_extent_m: NDArray[np.float64] | None = None  # (2, 3), of the guides of any variant
-    parts: Sequence[str]  # what the asset holds, LEAVES, CROWN or SKELETON
+    relationships: Mapping[str, str]  # each to a prim below the root, as TO_LEAVES to LEAVES
     version: str  # of the asset
     lods: Mapping[str, PurposeBoxes] = field(
         default_factory=dict
@@ -94,8 +94,8 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
     )
     for attribute, value_type, value in facts:
         prim.CreateAttribute(attribute, value_type, custom=False).Set(value)
-    for part in plant.parts:
-        prim.CreateRelationship(_RELATIONSHIPS[part], custom=False).SetTargets([path.AppendPath(part)])
+    for relationship, part in plant.relationships.items():
+        prim.CreateRelationship(relationship, custom=False).SetTargets([path.AppendPath(part)])
     for collection, parts in plant.collections.items():
         members = Usd.CollectionAPI.Apply(prim, collection)
         for part in parts:

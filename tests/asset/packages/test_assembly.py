@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
-from usdfoliage.asset.packages import plant_package
 from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
-from usdfoliage.asset.packages.other_parts import find_other_parts
+from usdfoliage.asset.packages.other_parts import find_other_parts, read_other_parts
 from usdfoliage.asset.packages.plant_package import write_plant_asset
 from usdfoliage.asset.parts.branch_part import BranchAssetSettings, PlantBranches, write_branch_part
 from usdfoliage.asset.parts.branches import SkeletonPrim
@@ -47,7 +46,13 @@ def write_fruit_part(place: AssetPlace) -> Part:
     def author(stage: Usd.Stage, root: Sdf.Path) -> None:
         UsdShade.Material.Define(stage, root.AppendPath("mtl/Fruit"))
 
-    return Part(near=["./fruit.usda"], near_m=[AT_M], materials=[author], collections={"fruit": ["geo/render/Fruit"]})
+    return Part(
+        near=["./fruit.usda"],
+        near_m=[AT_M],
+        materials=[author],
+        collections={"fruit": ["geo/render/Fruit"]},
+        relationships={"foliage:fruit": "geo/render/Fruit"},
+    )
 
 
 def test_a_new_part_is_in_an_asset_of_one_lod(tmp_path):
@@ -60,39 +65,76 @@ def test_a_new_part_is_in_an_asset_of_one_lod(tmp_path):
     assert (hint[1] >= AT_M[1]).all()
 
 
-@pytest.fixture
-def with_fruit(monkeypatch):
-    """Plants with one part more, by one line."""
-    whole = plant_package._write_whole
+def write_sign_part(place: AssetPlace) -> Part:
+    """A part that stands for the plant from afar."""
+    stage = new_layer(place.payload / "sign.usda", place.name)
+    path = Sdf.Path(f"/{place.name}/geo/proxy/Sign")
+    author_scopes(stage, path.GetParentPath())
+    sign = UsdGeom.Cube.Define(stage, path)
+    sign.CreateSizeAttr(4.0)
+    sign.CreateExtentAttr(Vt.Vec3fArray([(-2, -2, -2), (2, 2, 2)]))
+    export_layer(stage, place.payload / "sign.usda")
+    return Part(far=["./sign.usda"], far_m=[np.array([[-2.0] * 3, [2.0] * 3])])
 
-    def write(place, parts, *rest):
-        return whole(place, [*parts, write_fruit_part(place)], *rest)
 
-    monkeypatch.setattr(plant_package, "_write_whole", write)
-
-
-@pytest.mark.usefixtures("with_fruit")
-@pytest.mark.parametrize(("lod", "has_fruit"), [("leaves", True), ("both", True), ("auto", True), ("crown", False)])
-def test_a_new_part_is_in_the_lods_that_show_the_plant_itself(tmp_path, lod, has_fruit):
-    interface = write_plant_asset(
-        tmp_path,
+def write_tree_with_fruit(folder, **parts):
+    folder.mkdir()
+    return write_plant_asset(
+        folder,
         "oak",
         provenance=RUN,
         asset_from_capture=np.eye(4),
         foliage=some_leaves(),
         crown=round_crown(),
+        more=[write_fruit_part, write_sign_part],
+        **parts,
     )
+
+
+def copy_tree_with_fruit(interface, folder):
+    folder.mkdir()
+    return write_plant_asset(
+        folder,
+        "oak",
+        provenance=RUN,
+        asset_from_capture=np.eye(4),
+        branches=read_other_parts(interface),
+        foliage=some_leaves(),
+    )
+
+
+@pytest.mark.parametrize("is_copied", [False, True])
+@pytest.mark.parametrize(("lod", "has_fruit"), [("leaves", True), ("both", True), ("auto", True), ("crown", False)])
+def test_a_new_part_is_in_the_lods_that_show_it(tmp_path, lod, has_fruit, is_copied):
+    interface = write_tree_with_fruit(tmp_path / "given")
+    if is_copied:
+        interface = copy_tree_with_fruit(interface, tmp_path / "copied")
     layer = Sdf.Layer.FindOrOpen(str(interface))
     session = Sdf.Layer.CreateAnonymous(".usda")
     Sdf.CreatePrimInLayer(session, "/oak").variantSelections["lod"] = lod
     stage = Usd.Stage.Open(layer, session)
-    assert bool(stage.GetPrimAtPath("/oak/geo/render/Fruit")) == has_fruit
+    fruit = stage.GetPrimAtPath("/oak/geo/render/Fruit")
+    assert bool(fruit) == has_fruit
+    assert bool(stage.GetPrimAtPath("/oak/geo/proxy/Sign")) == (lod != "leaves")
+    if has_fruit:
+        bound, _ = UsdShade.MaterialBindingAPI(fruit).ComputeBoundMaterial()
+        assert bound.GetPath() == Sdf.Path("/oak/mtl/Fruit")
+        assert stage.GetDefaultPrim().GetRelationship("foliage:fruit").GetTargets() == [fruit.GetPath()]
     plant = stage.GetDefaultPrim()
     assert plant.GetAppliedSchemas()[-3:] == ["CollectionAPI:leaves", "CollectionAPI:crown", "CollectionAPI:fruit"]
     hint = np.array(UsdGeom.ModelAPI(plant).GetExtentsHint()).reshape(-1, 2, 3)
     assert (hint[:, 1, 0].max() > 9.9) == has_fruit
     errors = [each for each in validate_asset(interface, read_profile(default_profile())).findings if not each.accepted]
     assert [each for each in errors if each.severity == "error"] == []
+
+
+@pytest.mark.parametrize("has_branches", [False, True])
+def test_new_parts_that_are_copied_are_those_that_were_written(tmp_path, has_branches):
+    given = write_tree_with_fruit(tmp_path / "given", branches=models() if has_branches else None)
+    copied = copy_tree_with_fruit(given, tmp_path / "copied")
+    compared = compare_assets(given.parent, copied.parent)
+    assert {each.where.rpartition("/")[2] for each in compared.differences} == {"mtl"}  # another order of materials
+    assert compared.selections >= 4
 
 
 def models(color=(0.4, 0.3, 0.2), **fields):

@@ -70,7 +70,7 @@ def write_asset(place: AssetPlace, parts: Sequence[Part], origin: Origin) -> Pat
         asset_from_capture=origin.matrix,
         extent_m=box_around([box for part in parts for box in (*part.near_m, *part.far_m)]),
         guide_extent_m=box_around(guides_m) if guides_m else None,
-        parts=[prim for part in parts for prim in part.relationships],
+        relationships=merge_relationships(parts),
         version=origin.version,
     )
     shared = [layer for part in parts for layer in (*part.near, *part.guides)]
@@ -124,6 +124,11 @@ def _times_of(parts: Sequence[Part]) -> dict[str, float]:
     for part in parts:
         times |= dict(part.times)
     return times
+
+
+def merge_relationships(parts: Sequence[Part]) -> Mapping[str, str]:
+    """What the root prim of an asset of these parts names."""
+    return {name: prim for part in parts for name, prim in part.relationships.items()}
 
 
 def merge_collections(parts: Sequence[Part], names: Sequence[str]) -> Mapping[str, Sequence[str]]:

@@ -1,6 +1,6 @@
 """What a plant holds besides its leaves, read from its asset to be copied into another one with other leaves."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,17 @@ from usdfoliage.asset.parts.leaf_part import (
     write_leaf_part,
 )
 from usdfoliage.asset.parts.leaf_primvars import place as place_of
-from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES, COLLECTIONS, CROWN, SKELETON
+from usdfoliage.asset.parts.part import Box
+from usdfoliage.asset.plant import (
+    BARE_BRANCHES,
+    BRANCHES,
+    COLLECTIONS,
+    CROWN,
+    SKELETON,
+    TO_CROWN,
+    TO_LEAVES,
+    TO_SKELETON,
+)
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
@@ -33,6 +43,7 @@ from usdfoliage.errors import AssetError
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 
+_FAR = {CROWN_LAYER, BARE_LAYER}
 _OF_LEAVES = {*REPRESENTATIONS.values(), LEAVES_GUIDE, MATERIAL_LAYER}  # written anew
 
 
@@ -83,7 +94,7 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
         name=name,
         shared=_layers(spec),
         sets=sets,
-        parts=(SKELETON,) if skeleton else (),
+        relationships={TO_SKELETON: SKELETON} if skeleton else {},
         extents_m=[*surfaces, *(_hint(plant) if {"rig", "growth"} & set(names) else [])],
         guide_extents_m=_extents(skeleton),
     )
@@ -101,7 +112,9 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, spec: Sdf.PrimSpec) -> Oth
     shared = _layers(near) if near is not None else []
     payload = interface.parent / "payload"
     extents = _surface_extents(payload, name, sets)
-    guides = [_layer_extent(payload / layer, f"/{name}/{SKELETON}") for layer in shared]
+    guides = {layer: _layer_extent(payload / layer, f"/{name}/{SKELETON}") for layer in shared}
+    others = {layer: _bounds(payload / layer, name) for layer, box in guides.items() if box is None}
+    extents += [box for box, _ in others.values() if box is not None]
     if {"rig", "growth"} & {each.name for each in sets}:  # what moves goes farther than its extents at rest
         with_leaves = _variants(root, "lod").get("leaves")
         hint = with_leaves.primSpec.attributes.get("extentsHint") if with_leaves is not None else None
@@ -118,15 +131,63 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, spec: Sdf.PrimSpec) -> Oth
         name=name,
         shared=shared,
         sets=sets,
-        parts=(SKELETON,) if any(each.name == "branches" for each in sets) else (),
+        near=[layer for layer, (box, _) in others.items() if box is not None],
         extents_m=extents,
-        guide_extents_m=[box for box in guides if box is not None],
+        guide_extents_m=[box for box in (*guides.values(), *(box for _, box in others.values())) if box is not None],
         crown_m=_layer_extent(payload / CROWN_LAYER, f"/{name}/{CROWN}") if has_crown else None,
         bare_m=_layer_extent(payload / BARE_LAYER, f"/{name}/{BARE_BRANCHES}") if has_bare else None,
+        far_m=_other_far_boxes(lods, payload, name),
+        relationships=_other_relationships(plant)
+        | ({TO_SKELETON: SKELETON} if any(each.name == "branches" for each in sets) else {}),
+        collections=_other_collections(plant),
         is_whole=True,
         lod=selected.get("lod", ""),
         thumbnail=picture if picture is not None and picture.is_file() else None,
     )
+
+
+def _bounds(path: Path, name: str) -> tuple[Box | None, Box | None]:
+    """Boxes around what a layer holds that is no guide, and around its guides; None for nothing."""
+    stage = Usd.Stage.Open(open_layer(path))
+    root = stage.GetPrimAtPath(f"/{name}")
+    seen = UsdGeom.Tokens.default_, UsdGeom.Tokens.render, UsdGeom.Tokens.proxy
+    boxes = []
+    for purposes in (seen, (UsdGeom.Tokens.guide,)):
+        bound = UsdGeom.BBoxCache(Usd.TimeCode.Default(), list(purposes)).ComputeWorldBound(root) if root else None
+        around = bound.ComputeAlignedRange() if bound is not None else None
+        boxes.append(None if around is None or around.IsEmpty() else np.array([around.GetMin(), around.GetMax()]))
+    return boxes[0], boxes[1]
+
+
+def _other_far_boxes(lods: Mapping[str, Sdf.PrimSpec], payload: Path, name: str) -> dict[str, Box]:
+    """What stands for the plant from afar, but its crown and bare branches."""
+    layers = _layers(lods["crown"]) if "crown" in lods else []
+    boxes = {each: _bounds(payload / each, name)[0] for each in layers if each.removeprefix("./") not in _FAR}
+    return {layer: box for layer, box in boxes.items() if box is not None}
+
+
+def _other_relationships(plant: Usd.Prim) -> dict[str, str]:
+    """What the plant names of parts but leaves, skeleton and crown."""
+    named = {each.GetName(): each.GetTargets() for each in plant.GetRelationships() if not each.IsCustom()}
+    root = plant.GetPath()
+    return {
+        name: str(targets[0].MakeRelativePath(root))
+        for name, targets in named.items()
+        if name.startswith("foliage:") and name not in (TO_LEAVES, TO_SKELETON, TO_CROWN)
+        if len(targets) == 1 and targets[0].HasPrefix(root) and targets[0] != root
+    }
+
+
+def _other_collections(plant: Usd.Prim) -> dict[str, list[str]]:
+    """The members of the plant's collections but those of leaves, branches and crown."""
+    root = plant.GetPath()
+    return {
+        each.GetName(): [
+            str(path.MakeRelativePath(root)) for path in each.GetIncludesRel().GetTargets() if path.HasPrefix(root)
+        ]
+        for each in Usd.CollectionAPI.GetAllCollections(plant)
+        if each.GetName() not in COLLECTIONS
+    }
 
 
 def _surface_extents(payload: Path, name: str, sets: Sequence[VariantSet]) -> list[NDArray[np.float64]]:

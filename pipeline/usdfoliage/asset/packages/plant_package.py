@@ -12,7 +12,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.asset.packages.assembly import Origin, begin_asset, close_asset, merge_collections, write_interface
+from usdfoliage.asset.packages.assembly import (
+    Origin,
+    begin_asset,
+    close_asset,
+    merge_collections,
+    merge_relationships,
+    write_interface,
+)
 from usdfoliage.asset.packages.lods import (
     AUTO_LAYER,
     BOTH_LAYER,
@@ -27,7 +34,7 @@ from usdfoliage.asset.parts.copied_parts import OtherParts, copy_far_part, copy_
 from usdfoliage.asset.parts.crown import read_crown_radius
 from usdfoliage.asset.parts.crown_part import CROWN_LAYER, write_crown_part
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER, BranchLeaves, drawn_leaves, write_leaf_part
-from usdfoliage.asset.parts.part import AssetPlace, Box, Part
+from usdfoliage.asset.parts.part import AssetPlace, Box, Part, PartWriter
 from usdfoliage.asset.plant import COLLECTIONS, Plant, PurposeBoxes, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
@@ -69,6 +76,7 @@ def write_plant_asset(
     branches: PlantBranches | OtherParts | None = None,
     foliage: BranchLeaves | None = None,
     crown: CrownModel | None = None,
+    more: Sequence[PartWriter] = (),
     settings: PlantAssetSettings = PlantAssetSettings(),
     thumbnail: Path | DrawThumbnail | None = None,
 ) -> Path:
@@ -84,6 +92,7 @@ def write_plant_asset(
             foliage.
         foliage: Leaves in the plant's frame.
         crown: In the plant's frame; takes the place of the one that branches may have.
+        more: Parts of other kinds, each shown near, far or as a guide, as its Part states.
         settings: How it is written.
         thumbnail: PNG picture of the plant, which is copied; or a function that draws it of the asset, or gives None
             where it cannot.
@@ -120,6 +129,7 @@ def write_plant_asset(
         parts += [copy_near_part(copied, place, drawn), _bare_part(place, copied, crown), copy_far_part(copied, place)]
     if crown is not None:
         parts.append(write_crown_part(place, crown, settings.crown_mesh_size))
+    parts += [write(place) for write in more]
     origin = Origin(provenance=provenance, asset_from_capture=asset_from_capture, version=settings.version)
     return _write_whole(place, parts, origin, lods, settings, thumbnail)
 
@@ -161,7 +171,7 @@ def _write_whole(
         provenance=origin.provenance,
         asset_from_capture=origin.matrix,
         extent_m=box_around([*near_m, *far_m]),
-        parts=[prim for part in parts for prim in part.relationships],
+        relationships=merge_relationships(parts),
         version=origin.version,
         lods=boxes,
         collections=merge_collections(parts, COLLECTIONS),

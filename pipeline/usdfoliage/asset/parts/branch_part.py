@@ -20,7 +20,7 @@ from usdfoliage.asset.parts.leaf_motion import (
     write_leaf_rig_layer,
 )
 from usdfoliage.asset.parts.part import AssetPlace, Part, copy_map
-from usdfoliage.asset.plant import BRANCHES, SKELETON
+from usdfoliage.asset.plant import BRANCHES, SKELETON, TO_SKELETON
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 
@@ -89,7 +89,7 @@ def write_branch_part(place: AssetPlace, branches: PlantBranches, drawn: DrawnLe
             layers.append(f"./{GROWTH_LEAVES}")
         moving.append(VariantSet(name="growth", variants={"still": [], "growing": layers}))
     return Part(
-        relationships=(SKELETON,),
+        relationships={TO_SKELETON: SKELETON},
         collections={"branches": [BRANCHES]},
         materials=[partial(_author_material, bark=bark)],
         guides=[f"./{_SKELETON}"],

@@ -5,8 +5,8 @@ Layers are copied as they are, whatever wrote them: a surface that somebody work
 
 import os
 import shutil
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from usdfoliage.asset.parts.crown_part import CROWN_LAYER
 from usdfoliage.asset.parts.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion, read_points
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
 from usdfoliage.asset.parts.part import AssetPlace, Box, Part
-from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES, CROWN, LEAVES
+from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES, CROWN, LEAVES, TO_CROWN, TO_SKELETON
 from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
 from usdfoliage.errors import AssetError
 
@@ -38,19 +38,22 @@ class OtherParts:
     interface: Path
     name: str  # of its root prim
     shared: Sequence[str]  # layers in every variant, from the payload's folder
+    near: Sequence[str] = ()  # of them, those that hold more than guides
     sets: Sequence[VariantSet]  # but the one of the leaves; the selected variant first
-    parts: Sequence[str]
     extents_m: Sequence[NDArray[np.float64]]  # (2, 3) each, of what is no guide
     guide_extents_m: Sequence[NDArray[np.float64]]
     crown_m: NDArray[np.float64] | None = None  # (2, 3) around its crown, None where it has none
     bare_m: NDArray[np.float64] | None = None  # (2, 3) around what stands out of its crown, None where nothing does
+    far_m: Mapping[str, Box] = field(default_factory=dict)  # boxes of other layers that stand for the plant from afar
+    relationships: Mapping[str, str] = field(default_factory=dict)  # as Part has them, but those to leaves and crown
+    collections: Mapping[str, Sequence[str]] = field(default_factory=dict)  # of parts of other kinds, likewise
     is_whole: bool = False  # it is of a whole plant (usdfoliage.asset.packages.plant_package)
     lod: str = ""  # the one that is selected, of a whole plant
     thumbnail: Path | None = None
 
     @property
     def has_branches(self) -> bool:
-        return bool(self.parts)
+        return TO_SKELETON in self.relationships
 
 
 def copy_near_part(others: OtherParts, place: AssetPlace, drawn: DrawnLeaves | None) -> Part:
@@ -78,10 +81,11 @@ def copy_near_part(others: OtherParts, place: AssetPlace, drawn: DrawnLeaves | N
     else:
         moving, still = list(others.sets[:number]), list(others.sets[number + 1 :])
     return Part(
-        relationships=others.parts,
-        collections={"branches": [BRANCHES]} if others.has_branches else {},
+        relationships=others.relationships,
+        collections={**({"branches": [BRANCHES]} if others.has_branches else {}), **others.collections},
         materials=[_MaterialCopy(others, place)],
-        guides=others.shared,
+        guides=[layer for layer in others.shared if layer not in others.near],
+        near=[layer for layer in others.shared if layer in others.near],
         near_m=[*others.extents_m, *moving_m],
         guides_m=others.guide_extents_m,
         moving=moving,
@@ -99,10 +103,10 @@ def copy_far_part(others: OtherParts, place: AssetPlace) -> Part:
         AssetError: A layer or a picture cannot be read, or a file cannot be written.
     """
     boxes = {BARE_LAYER: others.bare_m, CROWN_LAYER: others.crown_m}
-    layers = {f"./{layer}": box for layer, box in boxes.items() if box is not None}
+    layers = {f"./{layer}": box for layer, box in boxes.items() if box is not None} | dict(others.far_m)
     _copy_layers(others, layers.keys(), place, None)
     return Part(
-        relationships=(CROWN,) if others.crown_m is not None else (),
+        relationships={TO_CROWN: CROWN} if others.crown_m is not None else {},
         collections={
             **({"branches": [BARE_BRANCHES]} if others.bare_m is not None and others.has_branches else {}),
             **({"crown": [CROWN]} if others.crown_m is not None else {}),
@@ -133,9 +137,9 @@ def _fits_motion(others: OtherParts, place: AssetPlace, representations: Sequenc
     if "bezier" not in representations:
         return False
     before, after = (open_copy(path / REPRESENTATIONS["bezier"]) for path in (source, payload))
-    for field in ("positions", "scales", "orientationsf"):
+    for attribute in ("positions", "scales", "orientationsf"):
         was, now = (
-            layer.GetAttributeAtPath(path.AppendProperty(field)) for layer, path in ((before, old), (after, new))
+            layer.GetAttributeAtPath(path.AppendProperty(attribute)) for layer, path in ((before, old), (after, new))
         )
         if was is None or now is None or not np.array_equal(np.array(was.default), np.array(now.default)):
             return False
@@ -189,7 +193,7 @@ class _MaterialCopy:
 
 def _times(layer: Sdf.Layer) -> dict[str, float]:
     """The range of time of a layer, as far as it has one."""
-    return {field: layer.pseudoRoot.GetInfo(field) for field in _TIMES if layer.pseudoRoot.HasInfo(field)}
+    return {name: layer.pseudoRoot.GetInfo(name) for name in _TIMES if layer.pseudoRoot.HasInfo(name)}
 
 
 def _open_renamed(path: Path, old: str, new: str) -> Sdf.Layer:

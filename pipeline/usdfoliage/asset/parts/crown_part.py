@@ -9,7 +9,7 @@ from usdfoliage.asset.materials.crown import CROWN_SHADER, CrownMaterial, author
 from usdfoliage.asset.materials.layer import CROWN_MATERIAL, copy_shaders
 from usdfoliage.asset.parts.crown import crown_prim, write_crown_layer, write_crown_maps
 from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Part
-from usdfoliage.asset.plant import CROWN
+from usdfoliage.asset.plant import CROWN, TO_CROWN
 from usdfoliage.crown.model import CrownModel
 
 CROWN_LAYER = "crown.usdc"
@@ -42,7 +42,7 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int) -> Pa
     )
     extent_m = np.stack([prim.mesh.points_m.min(axis=0), prim.mesh.points_m.max(axis=0)]).astype(np.float64)
     return Part(
-        relationships=(CROWN,),
+        relationships={TO_CROWN: CROWN},
         collections={"crown": [CROWN]},
         materials=[partial(_author_material, crown=material)],
         far=[f"./{CROWN_LAYER}"],

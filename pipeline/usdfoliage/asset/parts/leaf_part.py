@@ -21,7 +21,7 @@ from usdfoliage.asset.parts.leaves import (
     write_leaves_layer,
 )
 from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Box, Part, copy_map
-from usdfoliage.asset.plant import LEAVES, box_around
+from usdfoliage.asset.plant import LEAVES, TO_LEAVES, box_around
 from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.cage import LeafCageSettings, build_leaf_cage
@@ -111,7 +111,8 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves, lods: Sequence[str
         for representation in layers.keys() - {"bezier"}:
             layers[representation].append(f"./{LEAVES_GUIDE}")
     return Part(
-        relationships=(LEAVES,) if "bezier" in representations else (),  # of the others none has FoliageLeafAPI there
+        # Of the other representations none has FoliageLeafAPI there.
+        relationships={TO_LEAVES: LEAVES} if "bezier" in representations else {},
         collections={"leaves": [LEAVES]},
         materials=[partial(_author_material, leaf=material)],
         near_m=[box_around(boxes)],

@@ -1,7 +1,9 @@
 """What a part brings into an asset: a part writes its own layers, maps and shaders, and the rest is in a Part.
 
 An asset is the sum of its parts (usdfoliage.asset.packages.assembly). A new part is a module beside this one with a
-function that writes its files and returns a Part, and one line where the parts of an asset are listed.
+function that writes its files and returns a Part, and one line where the parts of an asset are listed
+(usdfoliage.asset.packages.plant_package.write_plant_asset). Whoever writes the asset again with other leaves copies it
+with what it finds in the layers (usdfoliage.asset.packages.other_parts).
 """
 
 import shutil
@@ -45,7 +47,7 @@ class Part:
     it from a distance.
     """
 
-    relationships: Sequence[str] = ()  # prims that the root prim names, of usdfoliage.asset.plant
+    relationships: Mapping[str, str] = field(default_factory=dict)  # of the root prim, each to a prim below it
     collections: Mapping[str, Sequence[str]] = field(default_factory=dict)  # prims by collection of a whole plant
     materials: Sequence[MaterialAuthor] = ()
     near: Sequence[str] = ()  # layers in every lod that shows the plant itself
@@ -64,6 +66,9 @@ class Part:
     lod: str = ""  # the one that was selected where the part comes from
     # Writes layers that need the box around the whole asset, or its materials layer.
     finish: Callable[[Box], None] | None = None
+
+
+PartWriter = Callable[[AssetPlace], Part]  # writes the files of a part
 
 
 def copy_map(place: AssetPlace, name: str, source: Path | None) -> str:
