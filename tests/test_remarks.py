@@ -75,12 +75,12 @@ def codes_in_use() -> set[str]:
     return codes
 
 
-def settings_in_use() -> list[tuple[str, str]]:
-    """Names and constant values, empty for others, of all calls of Setting() in the package."""
+def settings_in_use(kind: str) -> list[tuple[str, str]]:
+    """Names and constant values, empty for others, of all calls of Setting() or Argument() in the package."""
     settings = []
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Setting":
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == kind:
                 given = {each.arg: each.value for each in node.keywords}
                 name, value = given.get("name"), given.get("value")
                 if isinstance(name, ast.Constant):
@@ -89,12 +89,16 @@ def settings_in_use() -> list[tuple[str, str]]:
     return sorted(set(settings))
 
 
-@pytest.mark.parametrize(("name", "value"), settings_in_use())
+@pytest.mark.parametrize("name", sorted({name for name, _ in settings_in_use("Argument")}))
+def test_every_argument_of_a_remedy_is_an_option_of_a_command(name: str) -> None:
+    assert name in {*OF_A_RUN, *(key for command in COMMANDS.values() for key in command.arguments)}
+
+
+@pytest.mark.parametrize(("name", "value"), settings_in_use("Setting"))
 def test_every_setting_of_a_remedy_can_be_set(name: str, value: str, tmp_path: Path) -> None:
-    of_commands = {key for command in COMMANDS.values() for key in command.options}
     of_file = {f"capture.toml:{field}" for field in CaptureSettings.__annotations__}
     of_plan = list_settings(BuildSettings())
-    assert name in {*of_plan, *of_commands, *of_file, *OF_A_RUN}
+    assert name in {*of_plan, *of_file}
     if value and name in of_plan:
         table, _, key = name.partition(".")
         (tmp_path / "plan.toml").write_text(f"[{table}]\n{key} = {value}\n")

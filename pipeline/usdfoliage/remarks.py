@@ -32,8 +32,25 @@ class Setting:
         return f"{text} in {file}" if file else text
 
 
-Remedy = tuple[str | Setting, ...]  # the parts of a sentence
-RenderSetting = Callable[[Setting], str]
+@dataclass(frozen=True, kw_only=True)
+class Argument:
+    """What a run is given beside its settings, where a remedy names it: the output, force, a mask. No plan has it.
+
+    Attributes:
+        name: Of the field of the run's request.
+        value: Empty where the user must choose it, or for a switch.
+    """
+
+    name: str
+    value: str = ""
+
+    def __str__(self) -> str:
+        """As no command in particular has it: the argument mask."""
+        return f"the argument {self.name}" + (f" = {self.value}" if self.value else "")
+
+
+Remedy = tuple[str | Setting | Argument, ...]  # the parts of a sentence
+RenderSetting = Callable[[Setting | Argument], str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +78,10 @@ class Remark:
     def as_json(self) -> dict[str, Any]:
         """What JSON holds of it."""
         remedy = [
-            part if isinstance(part, str) else {"setting": part.name, "value": part.value} for part in self.remedy
+            part
+            if isinstance(part, str)
+            else {"setting" if isinstance(part, Setting) else "argument": part.name, "value": part.value}
+            for part in self.remedy
         ]
         return {
             "code": self.code,
@@ -88,13 +108,18 @@ def remark_from_json(stored: Mapping[str, Any]) -> Remark:
     Raises:
         KeyError, TypeError: It is none.
     """
-    remedy = tuple(
-        part if isinstance(part, str) else Setting(name=part["setting"], value=part["value"])
-        for part in stored["remedy"]
-    )
+    remedy = tuple(_part_from_json(part) for part in stored["remedy"])
     return Remark(
         code=stored["code"], severity=stored["severity"], subject=stored["subject"], text=stored["text"], remedy=remedy
     )
+
+
+def _part_from_json(stored: str | Mapping[str, str]) -> str | Setting | Argument:
+    if isinstance(stored, str):
+        return stored
+    if "argument" in stored:
+        return Argument(name=stored["argument"], value=stored["value"])
+    return Setting(name=stored["setting"], value=stored["value"])
 
 
 def warnings_of(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
@@ -143,6 +168,6 @@ def write_remedy(remedy: Remedy, render: RenderSetting) -> str:
     return "".join(part if isinstance(part, str) else render(part) for part in remedy)
 
 
-def as_plan_setting(setting: Setting) -> str:
-    """A setting as a build's plan has it."""
+def as_plan_setting(setting: Setting | Argument) -> str:
+    """A setting as a build's plan has it; an argument, which no plan has, by its name."""
     return str(setting)

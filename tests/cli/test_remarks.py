@@ -8,7 +8,7 @@ from usdfoliage.capture.folder.settings import CaptureSettings
 from usdfoliage.cli.remarks import COMMANDS, print_remarks, render_for
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.work.settings_file import list_settings
-from usdfoliage.remarks import Remark, Setting
+from usdfoliage.remarks import Argument, Remark, Setting
 
 
 def options_of(command: str) -> dict[str, argparse.Action]:
@@ -23,8 +23,8 @@ def test_every_option_is_one_of_the_command_and_every_setting_one_of_a_build(com
     options = options_of(command)
     settings = {*list_settings(BuildSettings()), *(f"capture.toml:{name}" for name in CaptureSettings.__annotations__)}
     assert set(own.options.values()) <= set(options)
-    of_command = {f"{command}.{action.dest}" for action in options.values()}
-    assert set(own.options) <= settings | of_command
+    assert set(own.options) <= settings
+    assert set(own.arguments.values()) <= set(options)
     assert set(own.values) <= set(own.options)
     assert not own.table or "--settings" in options
     for name, words in own.values.items():
@@ -44,6 +44,10 @@ def test_every_option_is_one_of_the_command_and_every_setting_one_of_a_build(com
             'uncertain_poses = "use" in the settings file',
         ),
         ("capture", Setting(name="isolation.make", value='"off"'), 'isolation.make = "off"'),
+        ("capture", Argument(name="output", value="a_capture"), "-o a_capture"),
+        ("crown", Argument(name="mask"), "--mask"),
+        ("submit", Argument(name="force"), "--force"),
+        ("leaves", Argument(name="mask"), "the argument mask"),
         ("build", Setting(name="capture.world.up", value='"gps"'), 'capture.world.up = "gps"'),
         ("branches", Setting(name="capture.toml:metres_per_unit", value="0.001"), "--unit mm"),
         ("branches", Setting(name="capture.toml:metres_per_unit"), "--unit m|cm|mm|ft"),
@@ -59,7 +63,7 @@ def test_every_option_is_one_of_the_command_and_every_setting_one_of_a_build(com
         ),
     ],
 )
-def test_a_setting_is_written_as_it_is_set(command: str, setting: Setting, text: str) -> None:
+def test_a_setting_is_written_as_it_is_set(command: str, setting: Setting | Argument, text: str) -> None:
     assert render_for(command)(setting) == text
 
 

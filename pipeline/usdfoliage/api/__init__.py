@@ -26,10 +26,11 @@ from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, compose_edits, inver
 from usdfoliage.leaf.shape.mesh import LeafMesh, LeafMeshSettings
 from usdfoliage.leaf.shape.spray import SpraySettings
 from usdfoliage.leaf.shape.variation import VariationSettings
-from usdfoliage.remarks import Remark, Setting
+from usdfoliage.remarks import Argument, Remark, Setting
 
 __all__ = [
     "NEUTRAL",
+    "Argument",
     "AssetError",
     "AssetModels",
     "BuildResult",

@@ -3,14 +3,15 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks
+from usdfoliage.remarks import Argument, Remark, RenderSetting, Setting, as_plan_setting, label_remarks
 
 
 @dataclass(frozen=True, kw_only=True)
 class CommandOptions:
-    """What a command calls settings of a build, and settings that it alone has: those have its name before theirs."""
+    """What a command calls settings of a build, and its arguments."""
 
-    options: Mapping[str, str]  # by the name of the setting
+    options: Mapping[str, str] = field(default_factory=dict)  # by the name of the setting
+    arguments: Mapping[str, str] = field(default_factory=dict)  # options by the name of the argument, beside OF_A_RUN
     values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # of settings whose option has other words
     table: str = ""  # whose settings are the keys of the file that --settings takes; "": there is no such file
 
@@ -52,14 +53,13 @@ COMMANDS: Mapping[str, CommandOptions] = {
     "crown": CommandOptions(
         options={
             **_OF_A_CLOUD,
-            "crown.mask": "--mask",
-            "crown.force": "--force",
             "crown.size": "--size",
             "crown.mesh_size": "--mesh-size",
             "plant.species": "--species",
             "seed": "--seed",
         },
         values={"capture.toml:metres_per_unit": _UNITS},
+        arguments={"mask": "--mask"},
     ),
     "leaves": CommandOptions(
         options={
@@ -73,22 +73,23 @@ COMMANDS: Mapping[str, CommandOptions] = {
         values={"leaves.depth": {"estimated": "sweep"}},
         table="leaves",
     ),
-    "submit": CommandOptions(options={"submit.force": "--force"}),
-    "bake": CommandOptions(options={"bake.source": "--from"}),
-    "edit": CommandOptions(options={"edit.jitter": "--jitter"}),
+    "bake": CommandOptions(arguments={"source": "--from"}),
+    "edit": CommandOptions(arguments={"jitter": "--jitter"}),
     "scatter": CommandOptions(options={"plant.representations": "--representation"}),
 }
 
-
-OF_A_RUN = {"output": "-o", "force": "--force"}  # what every command that writes takes, by its name in a request
+OF_A_RUN = {"output": "-o", "force": "--force"}  # what every command that writes takes, by the name of the argument
 
 
 def render_for(command: str) -> RenderSetting:
     """How a command writes a setting: its own option, else a key of the file of --settings, else as a plan has it."""
-    own = COMMANDS.get(command, CommandOptions(options={}))
+    own = COMMANDS.get(command, CommandOptions())
 
-    def render(setting: Setting) -> str:
-        option = own.options.get(setting.name) or OF_A_RUN.get(setting.name)
+    def render(setting: Setting | Argument) -> str:
+        if isinstance(setting, Argument):
+            option = {**OF_A_RUN, **own.arguments}.get(setting.name)
+            return str(setting) if option is None else f"{option} {setting.value}".rstrip()
+        option = own.options.get(setting.name)
         if option is not None:
             value = setting.value.strip('"')
             words = own.values.get(setting.name)

@@ -10,7 +10,7 @@ from usdfoliage.capture.mask_proposal.propose import MaskProposalSettings, propo
 from usdfoliage.capture.sky import segment_sky
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import decode_srgb
-from usdfoliage.remarks import Setting
+from usdfoliage.remarks import Argument
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 
@@ -90,7 +90,7 @@ def test_brightness_of_an_exr_does_not_matter():
 
 def names_mask(error: FitError) -> bool:
     """Whether the remedy is to give a mask."""
-    return any(isinstance(part, Setting) and part.name.endswith("mask") for part in error.remedy)
+    return any(isinstance(part, Argument) and part.name == "mask" for part in error.remedy)
 
 
 @pytest.mark.parametrize("value", [0.0, 0.18, 1.0])

@@ -19,7 +19,7 @@ from usdfoliage.capture.mask_proposal.envelope import Candidate, fit_crown_envel
 from usdfoliage.capture.sky import segment_sky
 from usdfoliage.errors import CaptureError, FitError
 from usdfoliage.geometry.color import encode_srgb, luminance
-from usdfoliage.remarks import Setting
+from usdfoliage.remarks import Argument
 
 logger = logging.getLogger(__name__)
 
@@ -27,7 +27,7 @@ _CLUSTERS = 24
 _WORTH_FOLIAGE = 0.15  # colours of foliage instead of walls and roads
 _WORTH_LIKENESS = 0.12  # colours seen before the sky rather than beside the envelope
 _LOW_CONFIDENCE = 0.5
-_GIVE_MASK = ("give its mask with ", Setting(name="crown.mask"))
+_GIVE_MASK = ("give its mask with ", Argument(name="mask"))
 
 
 @dataclass(frozen=True, kw_only=True)

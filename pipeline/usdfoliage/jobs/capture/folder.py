@@ -18,7 +18,7 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.work.results import WORK, describe_unwritten, write_whole
-from usdfoliage.remarks import Remark, Setting, remark
+from usdfoliage.remarks import Argument, Remark, remark
 
 logger = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ def find_photographs(source: Path, output: Path | None) -> GivenPhotographs:
                 f"{source} is a folder of photographs",
                 (
                     "name the capture to be made of it, as in ",
-                    Setting(name="output", value=f"{source.resolve().name}_capture"),
+                    Argument(name="output", value=f"{source.resolve().name}_capture"),
                 ),
             )
         output = source
@@ -84,7 +84,7 @@ def find_photographs(source: Path, output: Path | None) -> GivenPhotographs:
     if not is_capture and _same(source, output):
         raise CaptureError(
             f"{output} holds the photographs themselves",
-            ("name another folder for the capture with ", Setting(name="output")),
+            ("name another folder for the capture with ", Argument(name="output")),
         )
     return GivenPhotographs(
         source=source,
@@ -172,7 +172,13 @@ def lay_out(given: GivenPhotographs, record: "Record", *, cameras: bool = True, 
     if foreign and not force:
         raise CaptureError(
             f"{given.folder} holds other files than {given.source}: {named(foreign)}",
-            ("name another folder with ", Setting(name="output"), ", or use ", Setting(name="force"), " to lose them"),
+            (
+                "name another folder with ",
+                Argument(name="output"),
+                ", or use ",
+                Argument(name="force"),
+                " to lose them",
+            ),
         )
     missing = [name for name in wanted if name in other or not (given.folder / name).exists()]
     if not missing and not surplus:

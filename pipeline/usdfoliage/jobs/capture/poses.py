@@ -21,7 +21,7 @@ from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, GivenPhotographs, Re
 from usdfoliage.jobs.capture.settings import CaptureRunSettings, PosesChoice
 from usdfoliage.jobs.work.results import WORK
 from usdfoliage.progress import StepProgress, progress_in_step
-from usdfoliage.remarks import Remark, Setting, remark, warnings_of
+from usdfoliage.remarks import Argument, Remark, Setting, remark, warnings_of
 
 logger = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ def poses_are_given(given: GivenPhotographs, record: Record, wanted: PosesChoice
         if there and given.in_place and not ours:
             raise CaptureError(
                 f"{cameras} holds poses that were given and are never replaced",
-                ("name another capture for estimated ones with ", Setting(name="output")),
+                ("name another capture for estimated ones with ", Argument(name="output")),
             )
         return False
     if not there or (ours and wanted == "auto"):

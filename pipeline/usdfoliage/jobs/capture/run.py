@@ -65,7 +65,7 @@ from usdfoliage.jobs.report.table import choose_evenly
 from usdfoliage.jobs.work.results import forget, lock_work
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.progress import StepProgress, follow_step
-from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
+from usdfoliage.remarks import Argument, Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
 logger = logging.getLogger(__name__)
 
@@ -310,13 +310,13 @@ def choose_places(
         raise CaptureError(
             f"{folder / CAMERAS} holds poses that usdfoliage did not estimate, or that were changed since, and they "
             "are never replaced",
-            ("name another capture with ", Setting(name="output")),
+            ("name another capture with ", Argument(name="output")),
         )
     single = [name for name in (CLOUD, LAYER, LAYER_CLOUD, REPORT) if not record.owns(folder, name)]
     if single and not force:
         raise CaptureError(
             f"{folder} has {named(single)}, not made by usdfoliage or changed since",
-            ("move them elsewhere, or use ", Setting(name="force"), " to replace them"),
+            ("move them elsewhere, or use ", Argument(name="force"), " to replace them"),
         )
     if force or all(record.owns(folder, kind) for kind in KINDS):
         return list(KINDS), []
@@ -325,11 +325,11 @@ def choose_places(
     if blocked:
         raise CaptureError(
             f"{folder} has {named(blocked)}, changed since usdfoliage made it",
-            ("move it, or use ", Setting(name="force")),
+            ("move it, or use ", Argument(name="force")),
         )
     kept = [kind for kind in KINDS if not record.owns(folder, kind)]
     text = f"{named(kept)} was there and is kept; what is found here is in {', '.join(beside)}"
-    remedy = f"find leaves with the depth in {beside[0]}, or replace what was there with ", Setting(name="force")
+    remedy = f"find leaves with the depth in {beside[0]}, or replace what was there with ", Argument(name="force")
     return beside, [remark("given-maps-kept", text, subject=named(kept), remedy=remedy)]
 
 

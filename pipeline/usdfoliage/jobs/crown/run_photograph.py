@@ -24,7 +24,7 @@ from usdfoliage.jobs.crown.written import WrittenCrown
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
 from usdfoliage.jobs.report.table import ReportView
 from usdfoliage.progress import StepProgress, progress_in_step
-from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
+from usdfoliage.remarks import Argument, Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
 logger = logging.getLogger(__name__)
 
@@ -120,7 +120,7 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
             proposal = request.output / f"{request.name}_mask_proposal.png"
             _write_mask(folder / proposal.name, given.mask)
             _check_not_edited(proposal, folder / proposal.name, request.force)
-            remedy = ("correct it and give it with ", Setting(name="crown.mask"))
+            remedy = ("correct it and give it with ", Argument(name="mask"))
             remarks.append(remark("mask-proposal-kept", f"the proposed mask is {proposal}", remedy=remedy))
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
@@ -211,7 +211,7 @@ def _check_not_edited(old: Path, new: Path, force: bool) -> None:
     if old.is_file() and not force and old.read_bytes() != new.read_bytes():
         raise AssetError(
             f"{old} is not what this photograph proposes: it was edited, or belongs to another",
-            ("give it with ", Setting(name="crown.mask"), ", or replace it with ", Setting(name="crown.force")),
+            ("give it with ", Argument(name="mask"), ", or replace it with ", Argument(name="force")),
         )
 
 

@@ -41,7 +41,7 @@ from usdfoliage.jobs.edits.settings import check_memory, read_representations, r
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 from usdfoliage.progress import StepProgress
-from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
+from usdfoliage.remarks import Argument, Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
 _JITTER = ("jitter_amplitude", "jitter_frequency")  # edits that stay
 _STIFF = remark(
@@ -217,7 +217,7 @@ def _check_patches(plant: Any, source: str) -> list[Remark]:
     if not changed:
         return []
     what = "patch of the representation nurbs has" if changed == 1 else "patches of the representation nurbs have"
-    remedy = (Setting(name="bake.source", value='"nurbs"'), " reads them")
+    remedy = (Argument(name="source", value='"nurbs"'), " reads them")
     return [remark("changed-patches-not-read", f"{changed:,} {what} changes that were not read", remedy=remedy)]
 
 

@@ -13,7 +13,7 @@ from usdfoliage.asset.parts.leaf_primvars import read_edits
 from usdfoliage.errors import FoliageError
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, Vector, compose_edits, jitter_silhouette
 from usdfoliage.leaf.shape.mesh import MAX_SEGMENTS
-from usdfoliage.remarks import Remark, Setting, remark
+from usdfoliage.remarks import Argument, Remark, remark
 
 Value = float | Vector
 
@@ -92,7 +92,7 @@ def plan_look(request: EditRequest) -> PlannedLook:
     remarks = []
     if request.jitter_map is not None and not after.jitter_amplitude:
         text = "the jitter map shows nothing while the amplitude is 0"
-        remedy = ("give ", Setting(name="edit.jitter", value="A F"), " too")
+        remedy = ("give ", Argument(name="jitter", value="A F"), " too")
         remarks.append(remark("jitter-map-without-jitter", text, remedy=remedy))
     if not changes and request.jitter_map is None:
         text = "these edits change nothing: the asset has them already, or they are neutral"

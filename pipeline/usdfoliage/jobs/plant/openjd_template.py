@@ -27,11 +27,11 @@ from usdfoliage.jobs.plant.tasks import (
     TURNTABLE,
     VARIANTS,
 )
-from usdfoliage.remarks import Setting
+from usdfoliage.remarks import Argument
 
 _HEAVY = (POSES, MATCHING, DEPTH, CLOUD, ISOLATION, BRANCHES, LEAVES, CROWN, TURNTABLE, COMPARISONS, VARIANTS)
 _MIN_MEMORY_MIB = 2048
-_FORCE = Setting(name="submit.force")
+_FORCE = Argument(name="force")
 _SHORTEST_TIMEOUT_S = 3600
 _LATE = 30  # times its estimate: then a task hangs
 _NOTIFY_S = 30  # after which one that is cancelled is killed; what it had done is not lost then either
