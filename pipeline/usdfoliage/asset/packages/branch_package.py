@@ -61,7 +61,7 @@ def write_branch_asset(
     if foliage is not None:
         leaves.append(write_leaf_part(place, foliage))
         if len(foliage.leaves):
-            drawn = drawn_leaves(place, foliage)
+            drawn = drawn_leaves(foliage)
         else:  # their prims are at the origin, wherever the branches are
             leaves = [replace(part, near_m=(), guides_m=()) for part in leaves]
     branches = PlantBranches(

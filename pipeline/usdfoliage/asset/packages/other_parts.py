@@ -222,7 +222,7 @@ def write_leaves_beside(
     place = begin_asset(folder, name)
     foliage = BranchLeaves(leaves=leaves, settings=settings, edits=edits, appearance=appearance)
     # Of no leaves too: their prims have an extent all the same, at the origin.
-    parts = [write_leaf_part(place, foliage), copy_near_part(others, place, drawn_leaves(place, foliage))]
+    parts = [write_leaf_part(place, foliage), copy_near_part(others, place, drawn_leaves(foliage))]
     origin = Origin(provenance=provenance, asset_from_capture=asset_from_capture, version=settings.version)
     return write_asset(place, parts, origin)
 

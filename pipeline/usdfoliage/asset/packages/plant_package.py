@@ -118,7 +118,7 @@ def write_plant_asset(
     parts: list[Part] = []
     if foliage is not None:
         parts.append(write_leaf_part(place, foliage, leafy))
-    drawn = drawn_leaves(place, foliage) if foliage is not None else None
+    drawn = drawn_leaves(foliage) if foliage is not None else None
     if isinstance(branches, PlantBranches):
         parts.append(write_branch_part(place, branches, drawn))
         if crown is not None:

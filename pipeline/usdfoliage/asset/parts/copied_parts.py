@@ -18,10 +18,11 @@ from usdfoliage.asset.locate import open_copy, open_layer
 from usdfoliage.asset.materials.layer import LEAF_MATERIAL, MATERIALS
 from usdfoliage.asset.parts.bare_branches import BARE_LAYER
 from usdfoliage.asset.parts.crown_part import CROWN_LAYER
-from usdfoliage.asset.parts.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion, read_points
+from usdfoliage.asset.parts.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
 from usdfoliage.asset.parts.part import AssetPlace, Box, Part
 from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES, CROWN, LEAVES, TO_CROWN, TO_SKELETON
+from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
 from usdfoliage.errors import AssetError
 
@@ -67,7 +68,7 @@ def copy_near_part(others: OtherParts, place: AssetPlace, drawn: DrawnLeaves | N
     Raises:
         AssetError: A layer or a picture cannot be read, or a file cannot be written.
     """
-    if drawn is None or not _fits_motion(others, place, drawn.representations):
+    if drawn is None or not _fits_motion(others, place, drawn):
         others = _without_motion(others)
     layers = {
         *others.shared,
@@ -122,19 +123,18 @@ def lost_leaf_motion(others: OtherParts, folder: Path) -> bool:
     return any((source / layer).is_file() and not (folder / "payload" / layer).exists() for layer in _MOTION)
 
 
-def _fits_motion(others: OtherParts, place: AssetPlace, representations: Sequence[str]) -> bool:
+def _fits_motion(others: OtherParts, place: AssetPlace, drawn: DrawnLeaves) -> bool:
     """Whether the motion of the old leaves fits the new ones: they stand in the same places, in the same divisions."""
     source, payload, name = others.interface.parent / "payload", place.payload, place.name
     old, new = Sdf.Path(f"/{others.name}/{LEAVES}"), Sdf.Path(f"/{name}/{LEAVES}")
-    for representation in representations:
+    for representation in drawn.representations:
         layer = REPRESENTATIONS[representation]
         if not (source / layer).is_file():
             return False
-        if representation in ("mesh", "subdiv") and len(read_points(source / layer, old)) != len(
-            read_points(payload / layer, new)
-        ):
+        is_surface = representation in ("mesh", "subdiv")
+        if is_surface and len(_read_points(source / layer, old)) != len(drawn.surface_points(representation)):
             return False
-    if "bezier" not in representations:
+    if "bezier" not in drawn.representations:
         return False
     before, after = (open_copy(path / REPRESENTATIONS["bezier"]) for path in (source, payload))
     for attribute in ("positions", "scales", "orientationsf"):
@@ -144,6 +144,14 @@ def _fits_motion(others: OtherParts, place: AssetPlace, representations: Sequenc
         if was is None or now is None or not np.array_equal(np.array(was.default), np.array(now.default)):
             return False
     return True
+
+
+def _read_points(layer: Path, path: Sdf.Path) -> NDArray[np.float64]:
+    """Points (P, 3) of the prim at path in a layer of ours; none where it has none."""
+    copy = open_copy(layer)  # kept in a variable: USD drops a layer that nothing refers to
+    points = copy.GetAttributeAtPath(path.AppendProperty("points"))
+    points_m = None if points is None else stored_numbers(points.default, (None, 3))
+    return np.zeros((0, 3)) if points_m is None else points_m
 
 
 def _without_motion(others: OtherParts) -> OtherParts:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.layer import FIRST_FRAME, author_frames, export_layer, new_layer
-from usdfoliage.asset.locate import open_copy
 from usdfoliage.asset.look_layer import each_variant
 from usdfoliage.asset.parts.branch_rig import JOINTS, author_skin
 from usdfoliage.asset.parts.hero_leaf import patch_matrices, patch_nets
@@ -21,8 +20,6 @@ from usdfoliage.asset.parts.leaf_fallbacks import patch_paths
 from usdfoliage.asset.parts.leaf_gprims import outward_corners
 from usdfoliage.asset.parts.leaves import PLACE, edited_leaves, set_places
 from usdfoliage.asset.plant import LEAVES, box_around
-from usdfoliage.asset.stored_numbers import stored_numbers
-from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.motion.rig import Skin
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.bounds import leaf_bounds_m
@@ -56,8 +53,8 @@ class RiggedLeaves:
 class DrawnLeaves:
     """The leaves that an asset's layers show."""
 
-    payload: Path  # folder of the layers
     leaves: Leaves
+    surface_points: Callable[[str], NDArray[np.float32]]  # (P, 3) of the representation mesh or subdiv, leaf by leaf
     representations: Sequence[str]
     edits: LeafEdits = NEUTRAL
     jitter: Jitter = NO_JITTER
@@ -101,9 +98,7 @@ def write_leaf_rig_layer(path: Path, name: str, drawn: DrawnLeaves, rigged: Rigg
     boxes = [leaf_bounds_m(_edited(drawn, drawn.leaves), drawn.jitter)]
     for representation in each_variant(stage, root, "representation", list(drawn.representations)):
         if representation in ("mesh", "subdiv"):
-            points_m = read_points(drawn.payload / REPRESENTATIONS[representation], prim).reshape(
-                len(drawn.leaves), -1, 3
-            )
+            points_m = drawn.surface_points(representation).astype(np.float64).reshape(len(drawn.leaves), -1, 3)
             skin = Skin(
                 joints=np.repeat(rigged.skin.joints, points_m.shape[1], axis=0),
                 weights=np.repeat(rigged.skin.weights, points_m.shape[1], axis=0),
@@ -184,14 +179,6 @@ def adapt_leaf_motion(layer: Sdf.Layer, name: str, drawn: DrawnLeaves) -> list[B
         boxes.append(leaf_bounds_m(_edited(drawn, placed), drawn.jitter))
         layer.SetTimeSample(extent, time, Vt.Vec3fArray(outward_corners(boxes[-1])))
     return boxes
-
-
-def read_points(layer: Path, path: Sdf.Path) -> NDArray[np.float64]:
-    """Points (P, 3) of the prim at path in a layer of ours; none where it has none."""
-    copy = open_copy(layer)  # kept in a variable: USD drops a layer that nothing refers to
-    points = copy.GetAttributeAtPath(path.AppendProperty("points"))
-    points_m = None if points is None else stored_numbers(points.default, (None, 3))
-    return np.zeros((0, 3)) if points_m is None else points_m
 
 
 def _moves(placed: Leaves, still: Leaves, name: str) -> bool:

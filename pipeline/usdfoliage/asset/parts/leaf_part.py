@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Sdf, Usd
 
 from usdfoliage.asset.materials.jitter_map import read_jitter_map
@@ -123,15 +124,24 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves, lods: Sequence[str
     )
 
 
-def drawn_leaves(place: AssetPlace, foliage: BranchLeaves) -> DrawnLeaves:
-    """What the layers of leaves at place show, for those that move them; CaptureError for a bad jitter map."""
+def drawn_leaves(foliage: BranchLeaves) -> DrawnLeaves:
+    """What the layers of leaves show, for those that move them; CaptureError for a bad jitter map."""
+    jitter = leaf_jitter(foliage.edits, foliage.appearance)
     return DrawnLeaves(
-        payload=place.payload,
         leaves=foliage.leaves,
+        surface_points=partial(_surface_points, foliage, jitter),
         representations=foliage.settings.representations,
         edits=foliage.edits,
-        jitter=leaf_jitter(foliage.edits, foliage.appearance),
+        jitter=jitter,
     )
+
+
+def _surface_points(foliage: BranchLeaves, jitter: Jitter, representation: str) -> NDArray[np.float32]:
+    """Points (P, 3) of all leaves as mesh or subdiv, leaf by leaf."""
+    drawn, settings = edited_leaves(foliage.leaves, foliage.edits), foliage.settings
+    if representation == "subdiv":
+        return build_leaf_cage(drawn, settings.cage, jitter).points_m
+    return build_leaf_mesh(drawn, settings.mesh, jitter).points_m
 
 
 def leaf_jitter(edits: LeafEdits, appearance: LeafAppearance) -> Jitter:
