@@ -128,6 +128,29 @@ def test_a_new_part_is_in_the_lods_that_show_it(tmp_path, lod, has_fruit, is_cop
     assert [each for each in errors if each.severity == "error"] == []
 
 
+@pytest.mark.parametrize(
+    ("parts", "more", "lods"),
+    [
+        ({"foliage": some_leaves()}, [write_sign_part], {"leaves", "both", "crown", "auto"}),
+        ({"crown": round_crown()}, [write_fruit_part], {"leaves", "both", "crown", "auto"}),
+        ({}, [write_fruit_part], {"leaves"}),
+        ({}, [write_sign_part], {"crown"}),
+        ({}, [write_fruit_part, write_sign_part], {"leaves", "both", "crown", "auto"}),
+    ],
+)
+def test_lods_are_those_that_the_parts_need(tmp_path, parts, more, lods):
+    interface = write_plant_asset(tmp_path, "oak", provenance=RUN, asset_from_capture=np.eye(4), more=more, **parts)
+    stage = Usd.Stage.Open(str(interface))
+    plant = stage.GetDefaultPrim()
+    variants = plant.GetVariantSet("lod")
+    assert set(variants.GetVariantNames()) == lods
+    found = set()
+    for lod in lods:
+        variants.SetVariantSelection(lod)
+        found |= {prim.GetName() for prim in Usd.PrimRange(plant)}
+    assert ("Fruit" in found, "Sign" in found) == (write_fruit_part in more, write_sign_part in more)
+
+
 @pytest.mark.parametrize("has_branches", [False, True])
 def test_new_parts_that_are_copied_are_those_that_were_written(tmp_path, has_branches):
     given = write_tree_with_fruit(tmp_path / "given", branches=models() if has_branches else None)

@@ -108,16 +108,14 @@ def write_plant_asset(
     copied = branches if isinstance(branches, OtherParts) else None
     has_branches = copied.has_branches if copied is not None else branches is not None
     has_crown = crown is not None or (copied is not None and copied.crown_m is not None)
-    if not has_branches and foliage is None and not has_crown:
-        raise ValueError("a plant has leaves, branches or a crown, and none of them was given")
-    if foliage is not None and not len(foliage.leaves) and (has_branches or has_crown):
+    if not has_branches and foliage is None and not has_crown and not more:
+        raise ValueError("a plant has leaves, branches, a crown or another part, and none of them was given")
+    if foliage is not None and not len(foliage.leaves) and (has_branches or has_crown or more):
         foliage = None  # empty prims would have an extent all the same, which validators mistrust
     place = begin_asset(folder, name)
-    lods = _lods(near=has_branches or foliage is not None, crown=has_crown)
-    leafy = [lod for lod in lods if lod != "crown"]
     parts: list[Part] = []
     if foliage is not None:
-        parts.append(write_leaf_part(place, foliage, leafy))
+        parts.append(write_leaf_part(place, foliage))
     drawn = drawn_leaves(foliage) if foliage is not None else None
     if isinstance(branches, PlantBranches):
         parts.append(write_branch_part(place, branches, drawn))
@@ -131,18 +129,18 @@ def write_plant_asset(
         parts.append(write_crown_part(place, crown, settings.crown_mesh_size))
     parts += [write(place) for write in more]
     origin = Origin(provenance=provenance, asset_from_capture=asset_from_capture, version=settings.version)
-    return _write_whole(place, parts, origin, lods, settings, thumbnail)
+    return _write_whole(place, parts, origin, settings, thumbnail)
 
 
 def _write_whole(
     place: AssetPlace,
     parts: Sequence[Part],
     origin: Origin,
-    lods: Sequence[str],
     settings: PlantAssetSettings,
     thumbnail: Path | DrawThumbnail | None,
 ) -> Path:
     """Put the parts of a plant together, each in the lods that show it; returns the interface layer."""
+    lods = _lods(parts)
     near_m = [box for part in parts for box in part.near_m]
     far_m = [box for part in parts for box in part.far_m]
     boxes = _lod_boxes(lods, near_m, [box for part in parts for box in part.guides_m], far_m)
@@ -164,7 +162,7 @@ def _write_whole(
     sets = [
         VariantSet(name="lod", variants={lod: visible[lod] for lod in sorted(lods, key=lambda lod: lod != first)}),
         *(replace(variant_set, inside=leafy) for part in parts for variant_set in part.moving),
-        *(variant_set for part in parts for variant_set in part.inside),
+        *(replace(variant_set, inside=leafy) for part in parts for variant_set in part.inside),
         *(replace(variant_set, inside=leafy) for part in parts for variant_set in part.still),
     ]
     plant = Plant(
@@ -185,11 +183,13 @@ def _write_whole(
     return interface
 
 
-def _lods(near: bool, crown: bool) -> list[str]:
+def _lods(parts: Sequence[Part]) -> list[str]:
     """Those that have something to show, the default first."""
-    if near and crown:
+    is_near = any(part.near or part.guides or part.moving or part.inside or part.still for part in parts)
+    is_far = any(part.far for part in parts)
+    if is_near and is_far:
         return ["leaves", "both", "crown", "auto"]
-    return ["leaves"] if near else ["crown"]
+    return ["crown"] if is_far else ["leaves"]
 
 
 def _hull_of(crown: CrownModel) -> CrownHull:

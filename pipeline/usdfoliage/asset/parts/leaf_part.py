@@ -80,13 +80,12 @@ class BranchLeaves:
     appearance: LeafAppearance = field(default_factory=LeafAppearance)
 
 
-def write_leaf_part(place: AssetPlace, foliage: BranchLeaves, lods: Sequence[str] = ("leaves",)) -> Part:
+def write_leaf_part(place: AssetPlace, foliage: BranchLeaves) -> Part:
     """Write leaves into the asset at place.
 
     Args:
         place: Where; the payload's folder exists.
         foliage: What to write; no leaf is a valid part, whose prims are at the origin.
-        lods: Variants of the set lod that show leaves.
 
     Raises:
         ValueError: The leaves have numbers that are no leaves.
@@ -118,7 +117,7 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves, lods: Sequence[str
         materials=[partial(_author_material, leaf=material)],
         near_m=[box_around(boxes)],
         guides_m=[boxes[representations.index("bezier")]] if has_guide else [],
-        inside=[VariantSet(name="representation", variants=layers, inside=lods)],
+        inside=[VariantSet(name="representation", variants=layers, inside=("leaves",))],
         detail_m=float(np.median(foliage.leaves.length_m)) if len(foliage.leaves) else None,
         finish=partial(_write_guide, place) if has_guide else None,
     )

@@ -57,7 +57,7 @@ class Part:
     far_m: Sequence[Box] = ()
     guides_m: Sequence[Box] = ()  # of guides
     moving: Sequence[VariantSet] = ()  # whose layers go over those of all that stands still
-    inside: Sequence[VariantSet] = ()  # always inside the lods that show the plant itself
+    inside: Sequence[VariantSet] = ()  # always inside the lods that show the plant itself, of a whole plant in all
     still: Sequence[VariantSet] = ()  # inside those lods only where there are several, below the others
     lods: VariantSet | None = None  # the set lod of the asset that the part comes from
     detail_m: float | None = None  # length of what a picture must show for the plant itself to be worth it: a leaf's
