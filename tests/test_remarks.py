@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -103,6 +104,34 @@ def test_every_setting_of_a_remedy_can_be_set(name: str, value: str, tmp_path: P
         table, _, key = name.partition(".")
         (tmp_path / "plan.toml").write_text(f"[{table}]\n{key} = {value}\n")
         read_settings_file(tmp_path / "plan.toml", BuildSettings())
+
+
+ABOVE = ("__main__.py", "cli/")  # the command line itself, whose texts name its options
+WRITES_OPTIONS = {"jobs/plant/openjd_template.py": "the template of a farm's job holds command lines"}
+
+
+def options_in_texts(path: Path) -> list[str]:
+    """Texts of a module that name an option, without its docstrings."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    return [
+        f"{path.relative_to(PACKAGE).as_posix()}:{node.lineno}: {node.value}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings
+        if re.search(r"--[a-z]", node.value)
+    ]
+
+
+def test_no_text_below_the_command_line_names_an_option() -> None:
+    texts_of = {path.relative_to(PACKAGE).as_posix(): options_in_texts(path) for path in PACKAGE.rglob("*.py")}
+    found = {name: texts for name, texts in texts_of.items() if texts}
+    assert found.keys() >= WRITES_OPTIONS.keys()
+    assert not [
+        text
+        for name, texts in found.items()
+        if not name.startswith(ABOVE) and name not in WRITES_OPTIONS
+        for text in texts
+    ]
 
 
 def test_every_code_is_used_and_every_use_is_listed() -> None:

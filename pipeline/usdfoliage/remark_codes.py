@@ -468,8 +468,8 @@ SECTIONS: tuple[RemarkSection, ...] = (
                     "be rows of leaves."
                 ),
                 action=(
-                    'Give `branches.roots` where the stems are, or set `branches.make` to `"off"`. In `usdfoliage '
-                    "branches`, `--method grow` is another way."
+                    'Give `branches.roots` where the stems are, or set `branches.make` to `"off"`. `usdfoliage '
+                    "branches` has another method, grow."
                 ),
             ),
             "branches-not-round": RemarkKind(
@@ -762,7 +762,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "mask-proposal-kept": RemarkKind(
                 severity="info",
                 meaning="The proposed mask is written beside the asset.",
-                action="Correct it, and give it with `--mask` of `usdfoliage crown`.",
+                action="Correct it, and give it to `usdfoliage crown` as the mask.",
             ),
         },
     ),
@@ -772,7 +772,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "jitter-map-without-jitter": RemarkKind(
                 severity="info",
                 meaning="A jitter map is set while the amplitude is 0. It shows nothing.",
-                action="Give `--jitter` too.",
+                action="Give an amplitude of the jitter too.",
             ),
             "edits-change-nothing": RemarkKind(
                 severity="info",
@@ -787,7 +787,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "changed-patches-not-read": RemarkKind(
                 severity="info",
                 meaning="Patches of nurbs were changed, and leaves were read from bezier.",
-                action="Read them with `--from nurbs` of `usdfoliage bake`.",
+                action="Bake the asset with nurbs as the source of the leaves.",
             ),
             "patches-fitted": RemarkKind(
                 severity="info",

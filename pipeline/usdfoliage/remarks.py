@@ -77,18 +77,12 @@ class Remark:
 
     def as_json(self) -> dict[str, Any]:
         """What JSON holds of it."""
-        remedy = [
-            part
-            if isinstance(part, str)
-            else {"setting" if isinstance(part, Setting) else "argument": part.name, "value": part.value}
-            for part in self.remedy
-        ]
         return {
             "code": self.code,
             "severity": self.severity,
             "subject": self.subject,
             "text": self.text,
-            "remedy": remedy,
+            "remedy": remedy_as_json(self.remedy),
         }
 
 
@@ -108,10 +102,32 @@ def remark_from_json(stored: Mapping[str, Any]) -> Remark:
     Raises:
         KeyError, TypeError: It is none.
     """
-    remedy = tuple(_part_from_json(part) for part in stored["remedy"])
     return Remark(
-        code=stored["code"], severity=stored["severity"], subject=stored["subject"], text=stored["text"], remedy=remedy
+        code=stored["code"],
+        severity=stored["severity"],
+        subject=stored["subject"],
+        text=stored["text"],
+        remedy=remedy_from_json(stored["remedy"]),
     )
+
+
+def remedy_as_json(remedy: Remedy) -> list[str | dict[str, str]]:
+    """What JSON has of a remedy: each part a text, or an object with the name of its setting or argument."""
+    return [
+        part
+        if isinstance(part, str)
+        else {"setting" if isinstance(part, Setting) else "argument": part.name, "value": part.value}
+        for part in remedy
+    ]
+
+
+def remedy_from_json(stored: Iterable[str | Mapping[str, str]]) -> Remedy:
+    """A remedy as remedy_as_json has written it.
+
+    Raises:
+        KeyError, TypeError: It is none.
+    """
+    return tuple(_part_from_json(part) for part in stored)
 
 
 def _part_from_json(stored: str | Mapping[str, str]) -> str | Setting | Argument:
@@ -139,8 +155,17 @@ def merge_remarks(*groups: Sequence[Remark]) -> tuple[Remark, ...]:
 
 def rename_in(renamed: Remark, rename: Callable[[str], str]) -> Remark:
     """The same remark with files named otherwise, in its subject, text and remedy."""
-    remedy = tuple(rename(part) if isinstance(part, str) else part for part in renamed.remedy)
-    return replace(renamed, subject=rename(renamed.subject), text=rename(renamed.text), remedy=remedy)
+    return replace(
+        renamed,
+        subject=rename(renamed.subject),
+        text=rename(renamed.text),
+        remedy=rename_in_remedy(renamed.remedy, rename),
+    )
+
+
+def rename_in_remedy(remedy: Remedy, rename: Callable[[str], str]) -> Remedy:
+    """The same remedy with files named otherwise."""
+    return tuple(rename(part) if isinstance(part, str) else part for part in remedy)
 
 
 def list_sentences(remarks: Iterable[Remark], render: RenderSetting) -> list[str]:

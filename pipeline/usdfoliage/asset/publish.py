@@ -34,6 +34,7 @@ from usdfoliage.errors import AssetError, WriteError
 from usdfoliage.files.atomic import flush_to_disk
 from usdfoliage.files.json import read_json
 from usdfoliage.files.locks import open_lock, open_old_lock, try_lock, wait_for_lock
+from usdfoliage.remarks import Argument
 
 logger = logging.getLogger(__name__)
 
@@ -147,7 +148,7 @@ def _own_files(folder: Path, record: Mapping[str, Any]) -> set[str]:
         reason = error.strerror if isinstance(error, OSError) else error
         raise AssetError(
             f"{folder / FILES_LIST}, the list of the asset's own files, cannot be read ({reason})",
-            "move what is yours out of the folder, and use --force to replace the rest",
+            ("move what is yours out of the folder, and use ", Argument(name="force"), " to replace the rest"),
         ) from error
     return set(listed)
 
@@ -241,17 +242,17 @@ def _check_replaceable(out: Path, target: Path, force: bool) -> None:
             more = f" and {len(foreign) - 3} more" if len(foreign) > 3 else ""
             raise AssetError(
                 f"{out} holds files that are not the asset's: {', '.join(foreign[:3])}{more}",
-                "move them elsewhere, or use --force to lose them",
+                ("move them elsewhere, or use ", Argument(name="force"), " to lose them"),
             )
         return
     if not force:
         raise AssetError(
             f"{out} is a folder with other things than one asset of usdfoliage, and would be replaced",
-            "name another folder, or use --force to lose what is in it",
+            ("name another folder, or use ", Argument(name="force"), " to lose what is in it"),
         )
     here = Path.cwd()
     if target in (here, *here.parents) or target in (Path.home(), *Path.home().parents):
-        raise AssetError(f"{out} holds the home or the current folder, which --force does not replace")
+        raise AssetError(f"{out} holds the home or the current folder, which is never replaced")
 
 
 def _begin(target: Path) -> tuple[int, Path]:

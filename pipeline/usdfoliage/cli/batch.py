@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.build import add_ending, add_plan, add_where, add_work
+from usdfoliage.cli.remarks import render_for
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.call import BuildRequest
@@ -61,6 +62,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.jobs.plant.run import build_plants
 
     handle_interrupts()
+    render = render_for("batch")
     where = read_where(options)
     listed = read_library(options.list)
     requests, failed = _read_requests(options, listed)
@@ -75,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.json:
         print(_ROW.format("plant", "", "seconds", "leaves", "size", ""))
         for plant in (*failed, *listed.skipped):
-            print(_ROW.format(plant.name, plant.state, "", "", "", plant.sentence))
+            print(_ROW.format(plant.name, plant.state, "", "", "", plant.sentence(render)))
     counts: dict[str, int] = {"failed": len(failed)} if failed else {}
     try:
         with PlantBar() as bar:
@@ -84,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
                 if not options.json:
                     bar.write(_describe(made, plant))
                 capture = str(made.request.capture)
-                listed_plants.append({"name": made.request.name, "capture": capture, **list_plant(made)})
+                listed_plants.append({"name": made.request.name, "capture": capture, **list_plant(made, "batch")})
                 index.add(plant)
                 codes.add(EXIT_CODES[made.verdict])
                 counts[made.verdict] = counts.get(made.verdict, 0) + 1
@@ -119,7 +121,7 @@ def _list_unbuilt(plant: "LibraryPlant") -> dict[str, object]:
             facts=(),
             remarks=(),
             verdict=plant.state,
-            error=plant.sentence,
+            error=plant.sentence(render_for("batch")),
             errors=0,
             seconds={},
         ),
@@ -159,7 +161,7 @@ def _describe(made: "BuiltPlant", plant: "LibraryPlant") -> str:
     seconds = sum((made.seconds or {}).values())
     size = "" if plant.size_bytes is None else f"{plant.size_bytes / 1e6:.1f} MB"
     leaves = "" if plant.leaves is None else f"{plant.leaves:,}"
-    text = plant.sentence
+    text = plant.sentence(render_for("batch"))
     if made.verdict == "built" and not made.seconds:
         text = f"nothing to do{f'; {text}' if text else ''}"
     return _ROW.format(made.request.name, made.verdict, f"{seconds:.1f}", leaves, size, text).rstrip()
@@ -170,19 +172,21 @@ def _print_plans(requests: "list[BuildRequest]", failed: "list[LibraryPlant]") -
     from usdfoliage.jobs.plant.plan_text import in_words
     from usdfoliage.jobs.plant.run import plan_plant
     from usdfoliage.jobs.plant.tasks import find_wanted
+    from usdfoliage.remarks import explain_error
 
     row = "{:<24}  {:>11}  {:>5}  {:>5}  {:>7}  {}"
     print(row.format("plant", "photographs", "tasks", "to do", "seconds", ""))
+    render = render_for("batch")
     total_s, bad = 0.0, len(failed)
     for plant in failed:
-        print(row.format(plant.name, "", "", "", "", plant.sentence))
+        print(row.format(plant.name, "", "", "", "", plant.sentence(render)))
     for request in requests:
         try:
             inputs, plan = plan_plant(request, "names")
             wanted, _ = find_wanted(plan, request.store, thorough=False)
         except FoliageError as error:
             bad += 1
-            print(row.format(request.name, "", "", "", "", f"error: {error}"))
+            print(row.format(request.name, "", "", "", "", f"error: {explain_error(error, render)}"))
             continue
         seconds = sum(task.estimate_s for task in wanted.values())
         total_s += seconds

@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
         print("error: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
     if options.json:
-        print(format_plant(made))
+        print(format_plant(made, "build"))
     else:
-        print_plant(made, debug=options.debug)
+        print_plant(made, "build", debug=options.debug)
     return EXIT_CODES[made.verdict]

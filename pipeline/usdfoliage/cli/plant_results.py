@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import format_json, list_made
-from usdfoliage.remarks import as_plan_setting, warnings_of
+from usdfoliage.cli.remarks import render_for
+from usdfoliage.remarks import warnings_of
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.finish import BuiltPlant
@@ -13,8 +14,9 @@ if TYPE_CHECKING:
 EXIT_CODES: Mapping[str, int] = {"built": 0, "failed": 2, "invalid": 3, "fault": 1}
 
 
-def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
-    """Where the asset is, and what the user should know; on stderr why there is none."""
+def print_plant(made: "BuiltPlant", command: str, *, debug: bool = False) -> None:
+    """Where the asset is, and what the user should know; on stderr why there is none. Settings as command has them."""
+    render = render_for(command)
     name = made.request.name
     if made.verdict in ("failed", "fault"):
         if made.is_fault:
@@ -23,10 +25,10 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
                 file=sys.stderr,
             )
         else:
-            print(f"error: {made.message}", file=sys.stderr)
+            print(f"error: {made.explain(render)}", file=sys.stderr)
         return
     for warning in warnings_of(made.remarks):
-        print(f"warning: {warning.sentence(as_plan_setting)}")
+        print(f"warning: {warning.sentence(render)}")
     for row in made.facts:
         print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
     ran = len(made.seconds or {})
@@ -50,13 +52,13 @@ def print_plant(made: "BuiltPlant", *, debug: bool = False) -> None:
     print(f"report: {made.request.output / 'report' / 'index.html'}")
 
 
-def format_plant(made: "BuiltPlant") -> str:
-    """What became of a plant, as JSON."""
-    return format_json(list_plant(made))
+def format_plant(made: "BuiltPlant", command: str) -> str:
+    """What became of a plant, as JSON, with settings as command has them."""
+    return format_json(list_plant(made, command))
 
 
-def list_plant(made: "BuiltPlant") -> dict[str, object]:
-    """What became of a plant: the keys and values of its JSON object."""
+def list_plant(made: "BuiltPlant", command: str) -> dict[str, object]:
+    """What became of a plant: the keys and values of its JSON object, with settings as command has them."""
     page = None if made.result is None else made.result / "report" / "index.html"
     if made.asset is not None:
         page = made.request.output / "report" / "index.html"
@@ -66,7 +68,7 @@ def list_plant(made: "BuiltPlant") -> dict[str, object]:
         facts=made.facts,
         remarks=made.remarks,
         verdict=made.verdict,
-        error=made.message,
+        error=made.explain(render_for(command)),
         errors=made.errors,
         seconds=dict(made.seconds or {}),
     )

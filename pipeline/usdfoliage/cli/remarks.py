@@ -49,6 +49,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "seed": "--seed",
         },
         values={"capture.toml:metres_per_unit": _UNITS},
+        arguments={"species_file": "--species-file"},
     ),
     "crown": CommandOptions(
         options={

@@ -171,7 +171,7 @@ def _publish(request: "BuildRequest", options: argparse.Namespace, lines: "Openj
 
     lines.begin(f"{request.name}: publishing")
     made = publish_step(request)
-    print_plant(made, debug=options.debug)
+    print_plant(made, "task", debug=options.debug)
     if made.errors:
         lines.fail(f"validation finds {made.errors} errors; see {made.result}/report/index.html")
     lines.progress(1.0)

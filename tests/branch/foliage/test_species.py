@@ -8,6 +8,7 @@ from usdfoliage.errors import FoliageError
 from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.variation import leaf_of_width
+from usdfoliage.remarks import Argument
 
 from tests.support.branch_shapes import plant_of
 
@@ -52,8 +53,9 @@ def test_a_name_is_found_however_it_is_written():
 
 
 def test_the_error_of_an_unknown_name_lists_the_known_ones(tmp_path):
-    with pytest.raises(FoliageError, match=r"no species 'mapel'; the library has alder, apple.*willow; .*species-file"):
+    with pytest.raises(FoliageError, match=r"no species 'mapel'; the library has alder, apple.*willow; ") as refused:
         load_species("mapel")
+    assert Argument(name="species_file") in refused.value.remedy
     extra = write(tmp_path / "mine.toml", "[yew]\n")
     with pytest.raises(FoliageError, match=r"the library and .*mine\.toml have .*yew"):
         load_species("mapel", extra)

@@ -18,7 +18,7 @@ from usdfoliage.jobs.plant.run import ExecutorChoice, build_plants
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.worker import run_named_task
 from usdfoliage.jobs.work.settings_file import read_settings_file
-from usdfoliage.remarks import warnings_of
+from usdfoliage.remarks import as_plan_setting, warnings_of
 
 from tests.support.dask_clusters import dask_cluster
 from tests.support.fake_builds import is_alive, wait_until
@@ -223,7 +223,7 @@ def test_two_tasks_that_fail_at_once_end_their_plant_once(given, tmp_path, monke
     monkeypatch.setattr(runs, "open_processes", open_threads)
     ended = list(build_plants([request_of(given, tmp_path)], ExecutorChoice(jobs=2)))
     assert len(ended) == 1
-    assert "cannot be" in ended[0][1].message
+    assert "cannot be" in ended[0][1].explain(as_plan_setting)
 
 
 def test_results_that_vanish_while_others_are_made_are_made_again_but_not_for_ever(given, tmp_path, monkeypatch):
@@ -239,7 +239,7 @@ def test_results_that_vanish_while_others_are_made_are_made_again_but_not_for_ev
 
     monkeypatch.setattr(runs, "run_named_task", lose)
     max_lost = 99
-    assert "vanish as soon as they are made" in build(request_of(given, tmp_path)).message
+    assert "vanish as soon as they are made" in build(request_of(given, tmp_path)).explain(as_plan_setting)
     assert len(lost) == runs.MAX_PLANS
     lost.clear()
     max_lost = 2
@@ -249,13 +249,13 @@ def test_results_that_vanish_while_others_are_made_are_made_again_but_not_for_ev
 def test_on_a_full_disk_nothing_is_half_there_and_with_room_the_build_goes_on(given, tmp_path, small_disk):
     made = build(request_of(given, small_disk))
     assert made.verdict == "failed"
-    assert "No space left on device" in made.message
-    assert "the same command goes on from here" in made.message
+    assert "No space left on device" in made.explain(as_plan_setting)
+    assert "the same command goes on from here" in made.explain(as_plan_setting)
     assert not (small_disk / "plant").exists()
     subprocess.run(["mount", "-o", "remount,size=3m", str(small_disk)], check=True)
     made = build(request_of(given, small_disk))  # leaves were found, and could not be written: they are not left out
     assert made.verdict == "failed"
-    assert "No space left on device" in made.message
+    assert "No space left on device" in made.explain(as_plan_setting)
     before = stamps(small_disk)
     subprocess.run(["mount", "-o", "remount,size=100m", str(small_disk)], check=True)
     assert build(request_of(given, small_disk)).verdict == "built"

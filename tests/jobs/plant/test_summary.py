@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, rename_paths, write_summary
-from usdfoliage.remarks import Setting, remark
+from usdfoliage.remarks import Argument, Setting, remark
 
 HIGH = remark(
     "plant-height-improbable",
@@ -14,17 +14,21 @@ HIGH = remark(
 
 
 def test_remarks_survive_the_file(tmp_path: Path) -> None:
-    write_summary(tmp_path, StageSummary(remarks=[HIGH]))
+    write_summary(tmp_path, StageSummary(remarks=[HIGH], remedy=("use ", Argument(name="force"))))
     summary = read_summary(tmp_path)
     assert summary.remarks == (HIGH,)
+    assert summary.remedy == ("use ", Argument(name="force"))
     assert summary.warning_texts() == ['the plant of /captures/oak.ply is 900 m high: give branches.unit = "mm"']
     assert summary.info_texts() == []
 
 
 def test_files_are_renamed_in_remarks_too(tmp_path: Path) -> None:
-    write_summary(tmp_path, StageSummary(remarks=[HIGH], failure="/captures/oak.ply is broken"))
+    write_summary(
+        tmp_path, StageSummary(remarks=[HIGH], failure="/captures/oak.ply is broken", remedy=("see /captures/oak.ply",))
+    )
     rename_paths(tmp_path, lambda text: text.replace("/captures/", ""))
     summary = read_summary(tmp_path)
     assert summary.remarks[0].subject == "oak.ply"
     assert summary.remarks[0].text == "the plant of oak.ply is 900 m high"
     assert summary.failure == "oak.ply is broken"
+    assert summary.remedy == ("see oak.ply",)

@@ -25,7 +25,7 @@ from usdfoliage.jobs.plant.stages.assemble import assemble_asset, provenance_of
 from usdfoliage.jobs.plant.store import ResultFile, Store
 from usdfoliage.jobs.plant.summary import StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BuildPlan
-from usdfoliage.remarks import remark
+from usdfoliage.remarks import as_plan_setting, remark
 
 Stage = Callable[[StageCall], None]
 
@@ -100,8 +100,8 @@ def test_of_a_photograph_that_changes_while_it_is_read_nothing_is_kept(request_o
     made = build(request_of_two)
     assert made.verdict == "failed"
     assert made.failed == "poses"
-    assert f"{request_of_two.capture} changed while it was read: " in made.message
-    assert ("2.png" if change == "added" else "0.png") in made.message or change in ("removed", "unreadable")
+    assert f"{request_of_two.capture} changed while it was read: " in made.error
+    assert ("2.png" if change == "added" else "0.png") in made.error or change in ("removed", "unreadable")
     for part in ("scratch", "views", "results"):
         assert not list((request_of_two.work / part).iterdir())
 
@@ -127,11 +127,11 @@ def test_an_unwritten_file_is_one_of_the_task_and_an_unread_file_one_of_the_capt
 
     set_stages(poses=fail(WriteError))
     made = build(request_of_two)
-    assert (made.error, made.remedy) == (f"something is wrong with {places[-1]}", f"look at {places[-1]}")
+    assert (made.error, made.remedy) == (f"something is wrong with {places[-1]}", (f"look at {places[-1]}",))
     set_stages(poses=fail(CaptureError))
     made = build(request_of_two)
     given = request_of_two.capture / "cloud.ply"
-    assert (made.error, made.remedy) == (f"something is wrong with {given}", f"look at {given}")
+    assert (made.error, made.remedy) == (f"something is wrong with {given}", (f"look at {given}",))
 
 
 def make_poor(runs_of_it: list[str]) -> Stage:
@@ -220,7 +220,8 @@ def test_a_report_that_vanishes_before_it_is_published_is_reported(request_of_tw
 
     set_stages()
     monkeypatch.setattr(runs, "finish_plant", lose)
-    assert "vanished as soon as it was made; run the same command again" in build(request_of_two).message
+    made = build(request_of_two)
+    assert "vanished as soon as it was made; run the same command again" in made.explain(as_plan_setting)
 
 
 def test_where_nothing_could_be_made_the_error_has_the_reasons_each_time(request_of_two, set_stages):
@@ -228,7 +229,7 @@ def test_where_nothing_could_be_made_the_error_has_the_reasons_each_time(request
         "branches": StageSummary(
             remarks=[remark("branches-left-out", "the plant has no branches: the cloud shows no stem at a root")]
         ),
-        "leaves": StageSummary(failure="12 leaves are in the pictures, 20 needed", remedy="take closer photographs"),
+        "leaves": StageSummary(failure="12 leaves are in the pictures, 20 needed", remedy=("take closer photographs",)),
         "crown": StageSummary(failure="the cloud has 3 points, 100 needed"),
     }
 
@@ -241,16 +242,17 @@ def test_where_nothing_could_be_made_the_error_has_the_reasons_each_time(request
         assert made.failed == "asset"
         assert made.error == (
             f"neither branches nor leaves nor a crown could be made of {request_of_two.capture}. Branches: the plant "
-            "has no branches: the cloud shows no stem at a root. Leaves: 12 leaves are in the pictures, 20 needed "
-            "(take closer photographs). Crown: the cloud has 3 points, 100 needed"
+            "has no branches: the cloud shows no stem at a root. Leaves: 12 leaves are in the pictures, 20 needed. "
+            "Crown: the cloud has 3 points, 100 needed"
         )
+        assert made.remedy == ("for the leaves, ", "take closer photographs")
         assert not made.is_fault
     assert set(second.seconds or {}) == set()
     described = describe_built(second, request_of_two.output.parent)
-    assert described.message == second.error
+    assert (described.message, described.remedy) == (second.error, second.remedy)
 
     none = replace(request_of_two.settings, branches=BranchStageSettings(make="off"))
-    assert "Branches: not asked for. Leaves: 12" in build(replace(request_of_two, settings=none)).message
+    assert "Branches: not asked for. Leaves: 12" in build(replace(request_of_two, settings=none)).error
 
 
 @pytest.mark.parametrize("has_locks", [True, False])
@@ -293,7 +295,7 @@ def test_names_that_cannot_be_recorded_are_refused_before_anything_runs(request_
     set_stages(asset=provenance_of)
     made = build(request_of_two)
     assert made.error.startswith(str(path))
-    assert made.message.endswith("; rename it")
+    assert made.explain(as_plan_setting).endswith("; rename it")
     assert not made.is_fault
     assert not made.seconds
 

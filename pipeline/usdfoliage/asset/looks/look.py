@@ -47,6 +47,7 @@ from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.asset.schema import PLANT_API, require_schemas
 from usdfoliage.errors import AssetError
 from usdfoliage.leaf.shape.edits import LeafEdits
+from usdfoliage.remarks import Argument
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,6 +255,7 @@ def check_look_output(path: Path, interface: Path, *, force: bool = False) -> Pa
         record = layer.customLayerData.get(CUSTOM_DATA_KEY) if layer is not None else None
         if not isinstance(record, dict) or LOOK_OF not in record:
             raise AssetError(
-                f"{path} is there already and no look of usdfoliage", "name another, or use --force to lose it"
+                f"{path} is there already and no look of usdfoliage",
+                ("name another, or use ", Argument(name="force"), " to lose it"),
             )
     return target

@@ -9,6 +9,7 @@ from typing import Any
 
 from usdfoliage.errors import FoliageError
 from usdfoliage.files.toml import read_toml
+from usdfoliage.remarks import Argument
 
 LIBRARY = Path(__file__).parent / "species.toml"
 GENERIC = "generic"  # what is not known of a species is that of this one
@@ -78,7 +79,8 @@ def load_species(name: str, extra_file: Path | None = None) -> Species:
     if found is None:
         where = f"the library and {extra_file} have" if extra_file else "the library has"
         raise FoliageError(
-            f"there is no species {name!r}; {where} {', '.join(sorted(library))}; a file for --species-file adds others"
+            f"there is no species {name!r}; {where} {', '.join(sorted(library))}",
+            ("a file for ", Argument(name="species_file"), " adds others"),
         )
     return found
 

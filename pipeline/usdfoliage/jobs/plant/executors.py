@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task
+from usdfoliage.remarks import Remedy
 
 logger = logging.getLogger(__name__)
 
@@ -34,7 +35,7 @@ class Done:
     spare: bool = False  # it was not done, since all that would be made of it is there
     lost: bool = False  # it was not done, since what it needs is gone: plan again
     error: str = ""  # what the user's data or set-up lack
-    remedy: str = ""  # what to do about it, with the settings of a plan
+    remedy: Remedy = ()  # what to do about it
     fault: str = ""  # a fault of ours, with its traceback
 
     @property

@@ -18,7 +18,7 @@ from usdfoliage.jobs.plant.store import copy_tree, hold_work_lock, read_stamp
 from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import write_whole
-from usdfoliage.remarks import Remark, remark_from_json
+from usdfoliage.remarks import Remark, Remedy, RenderSetting, explain_error, remark_from_json
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +27,7 @@ class BuiltPlant:
 
     request: BuildRequest
     error: str = ""  # why there is no asset
-    remedy: str = ""  # what to do about it, with the settings of a plan
+    remedy: Remedy = ()  # what to do about it
     is_fault: bool = False  # whether that is a fault of ours; then error is its traceback
     failed: str = ""  # the task that failed
     result: Path | None = None  # folder with the finished asset in the work folder
@@ -40,10 +40,9 @@ class BuiltPlant:
     remarks: tuple[Remark, ...] = ()  # of all stages, warnings first
     facts: tuple[Row, ...] = ()
 
-    @property
-    def message(self) -> str:
-        """Error and remedy as one sentence."""
-        return f"{self.error}; {self.remedy}" if self.remedy else self.error
+    def explain(self, render: RenderSetting) -> str:
+        """Error and remedy as one sentence; render writes a setting as the reader sets it."""
+        return explain_error(FoliageError(self.error, self.remedy), render)
 
     @property
     def verdict(self) -> str:

@@ -14,7 +14,7 @@ from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.capture.folder import IMAGES
 from usdfoliage.jobs.plant.finish import BuiltPlant
 from usdfoliage.jobs.plant.pages.library_page import Library, LibraryPlant, PlantState, write_library_page
-from usdfoliage.remarks import as_plan_setting, warnings_of, write_remedy
+from usdfoliage.remarks import warnings_of
 
 COLUMNS = ("capture", "name", "plan")
 _PAGE_SHARE = 0.05  # of the time, that writing the page may take while plants are built
@@ -154,7 +154,7 @@ def _entry(capture: Path, place: str, name: str = "", plan: Path | None = None) 
 
 
 def _skip(path: Path, message: str, remedy: str) -> LibraryPlant:
-    return LibraryPlant(name=path.name, state="skipped", capture=path.name, message=message, remedy=remedy)
+    return LibraryPlant(name=path.name, state="skipped", capture=path.name, message=message, remedy=(remedy,))
 
 
 @dataclass
@@ -205,11 +205,12 @@ def describe_built(made: BuiltPlant, folder: Path) -> LibraryPlant:
     facts = {row.name: row.value for row in made.facts}
     warnings = warnings_of(made.remarks)
     state: PlantState = "warnings" if warnings or made.errors else "built"
-    message = warnings[0].sentence(as_plan_setting) if warnings else ""
+    message = warnings[0].text if warnings else ""
+    remedy = warnings[0].remedy if warnings else ()
     report = made.result / "report" / "index.html" if made.result is not None and made.asset is None else None
     if made.errors and made.asset is None:
         state = "failed"
-        message = f"validation finds {made.errors} error{'s' if made.errors != 1 else ''}; see {report}"
+        message, remedy = f"validation finds {made.errors} error{'s' if made.errors != 1 else ''}; see {report}", ()
     thumbnail = request.output / "thumbnails" / f"{request.name}.png"
     inside = f"{request.output.name}/" if request.output.parent == folder else f"{request.output}/"
     is_there = made.asset is not None
@@ -226,6 +227,7 @@ def describe_built(made: BuiltPlant, folder: Path) -> LibraryPlant:
         if is_there
         else None,
         message=message,
+        remedy=remedy,
         warnings=len(warnings),
         report=f"{inside}report/index.html" if is_there else "",
         asset=f"{inside}{request.name}.usda" if is_there else "",
@@ -240,7 +242,7 @@ def describe_failed(name: str, capture: str, error: FoliageError, species: str =
         capture=capture,
         species=species,
         message=error.text,
-        remedy=write_remedy(error.remedy, as_plan_setting),
+        remedy=error.remedy,
     )
 
 

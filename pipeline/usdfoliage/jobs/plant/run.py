@@ -21,7 +21,6 @@ from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan, find_wanted, plan_bui
 from usdfoliage.jobs.plant.times import expect_times
 from usdfoliage.jobs.plant.worker import run_named_task
 from usdfoliage.progress import PlantProgress
-from usdfoliage.remarks import as_plan_setting, write_remedy
 
 logger = logging.getLogger(__name__)
 
@@ -117,9 +116,7 @@ def build_plants(
     except FoliageError as error:  # there is nobody any more to do the work
         for number, state in enumerate(states):
             if number not in ended:
-                ended[number] = replace(
-                    state.so_far(), error=error.text, remedy=write_remedy(error.remedy, as_plan_setting)
-                )
+                ended[number] = replace(state.so_far(), error=error.text, remedy=error.remedy)
     yield from report()
 
 
@@ -155,7 +152,7 @@ class _State:
                 }
             tasks, finished = find_wanted(self._plan, self.request.store, thorough=True)
         except FoliageError as error:
-            return replace(self.so_far(), error=error.text, remedy=write_remedy(error.remedy, as_plan_setting))
+            return replace(self.so_far(), error=error.text, remedy=error.remedy)
         self.wanted = Wanted(request=self.request, plan=self._plan, tasks=tasks, poor_marks=self._poor_marks)
         self._left = set(tasks)
         self._all |= {*tasks, *finished}
@@ -190,7 +187,7 @@ class _State:
             error, remedy = self._bad.error or self._bad.fault, self._bad.remedy
             if self._bad.lost:
                 error = f"results in {self.request.work} vanish as soon as they are made"
-                remedy = "is somebody removing them?"
+                remedy = ("is somebody removing them?",)
             return replace(made, error=error, remedy=remedy, is_fault=bool(self._bad.fault), failed=self._bad.name)
         assert self._plan is not None
         if REPORT not in self._plan.last:
@@ -198,7 +195,7 @@ class _State:
         try:
             return finish_plant(made, self._plan, self._where.describe())
         except FoliageError as error:
-            return replace(made, error=error.text, remedy=write_remedy(error.remedy, as_plan_setting))
+            return replace(made, error=error.text, remedy=error.remedy)
 
 
 @contextmanager

@@ -8,7 +8,18 @@ from pathlib import Path
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.remarks import Remark, as_plan_setting, infos_of, remark_from_json, rename_in, warnings_of
+from usdfoliage.remarks import (
+    Remark,
+    Remedy,
+    as_plan_setting,
+    infos_of,
+    remark_from_json,
+    remedy_as_json,
+    remedy_from_json,
+    rename_in,
+    rename_in_remedy,
+    warnings_of,
+)
 
 SUMMARY = "summary.json"
 
@@ -30,7 +41,7 @@ class StageSummary:
     pictures: Sequence[StagePicture] = ()
     detail: str = ""  # a page of the stage's own, from the result's folder
     failure: str = ""  # why there is no result; the plant goes without
-    remedy: str = ""  # what to do about that, with the settings of a plan
+    remedy: Remedy = ()  # what to do about that
     poor: bool = False  # made without Storm's pictures: the next run tries again
 
     def warning_texts(self) -> list[str]:
@@ -44,7 +55,10 @@ class StageSummary:
 
 def write_summary(folder: Path, summary: StageSummary) -> None:
     """Put it into the folder of the result."""
-    values = asdict(summary) | {"remarks": [each.as_json() for each in summary.remarks]}
+    values = asdict(summary) | {
+        "remarks": [each.as_json() for each in summary.remarks],
+        "remedy": remedy_as_json(summary.remedy),
+    }
     text = json.dumps(values, indent=1, ensure_ascii=True)
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
 
@@ -59,7 +73,7 @@ def read_summary(folder: Path) -> StageSummary:
             pictures=tuple(StagePicture(**picture) for picture in values["pictures"]),
             detail=values["detail"],
             failure=values["failure"],
-            remedy=values["remedy"],
+            remedy=remedy_from_json(values["remedy"]),
             poor=values["poor"],
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -74,6 +88,6 @@ def rename_paths(folder: Path, rename: Callable[[str], str]) -> None:
         rows=[replace(row, value=rename(row.value), remark=rename(row.remark)) for row in values.rows],
         remarks=[rename_in(each, rename) for each in values.remarks],
         failure=rename(values.failure),
-        remedy=rename(values.remedy),
+        remedy=rename_in_remedy(values.remedy, rename),
     )
     write_summary(folder, renamed)

@@ -55,7 +55,7 @@ from usdfoliage.jobs.plant.tasks import (
     plan_build,
 )
 from usdfoliage.progress import StepProgress
-from usdfoliage.remarks import as_plan_setting, write_remedy
+from usdfoliage.remarks import rename_in_remedy
 
 logger = logging.getLogger(__name__)
 
@@ -107,10 +107,11 @@ def _explain(order: TaskOrder, error: FoliageError) -> Done:
 
     What could not be written is a file of the task itself, and the disk of the work folder the one to look at.
     """
-    text, remedy = error.text, write_remedy(error.remedy, as_plan_setting)
+    text, remedy = error.text, error.remedy
     if not isinstance(error, WriteError):
         source = str(order.request.capture)
-        text, remedy = _as_given(text, order.request, source), _as_given(remedy, order.request, source)
+        text = _as_given(text, order.request, source)
+        remedy = rename_in_remedy(remedy, lambda part: _as_given(part, order.request, source))
     return Done(name=order.name, seconds=0.0, was_run=True, error=text, remedy=remedy)
 
 

@@ -16,7 +16,7 @@ HOLLY = LibraryPlant(
     report="holly/report/index.html",
     asset="holly/holly.usda",
 )
-FAILED = LibraryPlant(name="box", state="failed", message="2 photographs, 3 are needed", remedy="Take more.")
+FAILED = LibraryPlant(name="box", state="failed", message="2 photographs, 3 are needed", remedy=("Take more.",))
 
 
 def test_each_plant_is_listed_with_its_state_and_links(tmp_path):
@@ -37,7 +37,7 @@ def test_the_same_plants_in_any_order_give_the_same_bytes(tmp_path):
 
 @pytest.mark.parametrize("name", ["</ul><script>alert(1)</script>", "a\udcff", '" onload="x'])
 def test_whatever_names_hold_is_text(tmp_path, name):
-    nasty = replace(HOLLY, name=name, capture=name, species=name, message=name, remedy=name, report=name, asset=name)
+    nasty = replace(HOLLY, name=name, capture=name, species=name, message=name, remedy=(name,), report=name, asset=name)
     text = write_library_page(tmp_path, Library(title=name, plants=[nasty], notes=[name])).read_text(encoding="utf-8")
     tags = Tags(text).tags
     assert [tag for tag, _ in tags].count("script") == 1

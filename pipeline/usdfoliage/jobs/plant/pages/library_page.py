@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.jobs.report.page import render_page
 from usdfoliage.jobs.report.page_pictures import PagePicture, embed_picture
+from usdfoliage.remarks import Remedy, RenderSetting, as_plan_setting, write_remedy
 
 THUMBNAIL_PX = 320
 QUALITY = 75  # there may be hundreds of them
@@ -39,15 +40,14 @@ class LibraryPlant:
     branches: int | None = None
     size_bytes: int | None = None  # of the asset on disk
     message: str = ""  # of what failed, why it was skipped, or the first warning
-    remedy: str = ""  # what to do
+    remedy: Remedy = ()  # what to do
     warnings: int = 0
     report: str = ""  # the plant's report, as seen from the library's folder; empty where there is none
     asset: str = ""  # its interface layer, likewise
 
-    @property
-    def sentence(self) -> str:
-        """Message and remedy."""
-        return f"{self.message}; {self.remedy}" if self.remedy else self.message
+    def sentence(self, render: RenderSetting) -> str:
+        """Message and remedy; render writes a setting as the reader sets it."""
+        return f"{self.message}; {write_remedy(self.remedy, render)}" if self.remedy else self.message
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,6 +65,7 @@ class _Tile:
     """A plant with its picture."""
 
     plant: LibraryPlant
+    remedy: str  # with the settings of a plan
     picture: PagePicture | None
 
 
@@ -87,6 +88,7 @@ def write_library_page(folder: Path, library: Library) -> Path:
     tiles = [
         _Tile(
             plant=plant,
+            remedy=write_remedy(plant.remedy, as_plan_setting),
             picture=None if plant.thumbnail is None else embed_picture(plant.thumbnail, THUMBNAIL_PX, QUALITY),
         )
         for plant in plants

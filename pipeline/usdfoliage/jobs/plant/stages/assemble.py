@@ -35,7 +35,7 @@ from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.reconstruct import describe_low_confidence
-from usdfoliage.remarks import Remark, remark
+from usdfoliage.remarks import Remark, Remedy, remark
 
 _FEW = 0.2  # share of the cloud that is near leaves, below which they do not stand for the plant
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
@@ -70,9 +70,9 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     few = cover is not None and cover < _FEW
     reached = 1.0 if traced is None else _reached(traced, chosen.leaves.leaves if chosen.leaves is not None else None)
     if branches is None and chosen.leaves is None and crown is None:
-        raise FitError(
-            f"neither branches nor leaves nor a crown could be made of {call.request.capture}. {_why_none(call)}"
-        )
+        why, remedy = _why_none(call)
+        text = f"neither branches nor leaves nor a crown could be made of {call.request.capture}. {why}"
+        raise FitError(text, remedy)
 
     remarks = list(chosen.remarks)
     if made is not None and made.overlap < _UNLIKE and (branches is not None or chosen.leaves is not None):
@@ -139,9 +139,10 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     return ()
 
 
-def _why_none(call: StageCall) -> str:
-    """Why no part was made: the reasons from the summaries of the parts' stages."""
+def _why_none(call: StageCall) -> tuple[str, Remedy]:
+    """Why no part was made, and what to do: the reasons and remedies from the summaries of the parts' stages."""
     reasons = []
+    remedy: Remedy = ()
     for stage in (BRANCHES, LEAVES, CROWN):
         if not call.has(stage):
             reasons.append(f"{stage.capitalize()}: not asked for")
@@ -149,8 +150,10 @@ def _why_none(call: StageCall) -> str:
         summary = read_summary(call.result_of(stage))
         why = summary.failure or next((each.text for each in summary.remarks if each.code in _LEFT_OUT), "")
         what = shorten(why or "none found", _MAX_CHARACTERS, placeholder=" …")
-        reasons.append(f"{stage.capitalize()}: {what}" + (f" ({summary.remedy})" if summary.remedy else ""))
-    return ". ".join(reasons)
+        reasons.append(f"{stage.capitalize()}: {what}")
+        if summary.remedy:
+            remedy = (*remedy, f"{'; ' if remedy else ''}for the {stage}, ", *summary.remedy)
+    return ". ".join(reasons), remedy
 
 
 def _cover(call: StageCall, leaves: Leaves, plant_from_capture: NDArray[np.float64]) -> float:

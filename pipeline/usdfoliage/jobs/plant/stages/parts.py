@@ -43,7 +43,7 @@ from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summ
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
 from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.model_file import write_leaves_model
-from usdfoliage.remarks import Setting, as_plan_setting, remark, write_remedy
+from usdfoliage.remarks import Setting, remark
 
 logger = logging.getLogger(__name__)
 
@@ -276,6 +276,5 @@ def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[Result
     logger.warning("no %s: %s", what, error)
     text = error.text.replace(str(call.store.folder), "…")
     failed = remark("part-failed", f"the plant has no {what}: {text}", subject=what, remedy=error.remedy)
-    remedy = write_remedy(error.remedy, as_plan_setting)
-    write_summary(call.out, StageSummary(failure=text, remedy=remedy, remarks=[failed]))
+    write_summary(call.out, StageSummary(failure=text, remedy=error.remedy, remarks=[failed]))
     return ()
