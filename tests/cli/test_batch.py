@@ -112,6 +112,8 @@ def test_one_bad_capture_does_not_stop_the_others_and_a_second_run_does_nothing(
     page = (out / "index.html").read_text()
     for text in ("oak/report/index.html", "elm/elm.usda", "none of 2 photographs", "the folder has no photographs"):
         assert text in page
+    for what in ("height", "leaves", "branches"):
+        assert page.count(f"<dt>{what}</dt>") == 2  # of the plants that were built
     assert "still to come" not in page
     assert sorted(path.name for path in out.iterdir()) == [".usdfoliage", "elm", "index.html", "oak"]
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.suffix in (".json", ".usda", ".usdc")}

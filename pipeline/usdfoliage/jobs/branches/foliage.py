@@ -64,7 +64,30 @@ class GrownLeaves:
     foliage: BranchLeaves
     places: LeafPlaces  # of the same leaves
     remarks: tuple[Remark, ...]
-    rows: tuple[Row, ...]
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """How many leaves there are, and the mean leaf, for report and terminal."""
+        count = len(self.foliage.leaves)
+        remark = f"on {self.places.shoots:,} shoots"
+        return (Row(name="leaves", value=f"{count:,}", remark=remark), *self.mean_leaf_rows)
+
+    @property
+    def mean_leaf_rows(self) -> tuple[Row, ...]:
+        """The size of the mean leaf; none without leaves."""
+        leaves = self.foliage.leaves
+        count = len(leaves)
+        if not count:
+            return ()
+        some = leaves.take(np.arange(min(count, MEASURED)) * count // min(count, MEASURED))
+        length_m, width_m = leaves.length_m.mean(), (leaf_width(some.parameters) * some.length_m).mean()
+        area_m2 = (leaf_area(some.parameters) * some.length_m**2).mean()
+        row = Row(
+            name="mean leaf",
+            value=f"{100 * length_m:.1f} cm long, {100 * width_m:.1f} cm wide",
+            remark=f"{1e4 * area_m2:.1f} cm² each, {count * area_m2:.1f} m² in all",
+        )
+        return (row,)
 
 
 def grow_leaves(
@@ -110,9 +133,7 @@ def grow_leaves(
     written = read_settings(request.representations or default_forms, request.resolution)
     check_memory(count, written)
     foliage = replace(foliage, settings=written)
-    return GrownLeaves(
-        foliage=foliage, places=places, remarks=tuple(remarks), rows=tuple(_rows(foliage.leaves, places))
-    )
+    return GrownLeaves(foliage=foliage, places=places, remarks=tuple(remarks))
 
 
 def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | None:
@@ -226,20 +247,3 @@ def _check_length(leaves: Leaves, request: FoliageRequest) -> list[Remark]:
     )
     remedy = ("give ", Setting(name="foliage.leaf_length_m"), " if their capture had no scale")
     return [remark("leaf-length-improbable", text, remedy=remedy)]
-
-
-def _rows(leaves: Leaves, places: LeafPlaces) -> Sequence[Row]:
-    count = len(leaves)
-    rows = [Row(name="leaves", value=f"{count:,}", remark=f"on {places.shoots:,} shoots")]
-    if count:
-        some = leaves.take(np.arange(min(count, MEASURED)) * count // min(count, MEASURED))
-        length_m, width_m = leaves.length_m.mean(), (leaf_width(some.parameters) * some.length_m).mean()
-        area_m2 = (leaf_area(some.parameters) * some.length_m**2).mean()
-        rows.append(
-            Row(
-                name="mean leaf",
-                value=f"{100 * length_m:.1f} cm long, {100 * width_m:.1f} cm wide",
-                remark=f"{1e4 * area_m2:.1f} cm² each, {count * area_m2:.1f} m² in all",
-            )
-        )
-    return rows

@@ -38,7 +38,10 @@ class BuiltPlant:
     seconds: Mapping[str, float] | None = None  # by task that was run
     wall_s: float = 0.0  # of the run
     remarks: tuple[Remark, ...] = ()  # of all stages, warnings first
-    facts: tuple[Row, ...] = ()
+    facts: tuple[Row, ...] = ()  # as the report has them
+    height_m: float | None = None  # the same as numbers; None where there is no report
+    leaves: int | None = None
+    branches: int | None = None
 
     def explain(self, render: RenderSetting) -> str:
         """Error and remedy as one sentence; render writes a setting as the reader sets it."""
@@ -90,6 +93,9 @@ def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
         errors=int(verdict["errors"]),
         remarks=tuple(remark_from_json(each) for each in verdict["remarks"]),
         facts=tuple(Row(**row) for row in verdict["facts"]),
+        height_m=verdict["height_m"],
+        leaves=verdict["leaves"],
+        branches=verdict["branches"],
     )
     if made.errors and not request.keep_invalid:
         return made

@@ -202,7 +202,6 @@ def describe_built(made: BuiltPlant, folder: Path) -> LibraryPlant:
     if made.verdict in ("failed", "fault"):
         text = made.error.strip().splitlines()[-1] if made.is_fault else made.error
         return describe_failed(request.name, capture, FoliageError(text, made.remedy), request.settings.plant.species)
-    facts = {row.name: row.value for row in made.facts}
     warnings = warnings_of(made.remarks)
     state: PlantState = "warnings" if warnings or made.errors else "built"
     message = warnings[0].text if warnings else ""
@@ -220,9 +219,9 @@ def describe_built(made: BuiltPlant, folder: Path) -> LibraryPlant:
         capture=capture,
         species=request.settings.plant.species,
         thumbnail=thumbnail if is_there and thumbnail.is_file() else None,
-        height_m=_number(facts.get("height")),
-        leaves=_count(facts.get("leaves")),
-        branches=_count(facts.get("branches")),
+        height_m=None if made.height_m is None else round(made.height_m, 2),  # as its own report has it
+        leaves=made.leaves,
+        branches=made.branches,
         size_bytes=sum(each.stat().st_size for each in request.output.rglob("*") if each.is_file())
         if is_there
         else None,
@@ -249,11 +248,3 @@ def describe_failed(name: str, capture: str, error: FoliageError, species: str =
 def explain_entry(entry: LibraryEntry, error: FoliageError) -> FoliageError:
     """The error about an entry that is no valid request."""
     return FoliageError(f"{entry.place}: {error.text}", error.remedy)
-
-
-def _number(value: str | None) -> float | None:
-    return float(value.split()[0]) if value else None
-
-
-def _count(value: str | None) -> int | None:
-    return int(value.replace(",", "")) if value else None

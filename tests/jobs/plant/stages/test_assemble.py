@@ -14,6 +14,7 @@ from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branc
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.crown.model_file import MadeCrown, write_crown_model
+from usdfoliage.jobs.plant.asset_facts import AssetFacts, read_asset_facts
 from usdfoliage.jobs.plant.settings import BuildSettings, PictureStageSettings
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset
 from usdfoliage.jobs.plant.stages.models import read_captured_leaves
@@ -73,6 +74,9 @@ def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_pa
     assemble_asset(call)  # type: ignore[arg-type]
     stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
     assert stage.GetDefaultPrim().GetVariantSet("lod").GetVariantSelection() == lod
+    assert read_asset_facts(call.out) == AssetFacts(leaves=2, foliage="captured", branches=0)
+    rows = read_summary(call.out).rows
+    assert [(row.name, row.value) for row in rows[:2]] == [("leaves", "2"), ("branches", "0")]
     summary = read_summary(call.out)
     coverage_warnings = [warning for warning in summary.warning_texts() if "cover 11% of the cloud" in warning]
     assert len(coverage_warnings) == (away > 1)

@@ -16,6 +16,7 @@ from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.errors import FitError, PreviewError
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
+from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.pictures import draw_thumbnail
 from usdfoliage.jobs.plant.settings import STAGE_SETTINGS
@@ -129,11 +130,16 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             thumbnail=draw if call.settings.pictures.make else None,
         )
     remarks += undrawn
+    facts = AssetFacts(
+        leaves=0 if chosen.leaves is None else len(chosen.leaves.leaves),
+        foliage=chosen.kind,
+        branches=0 if traced is None else len(traced.skeleton),
+    )
+    write_asset_facts(call.out, facts)
     rows = [
-        Row(name="leaves", value=f"{0 if chosen.leaves is None else len(chosen.leaves.leaves):,}", remark=chosen.kind),
-        Row(name="branches", value=f"{0 if traced is None else len(traced.skeleton):,}"),
+        *facts.count_rows(),
         *([Row(name="cover", value=f"{cover:.0%}", remark="of the cloud is near leaves")] if cover is not None else []),
-        *[row for row in chosen.rows if row.name != "leaves"],
+        *chosen.rows,
     ]
     write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(undrawn)))
     return ()

@@ -47,7 +47,7 @@ class ChosenFoliage:
     leaves: BranchLeaves | None
     kind: str
     remarks: tuple[Remark, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[Row, ...]  # on them, besides their number
 
 
 def choose_foliage(
@@ -105,7 +105,7 @@ def choose_foliage(
     if not len(grown.foliage.leaves):
         remarks.append(remark("no-leaf-on-twigs", "no leaf is on the few twigs that there are: the plant has none"))
         return ChosenFoliage(leaves=None, kind="none", remarks=tuple(remarks), rows=())
-    return ChosenFoliage(leaves=grown.foliage, kind=kind, remarks=(*remarks, *grown.remarks), rows=grown.rows)
+    return ChosenFoliage(leaves=grown.foliage, kind=kind, remarks=(*remarks, *grown.remarks), rows=grown.mean_leaf_rows)
 
 
 def _fill(

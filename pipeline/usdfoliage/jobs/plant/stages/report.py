@@ -2,8 +2,8 @@
 
 import json
 import logging
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from usdfoliage import __version__
@@ -14,6 +14,7 @@ from usdfoliage.asset.validation.studio_profile import default_profile, read_pro
 from usdfoliage.asset.validation.validate import ValidationReport, validate_asset
 from usdfoliage.capture.folder.read import read_capture
 from usdfoliage.errors import PreviewError
+from usdfoliage.jobs.plant.asset_facts import AssetFacts, read_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.pictures import draw_comparisons, draw_turntable, draw_variants
 from usdfoliage.jobs.plant.pages.report import (
@@ -53,7 +54,7 @@ from usdfoliage.remarks import Remark, infos_of, merge_remarks, remark, warnings
 logger = logging.getLogger(__name__)
 
 FINISHED = "finished"  # the whole asset, in the result of the report
-VERDICT = "verdict.json"  # beside it: the findings of validation, and the report's first lines
+VERDICT = "verdict.json"  # beside it: the findings of validation, key numbers, and the report's first lines
 _PICTURES, _COMPARED = "pictures", "compared.json"
 
 TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each did
@@ -65,6 +66,15 @@ TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each
     CROWN: ("Crown", "The crown as seen from its centre: how far it reaches, and its colours."),
     ASSET: ("Plant", "All parts in one frame, in one asset."),
 }
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shape:
+    """How large an asset is, and what can be chosen in it."""
+
+    height_m: float | None  # above the ground; None where no extent is authored
+    width_m: float | None
+    variants: Mapping[str, Sequence[str]]  # names by variant set
 
 
 def turn_plant(call: StageCall) -> tuple[ResultFile, ...]:
@@ -121,12 +131,17 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
     report_folder.mkdir(exist_ok=True)
     profile = read_profile(call.request.profile or default_profile())
     validated = validate_asset(finished, profile)
-    report = _collect(call, finished, validated)
+    asset = read_asset_facts(call.result_of(ASSET))
+    shape = _read_shape(finished)
+    report = _collect(call, finished, validated, asset, shape)
     write_plant_report(report_folder, report)
     _copy_details(call, report_folder)
     errors = validated.open_errors
     verdict = {
         "errors": errors,
+        "height_m": shape.height_m,
+        "leaves": asset.leaves,
+        "branches": asset.branches,
         "remarks": [each.as_json() for each in _collect_remarks(call)],
         "facts": [asdict(row) for row in (*report.facts, _validation_row(validated))],
     }
@@ -143,7 +158,9 @@ def _collect_remarks(call: StageCall) -> tuple[Remark, ...]:
     return (*warnings_of(remarks), *infos_of(remarks))
 
 
-def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> PlantReport:
+def _collect(
+    call: StageCall, finished: Path, validated: ValidationReport, asset: AssetFacts, shape: _Shape
+) -> PlantReport:
     summaries = {name: read_summary(call.result_of(name)) for name in TITLES if call.has(name)}
     warnings = [
         ReportWarning(stage=TITLES[name][0], text=text, severe=bool(summary.failure))
@@ -170,7 +187,7 @@ def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> Pl
         species=call.settings.plant.species,
         state="warnings" if warnings or validated.open_errors else "done",
         warnings=sorted(warnings, key=lambda warning: not warning.severe),
-        facts=_facts(finished, summaries, files),
+        facts=_facts(asset, shape, files),
         turntable=turntable,
         comparisons=_read_comparisons(call),
         variants=_read_variants(call),
@@ -189,21 +206,29 @@ def _collect(call: StageCall, finished: Path, validated: ValidationReport) -> Pl
     )
 
 
-def _facts(finished: Path, summaries: dict[str, StageSummary], files: Sequence[AssetFile]) -> list[Row]:
-    """The key numbers."""
+def _read_shape(finished: Path) -> _Shape:
     interface, _ = interface_of(finished)
     stage = open_asset(finished)  # which prims do not keep
     facts = read_plant_facts(require_plant(stage, finished), interface)
-    rows = []
+    height_m = width_m = None
     if facts.extent is not None:
-        wide_m = (facts.extent[1] - facts.extent[0])[[0, 2]].max()
-        rows.append(Row(name="height", value=f"{facts.extent[1][1] - min(facts.extent[0][1], 0):.2f} m"))
-        rows.append(Row(name="width", value=f"{wide_m:.2f} m"))
-    rows += [row for row in summaries[ASSET].rows if row.name in ("leaves", "branches")]
+        height_m = float(facts.extent[1][1] - min(facts.extent[0][1], 0))
+        width_m = float((facts.extent[1] - facts.extent[0])[[0, 2]].max())
+    return _Shape(height_m=height_m, width_m=width_m, variants=facts.variants)
+
+
+def _facts(asset: AssetFacts, shape: _Shape, files: Sequence[AssetFile]) -> list[Row]:
+    """The key numbers."""
+    rows = []
+    if shape.height_m is not None:
+        rows.append(Row(name="height", value=f"{shape.height_m:.2f} m"))
+    if shape.width_m is not None:
+        rows.append(Row(name="width", value=f"{shape.width_m:.2f} m"))
+    rows += asset.count_rows()
     size = sum(file.size_bytes for file in files)
     rows.append(Row(name="size", value=f"{size / 1e6:.1f} MB", remark=f"{len(files)} files"))
-    rows.append(Row(name="levels of detail", value=", ".join(facts.variants.get("lod", ())) or "none"))
-    rows.append(Row(name="representations", value=", ".join(facts.variants.get("representation", ())) or "none"))
+    rows.append(Row(name="levels of detail", value=", ".join(shape.variants.get("lod", ())) or "none"))
+    rows.append(Row(name="representations", value=", ".join(shape.variants.get("representation", ())) or "none"))
     return rows
 
 
