@@ -155,10 +155,14 @@ def estimated(report: CaptureReport, errors: list[float], failed: str = "") -> C
 
 
 def write(folder: Path, report: CaptureReport) -> Page:
-    page = write_capture_report(folder, report)
-    assert page == folder / "index.html"
-    parsed = Page(page.read_text(encoding="utf-8"))
+    written = write_capture_report(folder, report)
+    assert written.page == folder / "index.html"
+    parsed = Page(written.page.read_text(encoding="utf-8"))
     assert parsed.files == {path.name for path in folder.iterdir()} - {"index.html"}  # no more, no less
+    for_plant = [(picture.file, picture.caption) for picture in written.pictures]
+    sides = ("front", "right", "top") if len(report.cloud) else ()
+    assert for_plant == [(f"cloud_{side}_colour.jpg", f"The cloud, {side}") for side in sides]
+    assert parsed.files.issuperset(file for file, _ in for_plant)
     return parsed
 
 

@@ -21,7 +21,7 @@ from usdfoliage.asset.parts.leaves import (
     write_leaves_guide_layer,
     write_leaves_layer,
 )
-from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Box, Part, copy_map
+from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Box, Part, copy_map, map_file
 from usdfoliage.asset.plant import LEAVES, TO_LEAVES, box_around
 from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
 from usdfoliage.leaf.model import Leaves
@@ -80,6 +80,11 @@ class BranchLeaves:
     appearance: LeafAppearance = field(default_factory=LeafAppearance)
 
 
+def leaf_texture_file(name: str, source: str) -> str:
+    """Where the asset of that name has its copy of the leaves' texture, from its folder; source is a file name."""
+    return map_file(_texture_name(name), source)
+
+
 def write_leaf_part(place: AssetPlace, foliage: BranchLeaves) -> Part:
     """Write leaves into the asset at place.
 
@@ -95,7 +100,7 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves) -> Part:
     check_leaves(foliage.leaves)
     representations, appearance = foliage.settings.representations, foliage.appearance
     jitter = leaf_jitter(foliage.edits, appearance)  # reads the jitter's map before that is copied
-    texture = copy_map(place, f"{place.name}_leaf", appearance.texture)
+    texture = copy_map(place, _texture_name(place.name), appearance.texture)
     jitter_map = copy_map(place, f"{place.name}_leaf_jitter", appearance.jitter_map)
     boxes = _write_representations(place, foliage, jitter, jitter_map)
     has_guide = "bezier" in representations and len(representations) > 1
@@ -183,3 +188,7 @@ def _write_representations(place: AssetPlace, foliage: BranchLeaves, jitter: Jit
             mesh = build_leaf_mesh(drawn, settings.mesh, jitter)
             boxes.append(write_mesh_layer(path, place.name, mesh, drawn, color))
     return boxes
+
+
+def _texture_name(name: str) -> str:
+    return f"{name}_leaf"

@@ -71,6 +71,16 @@ class Part:
 PartWriter = Callable[[AssetPlace], Part]  # writes the files of a part
 
 
+def map_file(name: str, source: str) -> str:
+    """Where copy_map puts a picture, from the asset's folder.
+
+    Args:
+        name: Of the map, without its suffix.
+        source: File name of the picture.
+    """
+    return f"maps/{name}{Path(source).suffix.lower()}"
+
+
 def copy_map(place: AssetPlace, name: str, source: Path | None) -> str:
     """Copy a picture into the asset's maps; returns its path from the payload's folder, empty without a picture.
 
@@ -79,7 +89,7 @@ def copy_map(place: AssetPlace, name: str, source: Path | None) -> str:
     """
     if source is None:
         return ""
-    target = place.folder / "maps" / f"{name}{source.suffix.lower()}"
+    target = place.folder / map_file(name, source.name)
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         shutil.copyfile(source, target)

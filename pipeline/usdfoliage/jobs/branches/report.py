@@ -24,7 +24,7 @@ from usdfoliage.jobs.report.cloud_pictures import (
 )
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import TURBO, VIRIDIS, color_values, write_picture
-from usdfoliage.jobs.report.table import ReportView, Row, list_seconds
+from usdfoliage.jobs.report.table import ReportPicture, ReportView, Row, WrittenReport, list_seconds
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, RenderSetting, list_sentences, remark
 
@@ -111,8 +111,8 @@ def write_branches_report(
     rows: Sequence[Row],
     seconds: Mapping[str, float],
     progress: StepProgress | None = None,
-) -> Path:
-    """Write index.html and its pictures into folder; returns the page.
+) -> WrittenReport:
+    """Write index.html and its pictures into folder.
 
     Args:
         folder: An existing folder.
@@ -130,16 +130,18 @@ def write_branches_report(
     away_m = distances_to_surface(wood_m, traced.skeleton, traced.thickness_m)
     far_m = float(np.quantile(away_m, _FAR_QUANTILE)) or 1e-6
     heavy = float(np.quantile(weight, _FAR_QUANTILE)) or 1.0
-    pictures = []
-    for what, drawn_m, colors, caption in (
+    pictures, of_plant = [], []
+    for what, title, drawn_m, colors, caption in (
         (
             "weights",
+            "Importance of the points",
             cloud_m,
             color_values(weight, 0, heavy, VIRIDIS),
             f"Importance of the points (equation 8), 0 to {heavy:.0f}",
         ),
         (
             "distance",
+            "Distance from cloud to surface",
             wood_m,
             color_values(away_m, 0, far_m, TURBO),
             f"Scan of wood to surface, 0 to {100 * far_m:.1f} cm",
@@ -147,6 +149,7 @@ def write_branches_report(
     ):
         for direction, file in _draw_cloud(folder, what, drawn_m, colors, traced.spacing_m):
             pictures.append(ReportView(name=f"{caption}, from the {direction}", file=file))
+            of_plant.append(ReportPicture(file=file, caption=title))
     remarks = list(report.remarks)
     views = []
     if interface is not None:
@@ -179,7 +182,7 @@ def write_branches_report(
     )
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
-    return index
+    return WrittenReport(page=index, pictures=tuple(of_plant))
 
 
 def _draw_cloud(

@@ -40,7 +40,7 @@ from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_bran
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.tracing import trace_cloud
 from usdfoliage.jobs.branches.warnings import check_surface
-from usdfoliage.jobs.report.table import Row
+from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, merge_remarks, remark
 
@@ -215,7 +215,7 @@ def report_branches(
     interface: Path | None = None,
     variations: Sequence[Path] = (),
     progress: StepProgress | None = None,
-) -> None:
+) -> WrittenReport:
     """Write the report of branches into an existing folder.
 
     Args:
@@ -237,7 +237,9 @@ def report_branches(
         variations=variations,
     )
     times = seconds if request.times else {}
-    write_branches_report(folder, interface, report, found.drawn, found.plant.points_m, found.rows, times, progress)
+    return write_branches_report(
+        folder, interface, report, found.drawn, found.plant.points_m, found.rows, times, progress
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

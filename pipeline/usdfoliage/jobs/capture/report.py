@@ -47,7 +47,7 @@ from usdfoliage.jobs.report.pictures import (
     shrunk_size,
     write_picture,
 )
-from usdfoliage.jobs.report.table import Histogram, Row, list_seconds
+from usdfoliage.jobs.report.table import Histogram, ReportPicture, Row, WrittenReport, list_seconds
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, list_sentences, remark
 
 __all__ = ["CapturePhotograph", "CaptureReport", "DrawnMaps", "capture_rows", "check_capture", "write_capture_report"]
@@ -112,8 +112,8 @@ class TableRow:
     remark: str
 
 
-def write_capture_report(folder: Path, report: CaptureReport) -> Path:
-    """Write index.html and its pictures into folder, which is made; returns the page.
+def write_capture_report(folder: Path, report: CaptureReport) -> WrittenReport:
+    """Write index.html and its pictures into folder, which is made.
 
     The page is written last. Maps are read for one photograph at a time.
 
@@ -130,6 +130,7 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
         drawn = thin_cloud(report.cloud)
         widths_m = point_widths(drawn.points_m, cameras, len(report.cloud) / max(len(drawn), 1))
         plan = write_plan(folder, report.photographs, links, drawn, widths_m, framed_m, sides[2])
+    rows, of_plant = _write_sides(folder, report.cloud, framed_m, sides, cameras)
     page = render_template(
         "capture_report.html",
         name=report.name,
@@ -140,7 +141,7 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
         measures=[*capture_rows(report), *report.measures],
         photographs=[_table_row(number, photograph) for number, photograph in enumerate(report.photographs)],
         poses_given=report.poses_given,
-        sides=_write_sides(folder, report.cloud, framed_m, sides, cameras),
+        sides=rows,
         plan=plan,
         matrix=write_matrix(folder, report.photographs, report.shared) if len(report.photographs) > 1 else None,
         histograms=error_histograms(report),
@@ -152,7 +153,7 @@ def write_capture_report(folder: Path, report: CaptureReport) -> Path:
     index = folder / "index.html"
     with whole_file(index) as new:
         new.write_text(page, encoding="utf-8", errors="backslashreplace")  # file names may be any bytes
-    return index
+    return WrittenReport(page=index, pictures=of_plant)
 
 
 def check_capture(report: CaptureReport) -> list[Remark]:
@@ -275,10 +276,10 @@ def _write_sides(
     framed_m: NDArray[np.float64],
     sides: Sequence[Direction],
     cameras: Sequence[Pinhole],
-) -> list[PictureRow]:
-    """The cloud from three sides: in its colours, by views, by confidence."""
+) -> tuple[list[PictureRow], tuple[ReportPicture, ...]]:
+    """The cloud from three sides: in its colours, by views, by confidence; and the pictures in its colours by side."""
     if not len(cloud):
-        return []
+        return [], ()
     windows = frame_points(framed_m, sides, CLOUD_PX, np.zeros((0, 3)))
     bar_m = bar_length(windows)
     inside = np.flatnonzero(find_inside(cloud.points_m, framed_m, sides))
@@ -301,7 +302,7 @@ def _write_sides(
             make_legend("0", "1", VIRIDIS),
         ),
     ]
-    rows = []
+    rows, in_colour = [], []
     for what, facts, colors, legend in kinds:
         pictures = []
         for side, window, drawn in zip(sides, windows, seen, strict=True):
@@ -310,8 +311,10 @@ def _write_sides(
             file = write_picture(folder / f"cloud_{side.name}_{what}.jpg", picture)
             caption = f"{side.name}; the bar is {in_words(bar_m)}"
             pictures.append(LegendPicture(file=file, caption=caption, width=picture.shape[1], legend=legend))
+            if what == "colour":
+                in_colour.append(ReportPicture(file=file, caption=f"The cloud, {side.name}"))
         rows.append(PictureRow(title=what, facts=facts, pictures=pictures))
-    return rows
+    return rows, tuple(in_colour)
 
 
 def _write_view(folder: Path, report: CaptureReport, number: int) -> PictureRow:

@@ -61,7 +61,7 @@ from usdfoliage.jobs.capture.results import (
     write_results,
 )
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
-from usdfoliage.jobs.report.table import choose_evenly
+from usdfoliage.jobs.report.table import ReportPicture, choose_evenly
 from usdfoliage.jobs.work.results import forget, lock_work
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.progress import StepProgress, follow_step
@@ -109,6 +109,7 @@ class MadeCapture:
 
     cloud: Path
     report: Path | None
+    pictures: tuple[ReportPicture, ...]  # of the cloud, in the report's folder
     photographs: int
     registered: int  # of them, with a pose
     views: int  # of these, with depth
@@ -193,6 +194,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
             write_results(new, capture, prepared, cloud)
             if not known:
                 lay_cameras(new, given.work / REGISTERED)
+        pictures: tuple[ReportPicture, ...] = ()
         if request.report:
             with follow_step("report", seconds, progress):
                 photographs = describe_photographs(posed, prepared, tasks, maps)
@@ -213,7 +215,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                     seconds=seconds if request.times else {},
                     settings=list_settings(request.settings),
                 )
-                write_capture_report(new / REPORT, report)
+                pictures = write_capture_report(new / REPORT, report).pictures
         with follow_step("publishing", seconds, progress):
             publish(new, given.folder, [*places, *list_results(new)], record)
         if request.views is None and request.store is None:  # else the others may be asked for next
@@ -223,6 +225,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
     return MadeCapture(
         cloud=given.folder / CLOUD,
         report=given.folder / REPORT / "index.html" if request.report else None,
+        pictures=pictures,
         photographs=len(given.photos) if request.views is None else len(capture.views) + len(failures),
         registered=len(capture.views),
         views=len(maps),

@@ -13,11 +13,11 @@ from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.silhouette_view import draw_silhouette
 from usdfoliage.crown.views import CrownView
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.crown.photograph_report import JPEG_QUALITY, CrownReport, write_map_pictures
+from usdfoliage.jobs.crown.photograph_report import JPEG_QUALITY, RADIUS_FACES, CrownReport, write_map_pictures
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import shrink_to, shrunk_size, write_picture
-from usdfoliage.jobs.report.table import ReportView, Row
+from usdfoliage.jobs.report.table import ReportPicture, ReportView, Row, WrittenReport
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import list_sentences
 
@@ -106,8 +106,8 @@ def draw_captured_crown(
 
 def write_captured_report(
     folder: Path, report: CrownReport, model: CrownModel, measures: CapturedCrownMeasures, drawn: DrawnCrown
-) -> Path:
-    """Write index.html and the pictures of the cubemaps into folder, which holds those of drawn; returns the page."""
+) -> WrittenReport:
+    """Write index.html and the pictures of the cubemaps into folder, which holds those of drawn."""
     low, high = write_map_pictures(folder, model)
     page = render_template(
         "captured_crown_report.html",
@@ -128,7 +128,7 @@ def write_captured_report(
     )
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
-    return index
+    return WrittenReport(page=index, pictures=(ReportPicture(file=RADIUS_FACES, caption="radius faces"),))
 
 
 def captured_rows(model: CrownModel, measures: CapturedCrownMeasures) -> list[Row]:

@@ -18,6 +18,7 @@ from usdfoliage.jobs.report.table import ReportView, Row, list_seconds
 from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
 PICTURE_PX = 900  # longer side of the photograph in the report
+COLOR_FACES, RADIUS_FACES = "color_faces.jpg", "radius_faces.png"  # the cubemaps, unfolded
 JPEG_QUALITY = 95
 
 # Row, column and turn (quarter turns anticlockwise) of each face, unfolded as seen from outside, after mirroring.
@@ -85,11 +86,11 @@ def write_crown_report(
 
 
 def write_map_pictures(folder: Path, model: CrownModel) -> tuple[float, float]:
-    """Write the unfolded cubemaps, color_faces.jpg and radius_faces.png; returns the radii that are black and white."""
-    write_picture(folder / "color_faces.jpg", _unfold(_display(model.color)), jpeg_quality=JPEG_QUALITY)
+    """Write the unfolded cubemaps, COLOR_FACES and RADIUS_FACES; returns the radii that are black and white."""
+    write_picture(folder / COLOR_FACES, _unfold(_display(model.color)), jpeg_quality=JPEG_QUALITY)
     low, high = float(model.radius_m.min()), float(model.radius_m.max())
     grey = np.rint((model.radius_m - low) / max(high - low, 1e-9) * 255).astype(np.uint8)
-    write_picture(folder / "radius_faces.png", _unfold(np.repeat(grey[..., None], 3, axis=-1)))
+    write_picture(folder / RADIUS_FACES, _unfold(np.repeat(grey[..., None], 3, axis=-1)))
     return low, high
 
 

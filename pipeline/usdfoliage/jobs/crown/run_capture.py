@@ -33,7 +33,7 @@ from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_
 from usdfoliage.jobs.crown.capture_report import DrawnCrown, captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
 from usdfoliage.jobs.crown.written import WrittenCrown
-from usdfoliage.jobs.report.table import Row
+from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
@@ -126,14 +126,24 @@ def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgr
         interface = write_crown_asset(folder, request.name, found.model, provenance, request.asset_settings)
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
-        drawn, remarks = report_crown(report_folder, request, found, interface if request.preview else None, progress)
+        reported = report_crown(report_folder, request, found, interface if request.preview else None, progress)
+        views = reported.drawn.views
     return WrittenCrown(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
-        preview=request.output / "report" / drawn.views[0].file if drawn.views else None,
-        remarks=remarks,
+        preview=request.output / "report" / views[0].file if views else None,
+        remarks=reported.remarks,
         measures=found.rows,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportedCrown:
+    """The report of a crown."""
+
+    written: WrittenReport
+    drawn: DrawnCrown
+    remarks: tuple[Remark, ...]  # all remarks on the crown
 
 
 def report_crown(
@@ -142,7 +152,7 @@ def report_crown(
     found: FoundCrown,
     interface: Path | None = None,
     progress: StepProgress | None = None,
-) -> tuple[DrawnCrown, tuple[Remark, ...]]:
+) -> ReportedCrown:
     """Write the report of a crown into an existing folder.
 
     Args:
@@ -151,9 +161,6 @@ def report_crown(
         found: The crown.
         interface: Its asset, which Storm draws; None for no such pictures.
         progress: Called at each of Storm's pictures.
-
-    Returns:
-        What was drawn, and all remarks on the crown.
     """
     drawn = draw_captured_crown(interface, folder, found.model, found.read.views, request.report_views, progress)
     remarks = found.remarks
@@ -169,8 +176,8 @@ def report_crown(
         views=drawn.views,
         seconds={"cloud": found.read_s, **found.measures.seconds} if request.times else {},
     )
-    write_captured_report(folder, report, found.model, found.measures, drawn)
-    return drawn, remarks
+    written = write_captured_report(folder, report, found.model, found.measures, drawn)
+    return ReportedCrown(written=written, drawn=drawn, remarks=remarks)
 
 
 def fit_captured_crown(

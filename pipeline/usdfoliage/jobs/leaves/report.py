@@ -23,7 +23,14 @@ from usdfoliage.jobs.leaves.pictures import (
 )
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import pick_pixels, shrink_view
-from usdfoliage.jobs.report.table import Histogram, ReportPhotograph, ReportPicture, Row, list_seconds
+from usdfoliage.jobs.report.table import (
+    Histogram,
+    ReportPhotograph,
+    ReportPicture,
+    Row,
+    WrittenReport,
+    list_seconds,
+)
 from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.reconstruct import Reconstruction
 from usdfoliage.leaf.shape.measures import leaf_width
@@ -81,8 +88,8 @@ class TexturePicture:
 
 def write_leaves_report(
     folder: Path, report: LeavesReport, reconstruction: Reconstruction, views: Sequence[View], *, threads: int = 0
-) -> Path:
-    """Write index.html and its pictures into folder, which exists; returns the page.
+) -> WrittenReport:
+    """Write index.html and its pictures into folder, which exists.
 
     Args:
         threads: That draw pictures; 0: one per core. The pictures are the same.
@@ -102,11 +109,11 @@ def write_leaves_report(
         texture = TexturePicture(file=report.texture, caption=caption)
     drawn_points = prepare_points(reconstruction.segmentation.leaves)
 
-    def write_photograph(number: int) -> ReportPhotograph:
+    def write_photograph(number: int) -> tuple[ReportPhotograph, ReportPicture]:
         return _write_photograph(folder, report, reconstruction, drawn_points, views[number], number)
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        photographs = list(pool.map(write_photograph, report.drawn))
+        written = list(pool.map(write_photograph, report.drawn))
     page = render_template(
         "leaves_report.html",
         name=report.name,
@@ -120,13 +127,13 @@ def write_leaves_report(
         mean_leaf=draw_mean_leaf(leaves) if len(leaves) else None,
         texture=texture,
         left_out=left_out,
-        views=photographs,
+        views=[photograph for photograph, _ in written],
         seconds=list_seconds(report.seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
-    return index
+    return WrittenReport(page=index, pictures=tuple(fitted for _, fitted in written))
 
 
 def measure_rows(leaves: Leaves) -> list[Row]:
@@ -213,15 +220,16 @@ def _write_photograph(
     drawn_points: DrawnPoints,
     view: View,
     number: int,
-) -> ReportPhotograph:
+) -> tuple[ReportPhotograph, ReportPicture]:
+    """The pictures of one photograph, and the one of them that the report of a whole plant has."""
     segmentation, leaves = reconstruction.segmentation, reconstruction.leaves
     candidates = segmentation.candidates[number]
-    stem = f"view_{report.numbers[number]:03}"
+    name = f"{report.numbers[number]:03}"
     small = shrink_view(view, PICTURE_PX)
     size = small.depth_m.shape
 
     def write(what: str, picture: NDArray[np.uint8]) -> str:
-        return _write_jpeg(folder / f"{stem}_{what}.jpg", picture)
+        return _write_jpeg(folder / f"view_{name}_{what}.jpg", picture)
 
     photograph = write("photograph", small.srgb)
     # Photographs are drawn by one thread each.
@@ -264,8 +272,10 @@ def _write_photograph(
         f"{np.count_nonzero(segmentation.leaves.view == number):,} refined leaves are seen best here",
         f"{np.count_nonzero(_own(leaves, report.numbers[number])):,} fitted ones",
     ]
-    return ReportPhotograph(
-        title=f"{report.numbers[number]}: {view.name}", facts="; ".join(facts) + ".", pictures=pictures
+    title = f"{report.numbers[number]}: {view.name}"
+    return (
+        ReportPhotograph(title=title, facts="; ".join(facts) + ".", pictures=pictures),
+        ReportPicture(file=fitted, caption=f"Fitted leaves over the photograph, photograph {name}"),
     )
 
 

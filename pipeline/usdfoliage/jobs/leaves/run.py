@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.packages.leaf_package import write_leaf_asset
-from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
+from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings, leaf_texture_file
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.asset.variants import REPRESENTATIONS
@@ -28,7 +28,7 @@ from usdfoliage.jobs.leaves.report import LeavesReport, measure_rows, write_leav
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, encode_png, render_views
 from usdfoliage.jobs.report.pictures import shrink_camera
-from usdfoliage.jobs.report.table import Row, choose_evenly
+from usdfoliage.jobs.report.table import Row, WrittenReport, choose_evenly
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.model_file import LeavesModel
@@ -44,6 +44,7 @@ logger = logging.getLogger(__name__)
 
 AUTO, SWEEP = "auto", "sweep"  # words for depth that name no folder
 DEFAULT_DEPTH = "depth"
+_TEXTURE = "leaf.png"  # the average leaf, before the asset has its copy
 PREVIEW_PX = 640  # longer side of Storm's pictures, which take more time than all the rest of a report
 
 
@@ -171,8 +172,7 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
             seconds["preview"] = time.perf_counter() - start
         if progress:
             progress("report", 0.0)
-        texture = sorted((folder / "maps").glob(f"{request.name}_leaf.*"))
-        picture = f"../maps/{texture[0].name}" if texture else ""
+        picture = f"../{leaf_texture_file(request.name, _TEXTURE)}" if made.found.texture is not None else ""
         report_leaves(report_folder, request, made, remarks, picture, seconds, previews)
     return MadeLeaves(
         asset=request.output / interface.name,
@@ -192,7 +192,7 @@ def report_leaves(
     texture: str,
     seconds: Mapping[str, float],
     previews: Mapping[int, str],
-) -> None:
+) -> WrittenReport:
     """Write the report of leaves into an existing folder.
 
     Args:
@@ -217,7 +217,7 @@ def report_leaves(
         texture=texture,
         previews=previews,
     )
-    write_leaves_report(folder, report, made.found, made.given.views, threads=request.settings.threads)
+    return write_leaves_report(folder, report, made.found, made.given.views, threads=request.settings.threads)
 
 
 def plan_leaves_asset(request: LeavesRequest) -> str:
@@ -341,7 +341,7 @@ def write_asset(folder: Path, request: LeavesRequest, made: FoundLeaves, setting
     appearance = LeafAppearance() if model.plain_color is None else LeafAppearance(color=model.plain_color)
     with temporary_folder("leaf") as work:
         if made.found.texture is not None:
-            texture = work / "leaf.png"
+            texture = work / _TEXTURE
             texture.write_bytes(encode_texture(made.found.texture))
             appearance = replace(appearance, texture=texture, texture_color=model.texture_color)
         return write_leaf_asset(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -31,11 +32,19 @@ def list_seconds(seconds: Mapping[str, float]) -> list[Row]:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportPicture:
-    """A picture over a photograph."""
+    """A picture with its caption."""
 
-    file: str
+    file: str  # from the report's folder
     caption: str
     over: str = ""  # a second one, shown to the right of a bar that can be moved
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenReport:
+    """A report in its folder."""
+
+    page: Path
+    pictures: tuple[ReportPicture, ...]  # those of its pictures that the report of the whole plant has too
 
 
 @dataclass(frozen=True, kw_only=True)

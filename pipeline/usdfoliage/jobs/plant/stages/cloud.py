@@ -38,8 +38,8 @@ def make_cloud(call: StageCall) -> tuple[ResultFile, ...]:
     ]
     report = capture / REPORT
     pictures = [
-        StagePicture(file=path.relative_to(call.out).as_posix(), caption=f"The cloud, {path.stem.split('_')[1]}")
-        for path in sorted(report.glob("cloud_*_colour.jpg"))
+        StagePicture(file=(report / picture.file).relative_to(call.out).as_posix(), caption=picture.caption)
+        for picture in made.pictures
     ]
     remarks = [each for each in made.remarks if each.code != "tasks-done-before"]  # by other tasks of this build
     detail = (report / "index.html").relative_to(call.out).as_posix()

@@ -41,6 +41,7 @@ from usdfoliage.jobs.plant.stages.models import (
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
+from usdfoliage.jobs.report.table import WrittenReport
 from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.model_file import write_leaves_model
 from usdfoliage.remarks import Setting, remark
@@ -94,7 +95,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     except FoliageError as error:
         return _go_without(call, "branches", error)
     report = _report_folder(call)
-    report_branches(report, request, found, seconds)
+    written = report_branches(report, request, found, seconds)
     skeleton = found.made.skeleton
     model = BranchesModel(
         skeleton=skeleton.skeleton,
@@ -115,11 +116,6 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             lost=np.array(found.lost, np.int32),
         ),
     )
-    pictures = [
-        StagePicture(file=path.relative_to(call.out).as_posix(), caption=caption)
-        for kind, caption in (("weights", "Importance of the points"), ("distance", "Distance from cloud to surface"))
-        for path in sorted(report.glob(f"*{kind}*.png"))
-    ]
     remarks = list(found.remarks)
     if species and known is None:
         text = f"nothing is known of the species {species}; its twigs are those of any tree"
@@ -127,7 +123,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     summary = StageSummary(
         rows=found.rows,
         remarks=remarks,
-        pictures=pictures,
+        pictures=_pictures_of(written),
         detail=f"{REPORT_FOLDER}/index.html",
     )
     write_summary(call.out, summary)
@@ -177,13 +173,9 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
         texture = AVERAGE_LEAF
         for folder in (call.out, report):
             (folder / texture).write_bytes(encode_texture(found.found.texture))
-    report_leaves(report, request, found, found.remarks, texture, found.seconds, {})
+    written = report_leaves(report, request, found, found.remarks, texture, found.seconds, {})
     write_leaves_model(call.out / LEAVES_MODEL, found.model)
-    pictures = [
-        StagePicture(file=path.relative_to(call.out).as_posix(), caption=f"{caption}, photograph {path.stem[5:8]}")
-        for kind, caption in (("fit", "Fitted leaves over the photograph"),)
-        for path in sorted(report.glob(f"view_*_{kind}*"))
-    ]
+    pictures = _pictures_of(written)
     if texture:
         pictures.append(StagePicture(file=texture, caption="The average leaf"))
     summary = StageSummary(
@@ -232,16 +224,12 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     except FoliageError as error:
         return _go_without(call, "crown", error)
     report = _report_folder(call)
-    report_crown(report, request, found)
+    written = report_crown(report, request, found).written
     write_crown_model(call.out / CROWN_MODEL, found.made)
-    pictures = [
-        StagePicture(file=path.relative_to(call.out).as_posix(), caption=path.stem.replace("_", " "))
-        for path in sorted(report.glob("*.png"))
-    ]
     summary = StageSummary(
         rows=found.rows,
         remarks=found.remarks,
-        pictures=pictures,
+        pictures=_pictures_of(written),
         detail=f"{REPORT_FOLDER}/index.html",
     )
     write_summary(call.out, summary)
@@ -253,6 +241,13 @@ def _report_folder(call: StageCall) -> Path:
     folder = call.out / REPORT_FOLDER
     folder.mkdir()
     return folder
+
+
+def _pictures_of(written: WrittenReport) -> list[StagePicture]:
+    """The pictures of the stage's own report that the report of the plant has too."""
+    return [
+        StagePicture(file=f"{REPORT_FOLDER}/{picture.file}", caption=picture.caption) for picture in written.pictures
+    ]
 
 
 def _cloud_of(call: StageCall) -> Path:
