@@ -23,7 +23,7 @@ from usdfoliage.jobs.plant.run import ExecutorChoice, build_plants
 from usdfoliage.jobs.plant.settings import BranchStageSettings, BuildSettings
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset, provenance_of
 from usdfoliage.jobs.plant.store import ResultFile, Store
-from usdfoliage.jobs.plant.summary import StageSummary, write_summary
+from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
 from usdfoliage.jobs.plant.tasks import BuildPlan
 from usdfoliage.remarks import as_plan_setting, remark
 
@@ -132,6 +132,21 @@ def test_an_unwritten_file_is_one_of_the_task_and_an_unread_file_one_of_the_capt
     made = build(request_of_two)
     given = request_of_two.capture / "cloud.ply"
     assert (made.error, made.remedy) == (f"something is wrong with {given}", (f"look at {given}",))
+
+
+def test_a_summary_has_the_capture_by_its_name_and_no_place_of_the_work_folder(request_of_two, set_stages):
+    def summarize(call: StageCall) -> None:
+        broken, cloud = call.store.folder / "views" / "a.npz", call.scratch / request_of_two.capture.name / "cloud.ply"
+        failed = remark("part-failed", f"{cloud} is broken", remedy=(f"look at {broken}",))
+        write_summary(call.out, StageSummary(failure=f"{broken} is broken", remarks=[failed]))
+
+    set_stages(leaves=summarize)
+    build(request_of_two)
+    summaries = [read_summary(path.parent) for path in request_of_two.work.glob("results/*/summary.json")]
+    (summary,) = (each for each in summaries if each.failure)
+    assert summary.failure == "…/views/a.npz is broken"
+    assert summary.remarks[0].text == f"{request_of_two.capture.name}/cloud.ply is broken"
+    assert summary.remarks[0].remedy == ("look at …/views/a.npz",)
 
 
 def make_poor(runs_of_it: list[str]) -> Stage:

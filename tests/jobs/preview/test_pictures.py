@@ -19,10 +19,12 @@ from usdfoliage.jobs.preview.pictures import (
     draw_views,
     encode_png,
     finish_picture,
+    remark_missing_pictures,
     render_turntable,
     render_views,
 )
 from usdfoliage.jobs.preview.recorder import find_interpreter, sort_complaints
+from usdfoliage.remarks import Argument
 
 
 def write_interpreter(path: Path, script: str) -> Path:
@@ -239,3 +241,9 @@ def test_pictures_are_put_in_place_together_or_not_at_all(tmp_path):
         preview._write_together([(first, b"new"), (second, b"new")])
     assert first.read_bytes() == b"old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "taken"]
+
+
+def test_the_remark_on_missing_pictures_keeps_the_remedy_for_the_front_end():
+    missing = remark_missing_pictures(PreviewError("there is no interpreter", ("give ", Argument(name="force"))))
+    assert missing.text == "no pictures of the asset: there is no interpreter"
+    assert missing.remedy == ("give ", Argument(name="force"))

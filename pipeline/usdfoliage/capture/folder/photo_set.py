@@ -20,7 +20,7 @@ from usdfoliage.files.hashing import hash_file
 from usdfoliage.files.threads import map_threaded, share_cores
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.progress import Progress
-from usdfoliage.remarks import Remark, remark
+from usdfoliage.remarks import Remark, Remedy, remark
 
 logger = logging.getLogger(__name__)
 
@@ -67,6 +67,7 @@ class DroppedFile:
 
     name: str
     reason: str
+    remedy: Remedy = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +128,8 @@ def read_photo_set(
             progress(done, len(pictures))
     if not photos:
         raise CaptureError(
-            f"none of {counted(len(dropped), 'photograph')} in {images} can be read; the first: {dropped[0].reason}"
+            f"none of {counted(len(dropped), 'photograph')} in {images} can be read; the first: {dropped[0].reason}",
+            dropped[0].remedy,
         )
     unreadable = len(dropped)
     first: dict[str, str] = {}
@@ -138,7 +140,7 @@ def read_photo_set(
     kept = tuple(photo for photo in photos if first[photo.digest] == photo.name)
     blurred = find_blurred([(photo.name, photo.sharpness) for photo in kept], settings)
     copies = dropped[unreadable:]
-    remarks = [remark_unusable([item.name], item.reason) for item in dropped[:unreadable]]
+    remarks = [remark_unusable([item.name], item.reason, item.remedy) for item in dropped[:unreadable]]
     if copies:
         text = (
             f"{counted(len(copies), 'copy').replace('copys', 'copies')} left out: "
@@ -163,14 +165,14 @@ def read_photo_set(
     )
 
 
-def remark_unusable(names: Sequence[str], reason: str) -> Remark:
-    """On photographs that cannot be read, or do not fit their camera; the reason is that of the first."""
+def remark_unusable(names: Sequence[str], reason: str, remedy: Remedy = ()) -> Remark:
+    """On photographs that cannot be read, or do not fit their camera; reason and remedy are those of the first."""
     text = (
         f"{named(names)} is left out: {reason}"
         if len(names) == 1
         else (f"{named(names)} are left out; the first, as {reason}")
     )
-    return remark("photographs-unusable", text, subject=named(names))
+    return remark("photographs-unusable", text, subject=named(names), remedy=remedy)
 
 
 def remark_blurred(names: Sequence[str]) -> Remark:
@@ -241,7 +243,7 @@ def _inspect(name: str, path: Path) -> PhotoFile | DroppedFile:
         gray = read_gray(path)
         digest = hash_file(path).hex()
     except CaptureError as error:
-        return DroppedFile(name=name, reason=str(error))
+        return DroppedFile(name=name, reason=error.text, remedy=error.remedy)
     except OSError as error:
         return DroppedFile(name=name, reason=f"{path} cannot be read: {error.strerror}")
     height, width = gray.shape

@@ -32,7 +32,7 @@ from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.progress import Progress
-from usdfoliage.remarks import Remark, as_plan_setting, remark
+from usdfoliage.remarks import Remark, remark
 
 logger = logging.getLogger(__name__)
 
@@ -189,7 +189,8 @@ def read_capture(
         points_m = read_model_points(model.folder) * settings.metres_per_unit
     except CaptureError as error:  # they only help to check the scale
         points_m = np.zeros((0, 3))
-        remarks.append(remark("model-points-not-used", f"the points of the cameras' model are not used: {error}"))
+        text = f"the points of the cameras' model are not used: {error.text}"
+        remarks.append(remark("model-points-not-used", text, remedy=error.remedy))
     return Capture(
         folder=folder,
         name=settings.name or folder.resolve().name,
@@ -208,7 +209,7 @@ def read_views(capture: Capture, progress: Progress | None = None) -> CaptureVie
     """
     views: list[View] = []
     remarks: list[_ViewRemark] = []
-    unreadable: list[tuple[str, str]] = []
+    unreadable: list[tuple[str, CaptureError]] = []
     with_depth_map = 0
     prepared: dict[Lens, Undistortion] = {}
     for done, chosen in enumerate(capture.views):
@@ -217,7 +218,7 @@ def read_views(capture: Capture, progress: Progress | None = None) -> CaptureVie
         try:
             view, about = _read_view(capture, chosen, prepared)
         except CaptureError as error:
-            unreadable.append((chosen.name, str(error)))
+            unreadable.append((chosen.name, error))
             continue
         views.append(view)
         remarks.extend(about)
@@ -225,14 +226,23 @@ def read_views(capture: Capture, progress: Progress | None = None) -> CaptureVie
     if progress is not None:
         progress(len(capture.views), len(capture.views))
     if not views:
-        raise CaptureError(f"none of {counted(len(unreadable), 'view')} can be read; the first: {unreadable[0][1]}")
+        first = unreadable[0][1]
+        raise CaptureError(
+            f"none of {counted(len(unreadable), 'view')} can be read; the first: {first.text}", first.remedy
+        )
 
     ignored = [each for each in remarks if each.remark.code == "depth-map-ignored"]
     if ignored and len(ignored) == with_depth_map:
-        raise CaptureError(f"none of {counted(len(ignored), 'depth map')} can be used; the first: {ignored[0].detail}")
+        raise CaptureError(
+            f"none of {counted(len(ignored), 'depth map')} can be used; the first: {ignored[0].detail}",
+            ignored[0].remark.remedy,
+        )
     in_one_unit, units = leave_out_other_units(views, capture.points_m)
     scale = check_depth_scale(in_one_unit, capture.points_m, capture.settings.metres_per_unit)
-    left_out = [remark_unusable([name for name, _ in unreadable], unreadable[0][1])] if unreadable else []
+    left_out = []
+    if unreadable:
+        first = unreadable[0][1]
+        left_out = [remark_unusable([name for name, _ in unreadable], first.text, first.remedy)]
     return CaptureViews(views=in_one_unit, remarks=(*left_out, *_merge(remarks), *units, *scale))
 
 
@@ -252,7 +262,7 @@ def read_view(capture: Capture, index: int) -> View:
     """
     view, remarks = _read_view(capture, capture.views[index], {})
     for each in _merge(remarks):
-        logger.warning("%s", each.sentence(as_plan_setting))
+        logger.warning("%s", each.text)
     return view
 
 
@@ -302,7 +312,7 @@ def _read_view(
         try:
             depth = read_depth(chosen.depth, lens.width_px, lens.height_px)
         except CaptureError as error:
-            add(remark("depth-map-ignored", "the depth map is ignored"), str(error))
+            add(remark("depth-map-ignored", "the depth map is ignored", remedy=error.remedy), error.text)
         else:
             depth_m = depth.depth_m
             for count, kind in (
@@ -323,7 +333,7 @@ def _read_view(
             mask = read_mask(chosen.mask, photo.linear.shape, photo.orientation)
             mask = _turn_back(mask, orientation)
         except CaptureError as error:
-            add(remark("mask-ignored", "the mask is ignored"), str(error))
+            add(remark("mask-ignored", "the mask is ignored", remedy=error.remedy), error.text)
 
     if not lens.is_pinhole:
         if lens not in prepared:

@@ -1,6 +1,5 @@
 """The report of branches: what one looks at before a skeleton is trusted."""
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from usdfoliage.branch.distances import distances_to_cloud, distances_to_surface
 from usdfoliage.branch.growth.importance import weigh_points
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
 from usdfoliage.jobs.report.cloud_pictures import (
     Direction,
     bar_length,
@@ -26,9 +25,7 @@ from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import TURBO, VIRIDIS, color_values, write_picture
 from usdfoliage.jobs.report.table import ReportPicture, ReportView, Row, WrittenReport, list_seconds
 from usdfoliage.progress import StepProgress, progress_in_step
-from usdfoliage.remarks import Remark, RenderSetting, list_sentences, remark
-
-logger = logging.getLogger(__name__)
+from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
 PICTURE_PX = 900  # longest side of a picture of the cloud
 DRAWN_POINTS = 300_000
@@ -150,7 +147,7 @@ def write_branches_report(
         for direction, file in _draw_cloud(folder, what, drawn_m, colors, traced.spacing_m):
             pictures.append(ReportView(name=f"{caption}, from the {direction}", file=file))
             of_plant.append(ReportPicture(file=file, caption=title))
-    remarks = list(report.remarks)
+    missing: list[Remark] = []
     views = []
     if interface is not None:
         try:
@@ -166,14 +163,13 @@ def write_branches_report(
                 render_views(variation, [PreviewView(output=folder / file, direction="front")], _PREVIEW, None)
                 views.append(ReportView(name=variation.stem, file=file))
         except PreviewError as error:
-            logger.warning("no pictures: %s", error)
-            remarks.append(remark("report-without-pictures", f"no pictures of the asset: {error}"))
+            missing.append(remark_missing_pictures(error))
     page = render_template(
         "branches_report.html",
         name=report.name,
         capture=report.capture,
         generator=report.generator,
-        notes=list_sentences(remarks, report.render_setting),
+        notes=list_sentences([*report.remarks, *missing], report.render_setting),
         views=views,
         pictures=pictures,
         measures=rows,
@@ -182,7 +178,7 @@ def write_branches_report(
     )
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
-    return WrittenReport(page=index, pictures=tuple(of_plant))
+    return WrittenReport(page=index, pictures=tuple(of_plant), remarks=tuple(missing))
 
 
 def _draw_cloud(

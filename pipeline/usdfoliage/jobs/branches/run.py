@@ -196,12 +196,12 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 advance(len(variations), request.regrowth.variations)
         (folder / "report").mkdir(exist_ok=True)
         drawn = interface if request.preview else None
-        report_branches(folder / "report", request, found, seconds, drawn, variations, progress)
+        written = report_branches(folder / "report", request, found, seconds, drawn, variations, progress)
     return MadeBranches(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         variations=tuple(request.output / made.relative_to(folder) for made in variations),
-        remarks=found.remarks,
+        remarks=(*found.remarks, *written.remarks),
         measures=found.rows,
         seconds=seconds,
     )

@@ -141,7 +141,7 @@ def prepare_views(
         views=tuple(replace(view, depth=None, mask=view.mask if masks else None) for view in capture.views),
     )
     views: list[PreparedView] = []
-    dropped: list[tuple[str, str]] = []
+    dropped: list[tuple[str, CaptureError]] = []
     about: list[Remark] = []
     sharpness: list[tuple[str, float]] = []
     same: dict[str, list[str]] = {}
@@ -164,7 +164,7 @@ def prepare_views(
     results = map_threaded(read, range(len(bare.views)), threads=share_cores(threads)[0])
     for index, (chosen, result) in enumerate(zip(bare.views, results, strict=True)):
         if isinstance(result, CaptureError):
-            dropped.append((chosen.name, str(result)))
+            dropped.append((chosen.name, result))
         else:
             path, photo, stored = result
             width_px, height_px = (int(side) for side in stored["size"])
@@ -177,18 +177,20 @@ def prepare_views(
             same.setdefault(photo, []).append(chosen.name)
         if progress is not None:
             progress(index + 1, len(bare.views))
-    remarks = [remark_unusable([name], reason) for name, reason in dropped]
+    remarks = [remark_unusable([name], error.text, error.remedy) for name, error in dropped]
     remarks += merge_view_remarks(about)
     if len(views) < 2:
-        reason = f"; the first that cannot: {dropped[0][1]}" if dropped else ""
+        reason = f"; the first that cannot: {dropped[0][1].text}" if dropped else ""
         raise CaptureError(
             f"{counted(len(views), 'photograph')} of {len(bare.views)} in {capture.folder} can be used, and depth "
-            f"takes two at least{reason}"
+            f"takes two at least{reason}",
+            dropped[0][1].remedy if dropped else (),
         )
     blurred = find_blurred(sharpness)
     checks = [remark_blurred(blurred)] if blurred else []
     checks += [_remark_copies(names) for names in same.values() if len(names) > 1]
-    return PreparedViews(views=tuple(views), dropped=tuple(dropped), remarks=tuple(remarks), checks=tuple(checks))
+    left_out = tuple((name, error.text) for name, error in dropped)
+    return PreparedViews(views=tuple(views), dropped=left_out, remarks=tuple(remarks), checks=tuple(checks))
 
 
 def _remark_copies(names: Sequence[str]) -> Remark:

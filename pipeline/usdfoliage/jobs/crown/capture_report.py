@@ -1,6 +1,5 @@
 """The quality report of a crown of a capture: the crown beside the photographs, from their own cameras."""
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +19,6 @@ from usdfoliage.jobs.report.pictures import shrink_to, shrunk_size, write_pictur
 from usdfoliage.jobs.report.table import ReportPicture, ReportView, Row, WrittenReport
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import list_sentences
-
-logger = logging.getLogger(__name__)
 
 PICTURE_PX = 520  # longer side of a photograph in the report
 # Pictures of the asset by itself: (title, direction, file).
@@ -49,7 +46,7 @@ class DrawnCrown:
 
     views: tuple[ReportView, ...]
     pairs: tuple[ReportPair, ...]
-    complaint: str  # why there are no pictures of the asset; empty where there are
+    failure: PreviewError | None = None  # why there are no pictures of the asset
 
 
 def draw_captured_crown(
@@ -88,7 +85,7 @@ def draw_captured_crown(
         pairs.append(pair)
     without = tuple(ReportPair(name=pair.name, photo=pair.photo, drawn="") for pair in pairs)
     if interface is None:
-        return DrawnCrown(views=(), pairs=without, complaint="")
+        return DrawnCrown(views=(), pairs=without)
     sides = [PreviewView(output=folder / file, direction=direction) for _, direction, file in SIDES]
     try:
         render_views(
@@ -98,10 +95,9 @@ def draw_captured_crown(
             progress_in_step("preview", progress),
         )
     except PreviewError as error:
-        logger.warning("no pictures: %s", error)
-        return DrawnCrown(views=(), pairs=without, complaint=str(error))
+        return DrawnCrown(views=(), pairs=without, failure=error)
     titled = tuple(ReportView(name=title, file=file) for title, _, file in SIDES)
-    return DrawnCrown(views=titled, pairs=tuple(pairs), complaint="")
+    return DrawnCrown(views=titled, pairs=tuple(pairs))
 
 
 def write_captured_report(

@@ -1,6 +1,5 @@
 """From a capture or a cloud on disk to an asset of its plant's crown."""
 
-import logging
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -33,11 +32,10 @@ from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_
 from usdfoliage.jobs.crown.capture_report import DrawnCrown, captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
 from usdfoliage.jobs.crown.written import WrittenCrown
+from usdfoliage.jobs.preview.pictures import remark_missing_pictures
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress
-from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks, remark
-
-logger = logging.getLogger(__name__)
+from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,8 +162,8 @@ def report_crown(
     """
     drawn = draw_captured_crown(interface, folder, found.model, found.read.views, request.report_views, progress)
     remarks = found.remarks
-    if drawn.complaint:
-        remarks += (remark("report-without-pictures", f"no pictures of the asset: {drawn.complaint}"),)
+    if drawn.failure is not None:
+        remarks += (remark_missing_pictures(drawn.failure),)
     report = CrownReport(
         name=request.name,
         capture=found.read.name,

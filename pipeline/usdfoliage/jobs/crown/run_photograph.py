@@ -1,6 +1,5 @@
 """From a photograph's file to an asset on disk."""
 
-import logging
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +20,10 @@ from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
 from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, write_crown_report
 from usdfoliage.jobs.crown.written import WrittenCrown
-from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
 from usdfoliage.jobs.report.table import ReportView
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Argument, Remark, RenderSetting, as_plan_setting, label_remarks, remark
-
-logger = logging.getLogger(__name__)
 
 # Pictures of the report: (title, direction, file).
 VIEWS = (
@@ -125,9 +122,12 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
         seconds = dict(measures.seconds)
-        views, complaint = _draw(interface, report_folder, progress) if request.preview else ([], "")
-        if complaint:
-            remarks.append(remark("report-without-pictures", f"no pictures of the asset: {complaint}"))
+        views: list[ReportView] = []
+        if request.preview:
+            try:
+                views = _draw(interface, report_folder, progress)
+            except PreviewError as error:
+                remarks.append(remark_missing_pictures(error))
         report = CrownReport(
             name=request.name,
             capture=request.photo.name,
@@ -183,20 +183,12 @@ def describe_settings(request: CrownRequest) -> dict[str, str]:
     }
 
 
-def _draw(interface: Path, folder: Path, progress: StepProgress | None) -> tuple[list[ReportView], str]:
-    """Pictures of the asset in folder; where they cannot be drawn, none and the reason."""
+def _draw(interface: Path, folder: Path, progress: StepProgress | None) -> list[ReportView]:
+    """Pictures of the asset in folder; PreviewError where they cannot be drawn."""
     views = [PreviewView(output=folder / file, direction=direction) for _, direction, file in VIEWS]
-    try:
-        render_views(
-            interface,
-            views,
-            PreviewSettings(width_px=720, height_px=720),
-            progress_in_step("preview", progress),
-        )
-    except PreviewError as error:
-        logger.warning("no pictures: %s", error)
-        return [], str(error)
-    return [ReportView(name=title, file=file) for title, _, file in VIEWS], ""
+    settings = PreviewSettings(width_px=720, height_px=720)
+    render_views(interface, views, settings, progress_in_step("preview", progress))
+    return [ReportView(name=title, file=file) for title, _, file in VIEWS]
 
 
 def _write_mask(path: Path, mask: NDArray[np.bool_]) -> None:

@@ -26,7 +26,13 @@ from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL
 from usdfoliage.jobs.edits.settings import check_memory, fingerprint
 from usdfoliage.jobs.leaves.report import LeavesReport, measure_rows, write_leaves_report
 from usdfoliage.jobs.leaves.settings import LeavesSettings
-from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, encode_png, render_views
+from usdfoliage.jobs.preview.pictures import (
+    PreviewSettings,
+    PreviewView,
+    encode_png,
+    remark_missing_pictures,
+    render_views,
+)
 from usdfoliage.jobs.report.pictures import shrink_camera
 from usdfoliage.jobs.report.table import Row, WrittenReport, choose_evenly
 from usdfoliage.jobs.work.settings_file import list_settings
@@ -167,8 +173,7 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
             try:
                 previews = draw_previews(interface, report_folder, made.given, drawn, made.asset_from_world, progress)
             except PreviewError as error:
-                logger.warning("no pictures: %s", error)
-                remarks.append(remark("report-without-pictures", f"no pictures of the asset: {error}"))
+                remarks.append(remark_missing_pictures(error))
             seconds["preview"] = time.perf_counter() - start
         if progress:
             progress("report", 0.0)
@@ -294,7 +299,7 @@ def _read_what_can_be(capture: Capture, request: LeavesRequest, progress: Progre
         if request.depth != AUTO or all(view.depth is None for view in capture.views):
             raise
         bare = read_views(_without_depth(capture), progress)  # raises what is wrong with the photographs, if they are
-        return replace(bare, remarks=(*bare.remarks, remark("depth-maps-unusable", str(error))))
+        return replace(bare, remarks=(*bare.remarks, remark("depth-maps-unusable", error.text, remedy=error.remedy)))
 
 
 def _without_depth(capture: Capture) -> Capture:

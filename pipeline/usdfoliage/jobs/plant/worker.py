@@ -179,7 +179,7 @@ def _fill(
             )
         )
         if (out / SUMMARY).is_file():  # which is part of the report: the same on every machine
-            rename_paths(out, lambda text: _as_given(text, order.request, order.request.capture.resolve().name))
+            rename_paths(out, lambda text: _as_reported(text, order.request))
         return (*list_files(store, out, store.result(task.key)), *others), read_summary(out).poor
 
 
@@ -218,6 +218,12 @@ def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -
     raise CaptureError(
         f"{request.capture} changed while it was read: {text}", "run the same command again when nothing writes there"
     )
+
+
+def _as_reported(text: str, request: BuildRequest) -> str:
+    """A message with files of the capture below its name, and … for the work folder, wherever the two are."""
+    given = _as_given(text, request, request.capture.resolve().name)
+    return given.replace(str(request.store.folder), "…")
 
 
 def _as_given(text: str, request: BuildRequest, source: str) -> str:

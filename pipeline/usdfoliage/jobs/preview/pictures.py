@@ -25,6 +25,7 @@ from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.preview.recorder import run_recorder
 from usdfoliage.progress import Progress
+from usdfoliage.remarks import Remark, remark
 
 logger = logging.getLogger(__name__)
 
@@ -127,6 +128,11 @@ def check_size(width_px: int, height_px: int) -> None:
         raise ValueError(f"a side must have {MIN_SIDE_PX} to {MAX_SIDE_PX} pixels, not {width_px} x {height_px}")
     if width_px * height_px > MAX_PIXELS:
         raise ValueError(f"{width_px} x {height_px} are more than {MAX_PIXELS} pixels; use smaller sides")
+
+
+def remark_missing_pictures(error: PreviewError) -> Remark:
+    """On a report without pictures of its asset, and why."""
+    return remark("report-without-pictures", f"no pictures of the asset: {error.text}", remedy=error.remedy)
 
 
 def render_views(

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from usdfoliage.remarks import Remark
+
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
@@ -45,6 +47,7 @@ class WrittenReport:
 
     page: Path
     pictures: tuple[ReportPicture, ...]  # those of its pictures that the report of the whole plant has too
+    remarks: tuple[Remark, ...] = ()  # on pictures that it lacks
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,5 @@
 """The task that makes one asset of a plant's parts, in one frame."""
 
-import logging
 import tempfile
 from pathlib import Path
 from textwrap import shorten
@@ -47,8 +46,6 @@ _MAX_CHARACTERS = 400  # characters of why a part could not be made
 _LEFT_OUT = ("branches-left-out", "crown-of-no-leaves")  # codes of remarks on why a plant has no such part
 
 ASSET_FOLDER = "asset"  # in the result of a stage that writes one
-
-logger = logging.getLogger(__name__)
 
 
 def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
@@ -109,7 +106,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             try:
                 return draw_thumbnail(interface, Path(work), call.settings.pictures)
             except PreviewError as error:
-                undrawn.append(remark("thumbnail-missing", f"the asset has no thumbnail: {error}"))
+                text = f"the asset has no thumbnail: {error.text}"
+                undrawn.append(remark("thumbnail-missing", text, remedy=error.remedy))
                 return None
 
         folder = call.out / ASSET_FOLDER

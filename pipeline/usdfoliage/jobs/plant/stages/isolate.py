@@ -65,14 +65,14 @@ def isolate_capture(call: StageCall) -> tuple[ResultFile, ...]:
     except FoliageError as error:
         if isinstance(error.__cause__, OSError):
             raise
-        logger.warning("the plant is not separated from its surroundings: %s", error)
-        text = str(error).replace(str(call.store.folder), "…")
+        logger.warning("the plant is not separated from its surroundings: %s", error.text)
         target = call.out / "capture" / capture_name(call)
         shutil.rmtree(target, ignore_errors=True)  # what was laid out before it failed
         _lay_out(call, source, target)
         copy_tree(source / MASKS, target / MASKS, link=True)
         _link(source / CLOUD_FILE, target / CLOUD_FILE)
-        failed = remark("isolation-failed", f"everything in the photographs is taken for the plant: {text}")
+        text = f"everything in the photographs is taken for the plant: {error.text}"
+        failed = remark("isolation-failed", text, remedy=error.remedy)
         write_summary(call.out, StageSummary(remarks=[failed]))
     return ()
 

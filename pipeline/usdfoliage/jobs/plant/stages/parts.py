@@ -268,8 +268,7 @@ def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[Result
     """
     if isinstance(error, AssetError) or isinstance(error.__cause__, OSError):
         raise error
-    logger.warning("no %s: %s", what, error)
-    text = error.text.replace(str(call.store.folder), "…")
-    failed = remark("part-failed", f"the plant has no {what}: {text}", subject=what, remedy=error.remedy)
-    write_summary(call.out, StageSummary(failure=text, remedy=error.remedy, remarks=[failed]))
+    logger.warning("no %s: %s", what, error.text)
+    failed = remark("part-failed", f"the plant has no {what}: {error.text}", subject=what, remedy=error.remedy)
+    write_summary(call.out, StageSummary(failure=error.text, remedy=error.remedy, remarks=[failed]))
     return ()

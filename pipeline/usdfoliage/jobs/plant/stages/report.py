@@ -1,7 +1,6 @@
 """The last tasks of a plant: pictures of the finished asset, its validation, and the report."""
 
 import json
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -50,8 +49,6 @@ from usdfoliage.jobs.plant.tasks import (
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import format_settings
 from usdfoliage.remarks import Remark, infos_of, merge_remarks, remark, warnings_of
-
-logger = logging.getLogger(__name__)
 
 FINISHED = "finished"  # the whole asset, in the result of the report
 VERDICT = "verdict.json"  # beside it: the findings of validation, key numbers, and the report's first lines
@@ -311,8 +308,7 @@ def _draw(call: StageCall, draw: Callable[[], object]) -> tuple[ResultFile, ...]
     try:
         draw()
     except PreviewError as error:
-        logger.warning("no pictures: %s", error)
-        text = f"there are no pictures of the asset: {str(error).replace(str(call.store.folder), '…')}"
-        remarks.append(remark("pictures-missing", text))
+        text = f"there are no pictures of the asset: {error.text}"
+        remarks.append(remark("pictures-missing", text, remedy=error.remedy))
     write_summary(call.out, StageSummary(remarks=remarks, poor=bool(remarks)))
     return ()
