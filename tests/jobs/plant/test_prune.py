@@ -82,7 +82,16 @@ def finish(request: BuildRequest, plan: BuildPlan, names: Iterator[str] | tuple[
                 file.write_bytes(b"p" * 1000)
                 others = describe_files(store, [file])
             files = (*list_files(store, store.result(task.key)), *others)
-            write_stamp(store, Stamp(key=task.key, name=name, seconds=1.0, estimate_s=1.0, files=files))
+            stamp = Stamp(
+                key=task.key,
+                name=name,
+                stage=task.stage,
+                step=task.step,
+                seconds=1.0,
+                estimate_s=1.0,
+                files=files,
+            )
+            write_stamp(store, stamp)
 
 
 def built(request: BuildRequest, version: str, shared: str = "") -> BuildPlan:

@@ -32,7 +32,8 @@ def finish(store: Store, key: str = KEY, text: str = "leaves") -> Stamp:
     with fill_result(store, key) as folder:
         (folder / "deeper").mkdir()
         (folder / "deeper" / "result.txt").write_text(text)
-    stamp = Stamp(key=key, name="leaves", seconds=1.5, estimate_s=2.0, files=list_files(store, store.result(key)))
+    files = list_files(store, store.result(key))
+    stamp = Stamp(key=key, name="leaves", stage="leaves", step="leaves", seconds=1.5, estimate_s=2.0, files=files)
     write_stamp(store, stamp)
     return stamp
 

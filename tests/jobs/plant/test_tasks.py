@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from usdfoliage.asset.resources import plugin_path_folders
 from usdfoliage.jobs.plant import outside_tools
+from usdfoliage.jobs.plant.farm_steps import list_steps
 from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.settings import BuildSettings, TaskSettings, with_seed
 from usdfoliage.jobs.plant.store import Stamp, Store, fill_result, list_files, write_stamp
@@ -58,6 +59,19 @@ def test_every_task_comes_after_those_that_it_needs() -> None:
         assert set(task.needs) <= seen
         seen.add(name)
     assert {task.stage for task in PLAN.tasks.values()} == set(STAGES)
+
+
+@pytest.mark.parametrize("photographs_a_task", [4, 100])
+def test_the_chunks_of_a_stage_or_of_a_round_are_one_step(photographs_a_task: int) -> None:
+    settings = changed(tasks={"photographs_a_task": photographs_a_task})
+    plan = plan_build(make_inputs(), settings, "fern", only=("leaves",))
+    chunks = 3 if photographs_a_task == 4 else 1
+    assert {task.step for task in plan.tasks.values()} == {name.partition("/")[0] for name in plan.tasks}
+    assert [task.step for task in plan.tasks.values()].count("matching-2") == chunks
+    assert plan.tasks["leaves-asset"].step == "leaves-asset"
+    steps = {step.name: step for step in list_steps(plan)}
+    assert (steps["matching-2"].stage, steps["leaves-asset"].stage) == ("matching", "part-asset")
+    assert steps["depth"].chunks == chunks
     assert len({task.key for task in PLAN.tasks.values()}) == len(PLAN.tasks)
     assert PLAN.last == ("report",)
 
@@ -287,11 +301,13 @@ def test_a_cloud_needs_no_capture() -> None:
 
 def finish(plan: BuildPlan, store: Store, *names: str) -> None:
     for name in names:
-        key = plan.tasks[name].key
+        task = plan.tasks[name]
+        key = task.key
         with fill_result(store, key) as folder:
             (folder / "result.txt").write_text(name)
         files = list_files(store, store.result(key))
-        write_stamp(store, Stamp(key=key, name=name, seconds=1, estimate_s=1, files=files))
+        stamp = Stamp(key=key, name=name, stage=task.stage, step=task.step, seconds=1, estimate_s=1, files=files)
+        write_stamp(store, stamp)
 
 
 def test_what_only_finished_tasks_need_is_not_wanted(tmp_path: Path) -> None:

@@ -1,11 +1,13 @@
 """How long tasks are thought to take: as long as others of their stage in the same work folder."""
 
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from usdfoliage.jobs.plant.store import Stamp, Store, write_stamp
+from usdfoliage.files.hashing import digest_text
+from usdfoliage.jobs.plant.store import Stamp, Store, read_stamp, write_stamp
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task
 from usdfoliage.jobs.plant.times import expect_times
 
@@ -24,9 +26,18 @@ PLAN = BuildPlan(
 
 
 def finish(store: Store, number: int, name: str, seconds: float, estimate_s: float, *, poor: bool = False) -> None:
-    write_stamp(
-        store, Stamp(key=f"{number:032x}", name=name, seconds=seconds, estimate_s=estimate_s, files=(), poor=poor)
+    step = name.split("/")[0]
+    stamp = Stamp(
+        key=f"{number:032x}",
+        name=name,
+        stage=step.split("-")[0],
+        step=step,
+        seconds=seconds,
+        estimate_s=estimate_s,
+        files=(),
+        poor=poor,
     )
+    write_stamp(store, stamp)
 
 
 def expected(store: Store) -> dict[str, float]:
@@ -49,6 +60,19 @@ def test_the_median_of_a_stage_counts_scaled_by_size_where_size_is_known(tmp_pat
         "crown": 70.0,
         "report": 20.0,
     }
+
+
+def test_stamps_of_an_earlier_version_have_their_stage_in_the_name_alone(tmp_path: Path) -> None:
+    store = Store(folder=tmp_path)
+    finish(store, 1, "matching-1/2", 6.0, 2.0)
+    path = store.stamp(f"{1:032x}")
+    stamp = json.loads(path.read_text())["stamp"]
+    body = {name: value for name, value in stamp.items() if name not in ("stage", "step")}
+    path.write_text(json.dumps({"stamp": body, "seal": digest_text(json.dumps(body, sort_keys=True))}, indent=1))
+    read = read_stamp(store, f"{1:032x}")
+    assert read is not None
+    assert (read.stage, read.step) == ("matching", "matching-1")
+    assert expected(store)["matching-1/2"] == pytest.approx(8.0 * 3.0)
 
 
 def test_damaged_and_poor_results_have_no_time(tmp_path: Path) -> None:

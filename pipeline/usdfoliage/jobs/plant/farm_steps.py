@@ -29,6 +29,7 @@ class Step:
     """A step of a build."""
 
     name: str
+    stage: str = ""  # of its tasks
     tasks: tuple[str, ...] = ()  # of the plan, one a chunk
     needs: tuple[str, ...] = ()  # names of steps
     estimate_s: float = 0.0  # of a chunk, the longest
@@ -49,13 +50,21 @@ class Chunk:
 def list_steps(plan: BuildPlan) -> tuple[Step, ...]:
     """The steps of a plant, each after those that it needs."""
     groups: dict[str, list[str]] = {}
-    for name in plan.tasks:
-        groups.setdefault(_step_of(name), []).append(name)
+    for name, task in plan.tasks.items():
+        groups.setdefault(task.step, []).append(name)
     steps = [Step(name=PLAN, estimate_s=1.0)]
     for name, tasks in groups.items():
-        needs = dict.fromkeys(_step_of(need) for task in tasks for need in plan.tasks[task].needs)
+        needs = dict.fromkeys(plan.tasks[need].step for task in tasks for need in plan.tasks[task].needs)
         estimate_s = max(plan.tasks[task].estimate_s for task in tasks)
-        steps.append(Step(name=name, tasks=tuple(tasks), needs=tuple(needs) or (PLAN,), estimate_s=estimate_s))
+        steps.append(
+            Step(
+                name=name,
+                stage=plan.tasks[tasks[0]].stage,
+                tasks=tuple(tasks),
+                needs=tuple(needs) or (PLAN,),
+                estimate_s=estimate_s,
+            )
+        )
     return (*steps, Step(name=PUBLISH, needs=(REPORT,), estimate_s=1.0))
 
 
@@ -136,10 +145,10 @@ def run_chunk(chunk: Chunk, progress: StepProgress | None = None) -> Done:
             return Done(name=order.name, seconds=0.0, was_run=False, spare=True)
         if missing:
             _forget_damaged(request, order.key)
-            raise FoliageError(_explain_missing(order.name, missing))
+            raise FoliageError(_explain_missing(plan, order.name, missing))
     done = run_named_task(order, progress)
     if done.lost:
-        raise FoliageError(_explain_missing(order.name, task.needs, "something that it needs is damaged"))
+        raise FoliageError(_explain_missing(plan, order.name, task.needs, "something that it needs is damaged"))
     return done
 
 
@@ -151,10 +160,16 @@ def publish_step(request: BuildRequest) -> BuiltPlant:
     """
     _, plan = plan_plant(request, "memory")
     if find_finished(request.store, plan.tasks[REPORT].key, thorough=True) is None:
-        raise FoliageError(_explain_missing(PUBLISH, [REPORT]))
+        raise FoliageError(_explain_missing(plan, PUBLISH, [REPORT]))
     stamps = {name: read_stamp(request.store, task.key) for name, task in plan.tasks.items()}
     seconds = {name: stamp.seconds for name, stamp in stamps.items() if stamp is not None}
-    made = BuiltPlant(request=request, tasks=len(plan.tasks), seconds=seconds, wall_s=sum(seconds.values()))
+    made = BuiltPlant(
+        request=request,
+        tasks=len(plan.tasks),
+        seconds=seconds,
+        stages={name: task.stage for name, task in plan.tasks.items()},
+        wall_s=sum(seconds.values()),
+    )
     return finish_plant(made, plan, "on a farm, step by step")
 
 
@@ -185,12 +200,10 @@ def _forget_damaged(request: BuildRequest, key: str) -> None:
             store.stamp(key).unlink(missing_ok=True)
 
 
-def _step_of(task: str) -> str:
-    return task.split("/", maxsplit=1)[0]
-
-
-def _explain_missing(name: str, missing: Sequence[str], what: str = "what it needs is not done") -> str:
-    steps = dict.fromkeys(_step_of(each) for each in missing)
+def _explain_missing(
+    plan: BuildPlan, name: str, missing: Sequence[str], what: str = "what it needs is not done"
+) -> str:
+    steps = dict.fromkeys(plan.tasks[each].step for each in missing)
     return (
         f"{name} cannot run: {what}; run {' and '.join(steps)} first ({', '.join(missing[:4])}); if it was done and "
         "then pruned, submit the job again, or run usdfoliage build with the same options: each makes what is missing"

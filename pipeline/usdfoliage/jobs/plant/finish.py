@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from usdfoliage.asset.publish import publish_folder
@@ -36,6 +36,7 @@ class BuiltPlant:
     tasks: int = 0
     cached: int = 0  # of them, that had been done before
     seconds: Mapping[str, float] | None = None  # by task that was run
+    stages: Mapping[str, str] = field(default_factory=dict)  # by task, of those that were run at least
     wall_s: float = 0.0  # of the run
     remarks: tuple[Remark, ...] = ()  # of all stages, warnings first
     facts: tuple[Row, ...] = ()  # as the report has them
@@ -58,7 +59,7 @@ class BuiltPlant:
         """Of the tasks that were run."""
         summed: dict[str, float] = {}
         for name, seconds in (self.seconds or {}).items():
-            stage = name.split("/")[0].split("-")[0]
+            stage = self.stages[name]
             summed[stage] = summed.get(stage, 0.0) + seconds
         return summed
 

@@ -23,13 +23,27 @@ from usdfoliage.jobs.plant.tasks import (
     ISOLATION,
     LEAVES,
     MATCHING,
+    PART_ASSET,
     POSES,
     TURNTABLE,
     VARIANTS,
 )
 from usdfoliage.remarks import Argument
 
-_HEAVY = (POSES, MATCHING, DEPTH, CLOUD, ISOLATION, BRANCHES, LEAVES, CROWN, TURNTABLE, COMPARISONS, VARIANTS)
+_HEAVY = (
+    POSES,
+    MATCHING,
+    DEPTH,
+    CLOUD,
+    ISOLATION,
+    BRANCHES,
+    LEAVES,
+    CROWN,
+    PART_ASSET,
+    TURNTABLE,
+    COMPARISONS,
+    VARIANTS,
+)
 _MIN_MEMORY_MIB = 2048
 _FORCE = Argument(name="force")
 _SHORTEST_TIMEOUT_S = 3600
@@ -185,7 +199,7 @@ def _define_step(job: FarmJob, step: Step) -> dict[str, object]:
         space = {"parameterSpace": {"taskParameterDefinitions": [chunk]}}
     if step.name == PUBLISH:
         arguments += job.flags
-    is_heavy = step.name.split("-", maxsplit=1)[0] in _HEAVY
+    is_heavy = step.stage in _HEAVY
     action = {
         "command": "{{Param.Executable}}",
         "args": arguments,

@@ -89,17 +89,17 @@ def _needed(plan: BuildPlan) -> set[str]:
 
 
 def _table(plan: BuildPlan, wanted: Mapping[str, Task], finished: Mapping[str, Stamp]) -> list[str]:
-    stages: dict[str, list[Task]] = {}
+    steps: dict[str, list[Task]] = {}
     asked = _needed(plan)
     for task in plan.tasks.values():
         if task.name not in asked:
             continue
-        stages.setdefault(task.name.split("/")[0], []).append(task)
+        steps.setdefault(task.step, []).append(task)
     rows = [_COLUMNS]
-    for stage, tasks in stages.items():
+    for step, tasks in steps.items():
         left = [task for task in tasks if task.name in wanted]
         # What only finished tasks need was not looked at, and is not done again.
         done = len(tasks) - len(left)
-        rows.append((stage, f"{len(tasks)}", f"{done}", f"{len(left)}", f"{sum(task.estimate_s for task in left):.0f}"))
+        rows.append((step, f"{len(tasks)}", f"{done}", f"{len(left)}", f"{sum(task.estimate_s for task in left):.0f}"))
     widths = [max(len(row[column]) for row in rows) for column in range(len(_COLUMNS))]
     return ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -136,7 +136,7 @@ def _survey(store: Store, keep_days: float, free: dict[str, bool]) -> tuple[Stor
     is_unclear = bool(_find_unclear(store, free))
     stamps = {key: stamp for key in _keys(store, "tasks", ".json") if (stamp := read_stamp(store, key)) is not None}
     captures: dict[str, dict[str, None]] = {}
-    stages: dict[str, str] = {key: stamp.name.split("/")[0].split("-")[0] for key, stamp in stamps.items()}
+    stages: dict[str, str] = {key: stamp.stage for key, stamp in stamps.items()}
     needed: set[str] = set()
     in_use: set[str] = set()
     for record in records:

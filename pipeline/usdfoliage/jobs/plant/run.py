@@ -131,6 +131,7 @@ class _State:
         self._where = where
         self._start = time.perf_counter()
         self._seconds: dict[str, float] = {}
+        self._stages: dict[str, str] = {}  # of the tasks of all plans
         self._left: set[str] = set()
         self._all: set[str] = set()
         self._bad: Done | None = None
@@ -145,6 +146,7 @@ class _State:
         self.plans += 1
         try:
             _, self._plan = plan_plant(self.request)
+            self._stages |= {name: task.stage for name, task in self._plan.tasks.items()}
             note_build(self.request, self._plan)
             if self.plans == 1:  # what turns poor later is good for this run: else two runs undo each other's for ever
                 self._poor_marks = {
@@ -177,6 +179,7 @@ class _State:
             tasks=len(self._all),
             cached=len(self._all - self._seconds.keys()) if not self._left else 0,
             seconds=dict(self._seconds),
+            stages=dict(self._stages),
             wall_s=time.perf_counter() - self._start,
         )
 

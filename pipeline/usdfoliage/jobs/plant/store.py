@@ -56,6 +56,8 @@ class Stamp:
 
     key: str
     name: str
+    stage: str
+    step: str  # what the task shares with the other chunks of its stage, or of its round of matching: Task.step
     seconds: float  # that it took
     estimate_s: float  # that it was thought to take
     files: tuple[ResultFile, ...]
@@ -103,6 +105,8 @@ def read_stamp(store: Store, key: str) -> Stamp | None:
             raise ValueError("its seal does not match")
         stamp = stored["stamp"]
         files = tuple(ResultFile(**each) for each in stamp.pop("files"))
+        if "stage" not in stamp:  # written by an earlier version
+            stamp["stage"], stamp["step"] = derive_stage(stamp["name"])
         found = Stamp(files=files, **stamp)
         if found.key != key:
             raise ValueError("it is of another task")
@@ -114,11 +118,19 @@ def read_stamp(store: Store, key: str) -> Stamp | None:
     return found
 
 
+def derive_stage(name: str) -> tuple[str, str]:
+    """Stage and step from the name of a task, for stamps of earlier versions, which keep neither."""
+    step = name.split("/")[0]
+    return step.split("-")[0], step
+
+
 def write_stamp(store: Store, stamp: Stamp) -> None:
     """Mark a task as finished; CaptureError where it cannot be written."""
     stored = {
         "key": stamp.key,
         "name": stamp.name,
+        "stage": stamp.stage,
+        "step": stamp.step,
         "seconds": round(stamp.seconds, 3),
         "estimate_s": round(stamp.estimate_s, 3),
         "poor": stamp.poor,

@@ -72,6 +72,11 @@ class Task:
     key: str = ""
     estimate_s: float = 0.0  # on one core or two, estimated by its size or by what others took (times.py)
 
+    @property
+    def step(self) -> str:
+        """The name without the chunk: what all chunks of a stage, or of a round of matching, share."""
+        return self.name if self.chunks == 1 else _name_step(self.stage, self.round)
+
 
 @dataclass(frozen=True, kw_only=True)
 class BuildPlan:
@@ -82,6 +87,11 @@ class BuildPlan:
 
     def needed_by(self, name: str) -> Iterator[Task]:
         return (task for task in self.tasks.values() if name in task.needs)
+
+
+def _name_step(stage: str, number: int) -> str:
+    """The step of a stage; of matching that of its round, counted from 0."""
+    return f"{stage}-{number + 1}" if stage == MATCHING else stage
 
 
 def code_of(stage: str) -> tuple[str, ...]:
@@ -120,7 +130,7 @@ def plan_build(
 
     def add(stage: str, deciding: object, needs: Sequence[str], estimate_s: float, **place: int) -> str:
         chunk, chunks, number = place.get("chunk", 0), place.get("chunks", 1), place.get("round", 0)
-        full = f"{stage}-{number + 1}" if stage == MATCHING else stage
+        full = _name_step(stage, number)
         if chunks > 1:
             full = f"{full}/{chunk + 1}"
         keys = [tasks[each].key for each in needs]

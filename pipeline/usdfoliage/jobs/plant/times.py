@@ -9,13 +9,14 @@ from functools import lru_cache
 from pathlib import Path
 from statistics import median
 
-from usdfoliage.jobs.plant.store import Store
+from usdfoliage.jobs.plant.store import Store, derive_stage
 from usdfoliage.jobs.plant.tasks import ASSET, BRANCHES, CROWN, REPORT, VARIANTS, BuildPlan, Task
 
 _MAX_STAMPS = 1000  # that are looked at; keys are hashes, so that the first by name are a fair choice
 _HEAD_BYTES = 600  # of a stamp, before its list of files
 _HEAD = re.compile(
-    rb'"name": "([^"\\]+)",\s*"seconds": ([\d.eE+-]+),\s*"estimate_s": ([\d.eE+-]+),\s*"poor": (true|false)'
+    rb'"name": "(?P<name>[^"\\]+)",\s*(?:"stage": "[^"\\]+",\s*"step": "(?P<step>[^"\\]+)",\s*)?'
+    rb'"seconds": (?P<seconds>[\d.eE+-]+),\s*"estimate_s": (?P<estimate>[\d.eE+-]+),\s*"poor": (?P<poor>true|false)'
 )
 _MIN_S = 0.05
 # Their estimates know nothing of the plant: seconds are taken as they are.
@@ -45,7 +46,7 @@ def expect_times(plan: BuildPlan, store: Store) -> BuildPlan:
 
 @lru_cache(maxsize=16)
 def read_times(folder: Path, changed_ns: int) -> Mapping[str, StageTimes]:
-    """By stage, and by round of matching; of a work folder as it was at that time."""
+    """By step, which is a stage, or a round of matching; of a work folder as it was at that time."""
     seconds: dict[str, list[float]] = {}
     ratios: dict[str, list[float]] = {}
     try:
@@ -58,30 +59,31 @@ def read_times(folder: Path, changed_ns: int) -> Mapping[str, StageTimes]:
                 found = _HEAD.search(file.read(_HEAD_BYTES))
         except OSError:
             continue
-        if found is None or found[4] == b"true":  # damaged, or without what takes its time
+        if found is None or found["poor"] == b"true":  # damaged, or without what takes its time
             continue
         try:
-            took_s, estimate_s = float(found[2]), float(found[3])
+            took_s, estimate_s = float(found["seconds"]), float(found["estimate"])
         except ValueError:
             continue
         if math.isfinite(took_s) and math.isfinite(estimate_s) and estimate_s > 0:
-            stage = _stage(found[1].decode(errors="replace"))
-            seconds.setdefault(stage, []).append(took_s)
-            ratios.setdefault(stage, []).append(took_s / estimate_s)
+            step = _step_of(found)
+            seconds.setdefault(step, []).append(took_s)
+            ratios.setdefault(step, []).append(took_s / estimate_s)
     return {
-        stage: StageTimes(seconds=median(seconds_of), ratio=median(ratios[stage]))
-        for stage, seconds_of in seconds.items()
+        step: StageTimes(seconds=median(seconds_of), ratio=median(ratios[step])) for step, seconds_of in seconds.items()
     }
 
 
 def _expect(task: Task, times: Mapping[str, StageTimes]) -> Task:
-    known = times.get(_stage(task.name))
+    known = times.get(task.step)
     if known is None:
         return task
     expected_s = known.seconds if task.stage in _OF_ANY_SIZE else task.estimate_s * known.ratio
     return replace(task, estimate_s=max(expected_s, _MIN_S))
 
 
-def _stage(name: str) -> str:
-    """Of a task's name: without the number of its chunk."""
-    return name.split("/")[0]
+def _step_of(head: re.Match[bytes]) -> str:
+    if head["step"] is not None:
+        return head["step"].decode(errors="replace")
+    _, step = derive_stage(head["name"].decode(errors="replace"))
+    return step

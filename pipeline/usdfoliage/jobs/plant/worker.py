@@ -149,6 +149,8 @@ def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, pro
             Stamp(
                 key=task.key,
                 name=task.name,
+                stage=task.stage,
+                step=task.step,
                 seconds=seconds,
                 estimate_s=task.estimate_s,
                 files=files,
