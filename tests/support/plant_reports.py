@@ -1,5 +1,6 @@
 """Reports of a plant that was never built, and the text of a page, for tests of pages."""
 
+from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -19,6 +20,17 @@ from usdfoliage.jobs.plant.pages.report import (
     mark_settings,
 )
 from usdfoliage.jobs.report.table import Row
+
+
+@dataclass(frozen=True)
+class _FitSettings:
+    rounds: int = 3
+
+
+@dataclass(frozen=True)
+class _Settings:
+    seed: int = 0
+    fit: _FitSettings = field(default_factory=_FitSettings)
 
 
 def flat_picture(color: tuple[int, int, int], size: tuple[int, int] = (300, 400)) -> NDArray[np.uint8]:
@@ -79,7 +91,7 @@ def full_report(folder: Path) -> PlantReport:
             Finding(severity="info", validator="v:Rule", error="E", path="/holly", message="is known", accepted="old"),
         ],
         files=[AssetFile(path="holly.usda", size_bytes=10_500), AssetFile(path="payload/x.usdc", size_bytes=2_000_000)],
-        settings=[mark_settings("leaves", "seed = 0\n\n[fit]\nrounds = 4\n", "seed = 0\n\n[fit]\nrounds = 3\n")],
+        settings=[mark_settings("leaves", _Settings(fit=_FitSettings(rounds=4)), _Settings())],
         inputs=[InputFile(name="images/000.jpg", sha256="ab" * 32, size_bytes=123)],
         versions=[Row(name="OpenUSD", value="26.11")],
     )

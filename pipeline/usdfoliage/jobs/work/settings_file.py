@@ -23,6 +23,15 @@ _GIVEN_ONCE = ("seed", "threads")  # for all tables at once, at the top or by an
 Settings = TypeVar("Settings")
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SettingText:
+    """A line of TOML."""
+
+    text: str
+    name: str = ""  # of the setting, with its tables, as list_settings has it; empty where the line is no setting
+    value: str = ""  # of the setting, as TOML
+
+
 def read_settings_file(path: Path, defaults: Settings) -> Settings:
     """Settings with the values of a file in place of the defaults.
 
@@ -44,9 +53,17 @@ def read_settings_file(path: Path, defaults: Settings) -> Settings:
 
 def format_settings(settings: object, *, documented: bool = False) -> str:
     """Settings as TOML that read_settings_file takes; documented adds what each setting and each table means."""
-    tables: list[str] = []
+    tables: list[list[SettingText]] = []
     _format_table(settings, "", tables, documented)
-    return "\n\n".join(tables) + "\n"
+    return "\n\n".join("\n".join(line.text for line in table) for table in tables) + "\n"
+
+
+def list_lines(settings: object) -> tuple[SettingText, ...]:
+    """The lines of format_settings, with an empty one between two tables."""
+    tables: list[list[SettingText]] = []
+    _format_table(settings, "", tables, documented=False)
+    lines = [line for table in tables for line in (*table, SettingText(text=""))]
+    return tuple(lines[:-1])
 
 
 def list_settings(settings: object) -> dict[str, str]:
@@ -134,21 +151,24 @@ def _describe(kind: type) -> str:
     return {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}.get(kind, "a table")
 
 
-def _format_table(settings: Any, place: str, tables: list[str], documented: bool) -> None:
-    lines = [f"[{place}]"] if place else []
+def _format_table(settings: Any, place: str, tables: list[list[SettingText]], documented: bool) -> None:
+    lines = [SettingText(text=f"[{place}]")] if place else []
     comments = field_comments(type(settings)) if documented else {}  # type: ignore[arg-type]
     if documented:
-        lines.insert(0, f"# {(type(settings).__doc__ or '').splitlines()[0]}")
+        lines.insert(0, SettingText(text=f"# {(type(settings).__doc__ or '').splitlines()[0]}"))
     nested = []
     for field in dataclasses.fields(settings):
         value = getattr(settings, field.name)
+        name = f"{place}.{field.name}" if place else field.name
         if dataclasses.is_dataclass(value):
-            nested.append((f"{place}.{field.name}" if place else field.name, value))
+            nested.append((name, value))
         elif not (documented and place and field.name in _GIVEN_ONCE):
             comment = comments.get(field.name)
-            lines.append(f"{field.name} = {format_value(value)}{f'  # {comment}' if comment else ''}")
+            written = format_value(value)
+            text = f"{field.name} = {written}{f'  # {comment}' if comment else ''}"
+            lines.append(SettingText(text=text, name=name, value=written))
     if len(lines) > documented:
-        tables.append("\n".join(lines))
+        tables.append(lines)
     for name, value in nested:
         _format_table(value, name, tables, documented)
 

@@ -2,7 +2,7 @@ import base64
 import hashlib
 import json
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -17,7 +17,9 @@ from usdfoliage.jobs.plant.pages.report import (
     Picture,
     PlantReport,
     ReportWarning,
+    SettingLine,
     StageReport,
+    StageSettings,
     TaskTiming,
     Timings,
     judge,
@@ -99,7 +101,7 @@ def test_whatever_names_hold_is_text(tmp_path):
         findings=[Finding(severity="error", validator=NASTY, error=NASTY, path=NASTY, message=NASTY, where=NASTY)],
         files=[replace(one, path=NASTY) for one in report.files],
         inputs=[replace(one, name=NASTY) for one in report.inputs],
-        settings=[mark_settings(NASTY, f'a = "{NASTY}"\n', "")],
+        settings=[StageSettings(stage=NASTY, lines=[SettingLine(text=f'a = "{NASTY}"', changed=True)])],
     )
     plain = Tags(write_plant_report(tmp_path / "plain", report).read_text(encoding="utf-8"))
     escaped = Tags(write_plant_report(tmp_path / "nasty", nasty).read_text(encoding="utf-8"))
@@ -194,13 +196,39 @@ def test_stages_of_one_name_are_refused():
 
 
 def test_what_differs_from_the_defaults_is_marked():
-    marked = mark_settings("s", "a = 1\nb = 2\n\n[t]\na = 1\nnew = 5\n", "a = 1\nb = 3\n\n[t]\na = 2\n")
+    @dataclass(frozen=True)
+    class Older:
+        a: int = 2
+
+    @dataclass(frozen=True)
+    class Table:
+        a: int = 1
+        new: int = 5
+
+    @dataclass(frozen=True)
+    class Settings:
+        a: int = 1
+        b: int = 2
+        t: Older | Table = Table()
+        word: str = "x = 1"
+
+    marked = mark_settings("s", Settings(), Settings(b=3, t=Older(), word="auto"))
     assert [(line.text, line.default) for line in marked.lines if line.changed] == [
         ("b = 2", "3"),
+        ('word = "x = 1"', '"auto"'),
         ("a = 1", "2"),
         ("new = 5", ""),
     ]
-    assert [line.text for line in marked.lines] == ["a = 1", "b = 2", "", "[t]", "a = 1", "new = 5"]
+    assert [line.text for line in marked.lines] == [
+        "a = 1",
+        "b = 2",
+        'word = "x = 1"',
+        "",
+        "[t]",
+        "a = 1",
+        "new = 5",
+    ]
+    assert not any(line.changed for line in mark_settings("s", Settings(), Settings()).lines)
 
 
 def test_the_verdict_follows_what_was_found():

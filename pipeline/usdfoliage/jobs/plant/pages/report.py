@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from usdfoliage.asset.packages.contents import AssetFile
 from usdfoliage.asset.validation.findings import Finding
 from usdfoliage.jobs.report.table import Row
+from usdfoliage.jobs.work.settings_file import list_lines
 
 State = Literal["done", "warnings", "failed", "skipped"]
 
@@ -146,13 +147,14 @@ class Timings:
     tasks: Sequence[TaskTiming] = ()
 
 
-def mark_settings(stage: str, toml: str, default_toml: str) -> StageSettings:
+def mark_settings(stage: str, settings: object, defaults: object) -> StageSettings:
     """The settings of a stage, as format_settings writes them, with what differs from the defaults marked."""
-    defaults = {key: value for key, value, _ in _read_lines(default_toml)}
+    default_values = {line.name: line.value for line in list_lines(defaults) if line.name}
     lines = []
-    for key, value, text in _read_lines(toml):
-        changed = bool(key) and defaults.get(key) != value
-        lines.append(SettingLine(text=text, changed=changed, default=defaults.get(key, "") if changed else ""))
+    for line in list_lines(settings):
+        changed = bool(line.name) and default_values.get(line.name) != line.value
+        default = default_values.get(line.name, "") if changed else ""
+        lines.append(SettingLine(text=line.text, changed=changed, default=default))
     return StageSettings(stage=stage, lines=tuple(lines))
 
 
@@ -176,14 +178,3 @@ def is_unusable(report: PlantReport) -> bool:
     """Whether there is something that must be put right first: a severe warning, or an error of the validators."""
     severe = any(warning.severe for warning in report.warnings)
     return severe or any(finding.severity == "error" and not finding.accepted for finding in report.findings)
-
-
-def _read_lines(toml: str) -> list[tuple[str, str, str]]:
-    """Key with its table, value, and text of each line; no key for what is no setting."""
-    table, lines = "", []
-    for text in toml.rstrip("\n").split("\n"):
-        key, equals, value = text.partition(" = ")
-        if text.startswith("["):
-            table = text.strip("[]") + "."
-        lines.append((table + key if equals and not text.startswith(("[", "#")) else "", value, text))
-    return lines

@@ -47,7 +47,6 @@ from usdfoliage.jobs.plant.tasks import (
     VARIANTS,
 )
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.jobs.work.settings_file import format_settings
 from usdfoliage.remarks import Remark, infos_of, merge_remarks, remark, warnings_of
 
 FINISHED = "finished"  # the whole asset, in the result of the report
@@ -291,10 +290,7 @@ def _read_variants(call: StageCall) -> list[Variant]:
 
 def _settings(settings: BuildSettings) -> list[StageSettings]:
     defaults = BuildSettings()
-    return [
-        mark_settings(name, format_settings(getattr(settings, name)), format_settings(getattr(defaults, name)))
-        for name in STAGE_SETTINGS
-    ]
+    return [mark_settings(name, getattr(settings, name), getattr(defaults, name)) for name in STAGE_SETTINGS]
 
 
 def _asset_of(call: StageCall) -> Path:
