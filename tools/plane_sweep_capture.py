@@ -72,14 +72,14 @@ def main() -> int:
 
         capture = read_capture(arguments.out)
         views = read_views(capture).views
-        depths = sweep_depths(views, capture.points_m, settings, progress=_report_progress)
+        swept = sweep_depths(views, capture.points_m, settings, progress=_report_progress)
         (arguments.out / "depth").mkdir()
-        for view, depth_m in zip(views, depths, strict=True):
+        for view, depth_m in zip(views, swept.depths_m, strict=True):
             write_depth(arguments.out / "depth" / f"{Path(view.name).stem}.exr", depth_m)
     except FoliageError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    known = np.mean([np.mean(depth_m > 0) for depth_m in depths])
+    known = np.mean([np.mean(depth_m > 0) for depth_m in swept.depths_m])
     print(f"{arguments.out}: {len(views)} views, depth at {known:.0%} of pixels, {time.perf_counter() - started:.0f} s")
     return 0
 

@@ -88,6 +88,13 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning=("Given poses belong to the pixels as the file stores them, whatever orientation EXIF states."),
                 action="Nothing, if the poses are COLMAP's.",
             ),
+            "color-profile-unknown": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "The file states a colour profile that is not known. It is read as sRGB, and colours may be wrong."
+                ),
+                action="Convert the photographs to sRGB, or state `color_space` in `capture.toml`.",
+            ),
             "camera-scaled": RemarkKind(
                 severity="info",
                 meaning="The cameras were computed at another size of the pictures.",
@@ -880,6 +887,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "pictures-missing": RemarkKind(
                 severity="warning",
                 meaning="The report has no pictures of the plant, because the preview interpreter could not draw them.",
+                action="Read the text, which names the cause. Run the build again.",
+            ),
+            "photographs-not-compared": RemarkKind(
+                severity="warning",
+                meaning="These photographs cannot be read, and the report does not compare the plant with them.",
                 action="Read the text, which names the cause. Run the build again.",
             ),
             "report-without-pictures": RemarkKind(

@@ -13,6 +13,7 @@ from usdfoliage.__main__ import main
 from usdfoliage.cli import build
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.plant import tasks
+from usdfoliage.jobs.plant.pages.pictures import DrawnComparisons
 from usdfoliage.jobs.plant.stages import assemble
 from usdfoliage.jobs.plant.stages import report as report_stage
 
@@ -318,8 +319,9 @@ def test_pictures_that_storm_did_not_draw_are_tried_again(
     assert code == 0, err
     assert "warning: there are no pictures of the asset: Storm drew nothing" in out
     assert "preview: " not in out
-    for name in ("draw_turntable", "draw_variants", "draw_comparisons"):
+    for name in ("draw_turntable", "draw_variants"):
         monkeypatch.setattr(report_stage, name, lambda *_, **__: [])
+    monkeypatch.setattr(report_stage, "draw_comparisons", lambda *_, **__: DrawnComparisons())
     monkeypatch.setattr(assemble, "draw_thumbnail", lambda *_, **__: None)
     code, out, _ = run(*command)
     assert code == 0

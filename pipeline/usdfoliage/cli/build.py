@@ -20,6 +20,7 @@ from pathlib import Path
 from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.build import add_ending, add_plan, add_where, add_work
 from usdfoliage.cli.options.leaf_commands import add_name
+from usdfoliage.cli.remarks import render_for
 
 logger = logging.getLogger(__name__)
 
@@ -82,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     request = read_request(options, options.capture, options.output, options.name, tuple(options.only))
     where = read_where(options)
     if options.dry_run:
-        print(describe_plan(request, where))
+        print(describe_plan(request, where, render_for("build")))
         return 0
     try:
         with PlantBar() as bar:

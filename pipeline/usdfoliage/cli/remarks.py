@@ -54,6 +54,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
     "crown": CommandOptions(
         options={
             **_OF_A_CLOUD,
+            "capture.toml:color_space": "--color-space",
             "crown.size": "--size",
             "crown.mesh_size": "--mesh-size",
             "plant.species": "--species",

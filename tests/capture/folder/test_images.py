@@ -305,10 +305,14 @@ def test_adobe_rgb_profile(tmp_path, suffix):
     np.testing.assert_allclose(photo.linear[20, 20], expected, atol=0.008)
 
 
-def test_unknown_profile_is_read_as_srgb_with_a_warning(tmp_path, colors, caplog):
+def test_unknown_profile_is_read_as_srgb_with_a_warning(tmp_path, colors):
     path = write_image(tmp_path / "p.tif", colors, ICCProfile=icc_profile("Grandmother's scanner"))
-    assert read_photo(path).color_space == "sRGB"
-    assert "Grandmother's scanner" in caplog.text
+    photo = read_photo(path)
+    assert photo.color_space == "sRGB"
+    (unknown,) = photo.remarks
+    assert (unknown.code, unknown.severity, unknown.subject) == ("color-profile-unknown", "warning", "p.tif")
+    assert "Grandmother's scanner" in unknown.text
+    assert read_photo(path, color_space="sRGB").remarks == ()
 
 
 def test_aces_exr_by_its_chromaticities(tmp_path):

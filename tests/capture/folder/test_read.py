@@ -10,11 +10,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from usdfoliage.capture.folder.depth_scale import check_depth_scale
-from usdfoliage.capture.folder.listing import parse_views
+from usdfoliage.capture.folder.images import Photo, read_photo
+from usdfoliage.capture.folder.listing import named, parse_views
 from usdfoliage.capture.folder.read import read_capture, read_view, read_views
 from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.errors import CaptureError
-from usdfoliage.remarks import as_plan_setting
+from usdfoliage.remarks import as_plan_setting, remark
 
 from tests.support import captures
 from tests.support.captures import LENS, SIZE, look_at, ring, write_capture, write_depth, write_photo, write_text_model
@@ -410,6 +411,17 @@ def test_an_unusable_mask_is_ignored(folder):
     assert all(view.mask is None for view in read.views)
     assert "the mask is ignored; the mask" in read.remarks[0].text
     assert "is empty" in read.remarks[0].text
+
+
+def test_what_is_remarked_of_photographs_is_one_remark_with_their_names(folder, monkeypatch):
+    def read_strange(path: Path, color_space: str | None) -> Photo:
+        unknown = remark("color-profile-unknown", "the colour profile 'x' is not known", subject=path.name)
+        return replace(read_photo(path, color_space), remarks=(unknown,))
+
+    monkeypatch.setattr("usdfoliage.capture.folder.read.read_photo", read_strange)
+    (unknown,) = read_views(read_capture(folder)).remarks
+    assert unknown.code == "color-profile-unknown"
+    assert unknown.text == f"{named(sorted(ring(4)))}: the colour profile 'x' is not known"
 
 
 # Size, orientation, distortion

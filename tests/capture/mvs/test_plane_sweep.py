@@ -84,7 +84,7 @@ TWO = [plane((0, 0, 1), 1.5, seed=1), plane((0.1, 0.1, 1.0), 0.9, half_m=0.15, s
 @pytest.fixture(scope="module")
 def two_planes():
     views, truths = shoot_all(TWO)
-    return views, truths, sweep_depths(views, points_of(views[2], truths[2]))
+    return views, truths, sweep_depths(views, points_of(views[2], truths[2])).depths_m
 
 
 def test_a_slanted_plane_is_found_to_a_fraction_of_the_step():
@@ -100,7 +100,7 @@ def test_median_of_views_is_more_exact_than_each():
     points = points_of(views[2], truths[2])
     chosen = choose_neighbors(CAMERAS, 2, depth_range_m(CAMERAS, 2, points))
     alone = sweep_depth(views, 2, chosen, depth_range_m(CAMERAS, 2, points)).depth_m
-    together = sweep_depths(views, points)[2]
+    together = sweep_depths(views, points).depths_m[2]
     known = together > 0
     assert known.mean() > 0.85
     assert np.median(np.abs(together - truths[2])[known]) < np.median(np.abs(alone - truths[2])[known])
@@ -130,7 +130,7 @@ def test_both_planes_are_found(two_planes):
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_threads_change_nothing(two_planes, threads):
     views, truths, depths = two_planes
-    again = sweep_depths(views, points_of(views[2], truths[2]), PlaneSweepSettings(threads=threads))
+    again = sweep_depths(views, points_of(views[2], truths[2]), PlaneSweepSettings(threads=threads)).depths_m
     for first, second in zip(depths, again, strict=True):
         np.testing.assert_array_equal(first, second)
 
@@ -142,7 +142,7 @@ def test_depth_scales_with_the_world(two_planes, scale):
     scaled = [
         replace(view, camera=replace(view.camera, cam_from_world=pose)) for view, pose in zip(views, poses, strict=True)
     ]
-    again = sweep_depths(scaled, points_of(views[2], truths[2]) * scale)
+    again = sweep_depths(scaled, points_of(views[2], truths[2]) * scale).depths_m
     for first, second in zip(depths, again, strict=True):
         same = np.isclose(first * scale, second, rtol=1e-4)  # rounding may turn a tie
         assert same.mean() > 0.999
@@ -154,7 +154,7 @@ def test_brightness_of_a_photograph_does_not_matter(two_planes):
         replace(view, srgb=(view.srgb * gain).astype(np.uint8))
         for view, gain in zip(views, [0.7, 1.0, 0.9, 0.6, 0.8], strict=True)
     ]
-    again = sweep_depths(darker, points_of(views[2], truths[2]))[2]
+    again = sweep_depths(darker, points_of(views[2], truths[2])).depths_m[2]
     known = (depths[2] > 0) & (again > 0)
     assert known.mean() > 0.7
     assert np.median(np.abs(again - truths[2])[known]) < 0.01  # a plane step is 0.05
@@ -162,7 +162,7 @@ def test_brightness_of_a_photograph_does_not_matter(two_planes):
 
 def test_reduced_photographs_give_depth_of_full_size():
     views, truths = shoot_all(SLANTED)
-    depth = sweep_depths(views, points_of(views[2], truths[2]), PlaneSweepSettings(max_side_px=100))[2]
+    depth = sweep_depths(views, points_of(views[2], truths[2]), PlaneSweepSettings(max_side_px=100)).depths_m[2]
     known = depth > 0
     assert depth.shape == truths[2].shape
     assert known.mean() > 0.6
@@ -174,18 +174,20 @@ def test_masked_pixels_get_no_depth(two_planes):
     mask = np.zeros((HEIGHT, WIDTH), bool)
     mask[:, 80:] = True
     masked = [replace(view, mask=mask) for view in views]
-    depth = sweep_depths(masked, points_of(views[2], truths[2]))[2]
+    depth = sweep_depths(masked, points_of(views[2], truths[2])).depths_m[2]
     assert not depth[~mask].any()
     assert depth[mask].any()
 
 
-def test_a_view_without_neighbours_gets_no_depth(two_planes, caplog):
+def test_a_view_without_neighbours_gets_no_depth_and_a_remark(two_planes):
     views, truths, _ = two_planes
     far = shoot(camera(0.0, turn_deg=150), TWO)[0]
-    depths = sweep_depths([*views, replace(far, name="far.png")], points_of(views[2], truths[2]))
-    assert not depths[5].any()
-    assert depths[2].any()
-    assert "far.png" in caplog.text
+    swept = sweep_depths([*views, replace(far, name="far.png")], points_of(views[2], truths[2]))
+    assert not swept.depths_m[5].any()
+    assert swept.depths_m[2].any()
+    (one_remark,) = swept.remarks
+    assert (one_remark.code, one_remark.subject) == ("photographs-without-companion", "far.png")
+    assert "1 of 6 views" in one_remark.text
 
 
 def test_no_two_views_of_one_place_are_refused():

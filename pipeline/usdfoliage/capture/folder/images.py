@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.folder.raster import Raster, read_raster
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.color import decode_srgb
+from usdfoliage.remarks import Remark, Setting, remark
 
 logger = logging.getLogger(__name__)
 
@@ -49,6 +50,7 @@ class Photo:
     alpha: NDArray[np.float32] | None  # (H, W) in [0, 1], a hint at the mask; None where it states nothing
     color_space: str  # what the file was read as
     orientation: int  # EXIF orientation that was undone, 1 for none
+    remarks: tuple[Remark, ...] = ()  # on its colours
 
     @property
     def width_px(self) -> int:
@@ -74,7 +76,7 @@ def read_photo(path: Path, color_space: str | None = None) -> Photo:
         CaptureError: The file cannot be used (see read_raster), or the colour space is unknown.
     """
     raster = read_raster(Path(path))
-    space = color_space or _stated_color_space(raster)
+    space, remarks = (color_space, ()) if color_space else _stated_color_space(raster)
     alpha = None if raster.alpha is None else np.clip(_as_float(raster.alpha), 0, 1)
     linear = _to_linear(raster, alpha, space)
     if alpha is not None and float(alpha.min()) == float(alpha.max()):
@@ -82,30 +84,34 @@ def read_photo(path: Path, color_space: str | None = None) -> Photo:
     if linear.shape[2] == 1:
         linear = np.repeat(linear, 3, axis=2)
     logger.info("%s: %d×%d, read as %s", raster.path, linear.shape[1], linear.shape[0], space)
-    return Photo(path=raster.path, linear=linear, alpha=alpha, color_space=space, orientation=raster.orientation)
+    return Photo(
+        path=raster.path, linear=linear, alpha=alpha, color_space=space, orientation=raster.orientation, remarks=remarks
+    )
 
 
-def _stated_color_space(raster: Raster) -> str:
-    """What the file states of its colours; for silence, sRGB for integers and linear for floats."""
+def _stated_color_space(raster: Raster) -> tuple[str, tuple[Remark, ...]]:
+    """What the file states of its colours; for silence, sRGB for integers and linear for floats. With remarks on it."""
     if raster.chromaticities:
         for space, expected in _CHROMATICITIES.items():
             if np.allclose(raster.chromaticities, expected, atol=2e-3):
-                return space
+                return space, ()
         raise CaptureError(
             f"{raster.path} has chromaticities {', '.join(f'{value:g}' for value in raster.chromaticities)}, "
             f"of none of {', '.join(_CHROMATICITIES)}",
             "convert it to linear Rec.709 or state its colour space",
         )
     if raster.is_float:
-        return LINEAR
+        return LINEAR, ()
     profile = raster.profile.lower()
     if "adobe rgb" in profile or raster.interoperability == "R03":
-        return "Adobe RGB"
+        return "Adobe RGB", ()
     if "display p3" in profile:
-        return "Display P3"
+        return "Display P3", ()
     if profile and "srgb" not in profile:
-        logger.warning("%s has the colour profile %r, which is not known; read as sRGB", raster.path, raster.profile)
-    return SRGB
+        text = f"the colour profile {raster.profile!r} is not known, and the photograph is read as sRGB"
+        remedy = ("convert it to sRGB, or state ", Setting(name="capture.toml:color_space"))
+        return SRGB, (remark("color-profile-unknown", text, subject=raster.path.name, remedy=remedy),)
+    return SRGB, ()
 
 
 def _to_linear(raster: Raster, alpha: NDArray[np.float32] | None, space: str) -> NDArray[np.float32]:

@@ -298,6 +298,8 @@ def _read_view(
         remarks.append(_ViewRemark(replace(made, subject=chosen.name), detail, pixels))
 
     photo = read_photo(chosen.photo, capture.settings.color_space)
+    for each in photo.remarks:
+        add(each)
     lens, orientation = _fit_lens(chosen, photo)
     srgb = _turn_back(_encode(photo.linear), orientation)
     if orientation != 1:

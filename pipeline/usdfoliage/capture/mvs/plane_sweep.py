@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import _native
+from usdfoliage.capture.folder.listing import counted, named
 from usdfoliage.capture.mvs.consistency import ConsistencySettings, keep_consistent
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.native_settings import native_settings
 from usdfoliage.progress import Progress
+from usdfoliage.remarks import Remark, remark
 
 logger = logging.getLogger(__name__)
 
@@ -80,13 +82,21 @@ class SweptDepth:
     step_m: NDArray[np.float32]  # (h, w), between planes there
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SweptViews:
+    """Depth of all views."""
+
+    depths_m: tuple[NDArray[np.float32], ...]  # of each view, (H, W) at its photograph's size, 0 where it is not known
+    remarks: tuple[Remark, ...]  # on views that were not swept
+
+
 def sweep_depths(
     views: Sequence[View],
     points_m: NDArray[np.floating] | None = None,
     settings: PlaneSweepSettings = PlaneSweepSettings(),
     progress: Progress | None = None,
-) -> list[NDArray[np.float32]]:
-    """Depth of every view, (H, W) in metres at its photograph's size, 0 where it is not known.
+) -> SweptViews:
+    """Depth of every view.
 
     Every view is swept, then every depth is compared with those of the other views. Views with too few neighbours, and
     pixels outside a view's mask, get no depth.
@@ -112,8 +122,10 @@ def sweep_depths(
             f"no two of {len(views)} photographs look at the same place from {settings.min_angle_deg:g} to "
             f"{settings.max_angle_deg:g} degrees apart"
         )
+    remarks = []
     if lonely:
-        logger.warning("%d of %d views have no neighbour to match with: %s", len(lonely), len(views), ", ".join(lonely))
+        text = f"{len(lonely)} of {counted(len(views), 'view')} have no neighbour to match with: {named(lonely)}"
+        remarks.append(remark("photographs-without-companion", text, subject=named(lonely)))
 
     known = [depth for depth in swept if depth is not None]
     checked = iter(
@@ -132,7 +144,7 @@ def sweep_depths(
     logger.info(
         "%d views swept, depth at %.0f %% of the pixels", len(known), 100 * np.mean([(d > 0).mean() for d in depths])
     )
-    return depths
+    return SweptViews(depths_m=tuple(depths), remarks=tuple(remarks))
 
 
 def _sweep_if_possible(

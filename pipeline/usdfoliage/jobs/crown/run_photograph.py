@@ -72,7 +72,7 @@ def read_crown_input(request: CrownRequest) -> CrownInput:
         CaptureError, FitError: see read_photo, read_mask, clean_mask and propose_mask.
     """
     photo = read_photo(request.photo, request.color_space)
-    remarks: list[Remark] = []
+    remarks = list(photo.remarks)
     if request.mask is not None:
         given = read_mask(request.mask, photo.linear.shape, photo.orientation)
     elif photo.alpha is not None:

@@ -276,13 +276,14 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
                 "give depth maps, or more photographs",
             )
         try:
-            depths = sweep_depths(views, capture.points_m, request.settings.sweep, progress_in_step("sweep", progress))
+            swept = sweep_depths(views, capture.points_m, request.settings.sweep, progress_in_step("sweep", progress))
         except CaptureError as error:
             raise CaptureError(
                 f"depth cannot be computed from the photographs: {error.text}",
                 f"put depth maps into {request.capture / DEFAULT_DEPTH}, or give photographs that overlap",
             ) from error
-        views = [replace(view, depth_m=depth_m) for view, depth_m in zip(views, depths, strict=True)]
+        views = [replace(view, depth_m=depth_m) for view, depth_m in zip(views, swept.depths_m, strict=True)]
+        remarks += swept.remarks
         text = "depth was computed from the photographs; it is coarse, and so are the leaves"
         remarks.append(remark("depth-swept", text))
     everything = capture if request.views is None else find_capture(replace(request, views=None))

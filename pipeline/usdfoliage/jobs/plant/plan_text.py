@@ -2,23 +2,26 @@
 
 import os
 from collections.abc import Mapping
-from difflib import get_close_matches
 
 from usdfoliage.asset.publish import plan_folder
-from usdfoliage.branch.foliage.species import GENERIC, load_library
 from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.run import ExecutorChoice, plan_plant
-from usdfoliage.jobs.plant.stages.parts import known_species
+from usdfoliage.jobs.plant.stages.parts import remark_unknown_species
 from usdfoliage.jobs.plant.store import Stamp
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task, find_wanted
-from usdfoliage.remarks import as_plan_setting, label_remarks
+from usdfoliage.remarks import RenderSetting, as_plan_setting, label_remarks
 
 _COLUMNS = ("stage", "tasks", "done", "to do", "seconds")
 
 
-def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
+def describe_plan(request: BuildRequest, where: ExecutorChoice, render: RenderSetting = as_plan_setting) -> str:
     """The tasks of one plant by stage, what of them is done already, and how long the rest may take.
+
+    Args:
+        request: The plant.
+        where: Where its tasks would run.
+        render: Writes a setting in a remark as the reader sets it.
 
     Raises:
         FoliageError: The input is unusable, or the output cannot be written.
@@ -32,24 +35,13 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice) -> str:
     lines = [
         f"capture: {request.capture}, {photographs} photographs" if photographs else f"cloud: {request.capture}",
         *([_describe_photographs(inputs)] if photographs else []),
-        *label_remarks(inputs.remarks, as_plan_setting),
-        *_describe_species(request.settings.plant.species),
+        *label_remarks((*inputs.remarks, *remark_unknown_species(request.settings.plant.species)), render),
         *_table(plan, wanted, finished),
         f"estimate: {in_words(estimate_s(wanted, where))}, {where.describe()}",
         f"work folder: {request.work}",
         would,
     ]
     return "\n".join(lines)
-
-
-def _describe_species(name: str) -> list[str]:
-    """A line where nothing is known of the species."""
-    known = sorted(set(load_library(None)) - {GENERIC})
-    if not name or known_species(name) is not None:
-        return []
-    close = get_close_matches(name.lower(), known, 1)
-    meant = f"; is {close[0]} meant?" if close else f"; known are {', '.join(known)}"
-    return [f"note: nothing is known of the species {name}, which is written into the asset{meant}"]
 
 
 def _describe_photographs(inputs: BuildInputs) -> str:

@@ -49,6 +49,9 @@ RENAMED_SETTINGS: Mapping[str, str] = {
 def with_new_names(table: Mapping[str, Any], defaults: object, path: Path) -> dict[str, Any]:
     """The tables of a settings file with old names replaced by the new ones; a warning is logged for each.
 
+    It is no remark: remarks are about the input and the result of a run, and belong to a result, which is the same
+    whichever name a setting has. Settings are read before there is a run, by some commands several times.
+
     Args:
         table: As the TOML file has it.
         defaults: The settings that the file changes: those of a build, or of one of its stages.

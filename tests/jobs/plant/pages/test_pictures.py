@@ -11,6 +11,7 @@ from usdfoliage.capture.lens import Lens
 from usdfoliage.errors import AssetError
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.plant.pages.pictures import (
+    DrawnComparisons,
     PictureSettings,
     compare_silhouettes,
     draw_comparisons,
@@ -82,8 +83,9 @@ def draw_mask(path, camera, points_m, mesh):
 @pytest.mark.preview
 def test_the_plant_lies_on_its_masks_from_every_camera(plant, tmp_path):
     compared = draw_comparisons(plant / "asset", read_capture(plant / "capture"), tmp_path, SMALL)
-    assert len(compared) == 2
-    for one in compared:
+    assert len(compared.comparisons) == 2
+    assert compared.remarks == ()
+    for one in compared.comparisons:
         assert one.iou is not None
         assert one.iou > 0.9
         photograph, drawing = read_picture(one.photograph), read_picture(one.drawing)
@@ -91,14 +93,14 @@ def test_the_plant_lies_on_its_masks_from_every_camera(plant, tmp_path):
 
 
 @pytest.mark.preview
-def test_a_photograph_that_is_damaged_is_left_out_and_one_without_mask_has_no_figure(plant, tmp_path, caplog):
+def test_a_photograph_that_is_damaged_is_left_out_and_one_without_mask_has_no_figure(plant, tmp_path):
     shutil.copytree(plant / "capture", tmp_path / "capture")
     shutil.rmtree(tmp_path / "capture" / "masks")
     (tmp_path / "capture" / "images" / "1.png").write_bytes(b"no picture")
     settings = PictureSettings(comparisons=3, comparison_px=64, samples=1)
     compared = draw_comparisons(plant / "asset", read_capture(tmp_path / "capture"), tmp_path / "out", settings)
-    assert [(one.name, one.iou) for one in compared] == [("0.png", None), ("2.png", None)]
-    assert "1.png" in caplog.text
+    assert [(one.name, one.iou) for one in compared.comparisons] == [("0.png", None), ("2.png", None)]
+    assert [(each.code, each.subject) for each in compared.remarks] == [("photographs-not-compared", "1.png")]
 
 
 @pytest.mark.preview
@@ -107,7 +109,7 @@ def test_pictures_are_the_same_bytes_when_drawn_again(plant, tmp_path):
     for folder in (tmp_path / "a", tmp_path / "b"):
         paths = [*draw_turntable(plant / "asset", folder, SMALL), draw_thumbnail(plant / "asset", folder, SMALL)]
         compared = draw_comparisons(plant / "asset", read_capture(plant / "capture"), folder, SMALL)
-        paths += [path for one in compared for path in (one.photograph, one.drawing)]
+        paths += [path for one in compared.comparisons for path in (one.photograph, one.drawing)]
         drawn.append({path.name: path.read_bytes() for path in paths})
     assert len(drawn[0]) == 2 + 1 + 4
     assert drawn[0] == drawn[1]
@@ -131,7 +133,7 @@ def test_every_variant_of_a_choice_is_drawn_from_one_place(plant, tmp_path):
 
 def test_without_photographs_nothing_is_compared(plant, tmp_path):
     settings = PictureSettings(comparisons=0)
-    assert draw_comparisons(plant / "asset", read_capture(plant / "capture"), tmp_path, settings) == []
+    assert draw_comparisons(plant / "asset", read_capture(plant / "capture"), tmp_path, settings) == DrawnComparisons()
     assert list(tmp_path.iterdir()) == []
 
 

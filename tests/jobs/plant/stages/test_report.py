@@ -7,12 +7,16 @@ from typing import Any
 
 import pytest
 from usdfoliage.capture.folder.read import Capture
+from usdfoliage.jobs.plant.pages.pictures import DrawnComparisons
 from usdfoliage.jobs.plant.pages.report import Comparison
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.stages import report as report_stage
 from usdfoliage.jobs.plant.summary import read_summary
+from usdfoliage.remarks import remark
 
 from tests.support.captures import write_capture
+
+NOT_COMPARED = remark("photographs-not-compared", "2.png is not compared: it cannot be read", subject="2.png")
 
 
 @pytest.mark.parametrize(("stage", "masks"), [("isolation", "drawn"), ("isolation", "given"), ("cloud", "given")])
@@ -25,13 +29,14 @@ def test_the_plant_is_compared_by_the_masks_that_it_is_made_by(
         (results[stage] / "drawn_masks.txt").write_text("so they are")
     seen: list[Capture] = []
 
-    def draw(asset: Path, capture: Capture, folder: Path, *rest: Any) -> list[Comparison]:
+    def draw(asset: Path, capture: Capture, folder: Path, *rest: Any) -> DrawnComparisons:
         seen.append(capture)
         photograph, drawing = folder / "photograph.jpg", folder / "plant.png"
-        return [
+        compared = (
             Comparison(name="0.png", photograph=photograph, drawing=drawing, iou=0.75),
             Comparison(name="1.png", photograph=photograph, drawing=drawing),
-        ]
+        )
+        return DrawnComparisons(comparisons=compared, remarks=(NOT_COMPARED,))
 
     monkeypatch.setattr(report_stage, "draw_comparisons", draw)
     results["comparisons"].mkdir()
@@ -47,6 +52,8 @@ def test_the_plant_is_compared_by_the_masks_that_it_is_made_by(
     )
     assert report_stage.compare_plant(call) == ()
     assert [capture.folder for capture in seen] == [results[stage] / "capture" / "fern"]
-    assert not read_summary(results["comparisons"]).warning_texts()
+    summary = read_summary(results["comparisons"])
+    assert summary.remarks == (NOT_COMPARED,)
+    assert not summary.poor
     assert [each["masks"] for each in json.loads((results["comparisons"] / "compared.json").read_text())] == [masks, ""]
     assert [(each.iou, each.masks) for each in report_stage._read_comparisons(call)] == [(0.75, masks), (None, "")]

@@ -1,6 +1,5 @@
 """Storm's pictures of a finished plant: all around, from the photographs' own cameras, and in every variant."""
 
-import logging
 import math
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,8 +30,7 @@ from usdfoliage.jobs.preview.pictures import (
 from usdfoliage.jobs.report.pictures import shrink_camera, shrink_to, write_picture
 from usdfoliage.jobs.report.table import choose_evenly
 from usdfoliage.progress import Progress
-
-logger = logging.getLogger(__name__)
+from usdfoliage.remarks import Remark, remark
 
 MAX_FRAMES = 3600  # of a turntable, a tenth of a degree apart
 SHAPES = (0.8, 1.6)  # width by height that pictures of narrow and of wide plants have at most
@@ -64,6 +62,14 @@ class PictureSettings:
     def preview(self, side_px: int) -> PreviewSettings:
         """How a square picture is drawn; ValueError for what cannot be."""
         return PreviewSettings(width_px=side_px, height_px=side_px, samples=self.samples, complexity=self.complexity)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnComparisons:
+    """Photographs beside pictures of the plant."""
+
+    comparisons: tuple[Comparison, ...] = ()
+    remarks: tuple[Remark, ...] = ()  # on photographs that cannot be read
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,12 +161,12 @@ def draw_comparisons(
     folder: Path,
     settings: PictureSettings = PictureSettings(),
     progress: Progress | None = None,
-) -> list[Comparison]:
+) -> DrawnComparisons:
     """Draw the plant from the cameras of photographs that see it from all sides, and put the photographs beside.
 
     Writes view_NNN_photograph.jpg, without lens distortion, and view_NNN_plant.png, of one size, into folder; NNN is
     the photograph's number in capture.views. Where a photograph has a mask, the silhouettes are compared. Photographs
-    that cannot be read are left out and logged.
+    that cannot be read are left out, with a remark.
 
     Raises:
         PreviewError: As render_views.
@@ -171,13 +177,16 @@ def draw_comparisons(
     unit = capture.settings.metres_per_unit
     asset_from_world = facts.asset_from_capture @ np.diag([1 / unit, 1 / unit, 1 / unit, 1.0])
     views: dict[int, View] = {}
+    remarks = []
     for number in _choose(capture, facts, asset_from_world, settings.comparisons):
         try:
             views[number] = read_view(capture, number)
         except CaptureError as error:
-            logger.warning("a photograph is not compared: %s", error)
+            name = capture.views[number].name
+            text = f"{name} is not compared: {error.text}"
+            remarks.append(remark("photographs-not-compared", text, subject=name, remedy=error.remedy))
     if not views:
-        return []
+        return DrawnComparisons(remarks=tuple(remarks))
     cameras = [shrink_to_stage(view.camera, settings.comparison_px, asset_from_world) for view in views.values()]
     names = [f"view_{number:03}" for number in views]
     wanted = [
@@ -195,7 +204,7 @@ def draw_comparisons(
         publish_written(chosen_view.output, partial(Path.write_bytes, data=png))
         iou = None if view.mask is None or not view.mask.any() else compare_silhouettes(view.mask, picture[..., 3])
         compared.append(Comparison(name=view.name, photograph=photograph, drawing=chosen_view.output, iou=iou))
-    return compared
+    return DrawnComparisons(comparisons=tuple(compared), remarks=tuple(remarks))
 
 
 def compare_silhouettes(mask: NDArray[np.bool_], alpha: NDArray[np.float32]) -> float:

@@ -2,13 +2,14 @@
 
 import logging
 from dataclasses import fields
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
 from usdfoliage.asset.packages.leaf_package import AssetSettings
 from usdfoliage.branch.allometry import AllometrySettings
-from usdfoliage.branch.foliage.species import Species, load_species
+from usdfoliage.branch.foliage.species import GENERIC, Species, load_library, load_species
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branches_model, write_traced_plant
 from usdfoliage.branch.tracing.radii import RadiusSettings
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
@@ -44,7 +45,7 @@ from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
 from usdfoliage.jobs.report.table import WrittenReport
 from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.model_file import write_leaves_model
-from usdfoliage.remarks import Setting, remark
+from usdfoliage.remarks import Remark, Setting, remark
 
 logger = logging.getLogger(__name__)
 
@@ -117,9 +118,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         ),
     )
     remarks = list(found.remarks)
-    if species and known is None:
-        text = f"nothing is known of the species {species}; its twigs are those of any tree"
-        remarks.append(remark("species-unknown", text))
+    remarks += remark_unknown_species(species)
     summary = StageSummary(
         rows=found.rows,
         remarks=remarks,
@@ -136,6 +135,20 @@ def known_species(name: str) -> Species | None:
         return load_species(name)
     except FoliageError:
         return None
+
+
+def remark_unknown_species(name: str) -> tuple[Remark, ...]:
+    """A remark on a species of which nothing is known, with the one that may be meant; none where it is known or ""."""
+    if not name or known_species(name) is not None:
+        return ()
+    known = sorted(set(load_library(None)) - {GENERIC})
+    close = get_close_matches(name.lower(), known, 1)
+    text = (
+        f"nothing is known of the species {name}, whose name is written into the asset and whose twigs are those of "
+        "any tree"
+    )
+    meant = f"is {close[0]} meant?" if close else f"known are {', '.join(known)}"
+    return (remark("species-unknown", text, remedy=meant),)
 
 
 def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:

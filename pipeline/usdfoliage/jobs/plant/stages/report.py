@@ -75,15 +75,18 @@ class _Shape:
 
 def turn_plant(call: StageCall) -> tuple[ResultFile, ...]:
     """Pictures from all around."""
-    return _draw(
-        call, lambda: draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts)
-    )
+
+    def draw() -> tuple[Remark, ...]:
+        draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts)
+        return ()
+
+    return _draw(call, draw)
 
 
 def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
     """Pictures from the photographs' own cameras, beside the photographs, with the masks that the parts are made by."""
 
-    def draw() -> None:
+    def draw() -> tuple[Remark, ...]:
         capture = read_capture(plant_capture(call))
         masks = "drawn" if has_drawn_masks(call) else "given"
         compared = draw_comparisons(
@@ -97,9 +100,10 @@ def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
                 "iou": each.iou,
                 "masks": "" if each.iou is None else masks,
             }
-            for each in compared
+            for each in compared.comparisons
         ]
         (call.out / _COMPARED).write_text(json.dumps(pictures, indent=1))
+        return compared.remarks
 
     return _draw(call, draw)
 
@@ -107,13 +111,14 @@ def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
 def show_variants(call: StageCall) -> tuple[ResultFile, ...]:
     """A picture of every variant."""
 
-    def draw() -> None:
+    def draw() -> tuple[Remark, ...]:
         drawn = draw_variants(_asset_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts)
         pictures = [
             {"set": each.set, "name": each.name, "picture": each.picture.name, "default": each.is_default}
             for each in drawn
         ]
         (call.out / _COMPARED).write_text(json.dumps(pictures, indent=1))
+        return ()
 
     return _draw(call, draw)
 
@@ -297,14 +302,13 @@ def _asset_of(call: StageCall) -> Path:
     return call.result_of(ASSET) / ASSET_FOLDER
 
 
-def _draw(call: StageCall, draw: Callable[[], object]) -> tuple[ResultFile, ...]:
-    """Draw pictures; without Storm there are none, and the report has a remark about it."""
+def _draw(call: StageCall, draw: Callable[[], Sequence[Remark]]) -> tuple[ResultFile, ...]:
+    """Draw pictures, which may have remarks; without Storm there are none, and the report has a remark about it."""
     (call.out / _PICTURES).mkdir()
-    remarks = []
     try:
-        draw()
+        summary = StageSummary(remarks=tuple(draw()))
     except PreviewError as error:
         text = f"there are no pictures of the asset: {error.text}"
-        remarks.append(remark("pictures-missing", text, remedy=error.remedy))
-    write_summary(call.out, StageSummary(remarks=remarks, poor=bool(remarks)))
+        summary = StageSummary(remarks=(remark("pictures-missing", text, remedy=error.remedy),), poor=True)
+    write_summary(call.out, summary)
     return ()
