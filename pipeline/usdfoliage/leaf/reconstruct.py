@@ -12,6 +12,7 @@ from usdfoliage.capture.view import View
 from usdfoliage.leaf.fit.alternating import AlternatingFitSettings, fit_leaves_alternating
 from usdfoliage.leaf.fit.flip import flip_leaves
 from usdfoliage.leaf.fit.model import FittedLeaves
+from usdfoliage.leaf.fit.silhouette_order import order_silhouettes
 from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
@@ -29,8 +30,6 @@ METHODS = ("dense", "paper")
 STEPS = ("segmentation", "fit", "direction", "colours", "texture")
 
 LOW_CONFIDENCE = 0.3  # as the median of all leaves: most of them are guessed
-MIN_STEP = 1e-3  # of the axis, from one silhouette point's foot to the next
-MAX_MOVED = 0.1  # of the axis, of a foot that is put in order; the silhouette moves by less than half of it
 ROUND = 0.75  # width by length from which the longest extent of a leaf is no sure sign of its axis
 LOBED = 0.7  # share of its edge on the silhouette, below which most leaves of a set are not of one lobe
 SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one silhouette describe
@@ -138,23 +137,6 @@ def reconstruct_leaves(
         ),
         seconds=seconds,
     )
-
-
-def order_silhouettes(leaves: Leaves) -> Leaves:
-    """Leaves whose silhouettes' points stand in order along the axis, base to apex, where that moves them little.
-
-    A round base fits best with its first point a little behind it, which no asset takes and no edit expects. Leaves
-    that would change visibly stay as they are.
-    """
-    feet = leaves.parameters[:, 2:5, 0]
-    ordered = feet.copy()
-    for point in range(3):
-        lowest = (ordered[:, point - 1] if point else 0.0) + MIN_STEP
-        ordered[:, point] = np.clip(feet[:, point], lowest, 1 - (3 - point) * MIN_STEP)
-    near = (np.abs(ordered - feet) <= MAX_MOVED).all(axis=1)  # not of numbers that are none
-    parameters = leaves.parameters.copy()
-    parameters[near, 2:5, 0] = ordered[near]
-    return replace(leaves, parameters=parameters)
 
 
 def choose_sound(leaves: Leaves, min_confidence: float) -> tuple[NDArray[np.bool_], dict[str, int]]:

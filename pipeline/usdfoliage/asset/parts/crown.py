@@ -9,8 +9,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
 from usdfoliage.asset.locate import open_layer
-from usdfoliage.asset.materials.cubemap_exr import read_cubemap, write_color_cubemap, write_radius_cubemap
+from usdfoliage.asset.materials.cubemap_exr import read_cubemap
 from usdfoliage.asset.materials.layer import CROWN_MATERIAL
+from usdfoliage.asset.parts.crown_maps import color_map_path, radius_map_path
 from usdfoliage.asset.plant import CROWN
 from usdfoliage.asset.schema import CROWN_API
 from usdfoliage.asset.stored_numbers import stored_numbers
@@ -43,35 +44,6 @@ def crown_prim(name: str, crown: CrownModel, mesh_size: int) -> CrownPrim:
         relief_weight=crown.relief_weight,
         mean_color=crown.color.reshape(-1, 3).mean(axis=0, dtype=np.float64),
     )
-
-
-def radius_map_path(name: str) -> Path:
-    """Where the radius cubemap is, from the asset's folder."""
-    return Path("maps") / f"{name}_crown_radius.exr"
-
-
-def color_map_path(name: str) -> Path:
-    """Where the colour cubemap is, from the asset's folder."""
-    return Path("maps") / f"{name}_crown_color.exr"
-
-
-def write_crown_maps(folder: Path, name: str, crown: CrownModel) -> None:
-    """Write the two cubemaps of the asset in folder.
-
-    Raises:
-        ValueError: The two maps are not of one size, or one of them is no cubemap.
-        WriteError: A file cannot be written.
-    """
-    if crown.color.shape[:3] != crown.radius_m.shape:
-        raise ValueError(f"radius and colour must be of one size, not {crown.radius_m.shape} and {crown.color.shape}")
-    facts = {
-        "foliage:crown:center": " ".join(repr(float(c)) for c in crown.center_m),
-        "foliage:crown:reliefWeight": repr(float(crown.relief_weight)),
-    }
-    for path in (radius_map_path(name), color_map_path(name)):
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-    write_radius_cubemap(folder / radius_map_path(name), crown.radius_m, facts)
-    write_color_cubemap(folder / color_map_path(name), crown.color, facts)
 
 
 def write_crown_layer(path: Path, name: str, crown: CrownPrim) -> None:

@@ -7,7 +7,8 @@ from pxr import Sdf, Usd
 
 from usdfoliage.asset.materials.crown import CROWN_SHADER, CrownMaterial, author_crown_material
 from usdfoliage.asset.materials.layer import CROWN_MATERIAL, copy_shaders
-from usdfoliage.asset.parts.crown import crown_prim, write_crown_layer, write_crown_maps
+from usdfoliage.asset.parts.crown import crown_prim, write_crown_layer
+from usdfoliage.asset.parts.crown_maps import write_crown_maps
 from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Part
 from usdfoliage.asset.plant import CROWN, TO_CROWN
 from usdfoliage.crown.model import CrownModel

@@ -1,0 +1,35 @@
+"""The two cubemaps of a crown as files of an asset."""
+
+from pathlib import Path
+
+from usdfoliage.asset.materials.cubemap_exr import write_color_cubemap, write_radius_cubemap
+from usdfoliage.crown.model import CrownModel
+
+
+def radius_map_path(name: str) -> Path:
+    """Where the radius cubemap is, from the asset's folder."""
+    return Path("maps") / f"{name}_crown_radius.exr"
+
+
+def color_map_path(name: str) -> Path:
+    """Where the colour cubemap is, from the asset's folder."""
+    return Path("maps") / f"{name}_crown_color.exr"
+
+
+def write_crown_maps(folder: Path, name: str, crown: CrownModel) -> None:
+    """Write the two cubemaps of the asset in folder.
+
+    Raises:
+        ValueError: The two maps are not of one size, or one of them is no cubemap.
+        WriteError: A file cannot be written.
+    """
+    if crown.color.shape[:3] != crown.radius_m.shape:
+        raise ValueError(f"radius and colour must be of one size, not {crown.radius_m.shape} and {crown.color.shape}")
+    facts = {
+        "foliage:crown:center": " ".join(repr(float(c)) for c in crown.center_m),
+        "foliage:crown:reliefWeight": repr(float(crown.relief_weight)),
+    }
+    for path in (radius_map_path(name), color_map_path(name)):
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+    write_radius_cubemap(folder / radius_map_path(name), crown.radius_m, facts)
+    write_color_cubemap(folder / color_map_path(name), crown.color, facts)
