@@ -5,6 +5,7 @@ from pathlib import Path, PurePosixPath
 
 from usdfoliage.errors import CaptureError
 
+IMAGES, CAMERAS, MASKS = "images", "cameras", "masks"  # folders of a capture
 _PICTURES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr"}
 _NAMED = 5  # files that a note names; it counts the others
 

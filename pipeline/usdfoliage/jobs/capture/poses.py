@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.colmap.model import find_camera_model
-from usdfoliage.capture.folder.listing import files_below, is_picture, parse_views
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, files_below, is_picture, parse_views
 from usdfoliage.capture.folder.photo_set import PhotoSetSettings, read_photo_set
 from usdfoliage.capture.folder.read import Capture, read_capture
 from usdfoliage.capture.folder.settings import FILE_NAME, CaptureSettings, read_capture_settings, read_capture_tables
@@ -17,7 +17,8 @@ from usdfoliage.capture.poses.colmap_writer import write_colmap_model
 from usdfoliage.capture.poses.register import PoseEstimationSettings, Registered, register_photos
 from usdfoliage.capture.poses.world_frame import WorldSettings, level_and_scale, move_registered, read_scale_hints
 from usdfoliage.errors import CaptureError
-from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, GivenPhotographs, Record
+from usdfoliage.jobs.capture.find_photographs import GivenPhotographs
+from usdfoliage.jobs.capture.folder import Record
 from usdfoliage.jobs.capture.settings import CaptureRunSettings, PosesChoice
 from usdfoliage.jobs.work.results import WORK
 from usdfoliage.progress import StepProgress, progress_in_step

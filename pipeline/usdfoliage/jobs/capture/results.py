@@ -15,10 +15,10 @@ from usdfoliage.asset.capture_layer import CaptureCamera, CaptureLayerSettings, 
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
+from usdfoliage.capture.folder.listing import CAMERAS
 from usdfoliage.capture.folder.read import Capture
 from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings
 from usdfoliage.jobs.capture.depth_tasks import DepthTasks, PreparedViews, in_world, picture_of, read_estimate
-from usdfoliage.jobs.capture.folder import CAMERAS
 from usdfoliage.jobs.capture.maps import ViewMaps
 from usdfoliage.jobs.capture.photograph import CapturePhotograph, DrawnMaps
 from usdfoliage.jobs.capture.poses import PosedCapture, failures_of

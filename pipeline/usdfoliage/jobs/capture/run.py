@@ -12,7 +12,7 @@ from usdfoliage import __version__
 from usdfoliage.capture.cloud.cleaning import drop_floating, drop_outliers, thin_to_disks
 from usdfoliage.capture.cloud.fusion import CloudSettings, merge_views
 from usdfoliage.capture.cloud.visibility import drop_seen_through
-from usdfoliage.capture.folder.listing import counted, named
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, counted, named
 from usdfoliage.capture.folder.photo_set import read_photo_set
 from usdfoliage.capture.folder.settings import read_capture_settings
 from usdfoliage.capture.mvs.colmap_stereo import check_cuda
@@ -29,15 +29,8 @@ from usdfoliage.jobs.capture.depth_tasks import (
     seen_depths,
     seen_surfaces,
 )
-from usdfoliage.jobs.capture.folder import (
-    CAMERAS,
-    IMAGES,
-    GivenPhotographs,
-    Record,
-    find_photographs,
-    lay_out,
-    publish,
-)
+from usdfoliage.jobs.capture.find_photographs import GivenPhotographs, find_photographs
+from usdfoliage.jobs.capture.folder import Record, lay_out, publish
 from usdfoliage.jobs.capture.maps import KINDS, ViewMaps, forget_other_maps, write_maps
 from usdfoliage.jobs.capture.poses import (
     REGISTERED,

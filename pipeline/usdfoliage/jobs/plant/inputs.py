@@ -10,12 +10,12 @@ from typing import Literal
 import OpenImageIO as oiio
 
 from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES, check_cloud_file, is_cloud_input
-from usdfoliage.capture.folder.listing import files_below
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, files_below
 from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
-from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, MASKS, find_photographs
+from usdfoliage.jobs.capture.find_photographs import find_photographs
 from usdfoliage.jobs.plant.settings import LeafDepth
 from usdfoliage.jobs.plant.store import Store
 from usdfoliage.jobs.work.keys import task_key

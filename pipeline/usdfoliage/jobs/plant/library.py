@@ -9,9 +9,8 @@ from pathlib import Path
 from usdfoliage import __version__
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES
-from usdfoliage.capture.folder.listing import is_picture
+from usdfoliage.capture.folder.listing import IMAGES, is_picture
 from usdfoliage.errors import CaptureError, FoliageError
-from usdfoliage.jobs.capture.folder import IMAGES
 from usdfoliage.jobs.plant.finish import BuiltPlant
 from usdfoliage.jobs.plant.pages.library_page import Library, LibraryPlant, PlantState, write_library_page
 from usdfoliage.remarks import warnings_of

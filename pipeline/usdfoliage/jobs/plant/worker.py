@@ -8,9 +8,8 @@ import traceback
 from collections.abc import Mapping
 from pathlib import Path
 
-from usdfoliage.capture.folder.listing import named
+from usdfoliage.capture.folder.listing import IMAGES, named
 from usdfoliage.errors import CaptureError, FoliageError, WriteError
-from usdfoliage.jobs.capture.folder import IMAGES
 from usdfoliage.jobs.plant.call import BuildRequest, Stage, StageCall, digest_profile
 from usdfoliage.jobs.plant.executors import Done, TaskOrder
 from usdfoliage.jobs.plant.inputs import BuildInputs, find_inputs

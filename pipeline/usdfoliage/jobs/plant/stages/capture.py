@@ -5,7 +5,7 @@ import shutil
 from functools import lru_cache
 from pathlib import Path
 
-from usdfoliage.capture.folder.listing import named
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, named
 from usdfoliage.capture.folder.read import Capture
 from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings
 from usdfoliage.jobs.capture.depth_tasks import (
@@ -16,7 +16,8 @@ from usdfoliage.jobs.capture.depth_tasks import (
     prepare_views,
     run_tasks,
 )
-from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, Record, find_photographs, lay_out
+from usdfoliage.jobs.capture.find_photographs import find_photographs
+from usdfoliage.jobs.capture.folder import Record, lay_out
 from usdfoliage.jobs.capture.poses import (
     REGISTERED,
     PosedCapture,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from usdfoliage import __version__
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import read_cloud, write_cloud
-from usdfoliage.capture.folder.listing import named
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, named
 from usdfoliage.capture.folder.raster import apply_orientation
 from usdfoliage.capture.folder.read import Capture, read_capture, read_view
 from usdfoliage.capture.folder.settings import FILE_NAME
@@ -25,7 +25,6 @@ from usdfoliage.files.threads import map_ahead, share_cores
 from usdfoliage.geometry.point_cells import one_in_each_cell
 from usdfoliage.isolation.masks import draw_plant_mask, expect_plant, make_plant_grid
 from usdfoliage.isolation.plant import IsolatedPlant, IsolationSettings, PointKind, isolate_plant
-from usdfoliage.jobs.capture.folder import CAMERAS, IMAGES, MASKS
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.inputs import DEPTH_FOLDER

@@ -14,6 +14,7 @@ from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branc
 from usdfoliage.branch.tracing.radii import RadiusSettings
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
+from usdfoliage.capture.folder.listing import MASKS
 from usdfoliage.crown.hull import HullSettings
 from usdfoliage.crown.model_file import write_crown_model
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
@@ -21,7 +22,6 @@ from usdfoliage.errors import AssetError, CaptureError, FoliageError
 from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.branches.run import BranchesRequest, find_branches, report_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError
-from usdfoliage.jobs.capture.folder import MASKS
 from usdfoliage.jobs.crown.capture_input import PlantPoints
 from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_captured_crown, report_crown
 from usdfoliage.jobs.leaves.report import measure_rows
