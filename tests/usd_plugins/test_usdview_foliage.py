@@ -352,7 +352,7 @@ def test_the_menu_and_the_panel_in_usdview_without_usdfoliage(tmp_path) -> None:
     assert "without usdfoliage" in seen["status"]
     assert ".usda" in seen["refused"]
     assert seen["hidden"] == [1.0, 1.0]
-    assert seen["prims"] == [1.5, 1.5]
+    assert seen["visible"] == [1.5, 1.5]
     assert seen["subdiv"] == ["subdiv", False, "Edits act on the representation bezier: choose it."]
     assert seen["back"] == [True, 1.5]
     assert seen["reset"] == [1.0, 1.0]

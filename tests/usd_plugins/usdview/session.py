@@ -108,7 +108,7 @@ def main(asset, folder):
     panel.show_box.setChecked(False)
     seen["hidden"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
     panel.show_box.setChecked(True)
-    seen["shown"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
+    seen["visible"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
     panel.variant_boxes["representation"].setCurrentText("subdiv")
     panel.variant_boxes["representation"].activated.emit(0)
     seen["subdiv"] = [selected("representation"), panel.sliders.isEnabled(), panel.reason.text()]
