@@ -1,7 +1,10 @@
 """Cameras of rendered photographs against those that rendered them; and what happens where none can be found."""
 
+import json
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -9,7 +12,7 @@ import numpy as np
 import pytest
 from usdfoliage.capture.folder.photo_set import read_photo_set
 from usdfoliage.capture.lens import Lens
-from usdfoliage.capture.poses.child_process import run_items
+from usdfoliage.capture.poses.child_process import MODULE, run_items
 from usdfoliage.capture.poses.diagnosis import check_cameras
 from usdfoliage.capture.poses.pairs import match_descriptors, neighbours_in_order, retrieve_pairs
 from usdfoliage.capture.poses.register import PoseEstimationSettings, register_photos
@@ -163,7 +166,7 @@ for number, item in job["items"]:
     if item.get("abort"):
         os.abort()
     if item.get("refuse"):
-        print("failed", number, item["refuse"], flush=True)
+        print(item.get("kind", "failed"), number, item["refuse"], flush=True)
         continue
     pathlib.Path(item["out"]).write_text("made")
     print("done", number, flush=True)
@@ -209,14 +212,41 @@ def test_a_damaged_result_is_made_again(tmp_path, monkeypatch):
     assert [(tmp_path / f"{number}.npz").read_text() for number in (1, 2)] == ["made", "made"]
 
 
-def test_a_full_disk_under_a_data_base_is_reported(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_by_its_kind_and_not_by_its_words(tmp_path, monkeypatch):
     (tmp_path / "worker_of_test.py").write_text(WORKER)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
     items = [{"out": str(tmp_path / f"{number}.out")} for number in range(3)]
-    items[1]["refuse"] = "SQLite error: database or disk is full"
+    items[1]["refuse"] = "the disk is full of photographs, and No space left on device"
+    (failure,) = run_items({}, items, tmp_path, 2, module="worker_of_test")
+    assert (failure.number, failure.is_full_disk) == (1, False)
+    (tmp_path / "2.out").unlink()
+    items[1] |= {"refuse": "it did not fit", "kind": "full-disk"}
     with pytest.raises(CaptureError, match="no space left; free some"):
         run_items({}, items, tmp_path, 2, module="worker_of_test")
     assert (tmp_path / "2.out").exists()  # what can be done is kept
+
+
+def test_a_child_that_ends_on_a_full_disk_is_reported_so(tmp_path, monkeypatch, small_disk):
+    (tmp_path / "worker_of_test.py").write_text(WORKER)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    items = [{"out": str(small_disk / "0.out"), "abort": True}]
+    with pytest.raises(CaptureError, match="no space left; free some"):
+        run_items({}, items, small_disk, 1, module="worker_of_test")
+
+
+def test_the_worker_reports_a_full_disk_under_its_database(tmp_path, small_disk):
+    features = tmp_path / "features.npz"
+    count = 50_000
+    np.savez(features, keypoints=np.zeros((count, 4), np.float32), descriptors=np.zeros((count, 128), np.uint8))
+    camera = {"model": "SIMPLE_RADIAL", "focal_px": 300.0, "width_px": 320, "height_px": 240, "known": True, "group": 0}
+    item = {"out": str(small_disk / "model.npz")}
+    job = {"task": "map", "mapper": "incremental", "seed": 0, "min_matches": 15, "mapper_threads": 1}
+    job |= {"features": [str(features)], "cameras": [camera], "numbers": [0], "matches": [], "items": [(7, item)]}
+    (tmp_path / "job.json").write_text(json.dumps(job))
+    command = [sys.executable, "-m", MODULE, str(tmp_path / "job.json")]
+    ended = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert ended.stdout.startswith("full-disk 7 ")
+    assert list(small_disk.iterdir()) == []
 
 
 def test_an_interrupt_ends_the_children(tmp_path, monkeypatch):

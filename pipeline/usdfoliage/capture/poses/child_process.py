@@ -15,12 +15,14 @@ from queue import SimpleQueue
 from typing import Any
 
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.free_space import is_full_disk, require_space
 from usdfoliage.files.npz import find_damage
 from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
 MODULE = "usdfoliage.capture.poses.worker"
+_ENDS = ("done", "failed", "full-disk")  # what a worker reports of an item, as the first word of a line
 _SINGLE_THREADED = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
 
 
@@ -30,6 +32,7 @@ class ItemFailure:
 
     number: int
     reason: str
+    is_full_disk: bool = False  # whether there was no room for it
 
 
 def run_items(
@@ -71,14 +74,24 @@ def run_items(
             raise
         for share_run in running:
             share_run.result()  # what it raised
-    if any(_is_full_disk(failure.reason) for failure in failures):
+    if any(failure.is_full_disk for failure in failures):
         raise _full(work)
     return tuple(sorted(failures, key=lambda failure: failure.number))
 
 
-def _is_full_disk(text: str) -> bool:
-    """Whether a worker, or the data base in it, ended for want of space."""
-    return "No space left" in text or "disk is full" in text
+def _check_space(work: Path) -> None:
+    """A child that ended without a line about its item may have ended on a full disk, which only a trial finds out.
+
+    Raises:
+        CaptureError: There is no room.
+        OSError: Nothing can be written for another reason.
+    """
+    try:
+        require_space(work)
+    except OSError as error:
+        if is_full_disk(error):
+            raise _full(work) from error
+        raise
 
 
 def _full(work: Path) -> CaptureError:
@@ -111,10 +124,10 @@ def _follow(
             shares -= 1
         elif kind == "step" and progress is not None:
             progress(number, int(text))
-        elif kind in ("done", "failed"):
+        elif kind in _ENDS:
             done += 1
-            if kind == "failed":
-                failures.append(ItemFailure(number=number, reason=text))
+            if kind != "done":
+                failures.append(ItemFailure(number=number, reason=text, is_full_disk=kind == "full-disk"))
             if progress is not None:
                 progress(done, total)
     return failures
@@ -135,9 +148,8 @@ def _do_share(
             if stop.is_set():
                 return
             left = [entry for entry in left if entry[0] not in finished]
-            if left and _is_full_disk(ending):
-                raise _full(work)
             if left:  # the child ended at the first of them
+                _check_space(work)
                 events.put(("failed", left[0][0], f"the process ended there ({ending})"))
                 left = left[1:]
     except OSError as error:
@@ -173,7 +185,7 @@ def _run_child(
             for line in child.stdout:
                 kind, _, rest = line.strip().partition(" ")
                 number, _, text = rest.partition(" ")
-                if kind in ("done", "failed") and number.isdigit():
+                if kind in _ENDS and number.isdigit():
                     finished.add(int(number))
                     events.put((kind, int(number), text))
                 elif kind == "step" and number.isdigit() and text.isdigit():

@@ -2,8 +2,8 @@
 
 usage: python -m usdfoliage.capture.poses.worker JOB.json
 
-Files in, files out, each of which appears whole or not at all; a line "done N" or "failed N reason" on the standard
-output for each item N of the job.
+Files in, files out, each of which appears whole or not at all. For each item N of the job there is a line on the
+standard output: "done N", "failed N reason", or "full-disk N reason" where there was no room for it.
 """
 
 import json
@@ -21,11 +21,13 @@ from numpy.typing import NDArray
 from usdfoliage.capture.folder.photo_set import read_gray
 from usdfoliage.capture.poses.pairs import MatchSettings, match_descriptors
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.free_space import is_full_disk, require_space
 from usdfoliage.files.npz import read_arrays, write_arrays
 
 Arrays = Mapping[str, NDArray[Any]]
 
 _DESCRIPTOR = 128  # numbers
+_PLACES = 0.1  # share of a file of features, beside their descriptors
 _MAX_TRIALS = 2000  # finds what 44 % of the matches agree on; photographs that overlap agree on more
 _MIN_SIMILAR = 20  # descriptors, below which a motion explains what it explains by chance
 
@@ -42,8 +44,11 @@ def main(arguments: Sequence[str]) -> int:
     for number, item in job["items"]:
         try:
             write_arrays(Path(item["out"]), task(item, job))
-        except CaptureError as error:
-            print("failed", number, str(error).replace("\n", " "), flush=True)
+        except (CaptureError, OSError) as error:
+            kind = "full-disk" if is_full_disk(error) else "failed"
+            if kind == "failed" and not isinstance(error, CaptureError):
+                raise
+            print(kind, number, str(error).replace("\n", " "), flush=True)
         else:
             print("done", number, flush=True)
     return 0
@@ -166,12 +171,19 @@ def _map_photos(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
     """Cameras and points of the largest group of photographs that hang together."""
     with tempfile.TemporaryDirectory(dir=Path(item["out"]).parent) as folder:
         database = Path(folder) / "database.db"
+        require_space(Path(folder), _min_database_bytes(job))  # COLMAP aborts where its database does not fit
         _write_database(database, job)
         pycolmap.set_random_seed(job["seed"])
         (Path(folder) / "models").mkdir()
         models = _map_globally(database, job) if job["mapper"] == "global" else _map_incrementally(database, job)
     models = sorted(models, key=lambda model: (-model.num_reg_images(), -model.num_points3D()))
     return _pack(models, job)
+
+
+def _min_database_bytes(job: Mapping[str, Any]) -> int:
+    """What the database takes at least: all matches, and of the features their places alone."""
+    features, matches = (sum(Path(name).stat().st_size for name in job[kind]) for kind in ("features", "matches"))
+    return int(_PLACES * features) + matches
 
 
 def _write_database(path: Path, job: Mapping[str, Any]) -> None:
