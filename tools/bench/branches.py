@@ -31,8 +31,8 @@ from usdfoliage.branch.cage.build import BranchCage, build_branch_cage, check_ca
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.reconstruct import TracedBranches, reconstruct_branches
 from usdfoliage.branch.tracing.roots import RootSettings
-from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.branches.run import CAGE
+from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 
 from tools.bench.branch_cost import measure_cost
 from tools.bench.branch_similarity import compare_trees

@@ -18,9 +18,9 @@ from usdfoliage.asset.validation.validate import ValidationReport
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError, CaptureError, FitError, FoliageError
-from usdfoliage.jobs.edits.change import bake_leaves, join_leaves, move_leaves
 from usdfoliage.jobs.models import AssetModels
 from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.leaf.change import bake_leaves, join_leaves, move_leaves
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, compose_edits, invert_edits
 from usdfoliage.leaf.shape.mesh import LeafMesh, LeafMeshSettings

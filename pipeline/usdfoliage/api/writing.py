@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
+from usdfoliage.asset.leaf_representations import read_representations, read_settings
 from usdfoliage.asset.looks.look import write_look_layer
 from usdfoliage.asset.packages.branch_package import write_branch_asset
 from usdfoliage.asset.packages.leaf_package import write_leaf_asset
@@ -22,7 +23,7 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.jobs.branches.run import build_surfaces
 from usdfoliage.jobs.edits.bake import BakeRequest, bake_asset
-from usdfoliage.jobs.edits.settings import check_pictures, read_representations, read_settings
+from usdfoliage.jobs.edits.given_pictures import check_pictures
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 from usdfoliage.progress import StepProgress

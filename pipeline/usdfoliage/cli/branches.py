@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_tracing(parser: argparse._ActionsContainer) -> None:
     from usdfoliage.asset.parts.branch_part import BranchAssetSettings
     from usdfoliage.branch.tracing.reconstruct import BranchSettings
-    from usdfoliage.jobs.branches.plant_cloud import MIN_POINTS, PlantCloudRequest
     from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, METHODS, RegrowthRequest
+    from usdfoliage.jobs.plant_cloud import MIN_POINTS, PlantCloudRequest
 
     parser.add_argument(
         "--method",

@@ -56,6 +56,15 @@ def digest_file(path: Path) -> str:
         raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
 
 
+def digest_files(files: Iterable[Path | None]) -> str:
+    """The hash of files' bytes in this order, in 64 hexadecimal digits; None counts for nothing.
+
+    Raises:
+        OSError: One cannot be read.
+    """
+    return hash_each(hash_file(path) for path in files if path is not None).hex()
+
+
 def digest_text(text: str) -> str:
     """The hash of a text in UTF-8, in 64 hexadecimal digits."""
     return hash_bytes(text.encode()).hex()

@@ -31,7 +31,7 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
-from usdfoliage.jobs.edits.change import move_leaves
+from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 

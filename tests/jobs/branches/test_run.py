@@ -11,8 +11,8 @@ from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches import warnings
-from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 
 from tests.support.cloud_files import write_ply
 

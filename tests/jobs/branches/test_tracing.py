@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
-from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.branches.tracing import NoStemsError, trace_cloud
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 
 from tests.support.branch_clouds import cone
 from tests.support.cloud_files import write_ply

@@ -1,33 +1,9 @@
 """What is a warning of an asset of branches, and what is not."""
 
-import pytest
 from usdfoliage.cli.remarks import render_for
-from usdfoliage.jobs.branches.warnings import check_growth, check_height, check_stems, check_surface
+from usdfoliage.jobs.branches.warnings import check_growth, check_stems, check_surface
 
 RENDER = render_for("branches")
-
-
-@pytest.mark.parametrize(("height_m", "metres_per_unit"), [(0.05, 1.0), (0.3, 0.001), (130.0, 1.0), (4.0, 0.01)])
-def test_heights_of_plants_are_no_warning(height_m, metres_per_unit):
-    assert check_height(height_m, metres_per_unit) == []
-
-
-@pytest.mark.parametrize(
-    ("height_m", "metres_per_unit", "text", "units"),
-    [
-        (0.0049, 0.001, "4.9 mm high", {"m": "4.9 m high", "ft": "1.49 m high"}),
-        (4940.0, 1.0, "4,940 m high", {"cm": "49.4 m high", "mm": "4.94 m high"}),
-        (0.02, 1.0, "20 mm high", {}),
-    ],
-)
-def test_another_height_is_a_warning_with_the_units_that_a_plant_has(height_m, metres_per_unit, text, units):
-    (warning,) = check_height(height_m, metres_per_unit)
-    sentence = warning.sentence(RENDER)
-    assert warning.code == "plant-height-improbable"
-    assert text in sentence
-    assert sentence.count("--unit") == len(units)
-    for name, height in units.items():
-        assert f"--unit {name} ({height})" in sentence
 
 
 def test_branches_of_which_many_are_not_joined_are_a_warning():

@@ -11,8 +11,8 @@ from usdfoliage.asset.materials.cubemap_exr import read_cubemap
 from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.crown.capture_input import PlantPoints, move_camera, read_crown_capture
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 
 from tests.support.captured_crowns import CENTER_M, photograph, ring, sphere, surface_points
 

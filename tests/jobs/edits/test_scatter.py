@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from usdfoliage.asset.leaf_representations import read_representations
 from usdfoliage.cli.options.edit import parse_edits
 from usdfoliage.errors import AssetError, FoliageError
-from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.edits.edit import changed_edits
 from usdfoliage.jobs.edits.scatter import MAX_LEAVES, check_count, read_spray
-from usdfoliage.jobs.edits.settings import read_representations
 from usdfoliage.jobs.info import measure_leaves
+from usdfoliage.leaf.change import bake_leaves, move_leaves, remaining_edits
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import LeafEdits, compose_edits
 from usdfoliage.leaf.shape.spray import scatter_spray

@@ -2,9 +2,9 @@
 
 import argparse
 
+from usdfoliage.asset.leaf_representations import read_representations
 from usdfoliage.cli.options.leaf_commands import read_resolution
 from usdfoliage.jobs.edits.bake import BakeRequest
-from usdfoliage.jobs.edits.settings import read_representations
 
 
 def read_bake_request(options: argparse.Namespace) -> BakeRequest:

@@ -3,6 +3,7 @@
 import argparse
 from dataclasses import replace
 
+from usdfoliage.asset.leaf_representations import read_representations
 from usdfoliage.asset.parts.branch_part import BranchAssetSettings
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.branch.allometry import AllometrySettings
@@ -17,11 +18,10 @@ from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import FITTED, NONE, FoliageRequest
 from usdfoliage.jobs.branches.motion import BranchMotion
-from usdfoliage.jobs.branches.plant_cloud import MIN_POINTS, PlantCloudRequest, read_roots, read_unit, read_up
 from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES, read_color
-from usdfoliage.jobs.edits.settings import read_representations
+from usdfoliage.jobs.plant_cloud import MIN_POINTS, PlantCloudRequest, read_roots, read_unit, read_up
 
 
 def read_branches_request(options: argparse.Namespace) -> BranchesRequest:

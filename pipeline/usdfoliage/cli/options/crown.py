@@ -10,11 +10,11 @@ from usdfoliage.cli.options.leaf_commands import name_option
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 from usdfoliage.jobs.crown.photograph import CrownSettings
 from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest
 from usdfoliage.jobs.crown.run_photograph import CrownRequest
 from usdfoliage.jobs.crown.tangent import read_tangent
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 from usdfoliage.jobs.work.settings_file import AUTO
 
 # Of the command line: options that only a photograph has, those that only a capture has, and their defaults.

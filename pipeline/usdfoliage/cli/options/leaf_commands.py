@@ -20,8 +20,8 @@ def add_representation(parser: argparse._ActionsContainer, default: str | None =
         parser: Where the option goes.
         default: Which ones are written without the option; None: as many as the number of leaves allows.
     """
+    from usdfoliage.asset.leaf_representations import MAX_LEAVES_OF_ALL
     from usdfoliage.asset.variants import REPRESENTATIONS
-    from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL
 
     by_number = f"all up to {MAX_LEAVES_OF_ALL} leaves, and bezier alone beyond"
     parser.add_argument(
@@ -34,7 +34,7 @@ def add_representation(parser: argparse._ActionsContainer, default: str | None =
 
 
 def add_resolution(parser: argparse._ActionsContainer) -> None:
-    from usdfoliage.jobs.edits.settings import MAX_CELLS
+    from usdfoliage.asset.leaf_representations import MAX_CELLS
     from usdfoliage.leaf.shape.mesh import LeafMeshSettings
 
     parser.add_argument(
@@ -167,7 +167,7 @@ def name_option(read: Callable[[Any], T], value: Any) -> T:
 
 def read_resolution(options: argparse.Namespace) -> tuple[int, int] | None:
     """The cells of --resolution, if it is given; FoliageError for a mesh that cannot be."""
-    from usdfoliage.jobs.edits.settings import read_settings
+    from usdfoliage.asset.leaf_representations import read_settings
 
     if not options.resolution:
         return None

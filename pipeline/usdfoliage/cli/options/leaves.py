@@ -5,10 +5,10 @@ import dataclasses
 
 import numpy as np
 
+from usdfoliage.asset.leaf_representations import read_representations
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.edits.settings import read_representations
 from usdfoliage.jobs.leaves.run import LeavesRequest
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file, set_everywhere

@@ -2,13 +2,18 @@
 
 import argparse
 
+from usdfoliage.asset.leaf_representations import (
+    check_memory,
+    default_representations,
+    read_representations,
+    read_settings,
+)
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.plant import asset_name
-from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.cli.options.leaf_commands import name_option, read_resolution
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL, ScatterRequest, check_count, read_color, read_spray
-from usdfoliage.jobs.edits.settings import check_memory, check_pictures, read_representations, read_settings
+from usdfoliage.jobs.edits.given_pictures import check_pictures
+from usdfoliage.jobs.edits.scatter import ScatterRequest, check_count, read_color, read_spray
 
 
 def read_scatter_request(options: argparse.Namespace) -> ScatterRequest:
@@ -16,7 +21,7 @@ def read_scatter_request(options: argparse.Namespace) -> ScatterRequest:
     check_count(options.count)
     if not 0 <= options.seed < 2**63:  # an asset records it as int64
         raise FoliageError(f"the seed must be 0 or more and below 2^63, not {options.seed}")
-    default = tuple(REPRESENTATIONS) if options.count <= MAX_LEAVES_OF_ALL else ("bezier",)
+    default = default_representations(options.count)
     representations = read_representations(options.representation or default)
     appearance = LeafAppearance(
         color=read_color(options.color, "--color") if options.color else LeafAppearance().color,

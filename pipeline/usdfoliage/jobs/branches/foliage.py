@@ -7,20 +7,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.asset.leaf_representations import (
+    MAX_LEAVES_OF_ALL,
+    check_memory,
+    default_representations,
+    note_bezier_alone,
+    read_settings,
+)
 from usdfoliage.asset.locate import require_leaves, select_representation
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.packages.contents import interface_of, matrix_in_plant, read_leaf_appearance, require_plant
 from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAppearance
 from usdfoliage.asset.parts.leaves import read_leaves
-from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.foliage.place import FoliageSettings, LeafPlaces, place_leaves
 from usdfoliage.branch.foliage.species import GENERIC, Species, describe_species, load_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.errors import AssetError
-from usdfoliage.jobs.edits.change import bake_leaves, move_leaves, remaining_edits
-from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL, note_bezier_alone
-from usdfoliage.jobs.edits.settings import check_memory, read_settings
 from usdfoliage.jobs.report.table import Row
+from usdfoliage.leaf.change import bake_leaves, move_leaves, remaining_edits
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import LeafEdits
 from usdfoliage.leaf.shape.fold import find_folds
@@ -127,7 +131,7 @@ def grow_leaves(
         remarks.append(remark("leaves-left-out", text, remedy=remedy))
     if not count:
         remarks.append(remark("no-twig-for-leaves", "no twig is thin enough to carry leaves"))
-    default_forms = tuple(REPRESENTATIONS) if count <= MAX_LEAVES_OF_ALL else ("bezier",)
+    default_forms = default_representations(count)
     if request.representations is None and count > MAX_LEAVES_OF_ALL:
         remarks.append(note_bezier_alone())
     written = read_settings(request.representations or default_forms, request.resolution)

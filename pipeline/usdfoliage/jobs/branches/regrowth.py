@@ -10,8 +10,8 @@ from usdfoliage.branch.growth.grow import GrownBranches
 from usdfoliage.branch.growth.regrowth import RegrowthSettings, fill_hidden, regrow, vary_growth
 from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
-from usdfoliage.jobs.branches.plant_cloud import PlantCloud
 from usdfoliage.jobs.branches.warnings import check_growth
+from usdfoliage.jobs.plant_cloud import PlantCloud
 from usdfoliage.remarks import Remark, remark
 
 TRACE, GROW = METHODS = ("trace", "grow")

@@ -35,11 +35,11 @@ from usdfoliage.jobs.branches.foliage import (
     read_fitted_leaves,
 )
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_leaves
-from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.tracing import trace_cloud
 from usdfoliage.jobs.branches.warnings import check_surface
+from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, merge_remarks, remark

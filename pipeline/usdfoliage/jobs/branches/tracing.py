@@ -8,8 +8,8 @@ from usdfoliage.branch.tracing.free_axes import keep_free_branches, points_of_br
 from usdfoliage.branch.tracing.higher_feet import stands_on_stem
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.errors import FitError
-from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.branches.warnings import FEW_ROUND, check_stems
+from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.progress import StepProgress, follow_step, progress_of_shares
 from usdfoliage.remarks import Remark, remark
 

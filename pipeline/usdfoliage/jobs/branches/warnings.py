@@ -1,9 +1,7 @@
 """Checks of an asset of branches: each returns a list of warnings with their remedies, empty where all is well."""
 
-from usdfoliage.capture.cloud_files.units import UNITS
-from usdfoliage.remarks import Remark, Remedy, Setting, remark
+from usdfoliage.remarks import Remark, Setting, remark
 
-_PLANT_M = (0.05, 130.0)  # height of a plant: below it seedlings, above it none
 _UNJOINED = 0.3  # share of the branches,
 _FEW = 5  # of which so many may always be without a join
 FEW_ROUND = 0.05  # share of the circles, from which on they are believed without a stem
@@ -12,31 +10,6 @@ _REACHED = 0.7  # share of the points
 _LONGER = 4  # times the internode, with which growth reaches points farther apart
 
 _GROW = "try the method grow of usdfoliage branches"
-
-
-def check_height(height_m: float, metres_per_unit: float) -> list[Remark]:
-    """A warning where a cloud's plant is of no plant's height, with the units that give one.
-
-    Args:
-        height_m: Of the plant.
-        metres_per_unit: The unit that the height was taken by.
-    """
-    min_m, max_m = _PLANT_M
-    if min_m <= height_m <= max_m:
-        return []
-    heights_m = {name: height_m / metres_per_unit * size for name, size in UNITS.items()}
-    likely = {name: own_m for name, own_m in heights_m.items() if min_m <= own_m <= max_m}
-    remedy: Remedy = ("look at the cloud's unit",)
-    if likely:
-        units = [
-            (Setting(name="capture.toml:metres_per_unit", value=f"{UNITS[name]:g}"), f" ({own_m:.3g} m high)")
-            for name, own_m in likely.items()
-        ]
-        others = (part for unit in units[1:] for part in (" or ", *unit))
-        remedy = ("its unit is probably another one; give ", *units[0], *others)
-    height = f"{1000 * height_m:.3g} mm" if height_m < min_m else f"{height_m:,.0f} m"
-    text = f"the plant is {height} high, {'lower' if height_m < min_m else 'higher'} than plants are"
-    return [remark("plant-height-improbable", text, remedy=remedy)]
 
 
 def check_stems(believed: float, stems: float, internode_m: float) -> list[Remark]:

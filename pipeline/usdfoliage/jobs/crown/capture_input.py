@@ -14,7 +14,7 @@ from usdfoliage.capture.view import View
 from usdfoliage.crown.leaf_colors import find_green_points, have_color
 from usdfoliage.crown.views import CrownPicture, CrownView
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_plant_cloud
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.pictures import shrink_to
 from usdfoliage.progress import StepProgress
 from usdfoliage.remarks import Remark, remark

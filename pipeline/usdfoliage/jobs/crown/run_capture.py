@@ -27,11 +27,11 @@ from usdfoliage.crown.reconstruct import (
 from usdfoliage.errors import FitError
 from usdfoliage.files.hashing import digest_file, hash_each
 from usdfoliage.geometry.color import decode_srgb
-from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
 from usdfoliage.jobs.crown.capture_report import DrawnCrown, captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
 from usdfoliage.jobs.crown.written import WrittenCrown
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.preview.pictures import remark_missing_pictures
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from usdfoliage import __version__
+from usdfoliage.asset.leaf_representations import check_memory, read_representations, read_settings
 from usdfoliage.asset.locate import find_leaves, require_leaves, select_leafy_lod, select_representation
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.packages.contents import (
@@ -35,9 +36,8 @@ from usdfoliage.asset.provenance import package_versions
 from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import AssetError, FitError
-from usdfoliage.jobs.edits.change import bake_leaves, join_leaves, move_leaves, remaining_edits
 from usdfoliage.jobs.edits.edit import Value, changed_edits, show_value
-from usdfoliage.jobs.edits.settings import check_memory, read_representations, read_settings
+from usdfoliage.leaf.change import bake_leaves, join_leaves, move_leaves, remaining_edits
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 from usdfoliage.progress import StepProgress

@@ -7,22 +7,19 @@ from pathlib import Path
 import numpy as np
 
 from usdfoliage import __version__
+from usdfoliage.asset.leaf_representations import MAX_LEAVES_OF_ALL, needed_memory, note_bezier_alone
 from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.edits.settings import (
-    fingerprint,
-    needed_memory,
-)
+from usdfoliage.files.hashing import digest_files
 from usdfoliage.leaf.shape.spray import SpraySettings, scatter_spray
 from usdfoliage.leaf.shape.variation import VariationSettings, vary_colors
 from usdfoliage.progress import StepProgress
-from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
+from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
 MAX_LEAVES = 10_000_000
-MAX_LEAVES_OF_ALL = 2000  # up to here every representation is written unless others are asked for
 MAX_PATCHES = 100_000  # one prim a leaf: beyond it no application opens the representation nurbs
 LENGTHS_M = (1e-6, 1e3)
 MAX_VARIATION = 10.0  # there leaves are a dozen times as wide as others
@@ -74,7 +71,7 @@ def scatter_asset(request: ScatterRequest, progress: StepProgress | None = None)
             generator=f"usdfoliage {__version__}",
             seed=request.seed,
             settings=describe_settings(request),
-            input_sha256=fingerprint([request.appearance.texture, request.appearance.jitter_map]),
+            input_sha256=digest_files([request.appearance.texture, request.appearance.jitter_map]),
         )
         interface = write_leaf_asset(
             folder, request.name, leaves, provenance, request.settings, appearance=request.appearance
@@ -147,13 +144,6 @@ def read_spray(length_m: float, variation: float) -> SpraySettings:
         length_variation=SpraySettings().length_variation * variation,
         variation=VariationSettings(amount=variation),
     )
-
-
-def note_bezier_alone() -> Remark:
-    """So many leaves are written in one representation unless others are asked for."""
-    text = f"beyond {MAX_LEAVES_OF_ALL:,} leaves only bezier is written"
-    remedy = ("name others with ", Setting(name="plant.representations"), " (nurbs has one prim a leaf)")
-    return remark("bezier-alone", text, remedy=remedy)
 
 
 def _remarks(request: ScatterRequest) -> list[Remark]:

@@ -10,20 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
+from usdfoliage.asset.leaf_representations import check_memory, default_representations
 from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings, leaf_texture_file
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
-from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.capture.folder.read import Capture, CaptureViews, read_capture, read_view, read_views
 from usdfoliage.capture.mvs.plane_sweep import sweep_depths
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError, PreviewError
+from usdfoliage.files.hashing import digest_files
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import encode_srgb
-from usdfoliage.jobs.edits.change import move_leaves
-from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL
-from usdfoliage.jobs.edits.settings import check_memory, fingerprint
 from usdfoliage.jobs.leaves.report import LeavesReport, measure_rows, write_leaves_report
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.preview.pictures import (
@@ -36,6 +34,7 @@ from usdfoliage.jobs.preview.pictures import (
 from usdfoliage.jobs.report.pictures import shrink_camera
 from usdfoliage.jobs.report.table import Row, WrittenReport, choose_evenly
 from usdfoliage.jobs.work.settings_file import list_settings
+from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.model_file import LeavesModel
 from usdfoliage.leaf.photographs.average_texture import AverageTexture
@@ -330,7 +329,7 @@ def choose_representations(request: LeavesRequest, count: int) -> tuple[str, ...
     """Those asked for; else all of them for as many leaves as anything opens."""
     if request.representations is not None:
         return request.representations
-    return tuple(REPRESENTATIONS) if count <= MAX_LEAVES_OF_ALL else ("bezier",)
+    return default_representations(count)
 
 
 def write_asset(folder: Path, request: LeavesRequest, made: FoundLeaves, settings: LeafAssetSettings) -> Path:
@@ -342,7 +341,7 @@ def write_asset(folder: Path, request: LeavesRequest, made: FoundLeaves, setting
         generator=f"usdfoliage {__version__}",
         seed=request.seed,
         settings=describe_settings(request),
-        input_sha256=fingerprint(list_inputs(capture)),
+        input_sha256=digest_files(list_inputs(capture)),
     )
     appearance = LeafAppearance() if model.plain_color is None else LeafAppearance(color=model.plain_color)
     with temporary_folder("leaf") as work:

@@ -7,11 +7,11 @@ from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branches.foliage import FoliageRequest
-from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.plant.pages.pictures import PictureSettings
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.work.settings_file import set_everywhere
 
 LeafDepth = Literal["auto", "given", "estimated"]

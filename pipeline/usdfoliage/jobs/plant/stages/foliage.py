@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage.asset.leaf_representations import default_representations
 from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAssetSettings
-from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.branch.foliage.place import FoliageSettings as GrownSettings
 from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.branch.model_file import TracedPlant
@@ -20,12 +20,11 @@ from usdfoliage.jobs.branches.foliage import (
     FoliageRequest,
     grow_leaves,
 )
-from usdfoliage.jobs.edits.change import move_leaves
-from usdfoliage.jobs.edits.scatter import MAX_LEAVES_OF_ALL
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves
 from usdfoliage.jobs.plant.stages.parts import known_species
 from usdfoliage.jobs.report.table import Row
+from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.fill import FillSettings, fill_places
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import slim_leaves
@@ -237,4 +236,4 @@ def _surest(leaves: Leaves) -> Leaves:
 def _representations(settings: BuildSettings, count: int) -> tuple[str, ...]:
     if settings.plant.representations is not None:
         return settings.plant.representations
-    return tuple(REPRESENTATIONS) if count <= MAX_LEAVES_OF_ALL else ("bezier",)
+    return default_representations(count)

@@ -19,7 +19,6 @@ from usdfoliage.crown.hull import HullSettings
 from usdfoliage.crown.model_file import write_crown_model
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import AssetError, CaptureError, FoliageError
-from usdfoliage.jobs.branches.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.branches.run import BranchesRequest, find_branches, report_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.crown.capture_input import PlantPoints
@@ -42,6 +41,7 @@ from usdfoliage.jobs.plant.stages.models import (
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
+from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.report.table import WrittenReport
 from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.model_file import write_leaves_model

@@ -1,16 +1,15 @@
-"""The user's settings of how an asset of leaves is written, checked."""
+"""Which representations an asset of leaves gets, and whether this machine has the memory to write them."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
-from usdfoliage.asset.materials.jitter_map import read_jitter_map
 from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.asset.variants import REPRESENTATIONS
-from usdfoliage.errors import CaptureError, FoliageError
-from usdfoliage.files.hashing import hash_each, hash_file
+from usdfoliage.errors import FoliageError
 from usdfoliage.leaf.shape.mesh import LeafMeshSettings
+from usdfoliage.remarks import Remark, Setting, remark
 
+MAX_LEAVES_OF_ALL = 2000  # up to here every representation is written unless others are asked for
 # Of memory, measured with tens of thousands of leaves; one representation is written after another.
 BYTES_A_LEAF: Mapping[str, int] = {"bezier": 1100, "nurbs": 42_000, "subdiv": 7500, "mesh": 0}
 BYTES_A_CELL = 180  # of a leaf of the mesh
@@ -27,6 +26,18 @@ def read_representations(names: Sequence[str]) -> tuple[str, ...]:
     if unknown:
         raise FoliageError(f"there is no representation {unknown[0]!r}; there are {', '.join(REPRESENTATIONS)}")
     return tuple(name for name in REPRESENTATIONS if name in names or name == "bezier")
+
+
+def default_representations(count: int) -> tuple[str, ...]:
+    """The representations of so many leaves where the user asks for none: all, or bezier alone for many leaves."""
+    return tuple(REPRESENTATIONS) if count <= MAX_LEAVES_OF_ALL else ("bezier",)
+
+
+def note_bezier_alone() -> Remark:
+    """So many leaves are written in one representation unless others are asked for."""
+    text = f"beyond {MAX_LEAVES_OF_ALL:,} leaves only bezier is written"
+    remedy = ("name others with ", Setting(name="plant.representations"), " (nurbs has one prim a leaf)")
+    return remark("bezier-alone", text, remedy=remedy)
 
 
 def read_settings(representations: Sequence[str], resolution: Sequence[int] | None) -> LeafAssetSettings:
@@ -56,32 +67,3 @@ def check_memory(count: int, settings: LeafAssetSettings) -> None:
             f"memory, this machine has {there / 2**30:,.0f}",
             "choose fewer representations, or a coarser resolution",
         )
-
-
-def check_pictures(texture: Path | None, jitter_map: Path | None) -> None:
-    """Raises CaptureError for a picture that cannot be read."""
-    if texture is not None:
-        check_texture(texture)
-    if jitter_map is not None:
-        read_jitter_map(jitter_map)
-
-
-def check_texture(path: Path) -> None:
-    """Raises CaptureError for a file that is no image."""
-    import OpenImageIO as oiio
-
-    if not path.is_file():
-        raise CaptureError(f"{path} does not exist", "name a picture of a leaf")
-    try:
-        source = oiio.ImageInput.open(str(path))
-    except TypeError as error:  # a name that is not valid Unicode
-        raise CaptureError(f"the file name of {path!r} is not valid Unicode", "rename it") from error
-    if source is None:
-        reason = (oiio.geterror() or "no reason given").splitlines()[0]
-        raise CaptureError(f"{path} is no image that can be read ({reason})", "use PNG, JPEG, TIFF or EXR")
-    source.close()
-
-
-def fingerprint(files: Iterable[Path | None]) -> str:
-    """SHA-256 of files' bytes, one after the other."""
-    return hash_each(hash_file(path) for path in files if path is not None).hex()

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from usdfoliage.branch.tracing.roots import RootSettings
-from usdfoliage.jobs.branches.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
+from usdfoliage.cli.remarks import render_for
+from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, check_height, read_plant_cloud
 
 from tests.support.cloud_files import write_ply
 
@@ -89,3 +90,26 @@ def test_black_points_have_no_colour_and_darken_none(tmp_path, max_points):
     black = ~cloud.colors.any(axis=1)
     np.testing.assert_allclose(cloud.colors[~black], np.tile([60, 120, 40], ((~black).sum(), 1)), atol=1e-3)
     assert black.mean() < 0.7
+
+
+@pytest.mark.parametrize(("height_m", "metres_per_unit"), [(0.05, 1.0), (0.3, 0.001), (130.0, 1.0), (4.0, 0.01)])
+def test_heights_of_plants_are_no_warning(height_m, metres_per_unit):
+    assert check_height(height_m, metres_per_unit) == []
+
+
+@pytest.mark.parametrize(
+    ("height_m", "metres_per_unit", "text", "units"),
+    [
+        (0.0049, 0.001, "4.9 mm high", {"m": "4.9 m high", "ft": "1.49 m high"}),
+        (4940.0, 1.0, "4,940 m high", {"cm": "49.4 m high", "mm": "4.94 m high"}),
+        (0.02, 1.0, "20 mm high", {}),
+    ],
+)
+def test_another_height_is_a_warning_with_the_units_that_a_plant_has(height_m, metres_per_unit, text, units):
+    (warning,) = check_height(height_m, metres_per_unit)
+    sentence = warning.sentence(render_for("branches"))
+    assert warning.code == "plant-height-improbable"
+    assert text in sentence
+    assert sentence.count("--unit") == len(units)
+    for name, height in units.items():
+        assert f"--unit {name} ({height})" in sentence

@@ -20,11 +20,11 @@ from usdfoliage.capture.cloud_files.units import UNITS
 from usdfoliage.capture.cloud_files.up_axis import axis_vector, find_cloud_up, turn_to_y_up
 from usdfoliage.errors import FitError, FoliageError
 from usdfoliage.geometry.point_cells import cell_means, number_cells
-from usdfoliage.jobs.branches.warnings import check_height
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, Remedy, Setting, remark
 
 MIN_POINTS = 50  # of a plant without its ground
+_PLANT_M = (0.05, 130.0)  # height of a plant: below it seedlings, above it none
 _CLOSEST = 0.3  # internodes: points closer together take time and show nothing more
 _WORTH = 0.67  # share of the points that is left, above which a cloud stays as it is
 
@@ -194,6 +194,31 @@ def _explain_few(
         return FitError(described)
     remedy = ("give a cloud of a plant, and ", Setting(name="capture.toml:up_axis"), " if another of its axes is up")
     return FitError(described, remedy)
+
+
+def check_height(height_m: float, metres_per_unit: float) -> list[Remark]:
+    """A warning where a cloud's plant is of no plant's height, with the units that give one.
+
+    Args:
+        height_m: Of the plant.
+        metres_per_unit: The unit that the height was taken by.
+    """
+    min_m, max_m = _PLANT_M
+    if min_m <= height_m <= max_m:
+        return []
+    heights_m = {name: height_m / metres_per_unit * size for name, size in UNITS.items()}
+    likely = {name: own_m for name, own_m in heights_m.items() if min_m <= own_m <= max_m}
+    remedy: Remedy = ("look at the cloud's unit",)
+    if likely:
+        units = [
+            (Setting(name="capture.toml:metres_per_unit", value=f"{UNITS[name]:g}"), f" ({own_m:.3g} m high)")
+            for name, own_m in likely.items()
+        ]
+        others = (part for unit in units[1:] for part in (" or ", *unit))
+        remedy = ("its unit is probably another one; give ", *units[0], *others)
+    height = f"{1000 * height_m:.3g} mm" if height_m < min_m else f"{height_m:,.0f} m"
+    text = f"the plant is {height} high, {'lower' if height_m < min_m else 'higher'} than plants are"
+    return [remark("plant-height-improbable", text, remedy=remedy)]
 
 
 def _check_internode(points_m: NDArray[np.float64], request: PlantCloudRequest) -> None:
