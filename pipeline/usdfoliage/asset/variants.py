@@ -1,7 +1,7 @@
 """The variant sets of an asset: declared on the interface, filled in the payload."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from pxr import Sdf, Usd
@@ -60,3 +60,9 @@ REPRESENTATIONS: Mapping[str, str] = {  # and the layer of each, in the payload'
     "subdiv": "leaves_subdiv.usdc",
     "mesh": "leaves_mesh.usdc",
 }
+
+
+def order_variants(names: Iterable[str]) -> list[str]:
+    """Names of variants in the order of REPRESENTATIONS where they are there, others after them by name."""
+    order = {name: number for number, name in enumerate(REPRESENTATIONS)}
+    return sorted(names, key=lambda name: (order.get(name, len(order)), name))

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdValidation
 from usdfoliage.asset.packages.other_parts import read_other_parts
-from usdfoliage.asset.packages.plant_package import write_plant_asset
+from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.validation import validate as validation
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.jobs.branches.motion import BranchMotion
 
+from tests.support.asset_shapes import list_shape, read_shape
 from tests.support.branch_motions import leaves_on, write_moving
 from tests.support.branch_shapes import fork
 from tests.support.plant_assets import RUN, round_crown
@@ -96,3 +97,22 @@ def test_its_hint_holds_all_frames(assets, lod):
         )
         assert (hint[number, 0] <= np.array(box.min) + 1e-4).all()
         assert (hint[number, 1] >= np.array(box.max) - 1e-4).all()
+
+
+@pytest.mark.parametrize("lod", [None, "both", "crown", "auto"])
+def test_the_shape_that_the_writer_reports_is_that_of_the_composed_asset(assets, lod, tmp_path):
+    shapes = []
+    write_plant_asset(
+        tmp_path,
+        "oak",
+        provenance=RUN,
+        asset_from_capture=np.diag([0.01, 0.01, 0.01, 1.0]),
+        branches=read_other_parts(assets[0]),
+        foliage=leaves_on(fork(), "bezier", "mesh").foliage,
+        crown=round_crown(),
+        settings=PlantAssetSettings(lod=lod),
+        thumbnail=lambda interface, shape: shapes.append(shape),
+    )
+    (shape,) = shapes
+    assert {"lod", "representation", "rig", "growth"} <= shape.variants.keys()
+    assert list_shape(shape) == list_shape(read_shape(tmp_path))

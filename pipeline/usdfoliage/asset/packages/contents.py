@@ -20,7 +20,7 @@ from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
 from usdfoliage.asset.stored_numbers import stored_numbers
-from usdfoliage.asset.variants import REPRESENTATIONS
+from usdfoliage.asset.variants import order_variants
 from usdfoliage.errors import AssetError
 
 _FOLIAGE = "Foliage"  # begins the names of our schemas
@@ -251,9 +251,7 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
 
 def _variant_names(plant: Usd.Prim, variant_set: str) -> list[str]:
     """In the order of usdfoliage where it has one; USD sorts them by name."""
-    order = {name: number for number, name in enumerate(REPRESENTATIONS)}
-    names = plant.GetVariantSets().GetVariantSet(variant_set).GetVariantNames()
-    return sorted(names, key=lambda name: (order.get(name, len(order)), name))
+    return order_variants(plant.GetVariantSets().GetVariantSet(variant_set).GetVariantNames())
 
 
 def _schemas(plant: Usd.Prim) -> dict[str, tuple[str, ...]]:

@@ -20,6 +20,7 @@ from usdfoliage.asset.packages.assembly import (
     merge_relationships,
     write_interface,
 )
+from usdfoliage.asset.packages.asset_shape import AssetShape, shape_of
 from usdfoliage.asset.packages.lods import (
     AUTO_LAYER,
     BOTH_LAYER,
@@ -44,7 +45,7 @@ from usdfoliage.errors import AssetError
 THUMBNAILS = "thumbnails"  # folder of the asset
 MAX_SIZE = 0.25  # of the picture's area: a plant that covers more is shown with its leaves, however small they are
 
-DrawThumbnail = Callable[[Path], Path | None]  # called with the interface layer
+DrawThumbnail = Callable[[Path, AssetShape], Path | None]  # called with the interface layer and what it holds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +96,7 @@ def write_plant_asset(
         more: Parts of other kinds, each shown near, far or as a guide, as its Part states.
         settings: How it is written.
         thumbnail: PNG picture of the plant, which is copied; or a function that draws it of the asset, or gives None
-            where it cannot.
+            where it cannot. The function is called once, with the asset's shape beside its interface layer.
 
     Returns:
         The interface layer, folder/<name>.usda.
@@ -177,7 +178,7 @@ def _write_whole(
     )
     interface = close_asset(place, parts, plant, sets, [f"./{MATERIAL_LAYER}"])
     if callable(thumbnail):  # the interface alone is written again, once there is something to draw
-        picture = _copy_thumbnail(place, thumbnail(interface))
+        picture = _copy_thumbnail(place, thumbnail(interface, shape_of(plant, sets)))
         if picture:
             interface = write_interface(place, parts, replace(plant, thumbnail=picture), sets)
     return interface

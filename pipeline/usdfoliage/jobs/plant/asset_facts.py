@@ -1,9 +1,12 @@
 """What the stage that writes a plant's asset knows of it, in a file beside the asset in its result."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from usdfoliage.asset.packages.asset_shape import AssetShape
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.report.table import Row
@@ -11,13 +14,26 @@ from usdfoliage.jobs.report.table import Row
 ASSET_FACTS = "asset_facts.json"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class AssetFacts:
     """The numbers of a plant's asset; the rows of reports are made of them."""
 
     leaves: int
     foliage: str  # the kind of the leaves, as foliage.kind of the settings
     branches: int
+    shape: AssetShape
+
+    @property
+    def height_m(self) -> float | None:
+        """Height above the ground."""
+        extent_m = self.shape.extent_m
+        return None if extent_m is None else float(extent_m[1][1] - min(extent_m[0][1], 0))
+
+    @property
+    def width_m(self) -> float | None:
+        """The larger side of its ground plan."""
+        extent_m = self.shape.extent_m
+        return None if extent_m is None else float((extent_m[1] - extent_m[0])[[0, 2]].max())
 
     def count_rows(self) -> list[Row]:
         """The rows of the report on how many leaves and branches there are."""
@@ -29,15 +45,35 @@ class AssetFacts:
 
 def write_asset_facts(folder: Path, facts: AssetFacts) -> None:
     """Write the file into the folder of the result."""
-    (folder / ASSET_FACTS).write_text(json.dumps(asdict(facts), indent=1) + "\n", encoding="utf-8")
+    shape = facts.shape
+    values = {
+        "leaves": facts.leaves,
+        "foliage": facts.foliage,
+        "branches": facts.branches,
+        "extent_m": None if shape.extent_m is None else shape.extent_m.tolist(),
+        "asset_from_capture": shape.asset_from_capture.tolist(),
+        "variants": {name: list(members) for name, members in shape.variants.items()},
+        "selections": dict(shape.selections),
+    }
+    (folder / ASSET_FACTS).write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
 
 
 def read_asset_facts(folder: Path) -> AssetFacts:
     """The facts in the folder of a result; CaptureError where they cannot be read."""
     try:
         values = read_json(folder / ASSET_FACTS)
-        return AssetFacts(
-            leaves=int(values["leaves"]), foliage=str(values["foliage"]), branches=int(values["branches"])
+        extent_m = values["extent_m"]
+        shape = AssetShape(
+            extent_m=None if extent_m is None else np.array(extent_m, np.float64).reshape(2, 3),
+            asset_from_capture=np.array(values["asset_from_capture"], np.float64).reshape(4, 4),
+            variants={str(name): tuple(map(str, members)) for name, members in values["variants"].items()},
+            selections={str(name): str(member) for name, member in values["selections"].items()},
         )
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return AssetFacts(
+            leaves=int(values["leaves"]),
+            foliage=str(values["foliage"]),
+            branches=int(values["branches"]),
+            shape=shape,
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise CaptureError(f"{folder / ASSET_FACTS} cannot be read ({error})", "run the same command again") from error

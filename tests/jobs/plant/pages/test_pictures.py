@@ -4,6 +4,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from usdfoliage.asset.packages.asset_shape import AssetShape
 from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.capture.folder.read import read_capture
@@ -23,6 +24,7 @@ from usdfoliage.jobs.plant.pages.pictures import (
 from usdfoliage.jobs.report.page_pictures import read_picture
 from usdfoliage.leaf.shape.mesh import build_leaf_mesh
 
+from tests.support.asset_shapes import read_shape
 from tests.support.captures import look_at, write_photo, write_text_model
 from tests.support.leaves.assets import PROVENANCE, random_leaves
 
@@ -69,6 +71,11 @@ def plant(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def shape(plant):
+    return read_shape(plant / "asset")
+
+
 def draw_mask(path, camera, points_m, mesh):
     """Fill every face where a pinhole camera sees it."""
     places, _ = camera.project(points_m)
@@ -81,8 +88,8 @@ def draw_mask(path, camera, points_m, mesh):
 
 
 @pytest.mark.preview
-def test_the_plant_lies_on_its_masks_from_every_camera(plant, tmp_path):
-    compared = draw_comparisons(plant / "asset", read_capture(plant / "capture"), tmp_path, SMALL)
+def test_the_plant_lies_on_its_masks_from_every_camera(plant, shape, tmp_path):
+    compared = draw_comparisons(plant / "asset", shape, read_capture(plant / "capture"), tmp_path, SMALL)
     assert len(compared.comparisons) == 2
     assert compared.remarks == ()
     for one in compared.comparisons:
@@ -93,22 +100,25 @@ def test_the_plant_lies_on_its_masks_from_every_camera(plant, tmp_path):
 
 
 @pytest.mark.preview
-def test_a_photograph_that_is_damaged_is_left_out_and_one_without_mask_has_no_figure(plant, tmp_path):
+def test_a_photograph_that_is_damaged_is_left_out_and_one_without_mask_has_no_figure(plant, shape, tmp_path):
     shutil.copytree(plant / "capture", tmp_path / "capture")
     shutil.rmtree(tmp_path / "capture" / "masks")
     (tmp_path / "capture" / "images" / "1.png").write_bytes(b"no picture")
     settings = PictureSettings(comparisons=3, comparison_px=64, samples=1)
-    compared = draw_comparisons(plant / "asset", read_capture(tmp_path / "capture"), tmp_path / "out", settings)
+    compared = draw_comparisons(plant / "asset", shape, read_capture(tmp_path / "capture"), tmp_path / "out", settings)
     assert [(one.name, one.iou) for one in compared.comparisons] == [("0.png", None), ("2.png", None)]
     assert [(each.code, each.subject) for each in compared.remarks] == [("photographs-not-compared", "1.png")]
 
 
 @pytest.mark.preview
-def test_pictures_are_the_same_bytes_when_drawn_again(plant, tmp_path):
+def test_pictures_are_the_same_bytes_when_drawn_again(plant, shape, tmp_path):
     drawn = []
     for folder in (tmp_path / "a", tmp_path / "b"):
-        paths = [*draw_turntable(plant / "asset", folder, SMALL), draw_thumbnail(plant / "asset", folder, SMALL)]
-        compared = draw_comparisons(plant / "asset", read_capture(plant / "capture"), folder, SMALL)
+        paths = [
+            *draw_turntable(plant / "asset", shape, folder, SMALL),
+            draw_thumbnail(plant / "asset", shape, folder, SMALL),
+        ]
+        compared = draw_comparisons(plant / "asset", shape, read_capture(plant / "capture"), folder, SMALL)
         paths += [path for one in compared.comparisons for path in (one.photograph, one.drawing)]
         drawn.append({path.name: path.read_bytes() for path in paths})
     assert len(drawn[0]) == 2 + 1 + 4
@@ -121,8 +131,8 @@ def test_pictures_are_the_same_bytes_when_drawn_again(plant, tmp_path):
 
 
 @pytest.mark.preview
-def test_every_variant_of_a_choice_is_drawn_from_one_place(plant, tmp_path):
-    drawn = draw_variants(plant / "asset", tmp_path, SMALL)
+def test_every_variant_of_a_choice_is_drawn_from_one_place(plant, shape, tmp_path):
+    drawn = draw_variants(plant / "asset", shape, tmp_path, SMALL)
     assert [(one.set, one.name, one.is_default) for one in drawn] == [
         ("representation", "bezier", True),
         ("representation", "mesh", False),
@@ -131,15 +141,17 @@ def test_every_variant_of_a_choice_is_drawn_from_one_place(plant, tmp_path):
     assert np.mean(np.abs(bezier - mesh).max(axis=2) > 40) < 0.05  # the same leaves in the same places
 
 
-def test_without_photographs_nothing_is_compared(plant, tmp_path):
+def test_without_photographs_nothing_is_compared(plant, shape, tmp_path):
     settings = PictureSettings(comparisons=0)
-    assert draw_comparisons(plant / "asset", read_capture(plant / "capture"), tmp_path, settings) == DrawnComparisons()
+    compared = draw_comparisons(plant / "asset", shape, read_capture(plant / "capture"), tmp_path, settings)
+    assert compared == DrawnComparisons()
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_no_asset_is_refused(tmp_path):
+    shape = AssetShape(extent_m=None, asset_from_capture=np.eye(4), variants={}, selections={})
     with pytest.raises(AssetError, match="does not exist"):
-        draw_turntable(tmp_path / "gone", tmp_path)
+        draw_turntable(tmp_path / "gone", shape, tmp_path)
 
 
 def test_silhouettes_are_compared_at_the_size_of_the_drawing():

@@ -14,7 +14,7 @@ from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branc
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.crown.model_file import MadeCrown, write_crown_model
-from usdfoliage.jobs.plant.asset_facts import AssetFacts, read_asset_facts
+from usdfoliage.jobs.plant.asset_facts import read_asset_facts
 from usdfoliage.jobs.plant.settings import BuildSettings, PictureStageSettings
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset
 from usdfoliage.jobs.plant.stages.models import read_captured_leaves
@@ -23,6 +23,7 @@ from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.model_file import LeavesModel, write_leaves_model
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 
+from tests.support.asset_shapes import list_shape, read_shape
 from tests.support.branch_shapes import fork
 from tests.support.leaves.assets import two_leaves
 from tests.support.plant_assets import round_crown
@@ -74,7 +75,9 @@ def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_pa
     assemble_asset(call)  # type: ignore[arg-type]
     stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
     assert stage.GetDefaultPrim().GetVariantSet("lod").GetVariantSelection() == lod
-    assert read_asset_facts(call.out) == AssetFacts(leaves=2, foliage="captured", branches=0)
+    facts = read_asset_facts(call.out)
+    assert (facts.leaves, facts.foliage, facts.branches) == (2, "captured", 0)
+    assert list_shape(facts.shape) == list_shape(read_shape(call.out / "asset"))
     rows = read_summary(call.out).rows
     assert [(row.name, row.value) for row in rows[:2]] == [("leaves", "2"), ("branches", "0")]
     summary = read_summary(call.out)

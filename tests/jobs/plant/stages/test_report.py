@@ -5,8 +5,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+from usdfoliage.asset.packages.asset_shape import AssetShape
 from usdfoliage.capture.folder.read import Capture
+from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.pages.pictures import DrawnComparisons
 from usdfoliage.jobs.plant.pages.report import Comparison
 from usdfoliage.jobs.plant.settings import BuildSettings
@@ -27,9 +30,12 @@ def test_the_plant_is_compared_by_the_masks_that_it_is_made_by(
     write_capture(results[stage] / "capture" / "fern")
     if masks == "drawn":
         (results[stage] / "drawn_masks.txt").write_text("so they are")
+    shape = AssetShape(extent_m=None, asset_from_capture=np.eye(4), variants={}, selections={})
+    results["asset"].mkdir()
+    write_asset_facts(results["asset"], AssetFacts(leaves=1, foliage="captured", branches=0, shape=shape))
     seen: list[Capture] = []
 
-    def draw(asset: Path, capture: Capture, folder: Path, *rest: Any) -> DrawnComparisons:
+    def draw(asset: Path, shape: AssetShape, capture: Capture, folder: Path, *rest: Any) -> DrawnComparisons:
         seen.append(capture)
         photograph, drawing = folder / "photograph.jpg", folder / "plant.png"
         compared = (

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.asset.looks.look import open_asset
-from usdfoliage.asset.packages.contents import PlantFacts, interface_of, read_plant_facts, require_plant
+from usdfoliage.asset.packages.asset_shape import AssetShape
+from usdfoliage.asset.packages.contents import interface_of
 from usdfoliage.asset.publish_file import publish_written
 from usdfoliage.capture.folder.read import Capture, read_view
 from usdfoliage.capture.view import View
@@ -83,7 +83,11 @@ class DrawnVariant:
 
 
 def draw_turntable(
-    asset: Path, folder: Path, settings: PictureSettings = PictureSettings(), progress: Progress | None = None
+    asset: Path,
+    shape: AssetShape,
+    folder: Path,
+    settings: PictureSettings = PictureSettings(),
+    progress: Progress | None = None,
 ) -> list[Path]:
     """Draw turntable_000.png … into folder, all by one start of Storm; returns them in their order.
 
@@ -93,7 +97,7 @@ def draw_turntable(
     """
     interface, _ = interface_of(asset)
     count = settings.turntable_frames
-    size_px = _fit_shape(_read_facts(asset), settings.turntable_px)
+    size_px = _fit_shape(shape, settings.turntable_px)
     views = [
         PreviewView(
             output=folder / f"turntable_{number:03}.png",
@@ -107,7 +111,7 @@ def draw_turntable(
     return render_views(interface, views, settings.preview(settings.turntable_px), progress)
 
 
-def draw_thumbnail(asset: Path, folder: Path, settings: PictureSettings = PictureSettings()) -> Path:
+def draw_thumbnail(asset: Path, shape: AssetShape, folder: Path, settings: PictureSettings = PictureSettings()) -> Path:
     """Draw thumbnail.png into folder: a square, seen from a quarter, of transparent ground.
 
     Raises:
@@ -115,13 +119,17 @@ def draw_thumbnail(asset: Path, folder: Path, settings: PictureSettings = Pictur
         AssetError: It is no asset.
     """
     interface, _ = interface_of(asset)
-    view = _three_quarter(_read_facts(asset), folder / "thumbnail.png", (settings.thumbnail_px,) * 2)
+    view = _three_quarter(shape, folder / "thumbnail.png", (settings.thumbnail_px,) * 2)
     (picture,) = render_views(interface, [view], replace(settings.preview(settings.thumbnail_px), background=None))
     return picture
 
 
 def draw_variants(
-    asset: Path, folder: Path, settings: PictureSettings = PictureSettings(), progress: Progress | None = None
+    asset: Path,
+    shape: AssetShape,
+    folder: Path,
+    settings: PictureSettings = PictureSettings(),
+    progress: Progress | None = None,
 ) -> list[DrawnVariant]:
     """Draw every variant of every set from one place, each by a start of Storm; those of a set with one are left out.
 
@@ -133,22 +141,21 @@ def draw_variants(
         AssetError: It is no asset.
     """
     interface, _ = interface_of(asset)
-    facts = _read_facts(asset)
-    size_px = _fit_shape(facts, settings.variant_px)
-    chosen = [(variant_set, name) for variant_set, names in facts.variants.items() if len(names) > 1 for name in names]
+    size_px = _fit_shape(shape, settings.variant_px)
+    chosen = [(variant_set, name) for variant_set, names in shape.variants.items() if len(names) > 1 for name in names]
     drawn = []
     for done, (variant_set, name) in enumerate(chosen):
         if progress is not None:
             progress(done, len(chosen))
         selections = [(variant_set, name)]
-        if variant_set == "representation" and "leaves" in facts.variants.get("lod", ()):
+        if variant_set == "representation" and "leaves" in shape.variants.get("lod", ()):
             selections.append(("lod", "leaves"))
         output = folder / f"variant_{variant_set}_{name}.png"
         # A crown is a proxy where leaves are drawn too, and is what `both` is about.
         purposes = ("default", "render", "proxy") if name == "both" else ("default", "render")
         preview = replace(settings.preview(settings.variant_px), variants=tuple(selections), purposes=purposes)
-        render_views(interface, [_three_quarter(facts, output, size_px)], preview)
-        is_default = facts.selections.get(variant_set) == name
+        render_views(interface, [_three_quarter(shape, output, size_px)], preview)
+        is_default = shape.selections.get(variant_set) == name
         drawn.append(DrawnVariant(set=variant_set, name=name, picture=output, is_default=is_default))
     if progress is not None:
         progress(len(chosen), len(chosen))
@@ -157,6 +164,7 @@ def draw_variants(
 
 def draw_comparisons(
     asset: Path,
+    shape: AssetShape,
     capture: Capture,
     folder: Path,
     settings: PictureSettings = PictureSettings(),
@@ -173,12 +181,11 @@ def draw_comparisons(
         AssetError: It is no asset, or a picture cannot be written.
     """
     interface, _ = interface_of(asset)
-    facts = _read_facts(asset)
     unit = capture.settings.metres_per_unit
-    asset_from_world = facts.asset_from_capture @ np.diag([1 / unit, 1 / unit, 1 / unit, 1.0])
+    asset_from_world = shape.asset_from_capture @ np.diag([1 / unit, 1 / unit, 1 / unit, 1.0])
     views: dict[int, View] = {}
     remarks = []
-    for number in _choose(capture, facts, asset_from_world, settings.comparisons):
+    for number in _choose(capture, shape, asset_from_world, settings.comparisons):
         try:
             views[number] = read_view(capture, number)
         except CaptureError as error:
@@ -225,34 +232,28 @@ def shrink_to_stage(camera: Pinhole, longest_px: int, stage_from_world: NDArray[
     return replace(shrunk, cam_from_world=shrunk.cam_from_world / scale)
 
 
-def _choose(capture: Capture, facts: PlantFacts, asset_from_world: NDArray[np.float64], max_count: int) -> list[int]:
+def _choose(capture: Capture, shape: AssetShape, asset_from_world: NDArray[np.float64], max_count: int) -> list[int]:
     """Photographs whose cameras see the plant from different sides; evenly chosen where its size is unknown."""
-    if facts.extent is None:
+    if shape.extent_m is None:
         return choose_evenly(len(capture.views), max_count)
     cameras = [
         shrink_to_stage(view.lens.pinhole(view.cam_from_world), 1000, asset_from_world) for view in capture.views
     ]
-    return choose_cameras(cameras, facts.extent, max_count)
+    return choose_cameras(cameras, shape.extent_m, max_count)
 
 
-def _read_facts(asset: Path) -> PlantFacts:
-    interface, _ = interface_of(asset)
-    stage = open_asset(interface)
-    return read_plant_facts(require_plant(stage, asset), interface)
-
-
-def _fit_shape(facts: PlantFacts, side_px: int) -> tuple[int, int]:
+def _fit_shape(shape: AssetShape, side_px: int) -> tuple[int, int]:
     """Width and height of a picture that a plant fills as it turns, with so many pixels as a square of that side."""
-    if facts.extent is None:
+    if shape.extent_m is None:
         return side_px, side_px
-    wide, high, deep = facts.extent[1] - facts.extent[0]
-    shape = float(np.clip(math.hypot(wide, deep) / max(high, 1e-9), *SHAPES))
-    return round(side_px * math.sqrt(shape)), round(side_px / math.sqrt(shape))
+    wide, high, deep = shape.extent_m[1] - shape.extent_m[0]
+    proportion = float(np.clip(math.hypot(wide, deep) / max(high, 1e-9), *SHAPES))
+    return round(side_px * math.sqrt(proportion)), round(side_px / math.sqrt(proportion))
 
 
-def _three_quarter(facts: PlantFacts, output: Path, size_px: tuple[int, int]) -> PreviewView:
+def _three_quarter(shape: AssetShape, output: Path, size_px: tuple[int, int]) -> PreviewView:
     """From a quarter; with one camera for all variants, whose bounds may differ, where the asset has its extent."""
-    if facts.extent is None:
+    if shape.extent_m is None:
         return PreviewView(output=output, direction="three-quarter", size_px=size_px)
     azimuth_rad, elevation_rad = DIRECTIONS["three-quarter"]
-    return PreviewView(output=output, pinhole=frame_box(facts.extent, azimuth_rad, elevation_rad, size_px))
+    return PreviewView(output=output, pinhole=frame_box(shape.extent_m, azimuth_rad, elevation_rad, size_px))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage import __version__
+from usdfoliage.asset.packages.asset_shape import AssetShape
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
 from usdfoliage.branch.model_file import TracedPlant
@@ -100,11 +101,15 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         if low:
             remarks.append(remark("plant-leaves-guessed", low))
     undrawn: list[Remark] = []
+    written: list[AssetShape] = []
     with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
 
-        def draw(interface: Path) -> Path | None:
+        def draw(interface: Path, shape: AssetShape) -> Path | None:
+            written.append(shape)
+            if not call.settings.pictures.make:
+                return None
             try:
-                return draw_thumbnail(interface, Path(work), call.settings.pictures)
+                return draw_thumbnail(interface, shape, Path(work), call.settings.pictures)
             except PreviewError as error:
                 text = f"the asset has no thumbnail: {error.text}"
                 undrawn.append(remark("thumbnail-missing", text, remedy=error.remedy))
@@ -125,13 +130,14 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
                 version=call.settings.plant.version,
                 lod="crown" if few or reached < _REACHED else None,
             ),
-            thumbnail=draw if call.settings.pictures.make else None,
+            thumbnail=draw,
         )
     remarks += undrawn
     facts = AssetFacts(
         leaves=0 if chosen.leaves is None else len(chosen.leaves.leaves),
         foliage=chosen.kind,
         branches=0 if traced is None else len(traced.skeleton),
+        shape=written[0],
     )
     write_asset_facts(call.out, facts)
     rows = [

@@ -1,13 +1,13 @@
 """The last tasks of a plant: pictures of the finished asset, its validation, and the report."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from usdfoliage import __version__
-from usdfoliage.asset.looks.look import open_asset
-from usdfoliage.asset.packages.contents import AssetFile, interface_of, list_files, read_plant_facts, require_plant
+from usdfoliage.asset.packages.asset_shape import AssetShape
+from usdfoliage.asset.packages.contents import AssetFile, interface_of, list_files
 from usdfoliage.asset.provenance import PACKAGES, VALIDATION_PACKAGES, package_versions
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import ValidationReport, validate_asset
@@ -64,20 +64,13 @@ TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Shape:
-    """How large an asset is, and what can be chosen in it."""
-
-    height_m: float | None  # above the ground; None where no extent is authored
-    width_m: float | None
-    variants: Mapping[str, Sequence[str]]  # names by variant set
-
-
 def turn_plant(call: StageCall) -> tuple[ResultFile, ...]:
     """Pictures from all around."""
 
     def draw() -> tuple[Remark, ...]:
-        draw_turntable(_asset_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts)
+        draw_turntable(
+            _asset_of(call), _shape_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts
+        )
         return ()
 
     return _draw(call, draw)
@@ -90,7 +83,12 @@ def compare_plant(call: StageCall) -> tuple[ResultFile, ...]:
         capture = read_capture(plant_capture(call))
         masks = "drawn" if has_drawn_masks(call) else "given"
         compared = draw_comparisons(
-            _asset_of(call), capture, call.out / _PICTURES, call.settings.pictures, call.report_parts
+            _asset_of(call),
+            _shape_of(call),
+            capture,
+            call.out / _PICTURES,
+            call.settings.pictures,
+            call.report_parts,
         )
         pictures = [
             {
@@ -112,7 +110,9 @@ def show_variants(call: StageCall) -> tuple[ResultFile, ...]:
     """A picture of every variant."""
 
     def draw() -> tuple[Remark, ...]:
-        drawn = draw_variants(_asset_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts)
+        drawn = draw_variants(
+            _asset_of(call), _shape_of(call), call.out / _PICTURES, call.settings.pictures, call.report_parts
+        )
         pictures = [
             {"set": each.set, "name": each.name, "picture": each.picture.name, "default": each.is_default}
             for each in drawn
@@ -133,14 +133,13 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
     profile = read_profile(call.request.profile or default_profile())
     validated = validate_asset(finished, profile)
     asset = read_asset_facts(call.result_of(ASSET))
-    shape = _read_shape(finished)
-    report = _collect(call, finished, validated, asset, shape)
+    report = _collect(call, finished, validated, asset)
     write_plant_report(report_folder, report)
     _copy_details(call, report_folder)
     errors = validated.open_errors
     verdict = {
         "errors": errors,
-        "height_m": shape.height_m,
+        "height_m": asset.height_m,
         "leaves": asset.leaves,
         "branches": asset.branches,
         "remarks": [each.as_json() for each in _collect_remarks(call)],
@@ -159,9 +158,7 @@ def _collect_remarks(call: StageCall) -> tuple[Remark, ...]:
     return (*warnings_of(remarks), *infos_of(remarks))
 
 
-def _collect(
-    call: StageCall, finished: Path, validated: ValidationReport, asset: AssetFacts, shape: _Shape
-) -> PlantReport:
+def _collect(call: StageCall, finished: Path, validated: ValidationReport, asset: AssetFacts) -> PlantReport:
     summaries = {name: read_summary(call.result_of(name)) for name in TITLES if call.has(name)}
     warnings = [
         ReportWarning(stage=TITLES[name][0], text=text, severe=bool(summary.failure))
@@ -188,7 +185,7 @@ def _collect(
         species=call.settings.plant.species,
         state="warnings" if warnings or validated.open_errors else "done",
         warnings=sorted(warnings, key=lambda warning: not warning.severe),
-        facts=_facts(asset, shape, files),
+        facts=_facts(asset, files),
         turntable=turntable,
         comparisons=_read_comparisons(call),
         variants=_read_variants(call),
@@ -207,29 +204,18 @@ def _collect(
     )
 
 
-def _read_shape(finished: Path) -> _Shape:
-    interface, _ = interface_of(finished)
-    stage = open_asset(finished)  # which prims do not keep
-    facts = read_plant_facts(require_plant(stage, finished), interface)
-    height_m = width_m = None
-    if facts.extent is not None:
-        height_m = float(facts.extent[1][1] - min(facts.extent[0][1], 0))
-        width_m = float((facts.extent[1] - facts.extent[0])[[0, 2]].max())
-    return _Shape(height_m=height_m, width_m=width_m, variants=facts.variants)
-
-
-def _facts(asset: AssetFacts, shape: _Shape, files: Sequence[AssetFile]) -> list[Row]:
+def _facts(asset: AssetFacts, files: Sequence[AssetFile]) -> list[Row]:
     """The key numbers."""
     rows = []
-    if shape.height_m is not None:
-        rows.append(Row(name="height", value=f"{shape.height_m:.2f} m"))
-    if shape.width_m is not None:
-        rows.append(Row(name="width", value=f"{shape.width_m:.2f} m"))
+    if asset.height_m is not None:
+        rows.append(Row(name="height", value=f"{asset.height_m:.2f} m"))
+    if asset.width_m is not None:
+        rows.append(Row(name="width", value=f"{asset.width_m:.2f} m"))
     rows += asset.count_rows()
     size = sum(file.size_bytes for file in files)
     rows.append(Row(name="size", value=f"{size / 1e6:.1f} MB", remark=f"{len(files)} files"))
-    rows.append(Row(name="levels of detail", value=", ".join(shape.variants.get("lod", ())) or "none"))
-    rows.append(Row(name="representations", value=", ".join(shape.variants.get("representation", ())) or "none"))
+    rows.append(Row(name="levels of detail", value=", ".join(asset.shape.variants.get("lod", ())) or "none"))
+    rows.append(Row(name="representations", value=", ".join(asset.shape.variants.get("representation", ())) or "none"))
     return rows
 
 
@@ -300,6 +286,10 @@ def _settings(settings: BuildSettings) -> list[StageSettings]:
 
 def _asset_of(call: StageCall) -> Path:
     return call.result_of(ASSET) / ASSET_FOLDER
+
+
+def _shape_of(call: StageCall) -> AssetShape:
+    return read_asset_facts(call.result_of(ASSET)).shape
 
 
 def _draw(call: StageCall, draw: Callable[[], Sequence[Remark]]) -> tuple[ResultFile, ...]:
