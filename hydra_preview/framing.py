@@ -23,12 +23,6 @@ class Shape:
     reach: float  # diagonal of the bound, above zero
 
 
-def shape_of_bound(bound: Gf.Range3d) -> Shape:
-    """The shape of which no more is known than its bound."""
-    corners = tuple(bound.GetCorner(i) for i in range(8))
-    return Shape(middle=bound.GetMidpoint(), corners=corners, reach=bound.GetSize().GetLength())
-
-
 @dataclass(frozen=True, kw_only=True)
 class Direction:
     """Where a camera stands, seen from the middle of the shape."""

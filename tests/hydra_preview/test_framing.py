@@ -41,6 +41,12 @@ directions = st.builds(
 pixels = st.integers(16, 4000)
 
 
+def shape_of_bound(bound):
+    """The shape of which no more is known than its bound."""
+    corners = tuple(bound.GetCorner(i) for i in range(8))
+    return framing.Shape(middle=bound.GetMidpoint(), corners=corners, reach=bound.GetSize().GetLength())
+
+
 def project(camera, bound):
     """Corners of the bound on the picture, each coordinate in -1 to 1, and depth likewise."""
     matrix = camera.frustum.ComputeViewMatrix() * camera.frustum.ComputeProjectionMatrix()
@@ -50,7 +56,7 @@ def project(camera, bound):
 @settings(max_examples=60, deadline=None)
 @given(bound=bounds, direction=directions, width=pixels, height=pixels, z_up=st.booleans())
 def test_a_perspective_picture_holds_the_bound_and_touches_its_margin(bound, direction, width, height, z_up):
-    camera = framing.frame_perspective(framing.shape_of_bound(bound), direction, z_up, width, height)
+    camera = framing.frame_perspective(shape_of_bound(bound), direction, z_up, width, height)
     corners = project(camera, bound)
     reach = max(max(abs(c[0]), abs(c[1])) for c in corners)
     assert reach == pytest.approx(1 - 2 * framing.MARGIN, rel=1e-3)
@@ -61,8 +67,8 @@ def test_a_perspective_picture_holds_the_bound_and_touches_its_margin(bound, dir
 @settings(max_examples=60, deadline=None)
 @given(bound=bounds, direction=directions, width=pixels, height=pixels, z_up=st.booleans())
 def test_an_orthographic_picture_holds_the_bound_and_touches_its_margin(bound, direction, width, height, z_up):
-    window = framing.fit_window(framing.shape_of_bound(bound), direction, z_up, width, height)
-    camera = framing.frame_orthographic(framing.shape_of_bound(bound), direction, z_up, window)
+    window = framing.fit_window(shape_of_bound(bound), direction, z_up, width, height)
+    camera = framing.frame_orthographic(shape_of_bound(bound), direction, z_up, window)
     corners = project(camera, bound)
     assert max(max(abs(c[0]), abs(c[1])) for c in corners) == pytest.approx(1 - 2 * framing.MARGIN, rel=1e-3)
     assert all(-1 <= c[2] <= 1 for c in corners)
@@ -98,7 +104,7 @@ def test_cameras_stand_in_their_direction(azimuth_deg, elevation_deg, y_up, z_up
 def test_a_shared_distance_is_kept():
     bound = Gf.Range3d(Gf.Vec3d(-1, 0, -3), Gf.Vec3d(1, 4, 3))
     front = framing.Direction(azimuth_rad=0, elevation_rad=0)
-    camera = framing.frame_perspective(framing.shape_of_bound(bound), front, False, 100, 100, distance=50)
+    camera = framing.frame_perspective(shape_of_bound(bound), front, False, 100, 100, distance=50)
     assert camera.transform.ExtractTranslation() == Gf.Vec3d(0, 2, 50)
 
 

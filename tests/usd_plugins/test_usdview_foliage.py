@@ -137,7 +137,7 @@ def test_edits_act_in_the_session_and_the_asset_stays(tmp_path) -> None:
     live.show(True)
     live.reset()
     assert read_edits(leaves_of(stage)) == NEUTRAL
-    assert live.is_empty()
+    assert live.layer.empty
 
 
 def test_extents_follow_and_come_back(tmp_path) -> None:

@@ -75,19 +75,21 @@ def measure(capture: Path, work: Path, reference: str, settings: PoseEstimationS
     photo_set = read_photo_set(capture / "images")
     steps: dict[str, tuple[float, float]] = {}
 
-    def told(step: str, share: float) -> None:
+    def report_step(step: str, share: float) -> None:
         del share
         now = time.perf_counter()
         steps[step] = (steps.get(step, (now, now))[0], now)
 
-    registered = register_photos(photo_set, work, settings, told)
+    registered = register_photos(photo_set, work, settings, report_step)
     wall_s, cpu_s = time.perf_counter() - wall_s, _processor_s() - cpu_s
     by_step = ", ".join(f"{step} {end - start:.1f}" for step, (start, end) in steps.items())
     total = len(photo_set.photos)
+    seen = np.diff(registered.track_starts)
+    error_px = float(np.average(registered.error_px, weights=seen)) if seen.sum() else float("nan")
     print(
         f"{capture.name}: {len(registered.photos)} of {total} ({len(registered.photos) / total:.0%}), "
         f"{len(registered.points)} points, track {len(registered.track_photos) / max(len(registered.points), 1):.2f}, "
-        f"reprojection {registered.mean_error_px:.3f} px; {wall_s:.1f} s wall ({by_step}), {cpu_s:.1f} s processor"
+        f"reprojection {error_px:.3f} px; {wall_s:.1f} s wall ({by_step}), {cpu_s:.1f} s processor"
     )
     for lens in sorted({(photo.lens.model, photo.lens.parameters) for photo in registered.photos})[:3]:
         print("  ", lens[0], " ".join(f"{number:.5g}" for number in lens[1]))

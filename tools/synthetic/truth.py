@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from usdfoliage.leaf.shape.measures import axis_length, leaf_width
+from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_grid
 
+from tools.synthetic.curve_lengths import curve_length
 from tools.synthetic.depth import SeenDepth
 from tools.synthetic.scene import Scene
 
@@ -37,7 +38,7 @@ def describe_leaves(
         "id": np.arange(1, count + 1, dtype=np.int32),
         "base": base.astype(np.float32),
         "apex": apex.astype(np.float32),
-        "length": (axis_length(leaves.parameters) * leaves.length_m).astype(np.float32),
+        "length": (curve_length(leaves.parameters, 0.0) * leaves.length_m).astype(np.float32),
         "chord": leaves.length_m.astype(np.float32),
         "width": (leaf_width(leaves.parameters) * leaves.length_m).astype(np.float32),
         "transform": transform.astype(np.float32),

@@ -89,9 +89,6 @@ class LiveLook:
         """Take all edits back."""
         self.layer.Clear()
 
-    def is_empty(self) -> bool:
-        return self.layer.empty
-
     def is_visible(self) -> bool:
         return not self.stage.IsLayerMuted(self.layer.identifier)
 

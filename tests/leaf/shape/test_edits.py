@@ -15,7 +15,6 @@ from usdfoliage.leaf.shape.edits import (
     compose_edits,
     curl,
     invert_edits,
-    is_neutral,
     jitter_silhouette,
     scale_width,
     shift_silhouette,
@@ -239,8 +238,8 @@ def test_a_straight_axis_keeps_the_halves_mirror_images(leaf, edit):
         (jitter_silhouette(NEUTRAL, 0.1), False),
     ],
 )
-def test_is_neutral(operation, neutral):
-    assert is_neutral(operation) is neutral
+def test_operations_by_nothing_are_neutral(operation, neutral):
+    assert (replace(operation, jitter_frequency=NEUTRAL.jitter_frequency) == NEUTRAL) is neutral
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from usdfoliage.leaf.shape import measures
-from usdfoliage.leaf.shape.measures import axis_length, leaf_area, leaf_width, silhouette_length
+from usdfoliage.leaf.shape.measures import leaf_area, leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_grid, evaluate_points, grid_places
 from usdfoliage.leaf.shape.variation import default_leaf, vary_leaves
 
 from tests.support.leaves.shapes import flat_leaf, random_leaves
+from tools.synthetic.curve_lengths import curve_length
 
-MEASURES = (axis_length, silhouette_length, leaf_area, leaf_width)
+MEASURES = (leaf_area, leaf_width)
+
+
+def axis_length(leaves):
+    return curve_length(leaves, 0.0)
+
+
+def silhouette_length(leaves):
+    return curve_length(leaves, -1.0) + curve_length(leaves, 1.0)
+
+
+LENGTHS = (axis_length, silhouette_length)
 
 
 @settings(max_examples=20, deadline=None)
@@ -73,6 +85,6 @@ def test_blocks_give_the_same(monkeypatch):
 def test_no_leaves_and_leaves_of_no_width():
     thin = flat_leaf(width=0.0)
 
-    assert all(measure(np.zeros((0, 7, 3))).shape == (0,) for measure in MEASURES)
-    assert [float(measure(thin)[0]) for measure in MEASURES] == pytest.approx([1, 2, 0, 0], abs=1e-12)
-    assert all(np.isfinite(measure(default_leaf()[None])).all() for measure in MEASURES)
+    assert all(measure(np.zeros((0, 7, 3))).shape == (0,) for measure in LENGTHS + MEASURES)
+    assert [float(measure(thin)[0]) for measure in LENGTHS + MEASURES] == pytest.approx([1, 2, 0, 0], abs=1e-12)
+    assert all(np.isfinite(measure(default_leaf()[None])).all() for measure in LENGTHS + MEASURES)

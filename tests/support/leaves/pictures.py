@@ -7,6 +7,7 @@ from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.reprojection import draw_leaf_ids
+from usdfoliage.leaf.shape.surface import evaluate_points
 
 WALL = np.array([0.3, 0.28, 0.27])  # linear
 
@@ -48,3 +49,16 @@ def photograph(leaves, camera, colors, wall_m=1.5, exposure=1.0, depth=True, nam
     srgb = np.rint(np.clip(encode_srgb(linear), 0, 1) * 255).astype(np.uint8)
     depth_m = np.where(drawn.ids >= 0, drawn.depth_m, np.float32(wall_m)) if depth else np.zeros_like(drawn.depth_m)
     return View(name=name, camera=camera, srgb=srgb, depth_m=depth_m.astype(np.float32))
+
+
+def project_silhouettes(leaves, camera, steps=24):
+    """Where the silhouettes are seen: (N, 2 steps, 2), x and y in pixels, NaN behind the camera.
+
+    Closed polygons without the first point at the end: from the base up the right side to the apex, and back on the
+    left.
+    """
+    up = np.arange(steps) / steps
+    uv = np.concatenate([np.column_stack([np.ones(steps), up]), np.column_stack([-np.ones(steps), 1 - up])])
+    points = evaluate_points(leaves.parameters, uv, placements=leaves.asset_from_leaf())
+    places, _ = camera.project(points.reshape(-1, 3))
+    return places.reshape(len(leaves), 2 * steps, 2)

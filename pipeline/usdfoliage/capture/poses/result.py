@@ -50,12 +50,6 @@ class Registered:
     failures: tuple[Unregistered, ...]  # by name
     remarks: tuple[Remark, ...]  # a warning among them: the cameras are probably wrong
 
-    @property
-    def mean_error_px(self) -> float:
-        """Over all places of all points."""
-        counts = np.diff(self.track_starts)
-        return float(np.average(self.error_px, weights=counts)) if counts.sum() else float("nan")
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairMatches:

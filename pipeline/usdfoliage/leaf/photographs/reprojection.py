@@ -1,4 +1,4 @@
-"""Leaves laid back over their photographs: what every pixel would show of them, and their silhouettes."""
+"""Leaves laid back over their photographs: what every pixel would show of them, and their axes."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -54,24 +54,6 @@ def draw_leaf_ids(
     grids = np.concatenate([places, depth_m[:, None]], axis=1).reshape(len(leaves), len(v), len(u), 3)
     drawn = _native.draw_leaf_grids(grids, height=camera.height_px, width=camera.width_px, threads=threads)
     return DrawnLeaves(drawn.ids, drawn.depth)
-
-
-def project_silhouettes(leaves: Leaves, camera: Pinhole, steps: int = 24) -> NDArray[np.float64]:
-    """Where the silhouettes are seen: (N, 2 steps, 2), x and y in pixels, NaN behind the camera.
-
-    Closed polygons without the first point at the end: from the base up the right side to the apex, and back on the
-    left.
-
-    Raises:
-        ValueError: steps is below 2.
-    """
-    if steps < 2:
-        raise ValueError(f"steps must be 2 or more, not {steps}")
-    up = np.arange(steps) / steps
-    uv = np.concatenate([np.column_stack([np.ones(steps), up]), np.column_stack([-np.ones(steps), 1 - up])])
-    points = evaluate_points(leaves.parameters, uv, placements=leaves.asset_from_leaf())
-    places, _ = camera.project(points.reshape(-1, 3))
-    return places.reshape(len(leaves), 2 * steps, 2)
 
 
 def project_axes(leaves: Leaves, camera: Pinhole, steps: int = 24) -> NDArray[np.float64]:

@@ -153,11 +153,6 @@ def invert_edits(edits: LeafEdits) -> LeafEdits:
     )
 
 
-def is_neutral(edits: LeafEdits) -> bool:
-    """Whether leaves stay as they are; the frequency of a jitter without amplitude has no effect."""
-    return replace(edits, jitter_frequency=NEUTRAL.jitter_frequency) == NEUTRAL
-
-
 def scale_width(edits: LeafEdits, factor: float) -> LeafEdits:
     """Leaves wider by a factor, 0 or more: the lateral displacements of all longitudinal curves (fig. 7a)."""
     return compose_edits(edits, LeafEdits(width=factor))

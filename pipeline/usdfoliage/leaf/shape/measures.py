@@ -1,4 +1,4 @@
-"""What is measured of leaves: lengths, widths, areas, all in leaf space, where the length from base to apex is 1.
+"""What is measured of leaves: widths and areas, all in leaf space, where the length from base to apex is 1.
 
 Of natural leaves they are right to 2e-6; of leaves that fold, whose integrands have corners, to 1 %.
 """
@@ -8,27 +8,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.leaf.shape.surface import evaluate_area_elements, evaluate_points, evaluate_speeds, grid_places
+from usdfoliage.leaf.shape.surface import evaluate_area_elements, evaluate_points, grid_places
 
 BLOCK = 4096  # leaves measured at once, so that a million need no more memory than a few thousand
-CURVE_NODES = 24  # Gauss-Legendre nodes along a curve, exact for polynomials of degree 47
-ALONG_NODES, ACROSS_NODES = 16, 8  # and on either half of a surface
+ALONG_NODES, ACROSS_NODES = 16, 8  # Gauss-Legendre nodes on either half of a surface
 WIDTH_SAMPLES = 65
-
-
-def axis_length(parameters: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Length of the axis from base to apex: (N,) from parameters (N, 7, 3); 1 for a straight axis."""
-    nodes, weights = _gauss_legendre(CURVE_NODES)
-    places = grid_places(0.0, nodes)
-    return _by_block(parameters, lambda leaves: evaluate_speeds(leaves, places) @ weights)
-
-
-def silhouette_length(parameters: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Length of the silhouette, from the base to the apex and back: (N,) from parameters (N, 7, 3); without jitter."""
-    nodes, weights = _gauss_legendre(CURVE_NODES)
-    places = np.concatenate([grid_places(side, nodes) for side in (-1.0, 1.0)])
-    both = np.tile(weights, 2)
-    return _by_block(parameters, lambda leaves: evaluate_speeds(leaves, places) @ both)
 
 
 def leaf_area(parameters: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -205,14 +205,6 @@ def evaluate_area_elements(parameters: NDArray[np.floating], uv: ArrayLike, *, t
     return areas
 
 
-def evaluate_speeds(parameters: NDArray[np.floating], uv: ArrayLike, *, threads: int = 0) -> NDArray[np.float64]:
-    """|dL/dv|, length a unit of v: (N, P) of leaves (N, 7, 3) at uv (P, 2) or (N, P, 2)."""
-    leaves, places = checked_leaves(parameters), np.asarray(uv, np.float64)
-    tangents = np.empty((len(leaves), *places.shape[-2:-1], 3))
-    _fill_samples(leaves, places, NO_JITTER, None, None, (None, None, tangents, None, None), threads)
-    return np.asarray(np.linalg.norm(tangents, axis=-1))
-
-
 def evaluate_jacobian(
     parameters: NDArray[np.floating], uv: ArrayLike, *, threads: int = 0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
