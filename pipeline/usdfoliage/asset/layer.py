@@ -3,7 +3,7 @@
 import uuid
 from pathlib import Path
 
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from usdfoliage.errors import WriteError
 
@@ -60,3 +60,9 @@ def author_frames(stage: Usd.Stage, count: int) -> None:
     stage.SetEndTimeCode(FIRST_FRAME + count - 1)
     stage.SetTimeCodesPerSecond(FRAMES_PER_SECOND)
     stage.SetFramesPerSecond(FRAMES_PER_SECOND)
+
+
+def bind_material(stage: Usd.Stage, path: Sdf.Path, material: Sdf.Path) -> None:
+    """Bind the material, which another layer may hold, on the prim at path."""
+    binding = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path))
+    binding.Bind(UsdShade.Material(stage.OverridePrim(material)))

@@ -53,6 +53,11 @@ class Pinhole:
         rays[..., 1] = ((np.arange(self.height_px) + 0.5 - self.center_px[1]) / self.focal_px[1])[:, None]
         return rays
 
+    def pixel_from_ray(self) -> NDArray[np.float64]:
+        """(3, 3), pixel indices (column, row, 1) of what lies on a ray (x, y, 1) in camera axes."""
+        (focal_x, focal_y), (center_x, center_y) = self.focal_px, self.center_px
+        return np.array([[focal_x, 0, center_x - 0.5], [0, focal_y, center_y - 0.5], [0, 0, 1]])
+
     def unproject(self, places_px: NDArray[np.floating], depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
         """Points in the world: (N, 3) from places (N, 2), x and y, and their planar depth (N,)."""
         return np.asarray(

@@ -9,7 +9,6 @@ from usdfoliage.capture.mvs.patch_match import (
     MatchedPlanes,
     PatchMatchSettings,
     match_view,
-    pixel_from_ray,
     propose_planes,
     warps,
 )
@@ -241,4 +240,4 @@ def test_wrong_arguments():
             PatchMatchSettings(**wrong)
     with pytest.raises(ValueError, match="64 pixels"):
         PatchMatchSettings(window_px=9, window_step_px=1)
-    assert pixel_from_ray(CAMERAS[0])[0, 0] == FOCAL
+    assert CAMERAS[0].pixel_from_ray()[0, 0] == FOCAL

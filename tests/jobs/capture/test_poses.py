@@ -55,6 +55,6 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, checks: tuple[Remark, ...] = ()) -
         ("move_registered", registered),
         ("write_colmap_model", None),
         ("read_capture", None),
-        ("_without_depth", None),
+        ("without_depth", None),
     ):
         monkeypatch.setattr(poses, name, lambda *_, made=made, **__: made)

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from usdfoliage.asset.layer import bind_material
 from usdfoliage.asset.materials.leaf import LeafMaterial, author_leaf_material
-from usdfoliage.asset.parts.leaf_gprims import author_leaf_binding, author_leaf_mesh
+from usdfoliage.asset.parts.leaf_gprims import author_leaf_mesh
 from usdfoliage.asset.parts.leaves import PROTOTYPE, author_leaves, edited_leaves, leaves_prim
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.leaf.model import Leaves
@@ -89,7 +90,7 @@ def author_instancer(
     wave = "" if scene.jitter_map is None else str(scene.jitter_map)
     prim = leaves_prim(scene.leaves, scene.edits, scene.jitter(), COLOR, wave, prototype)
     instancer = author_leaves(stage, Sdf.Path(path), prim)
-    author_leaf_binding(stage, instancer.GetPath().AppendPath(PROTOTYPE), material.GetPath())
+    bind_material(stage, instancer.GetPath().AppendPath(PROTOTYPE), material.GetPath())
     return instancer
 
 
@@ -98,7 +99,7 @@ def author_baked(stage, path, scene: Scene, material: UsdShade.Material) -> UsdG
     drawn = edited_leaves(scene.leaves, scene.edits)
     jitter = scene.jitter() if scene.edits.jitter_amplitude else NO_JITTER
     mesh = author_leaf_mesh(stage, Sdf.Path(path), build_leaf_mesh(drawn, FINE, jitter), COLOR)
-    author_leaf_binding(stage, mesh.GetPath(), material.GetPath())
+    bind_material(stage, mesh.GetPath(), material.GetPath())
     return mesh
 
 

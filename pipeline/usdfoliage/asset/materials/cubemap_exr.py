@@ -2,7 +2,7 @@
 
 The radius map has one float32 channel ``R``, in metres (Storm reads no other single name); the colour map has half
 ``R, G, B``, linear with the primaries of Rec.709. What a reader needs beside the pixels is in string attributes whose
-names begin with ``foliage:``. Written with the OpenEXR module, which stamps no date: the same pixels, the same bytes.
+names begin with ``foliage:``.
 """
 
 import logging
@@ -15,7 +15,8 @@ import OpenEXR
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from usdfoliage.errors import AssetError, WriteError
+from usdfoliage.errors import AssetError
+from usdfoliage.files.open_exr import write_open_exr
 from usdfoliage.geometry.cubemap import texel_identity
 
 logger = logging.getLogger(__name__)
@@ -152,20 +153,5 @@ def _write(
     foreign = [name for name in facts if not name.startswith(ATTRIBUTE_PREFIX)]
     if foreign:
         raise ValueError(f"attributes are named {ATTRIBUTE_PREFIX}…, not {', '.join(foreign)}")
-    whole = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "envmap": OpenEXR.ENVMAP_CUBE,
-        "foliage:cube:sampling": "edge",
-        **header,
-        **facts,
-    }
-    try:
-        OpenEXR.File(whole, dict(channels)).write(str(path))  # it changes the dictionaries it is given
-        with OpenEXR.File(str(path)) as written:
-            found = {name: np.array(channel.pixels) for name, channel in written.channels().items()}
-    except (OSError, RuntimeError, ValueError) as error:
-        raise WriteError(f"{path} cannot be written: {error}", "is the disk full?") from error
-    # OpenEXR's module reports no full disk: the file is there, and ends too early or holds zeros.
-    if found.keys() != channels.keys() or any(not np.array_equal(found[name], channels[name]) for name in channels):
-        raise WriteError(f"{path} does not hold what was written to it", "is the disk full?")
+    cube = {"envmap": OpenEXR.ENVMAP_CUBE, "foliage:cube:sampling": "edge"}
+    write_open_exr(path, {**cube, **header, **facts}, channels)

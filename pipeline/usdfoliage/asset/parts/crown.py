@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
+from usdfoliage.asset.layer import author_scopes, bind_material, export_layer, new_layer
 from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.materials.cubemap_exr import read_cubemap
 from usdfoliage.asset.materials.layer import CROWN_MATERIAL
@@ -52,7 +52,7 @@ def write_crown_layer(path: Path, name: str, crown: CrownPrim) -> None:
     crown_path = Sdf.Path(f"/{name}/{CROWN}")
     author_scopes(stage, crown_path.GetParentPath())
     author_crown(stage, crown_path, crown)
-    author_crown_binding(stage, crown_path, Sdf.Path(f"/{name}/{CROWN_MATERIAL}"))
+    bind_material(stage, crown_path, Sdf.Path(f"/{name}/{CROWN_MATERIAL}"))
     export_layer(stage, path)
 
 
@@ -117,9 +117,3 @@ def author_crown_mesh(stage: Usd.Stage, path: Sdf.Path, crown: CrownMesh) -> Usd
     st.Set(Vt.Vec2fArray.FromNumpy(crown.st))
     st.SetIndices(Vt.IntArray.FromNumpy(crown.face_st.ravel()))
     return mesh
-
-
-def author_crown_binding(stage: Usd.Stage, path: Sdf.Path, material: Sdf.Path) -> None:
-    """Bind the material, which another layer may hold, on the crown itself."""
-    binding = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path))
-    binding.Bind(UsdShade.Material(stage.OverridePrim(material)))

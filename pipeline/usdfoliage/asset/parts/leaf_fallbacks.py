@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
+from usdfoliage.asset.layer import author_scopes, bind_material, export_layer, new_layer
 from usdfoliage.asset.materials.layer import LEAF_MATERIAL
 from usdfoliage.asset.parts.hero_leaf import author_hero_leaf, patch_matrices, patch_nets
 from usdfoliage.asset.parts.leaf_gprims import (
-    author_leaf_binding,
     author_leaf_colors,
     author_leaf_gprim,
     author_leaf_mesh,
@@ -68,7 +67,7 @@ def author_patches(
         return
     paths = patch_paths(path, len(leaves))
     author_hero_leaf(stage, paths[0], leaves, 0, color=color, jitter=jitter, jitter_map=jitter_map)
-    author_leaf_binding(stage, paths[0], material)
+    bind_material(stage, paths[0], material)
 
     # The others are copies of the first in which the numbers of the leaf are changed: the same, but ten times as fast.
     nets = patch_nets(leaves, jitter)
@@ -101,7 +100,7 @@ def write_cage_layer(path: Path, name: str, cage: LeafCage, of: Leaves, color: C
         mesh = author_cage(stage, leaves, cage, len(of), color)
         if of.color is not None:
             author_leaf_colors(mesh, of.color, len(cage.face_counts))
-        author_leaf_binding(stage, leaves, Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
+        bind_material(stage, leaves, Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
     return _finish_surface(stage, leaves, path, _CAGE)
 
 
@@ -133,7 +132,7 @@ def write_mesh_layer(path: Path, name: str, surface: LeafMesh, of: Leaves, color
         mesh = author_leaf_mesh(stage, leaves, surface, color, count=len(of))
         if of.color is not None:
             author_leaf_colors(mesh, of.color, len(surface.face_counts))
-        author_leaf_binding(stage, leaves, Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
+        bind_material(stage, leaves, Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
     return _finish_surface(stage, leaves, path, _MESH)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.leaf.shape.mesh import LeafMesh
 
@@ -61,12 +61,6 @@ def author_leaf_colors(mesh: UsdGeom.Mesh, colors: NDArray[np.floating], faces: 
     primvar.SetInterpolation(UsdGeom.Tokens.uniform)
     primvar.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(colors, np.float32)))
     primvar.SetIndices(Vt.IntArray.FromNumpy(np.repeat(np.arange(len(colors), dtype=np.int32), faces // len(colors))))
-
-
-def author_leaf_binding(stage: Usd.Stage, path: Sdf.Path, material: Sdf.Path) -> None:
-    """Bind the material, which another layer may hold, on the gprim at path."""
-    binding = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path))
-    binding.Bind(UsdShade.Material(stage.OverridePrim(material)))
 
 
 def outward_corners(extent: NDArray[np.floating]) -> list[Gf.Vec3f]:

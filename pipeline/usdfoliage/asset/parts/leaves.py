@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from usdfoliage.asset.layer import author_scopes, export_layer, new_layer
+from usdfoliage.asset.layer import author_scopes, bind_material, export_layer, new_layer
 from usdfoliage.asset.look_layer import PROTOTYPE_MARGIN
 from usdfoliage.asset.materials.layer import LEAF_MATERIAL
 from usdfoliage.asset.materials.leaf import author_packed_leaves
-from usdfoliage.asset.parts.leaf_gprims import author_leaf_binding, author_leaf_mesh, outward_corners
+from usdfoliage.asset.parts.leaf_gprims import author_leaf_mesh, outward_corners
 from usdfoliage.asset.parts.leaf_primvars import (
     author_edits,
     author_jitter_map,
@@ -153,7 +153,7 @@ def write_leaves_layer(path: Path, name: str, prim: LeavesPrim) -> NDArray[np.fl
     leaves = Sdf.Path(f"/{name}/{LEAVES}")
     author_scopes(stage, leaves.GetParentPath())
     author_leaves(stage, leaves, prim)
-    author_leaf_binding(stage, leaves.AppendPath(PROTOTYPE), Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
+    bind_material(stage, leaves.AppendPath(PROTOTYPE), Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
     export_layer(stage, path)
     return prim.extent_m
 

@@ -124,6 +124,6 @@ def named(names: Sequence[str]) -> str:
     return (", ".join(printable) + (f" and {more} more" if more > 0 else "")) or "none"
 
 
-def counted(count: int, noun: str) -> str:
-    """A number with its noun, in the plural where there is not one."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+def counted(count: int, noun: str, plural: str = "") -> str:
+    """A number with its noun, in the plural where there is not one. plural: of a noun that takes more than an s."""
+    return f"{count} {noun}" if count == 1 else f"{count} {plural or noun + 's'}"

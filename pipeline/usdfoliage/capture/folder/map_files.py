@@ -9,13 +9,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.depth_map import DEPTH_CHANNEL
-from usdfoliage.errors import CaptureError, WriteError
-from usdfoliage.files.atomic import whole_file
+from usdfoliage.errors import CaptureError
+from usdfoliage.files.open_exr import write_open_exr
 
 # A layer of its own: Z alone is depth, to read_depth as to any compositing program.
 NORMAL_CHANNELS = ("N.X", "N.Y", "N.Z")
@@ -103,23 +102,7 @@ def _check(values: NDArray[np.floating], dimensions: int, what: str) -> None:
 
 
 def _write(path: Path, channels: Mapping[str, NDArray[np.floating]], facts: Mapping[str, str]) -> None:
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "colorInteropID": "data",
-        **facts,
-    }
-    planes = {name: np.ascontiguousarray(plane) for name, plane in channels.items()}
-    with whole_file(path) as new:
-        try:
-            OpenEXR.File(header, dict(planes)).write(str(new))
-            with OpenEXR.File(str(new), separate_channels=True) as file:
-                written = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
-        except (RuntimeError, ValueError) as error:
-            raise WriteError(f"{path} was not written: {error}", "is the disk full?") from error
-        # OpenEXR's module reports no full disk: the file is there, and ends too early or holds zeros.
-        if written.keys() != planes.keys() or any(not np.array_equal(written[name], planes[name]) for name in planes):
-            raise WriteError(f"{path} was not written: it does not hold what was written to it", "is the disk full?")
+    write_open_exr(path, {"colorInteropID": "data", **facts}, channels)
 
 
 def _read(path: Path) -> dict[str, NDArray[np.float32]]:

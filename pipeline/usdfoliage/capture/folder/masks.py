@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.capture.folder.listing import counted
 from usdfoliage.capture.folder.raster import Raster, apply_orientation, read_raster
 from usdfoliage.errors import CaptureError
 from usdfoliage.remarks import Remark, remark
@@ -111,10 +112,10 @@ def clean_mask(mask: NDArray[np.bool_], settings: CleanMaskSettings = CleanMaskS
     foliage = crown
     crown, filled, filled_px, left = _fill_holes(crown, settings.fill_holes_up_to * area)
     if filled:
-        text = f"{_counted(filled, 'hole')} filled, {filled_px / area:.1%} of the area"
+        text = f"{counted(filled, 'hole')} filled, {filled_px / area:.1%} of the area"
         remarks.append(remark("mask-holes-filled", text))
     if left:
-        text = f"{_counted(left, 'hole')} kept, larger than {settings.fill_holes_up_to:.1%} of the area"
+        text = f"{counted(left, 'hole')} kept, larger than {settings.fill_holes_up_to:.1%} of the area"
         remarks.append(remark("mask-holes-kept", text))
 
     borders = {"left": crown[:, 0], "right": crown[:, -1], "top": crown[0], "bottom": crown[-1]}
@@ -165,7 +166,3 @@ def _fill_holes(mask: NDArray[np.bool_], max_area: float) -> tuple[NDArray[np.bo
         int(areas[fill].sum()),
         int(np.count_nonzero(is_hole & ~fill)),
     )
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

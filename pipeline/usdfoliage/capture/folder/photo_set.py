@@ -143,7 +143,7 @@ def read_photo_set(
     remarks = [remark_unusable([item.name], item.reason, item.remedy) for item in dropped[:unreadable]]
     if copies:
         text = (
-            f"{counted(len(copies), 'copy').replace('copys', 'copies')} left out: "
+            f"{counted(len(copies), 'copy', 'copies')} left out: "
             + "; ".join(f"{item.name} is {item.reason}" for item in copies[:5])
             + ("; …" if len(copies) > 5 else "")
         )

@@ -246,6 +246,11 @@ def read_views(capture: Capture, progress: Progress | None = None) -> CaptureVie
     return CaptureViews(views=in_one_unit, remarks=(*left_out, *_merge(remarks), *units, *scale))
 
 
+def without_depth(capture: Capture) -> Capture:
+    """The capture as if it had no depth maps."""
+    return replace(capture, views=tuple(replace(view, depth=None) for view in capture.views))
+
+
 def read_view(capture: Capture, index: int) -> View:
     """Read one view; remarks on it are logged (read_views returns them).
 

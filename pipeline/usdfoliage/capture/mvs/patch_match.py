@@ -185,7 +185,7 @@ def match_view(
         _native.MatchReference(
             srgb=own.srgb,
             tint=smooth_tint(own.srgb),
-            pixel_from_ray=pixel_from_ray(own.camera),
+            pixel_from_ray=own.camera.pixel_from_ray(),
             mask=own.mask,
             segment_planes=segment_planes,
             proposals=None if source_planes is None else propose_planes(own.camera, source_planes),
@@ -247,12 +247,12 @@ def propose_planes(
                         planes=planes.planes,
                         cost=planes.cost,
                         warps=warps(planes.camera, camera),
-                        pixel_from_ray=pixel_from_ray(planes.camera),
+                        pixel_from_ray=planes.camera.pixel_from_ray(),
                         turn=_turn(planes.camera, camera),
                     )
                     for planes in chosen
                 ],
-                pixel_from_ray=pixel_from_ray(camera),
+                pixel_from_ray=camera.pixel_from_ray(),
                 width=camera.width_px,
                 height=camera.height_px,
                 max_cost=max_cost,
@@ -274,12 +274,6 @@ def open_maps(pictures: "Sequence[Picture]", margin_px: int) -> list[NDArray[np.
     ]
 
 
-def pixel_from_ray(camera: Pinhole) -> NDArray[np.float64]:
-    """(3, 3), pixel indices (column, row, 1) of what lies on a ray (x, y, 1) in camera axes."""
-    (focal_x, focal_y), (center_x, center_y) = camera.focal_px, camera.center_px
-    return np.array([[focal_x, 0, center_x - 0.5], [0, focal_y, center_y - 0.5], [0, 0, 1]])
-
-
 def warps(camera: Pinhole, other: Pinhole) -> NDArray[np.float64]:
     """(2, 3, 4): the homography of the plane at infinity and the epipole, to the other camera's pixels and back."""
     return np.stack([_warp(camera, other), _warp(other, camera)])
@@ -294,8 +288,8 @@ def _turn(camera: Pinhole, other: Pinhole) -> NDArray[np.float64]:
 
 def _warp(camera: Pinhole, other: Pinhole) -> NDArray[np.float64]:
     turn = _turn(camera, other)
-    to = pixel_from_ray(other)
-    return np.column_stack([to @ turn[:, :3] @ np.linalg.inv(pixel_from_ray(camera)), to @ turn[:, 3]])
+    to = other.pixel_from_ray()
+    return np.column_stack([to @ turn[:, :3] @ np.linalg.inv(camera.pixel_from_ray()), to @ turn[:, 3]])
 
 
 def _depths_of(

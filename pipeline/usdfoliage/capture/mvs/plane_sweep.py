@@ -311,12 +311,7 @@ def _homographies(camera: Pinhole, other: Pinhole, inverse_depth: NDArray[np.flo
     translation = other.cam_from_world[:, 3] - rotation @ camera.cam_from_world[:, 3]
     through_plane = np.broadcast_to(rotation, (len(inverse_depth), 3, 3)).copy()
     through_plane[:, :, 2] += translation * inverse_depth[:, None]
-    return np.asarray(_pixel_from_ray(other) @ through_plane @ np.linalg.inv(_pixel_from_ray(camera)))
-
-
-def _pixel_from_ray(camera: Pinhole) -> NDArray[np.float64]:
-    (focal_x, focal_y), (center_x, center_y) = camera.focal_px, camera.center_px
-    return np.array([[focal_x, 0, center_x - 0.5], [0, focal_y, center_y - 0.5], [0, 0, 1]])
+    return np.asarray(other.pixel_from_ray() @ through_plane @ np.linalg.inv(camera.pixel_from_ray()))
 
 
 def _shift_px(camera: Pinhole, other: Pinhole, near_m: float, far_m: float) -> float:

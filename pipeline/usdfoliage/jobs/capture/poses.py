@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.colmap.model import find_camera_model
 from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, files_below, is_picture, parse_views
 from usdfoliage.capture.folder.photo_set import PhotoSetSettings, read_photo_set
-from usdfoliage.capture.folder.read import Capture, read_capture
+from usdfoliage.capture.folder.read import Capture, read_capture, without_depth
 from usdfoliage.capture.folder.settings import FILE_NAME, CaptureSettings, read_capture_settings, read_capture_tables
 from usdfoliage.capture.poses.colmap_writer import write_colmap_model
 from usdfoliage.capture.poses.register import PoseEstimationSettings, Registered, register_photos
@@ -90,7 +90,7 @@ def read_posed(folder: Path, views: str | None) -> PosedCapture:
     Raises:
         CaptureError: As read_capture.
     """
-    capture = _without_depth(read_capture(folder, views=views))
+    capture = without_depth(read_capture(folder, views=views))
     remarks = tuple(each for each in capture.remarks if each.code not in _ABOUT_DEPTH_MAPS)
     return PosedCapture(capture=capture, registered=None, remarks=remarks)
 
@@ -147,7 +147,7 @@ def estimate_poses(
     registered = move_registered(registered, stated_from_metric(stated) @ frame.world_from_registered)
     model = folder / WORK / REGISTERED
     write_colmap_model(model, registered)
-    capture = _without_depth(read_capture(folder, cameras=f"{WORK}/{REGISTERED}"))
+    capture = without_depth(read_capture(folder, cameras=f"{WORK}/{REGISTERED}"))
     improbable = "the estimated poses are probably wrong, and so will be all that follows from them"
     found = f"poses are estimated: up by {frame.up_from}, scale by {frame.scale_from}"
     remarks = (
@@ -194,7 +194,3 @@ def _with_hints(settings: WorldSettings, folder: Path) -> WorldSettings:
         return replace(settings, known_distance=distance, scale_bar=bar)
     except ValueError as error:
         raise CaptureError(f"{folder / FILE_NAME}: {error}") from error
-
-
-def _without_depth(capture: Capture) -> Capture:
-    return replace(capture, views=tuple(replace(view, depth=None) for view in capture.views))

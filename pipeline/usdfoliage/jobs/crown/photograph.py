@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.crown.captured_measures import silhouette_iou
 from usdfoliage.crown.color_map import ColorMapSettings, build_color_map
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.projection import make_exemplar, project_photo
@@ -189,15 +190,10 @@ def _measure(
     return CrownMeasures(
         silhouette=silhouette,
         outline_px=outline_px,
-        iou=_iou(crown, given),
-        iou_aligned=_iou(*_align(crown, given)),
+        iou=silhouette_iou(crown, given),
+        iou_aligned=silhouette_iou(*_align(crown, given)),
         seconds=seconds,
     )
-
-
-def _iou(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
-    union = int(np.count_nonzero(first | second))
-    return int(np.count_nonzero(first & second)) / max(union, 1)
 
 
 def _align(*masks: NDArray[np.bool_], height_px: int = 512) -> list[NDArray[np.bool_]]:

@@ -15,7 +15,7 @@ from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings, leaf_texture_file
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
-from usdfoliage.capture.folder.read import Capture, CaptureViews, read_capture, read_view, read_views
+from usdfoliage.capture.folder.read import Capture, CaptureViews, read_capture, read_view, read_views, without_depth
 from usdfoliage.capture.mvs.plane_sweep import sweep_depths
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError, PreviewError
@@ -261,7 +261,7 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
     """
     capture = find_capture(request)
     if request.depth == SWEEP:
-        capture = _without_depth(capture)
+        capture = without_depth(capture)
     has_maps = any(view.depth is not None for view in capture.views)
     read = _read_what_can_be(capture, request, progress_in_step("capture", progress))
     views, remarks = list(read.views), [*capture.remarks, *read.remarks]
@@ -298,12 +298,8 @@ def _read_what_can_be(capture: Capture, request: LeavesRequest, progress: Progre
     except CaptureError as error:
         if request.depth != AUTO or all(view.depth is None for view in capture.views):
             raise
-        bare = read_views(_without_depth(capture), progress)  # raises what is wrong with the photographs, if they are
+        bare = read_views(without_depth(capture), progress)  # raises what is wrong with the photographs, if they are
         return replace(bare, remarks=(*bare.remarks, remark("depth-maps-unusable", error.text, remedy=error.remedy)))
-
-
-def _without_depth(capture: Capture) -> Capture:
-    return replace(capture, views=tuple(replace(view, depth=None) for view in capture.views))
 
 
 def place_plant(leaves: Leaves, turned_from_world: NDArray[np.float64]) -> NDArray[np.float64]:

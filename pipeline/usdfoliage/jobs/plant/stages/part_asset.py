@@ -10,7 +10,7 @@ from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
 from usdfoliage.asset.parts.branch_part import write_branch_part
 from usdfoliage.asset.parts.crown_part import write_crown_part
 from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAssetSettings, write_leaf_part
-from usdfoliage.asset.parts.part import AssetPlace, Part
+from usdfoliage.asset.parts.part import PartWriter
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.stages.assemble import ASSET_FOLDER, provenance_of
@@ -28,7 +28,6 @@ from usdfoliage.jobs.plant.tasks import BRANCHES, CROWN, LEAVES
 from usdfoliage.leaf.model_file import read_leaves_model
 
 Frame = NDArray[np.float64] | None  # (4, 4), column vectors, from the capture's coordinates
-PartWriter = Callable[[AssetPlace], Part]
 
 
 def write_part_asset(call: StageCall) -> tuple[ResultFile, ...]:
