@@ -125,12 +125,12 @@ def inflate_silhouette(
     right = np.zeros((len(inner), 2 + rim_height.shape[1]))
     entries: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
     for (d_row, d_column), weight in BILAPLACIAN.items():
-        neighbour = number[rows[inner] + d_row, columns[inner] + d_column]
-        met = neighbour >= 0
-        free = np.nonzero(met & (unknown[neighbour] >= 0))[0]
-        entries.append((free, unknown[neighbour[free]], np.full(len(free), weight)))
-        fixed = np.nonzero(met & (unknown[neighbour] < 0))[0]
-        right[fixed] -= weight * np.hstack([points[neighbour[fixed], :2], rim_height[neighbour[fixed]]])
+        neighbor = number[rows[inner] + d_row, columns[inner] + d_column]
+        met = neighbor >= 0
+        free = np.nonzero(met & (unknown[neighbor] >= 0))[0]
+        entries.append((free, unknown[neighbor[free]], np.full(len(free), weight)))
+        fixed = np.nonzero(met & (unknown[neighbor] < 0))[0]
+        right[fixed] -= weight * np.hstack([points[neighbor[fixed], :2], rim_height[neighbor[fixed]]])
         # Outer cells: half-way to the inner cell that asks, which is on the silhouette; there z falls by k.
         outer = np.nonzero(~met)[0]
         if len(outer):

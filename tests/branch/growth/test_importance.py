@@ -29,7 +29,7 @@ def test_weights_are_those_of_equation_8(seed, reach_m):
     assert close or weight.tolist() == weigh_by_hand(points_m, reach_m, 0.9)
 
 
-def test_every_neighbour_along_a_line_counts():
+def test_every_neighbor_along_a_line_counts():
     weight = weigh_points(line([0, 0, 0], [0, 1, 0], 101), 0.1, ImportanceSettings(reach_internodes=0.55))
     assert weight[10:-10].tolist() == [10] * 81  # five to each side
     assert weight[[0, -1]].tolist() == [5, 5]

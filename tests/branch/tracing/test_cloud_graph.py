@@ -119,6 +119,6 @@ def test_fewer_than_two_points_are_refused(count):
         link_points(np.zeros((count, 3)))
 
 
-def test_no_neighbours_are_refused():
+def test_no_neighbors_are_refused():
     with pytest.raises(ValueError, match="neighbors must be at least 1"):
         CloudGraphSettings(neighbors=0)

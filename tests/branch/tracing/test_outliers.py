@@ -70,7 +70,7 @@ def test_low_points_far_beside_a_plant_are_remains_of_its_ground():
     np.testing.assert_array_equal(found, np.arange(len(points_m)) >= 2700)
 
 
-def test_a_spruce_keeps_its_lowest_branches_and_a_neighbour_its_stem():
+def test_a_spruce_keeps_its_lowest_branches_and_a_neighbor_its_stem():
     rng = np.random.default_rng(2)
     height_m = rng.uniform(0, 10, 20000)
     turn, share = 2 * np.pi * rng.random(20000), np.sqrt(rng.random(20000))

@@ -266,6 +266,6 @@ def test_settings_that_trace_nothing_are_refused(change):
         BranchSettings(**change)
 
 
-def test_spacing_is_the_distance_to_the_sixth_neighbour():
+def test_spacing_is_the_distance_to_the_sixth_neighbor():
     assert point_spacing(line([0, 0, 0], [0, 99, 0], 100)) == pytest.approx(3)
     assert point_spacing(line([0, 0, 0], [0, 1, 0], 2)) == pytest.approx(1)

@@ -175,7 +175,7 @@ def test_large_holes_can_be_kept():
     np.testing.assert_array_equal(untouched.mask, mask)
 
 
-def test_diagonal_neighbours_are_one_component():
+def test_diagonal_neighbors_are_one_component():
     mask = np.zeros((80, 80), np.bool_)
     mask[5:35, 5:35] = True
     mask[35:65, 35:65] = True

@@ -179,7 +179,7 @@ def test_masked_pixels_get_no_depth(two_planes):
     assert depth[mask].any()
 
 
-def test_a_view_without_neighbours_gets_no_depth_and_a_remark(two_planes):
+def test_a_view_without_neighbors_gets_no_depth_and_a_remark(two_planes):
     views, truths, _ = two_planes
     far = shoot(camera(0.0, turn_deg=150), TWO)[0]
     swept = sweep_depths([*views, replace(far, name="far.png")], points_of(views[2], truths[2]))
@@ -196,7 +196,7 @@ def test_no_two_views_of_one_place_are_refused():
         sweep_depths(views)
 
 
-def test_neighbours_are_the_nearest_at_usable_angles():
+def test_neighbors_are_the_nearest_at_usable_angles():
     cameras = [camera(x, turn_deg=-np.degrees(np.arctan(x))) for x in (0.0, 0.01, 0.1, -0.2, 0.3, 2.0)]
     assert choose_neighbors(cameras, 0, (0.8, 1.3)) == [2, 3, 4]
     assert choose_neighbors(cameras, 0, (0.8, 1.3), PlaneSweepSettings(neighbors=1)) == [2]

@@ -14,7 +14,7 @@ from usdfoliage.capture.folder.photo_set import read_photo_set
 from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.poses.child_process import MODULE, run_items
 from usdfoliage.capture.poses.diagnosis import check_cameras
-from usdfoliage.capture.poses.pairs import match_descriptors, neighbours_in_order, retrieve_pairs
+from usdfoliage.capture.poses.pairs import match_descriptors, neighbors_in_order, retrieve_pairs
 from usdfoliage.capture.poses.register import PoseEstimationSettings, register_photos
 from usdfoliage.capture.poses.result import Registered, project_with
 from usdfoliage.errors import CaptureError
@@ -118,8 +118,8 @@ def test_matches_of_all_photographs(registered):
     np.testing.assert_array_equal(registered.matches, registered.matches.T)
     other = registered.names.index("other.png")
     assert registered.matches[other].max() < SETTINGS.min_matches
-    neighbours = np.sort(registered.matches, axis=1)[[name in POSES for name in registered.names], -1]
-    assert (neighbours > 100).all()
+    neighbors = np.sort(registered.matches, axis=1)[[name in POSES for name in registered.names], -1]
+    assert (neighbors > 100).all()
 
 
 def test_what_is_finished_is_not_done_again(registered, folder, work, monkeypatch):
@@ -289,7 +289,7 @@ def test_two_equal_descriptors_are_no_match():
 
 
 def test_pairs_of_a_sequence_and_by_likeness():
-    pairs = set(neighbours_in_order(100, 4))
+    pairs = set(neighbors_in_order(100, 4))
     assert {(0, 1), (0, 4), (0, 8), (10, 42)} <= pairs
     assert (0, 5) not in pairs
     rng = np.random.default_rng(0)

@@ -224,9 +224,9 @@ def _fill(
     of, low, length = tube[gap], arc[gap], apart[gap]
     spacing = np.full(len(tube), np.inf)
     for side in (-1, 1):  # a block's own row length goes on beside it
-        neighbour = np.clip(np.arange(len(tube)) + side, 0, len(tube) - 1)
-        in_block = (block >= 0) & (block == block[neighbour]) & (neighbour != np.arange(len(tube)))
-        spacing[in_block] = np.abs(arc[neighbour] - arc)[in_block]
+        neighbor = np.clip(np.arange(len(tube)) + side, 0, len(tube) - 1)
+        in_block = (block >= 0) & (block == block[neighbor]) & (neighbor != np.arange(len(tube)))
+        spacing[in_block] = np.abs(arc[neighbor] - arc)[in_block]
     begins = np.concatenate([[True], np.diff(tube) != 0])
     spacing[begins] = starts.spacing_m[tube[begins]]
     added = _native.fill_gaps(

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from usdfoliage.geometry.pinhole import Pinhole
 
 _FEW = 20_000  # points that the density of a cloud is measured from
-_NEIGHBOURS = 4  # of a point on a surface
+_NEIGHBORS = 4  # of a point on a surface
 _CLOSE = 0.25  # share of the points that lie close together
 _ALONE_M = 0.001  # between points of which nothing is known
 _ACROSS = 1.5  # widths, in distances to the neighbours: without it gaps show across the diagonals
@@ -28,11 +28,11 @@ def point_widths(
         cameras: That it was made with; without them the points are taken to be evenly dense.
         thinning: How many points of the cloud each of these stands for.
     """
-    if len(points_m) <= _NEIGHBOURS:
+    if len(points_m) <= _NEIGHBORS:
         apart_m = _ALONE_M
     else:
         some = points_m[:: max(1, len(points_m) // _FEW)]
-        away_m = np.asarray(cKDTree(points_m).query(some, k=_NEIGHBOURS + 1)[0])[:, -1]
+        away_m = np.asarray(cKDTree(points_m).query(some, k=_NEIGHBORS + 1)[0])[:, -1]
         apart_m = float(np.quantile(away_m, _CLOSE if cameras else 0.5)) or _ALONE_M
     widths_m = np.full(len(points_m), np.inf if cameras else apart_m)
     for camera in cameras:

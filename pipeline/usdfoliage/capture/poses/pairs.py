@@ -70,7 +70,7 @@ def match_descriptors(
     return np.column_stack([chosen, nearest[chosen]]).astype(np.uint32)
 
 
-def neighbours_in_order(count: int, overlap: int) -> Iterator[tuple[int, int]]:
+def neighbors_in_order(count: int, overlap: int) -> Iterator[tuple[int, int]]:
     """Pairs of a sequence of pictures at most so many apart, and twice, four times, … as far beyond."""
     steps = sorted({*range(1, overlap + 1), *(overlap * 2**power for power in range(1, 4))})
     for first in range(count):
@@ -84,7 +84,7 @@ def all_pairs(count: int) -> Iterator[tuple[int, int]]:
 
 
 def retrieve_pairs(
-    descriptors: list[NDArray[np.uint8]], neighbours: int, rng: np.random.Generator, words: int = 64
+    descriptors: list[NDArray[np.uint8]], neighbors: int, rng: np.random.Generator, words: int = 64
 ) -> set[tuple[int, int]]:
     """For each photograph those that look most like it, by descriptors gathered over words of their own vocabulary.
 
@@ -121,7 +121,7 @@ def retrieve_pairs(
         signatures[index] = _unit_rows(residuals).ravel()
     similarity = signatures @ signatures.T
     np.fill_diagonal(similarity, -np.inf)
-    order = np.argsort(-similarity, axis=1, kind="stable")[:, : min(neighbours, len(descriptors) - 1)]
+    order = np.argsort(-similarity, axis=1, kind="stable")[:, : min(neighbors, len(descriptors) - 1)]
     return {(min(i, int(j)), max(i, int(j))) for i, row in enumerate(order) for j in row}
 
 

@@ -20,7 +20,7 @@ from usdfoliage.capture.folder.photo_set import PhotoFile, PhotoSet, read_colors
 from usdfoliage.capture.lens import LENS_MODELS, Lens, scale_lens
 from usdfoliage.capture.poses.child_process import run_items
 from usdfoliage.capture.poses.diagnosis import check_cameras, describe_poses, list_failures
-from usdfoliage.capture.poses.pairs import all_pairs, neighbours_in_order, retrieve_pairs
+from usdfoliage.capture.poses.pairs import all_pairs, neighbors_in_order, retrieve_pairs
 from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, project_with
 from usdfoliage.capture.poses.result import Registered as Registered  # what callers get
 from usdfoliage.errors import CaptureError
@@ -75,7 +75,7 @@ class PoseEstimationSettings:
     sequence_overlap: int = 8
     # This many neighbours of each photograph, those with the most coarse matches, are compared in full in any case.
     # Range: 1 or more.
-    neighbours: int = 12
+    neighbors: int = 12
     seed: int = 0  # Every random choice starts from this number. Range: 0 or more.
     threads: int = 0  # At most this many threads work; 0 is one per core. Range: 0 or more.
 
@@ -94,7 +94,7 @@ class PoseEstimationSettings:
             raise ValueError(f"peak_threshold and max_ratio must be in 0 to 1, not {self}")
         if min(self.coarse_features - 100, self.coarse_matches, self.seed, self.threads) < 0 or self.min_matches < 8:
             raise ValueError(f"counts must not be negative and min_matches at least 8, not {self}")
-        if min(self.sequence_overlap, self.neighbours) < 1:
+        if min(self.sequence_overlap, self.neighbors) < 1:
             raise ValueError(f"sequence_overlap and neighbours must be at least 1, not {self}")
         if self.focal_px is not None and not (np.isfinite(self.focal_px) and self.focal_px > 0):
             raise ValueError(f"focal_px must be above 0, not {self.focal_px}")
@@ -238,7 +238,7 @@ def _choose_pairs(
         with np.load(item["out"], allow_pickle=False) as arrays:
             similar[int(arrays["first"]), arrays["seconds"]] = arrays["similar"]
     similar = np.maximum(similar, similar.T)
-    nearest = np.argsort(-similar, axis=1, kind="stable")[:, : settings.neighbours]
+    nearest = np.argsort(-similar, axis=1, kind="stable")[:, : settings.neighbors]
     wanted = similar >= settings.coarse_matches
     for first in usable:
         wanted[first, nearest[first]] = True
@@ -256,14 +256,14 @@ def _candidates(
     else:
         places = set()
         if settings.matching in ("auto", "sequential"):
-            places |= set(neighbours_in_order(len(usable), settings.sequence_overlap))
+            places |= set(neighbors_in_order(len(usable), settings.sequence_overlap))
         if settings.matching in ("auto", "retrieval"):
             descriptors = []
             for index in usable:
                 with np.load(features[index], allow_pickle=False) as arrays:
                     descriptors.append(arrays["descriptors"][: settings.coarse_features])
             rng = np.random.default_rng(settings.seed)
-            places |= retrieve_pairs(descriptors, 4 * settings.neighbours, rng)
+            places |= retrieve_pairs(descriptors, 4 * settings.neighbors, rng)
     return sorted((usable[first], usable[second]) for first, second in places)
 
 

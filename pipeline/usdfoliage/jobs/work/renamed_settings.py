@@ -16,6 +16,7 @@ RENAMED_SETTINGS: Mapping[str, str] = {
     "capture.registration": "capture.pose_estimation",
     "capture.pose_estimation.least_features": "capture.pose_estimation.min_features",
     "capture.pose_estimation.least_matches": "capture.pose_estimation.min_matches",
+    "capture.pose_estimation.neighbours": "capture.pose_estimation.neighbors",
     "capture.doubtful_poses": "capture.uncertain_poses",
     "capture.world.least_gps": "capture.world.min_gps",
     "capture.depth.segments.least_px": "capture.depth.segments.min_px",

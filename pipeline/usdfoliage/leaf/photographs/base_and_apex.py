@@ -21,7 +21,7 @@ from usdfoliage.leaf.shape.surface import evaluate_grid, evaluate_points, grid_p
 
 logger = logging.getLogger(__name__)
 
-NEIGHBOURS = 20  # leaves among which one leaf points inwards or outwards
+NEIGHBORS = 20  # leaves among which one leaf points inwards or outwards
 NEAREST_ENDS = 4  # other bases and apices to which the distance is taken
 FINEST = 0.03  # leaf lengths; nearer, distances count as equal
 THINNEST = 0.02  # leaf lengths; narrower, widths count as equal
@@ -167,8 +167,8 @@ def _measure_place(leaves: Leaves) -> NDArray[np.float64]:
     others = min(NEAREST_ENDS + 2, 2 * count)
     distances = np.asarray(cKDTree(ends.reshape(-1, 3)).query(ends.reshape(-1, 3), k=others)[0])[:, 2:]
     away = distances.mean(axis=1).reshape(count, 2) / length_m + FINEST
-    neighbours = np.asarray(cKDTree(middles).query(middles, k=min(NEIGHBOURS + 1, count))[1])[:, 1:]
-    outwards = np.einsum("nc,nc->n", axes, middles - middles[neighbours].mean(axis=1)) / length_m
+    neighbors = np.asarray(cKDTree(middles).query(middles, k=min(NEIGHBORS + 1, count))[1])[:, 1:]
+    outwards = np.einsum("nc,nc->n", axes, middles - middles[neighbors].mean(axis=1)) / length_m
     from_center = np.einsum("nc,nc->n", axes, middles - middles.mean(axis=0)) / length_m
     return np.column_stack([np.log(away[:, 1] / away[:, 0]), outwards, from_center])
 

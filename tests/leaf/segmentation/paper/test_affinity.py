@@ -21,7 +21,7 @@ def affinity_of(points, labels, **kwargs):
     return measure_affinity(points, labels, planes, DELTA, **kwargs), planes
 
 
-def test_coplanar_neighbours_join():
+def test_coplanar_neighbors_join():
     graph, planes = affinity_of(*grid())
     assert graph.edges.tolist() == [[0, 1]]
     assert graph.affinity[0] == pytest.approx(np.exp(-((FOOTPRINT / DELTA) ** 2) / (2 * 0.2**2)), rel=1e-6)
