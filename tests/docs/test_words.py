@@ -31,7 +31,10 @@ PYTHON_FOLDERS = (
     *sorted(path for path in PACKAGE.iterdir() if path.is_dir()),
     ROOT / "usd_plugins",
     ROOT / "hydra_preview",
+    ROOT / "tools",
+    ROOT / "tests",
 )
+ABOUT_WORDS = {ROOT / "tests" / "docs" / name for name in ("test_words.py", "test_help.py")}  # they quote the words
 OF_OTHERS = {  # names of libraries and of Python
     "least_squares": "scipy.optimize",
     "most_common": "collections.Counter",
@@ -110,6 +113,11 @@ def texts_of(path: Path) -> Iterator[tuple[int, str]]:
                 yield token.start[0], token.string
 
 
+def modules_in(folder: Path) -> list[Path]:
+    """The Python modules below a folder."""
+    return [path for suffix in ("py", "pyi") for path in folder.rglob(f"*.{suffix}") if path not in ABOUT_WORDS]
+
+
 def words_in_texts(path: Path, earlier_names: frozenset[str] = frozenset()) -> set[str]:
     """Where the texts of a module have a word that texts give up.
 
@@ -148,7 +156,7 @@ def test_names_and_code_marks_are_no_texts_of_code(tmp_path: Path):
 )
 def test_no_text_in_python_has_one_of_them(place: Path):
     found: set[str] = set()
-    for module in place.rglob("*.py") if place.is_dir() else (place,):
+    for module in modules_in(place) if place.is_dir() else (place,):
         found |= words_in_texts(module, EARLIER_NAMES.get(module.relative_to(ROOT).as_posix(), frozenset()))
     assert found == set()
 
@@ -178,7 +186,7 @@ def test_words_in_a_name_are_found():
 def test_no_name_in_python_has_one_of_them(folder: Path):
     found = {
         f"{path.relative_to(ROOT)}: {name}"
-        for path in (*folder.rglob("*.py"), *folder.glob("*.pyi"))
+        for path in modules_in(folder)
         for name in set(names_of(path)) - set(OF_OTHERS)
         if words_in_name(name)
     }
