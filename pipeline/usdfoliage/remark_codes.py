@@ -30,7 +30,8 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "photographs-blurred": RemarkKind(
                 severity="warning",
                 meaning=(
-                    "They are less than half as sharp as the median photograph: shaken, or out of focus. They are used."
+                    "These photographs are less than half as sharp as the median one: shaken, or out of focus. They "
+                    "are used."
                 ),
                 action="Leave them out of the folder if neighbours cover for them, or take them again.",
             ),
@@ -52,7 +53,8 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "photograph-copies-used": RemarkKind(
                 severity="warning",
                 meaning=(
-                    "Photographs with given poses hold the same bytes. What has only its copy for company is seen once."
+                    "Photographs with given poses hold the same bytes. A place that only a photograph and its copy "
+                    "show counts as seen once."
                 ),
                 action="Remove the copies from images/ and cameras/.",
             ),
@@ -80,7 +82,9 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "photograph-sizes-differ": RemarkKind(
                 severity="info",
-                meaning="Several cameras took them, or some are cropped. Each size gets a camera of its own.",
+                meaning=(
+                    "Several cameras took the photographs, or some are cropped. Each size gets a camera of its own."
+                ),
                 action="Use the originals, uncropped.",
             ),
             "orientation-ignored": RemarkKind(
@@ -171,8 +175,8 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "photographs-not-registered": RemarkKind(
                 severity="info",
                 meaning=(
-                    "No camera was found for them: too few features, another scene, too far from the next, a "
-                    "group of its own, or a camera that only turned."
+                    "No camera was found for these photographs: too few features, another scene, too far from the "
+                    "next, a group of its own, or a camera that only turned."
                 ),
                 action="Take photographs between them and the others. A few that are lost do no harm.",
             ),
@@ -199,7 +203,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
                     "There is no scale bar, no known distance and no usable positions. Every length of the "
                     "plant is in an unknown unit."
                 ),
-                action="See Scale and up.",
+                action="See [Scale and up](#scale-and-up).",
             ),
             "positions-contradict-pictures": RemarkKind(
                 severity="info",
@@ -208,12 +212,12 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "positions-not-usable": RemarkKind(
                 severity="info",
-                meaning="Positions by satellite are all one, or have no altitude.",
+                meaning="Positions by satellite are all the same, or have no altitude.",
                 action="Give a scale bar.",
             ),
             "up-uncertain": RemarkKind(
                 severity="info",
-                meaning="What up was found by determines it only roughly.",
+                meaning="The evidence for the up direction is weak.",
                 action="Choose another method, or give the direction.",
             ),
             "up-methods-disagree": RemarkKind(
@@ -257,7 +261,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "reprojection-errors-high": RemarkKind(
                 severity="warning",
                 meaning=(
-                    "Points are far from where these photographs show them: they, or something in them, may have moved."
+                    "Points are far from where these photographs show them. The camera or the plant may have moved."
                 ),
                 action="Leave the photographs out, or take them again.",
             ),
@@ -323,12 +327,12 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "depth-units-mixed": RemarkKind(
                 severity="warning",
-                meaning="Depth maps have different units, and none is that of most.",
+                meaning="Depth maps have different units, and no unit is used by more than half of them.",
                 action="Give all depth in metres.",
             ),
             "depth-of-other-unit-left-out": RemarkKind(
                 severity="warning",
-                meaning="Some depth maps have another unit than most. Their depth is left out.",
+                meaning="Some depth maps have another unit than the majority. Their depth is left out.",
                 action="Give all depth in metres.",
             ),
             "cloud-file-chosen": RemarkKind(
@@ -400,7 +404,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
                     "The plant could not be separated from its surroundings, for the reason that the remark "
                     "has. Everything in the photographs is taken for the plant."
                 ),
-                action='Give masks, or set isolation.make = "off".',
+                action='Give masks, or set `isolation.make` to `"off"`.',
             ),
             "isolation-nothing-left": RemarkKind(
                 severity="warning",
@@ -408,7 +412,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
                     "Without floor and surroundings hardly a point was left. Everything in the photographs "
                     "is taken for the plant."
                 ),
-                action='Give masks, or set isolation.make = "off", which does the same without the warning.',
+                action='Give masks, or set `isolation.make` to `"off"`, which does the same without the warning.',
             ),
             "isolation-plant-small": RemarkKind(
                 severity="warning",
@@ -455,7 +459,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "photographs-without-plant": RemarkKind(
                 severity="info",
-                meaning="Nothing of the plant is seen in them.",
+                meaning="Nothing of the plant is seen in these photographs.",
                 action="Nothing.",
             ),
         },
@@ -487,8 +491,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "branches-not-joined": RemarkKind(
                 severity="warning",
                 meaning=(
-                    "A third of the branches or more are not joined to the surface. The cloud shows few of them "
-                    "clearly."
+                    "More than 30 % of the branches are not joined to the surface. The cloud shows few of them clearly."
                 ),
                 action='Set `branches.cloud_leaves` to `"on"` if leaves were taken for wood.',
             ),
@@ -753,7 +756,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "points-without-color": RemarkKind(
                 severity="info",
-                meaning="Black points have no colour. Each is a leaf where the coloured points nearest to it are.",
+                meaning="Black points have no colour. Each counts as a leaf if the nearest coloured points are leaves.",
                 action="Nothing.",
             ),
             "mask-of-alpha": RemarkKind(

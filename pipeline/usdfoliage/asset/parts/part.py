@@ -1,9 +1,9 @@
 """What a part brings into an asset: a part writes its own layers, maps and shaders, and the rest is in a Part.
 
 An asset is the sum of its parts (usdfoliage.asset.packages.assembly). A new part is a module beside this one with a
-function that writes its files and returns a Part, and one line where the parts of an asset are listed
-(usdfoliage.asset.packages.plant_package.write_plant_asset). Whoever writes the asset again with other leaves copies it
-with what it finds in the layers (usdfoliage.asset.packages.other_parts).
+function that writes its files and returns a Part, and one line where the asset of a plant is written
+(usdfoliage.jobs.plant.stages.assemble): the function, in `more` of write_plant_asset. Whoever writes the asset again
+with other leaves copies it with what it finds in the layers (usdfoliage.asset.packages.other_parts).
 """
 
 import shutil
