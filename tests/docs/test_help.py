@@ -1,6 +1,8 @@
 """The help of every command: whole sentences with unit and default, in options that are grouped."""
 
 import argparse
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -112,6 +114,27 @@ def test_many_options_are_in_groups(name: str, parser: argparse.ArgumentParser):
     for group in parser._action_groups:
         shown = [action for action in group._group_actions if action.help != argparse.SUPPRESS]
         assert len(shown) <= MAX_OPTIONS_A_GROUP, f"usdfoliage {name} --help: divide the group {group.title}"
+
+
+@pytest.mark.parametrize(("name", "parser"), [*commands()], ids=lambda value: value if isinstance(value, str) else "")
+def test_every_option_is_in_a_group_of_ours(name: str, parser: argparse.ArgumentParser):
+    shown = {
+        str(group.title): [action for action in group._group_actions if action.help != argparse.SUPPRESS]
+        for group in parser._action_groups
+    }
+    theirs = [title for title in ("positional arguments", "options") if shown.pop(title)]
+    assert not theirs, f"usdfoliage {name} --help: give what is below {theirs} a group"
+
+
+@pytest.mark.parametrize("command", ["build", "batch", "submit", "task"])
+def test_the_help_of_a_build_loads_no_stage(command: str):
+    """Reading the settings of all stages takes seconds."""
+    loaded = "import sys; from usdfoliage.__main__ import build_parser; build_parser(sys.argv[1]); print(*sys.modules)"
+    ended = subprocess.run(
+        [sys.executable, "-c", loaded, command], capture_output=True, text=True, check=True
+    )  # fmt: skip
+    heavy = {"usdfoliage.jobs.plant.settings", "usdfoliage.jobs.plant.run", "scipy", "cv2", "pycolmap"}
+    assert not heavy & set(ended.stdout.split())
 
 
 def test_only_the_named_command_gets_its_arguments():

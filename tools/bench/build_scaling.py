@@ -17,7 +17,8 @@ from pathlib import Path
 
 from usdfoliage.__main__ import main as usdfoliage
 from usdfoliage.jobs.plant.call import BuildRequest
-from usdfoliage.jobs.plant.run import ExecutorChoice, build_plants
+from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
+from usdfoliage.jobs.plant.run import build_plants
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.work.settings_file import read_settings_file
 

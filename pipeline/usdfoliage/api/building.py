@@ -8,7 +8,8 @@ from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.validation.studio_profile import read_profile
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.plant.call import BuildRequest
-from usdfoliage.jobs.plant.run import ExecutorChoice, build_plants
+from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
+from usdfoliage.jobs.plant.run import build_plants
 from usdfoliage.jobs.plant.settings import BuildSettings, with_seed
 from usdfoliage.jobs.plant.work_folder import find_work_folder
 from usdfoliage.jobs.work.settings_file import read_settings_file

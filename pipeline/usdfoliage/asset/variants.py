@@ -66,3 +66,13 @@ def order_variants(names: Iterable[str]) -> list[str]:
     """Names of variants in the order of REPRESENTATIONS where they are there, others after them by name."""
     order = {name: number for number, name in enumerate(REPRESENTATIONS)}
     return sorted(names, key=lambda name: (order.get(name, len(order)), name))
+
+
+def check_representations(names: Sequence[str]) -> None:
+    """Raises ValueError for no representation, one that there is not, or one that is named twice."""
+    unknown = [name for name in names if name not in REPRESENTATIONS]
+    if unknown or not names or len(set(names)) < len(names):
+        raise ValueError(
+            f"representations must be one or more of {', '.join(REPRESENTATIONS)}, each once, "
+            f"not {', '.join(names) or 'none'}"
+        )

@@ -16,7 +16,7 @@ SHELLS = ("sh", "csh", "powershell", "json")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    parser.add_argument_group("printed output").add_argument(
         "--shell",
         choices=SHELLS,
         default=SHELLS[0],

@@ -7,10 +7,10 @@ from usdfoliage.cli.json_output import add_json
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    parser.add_argument_group("input and output").add_argument(
         "asset", metavar="ASSET", type=Path, help="The input is the folder of an asset, its .usda file, or a look."
     )
-    add_json(parser)
+    add_json(parser.add_argument_group("printed output"))
 
 
 def run(options: argparse.Namespace) -> int:

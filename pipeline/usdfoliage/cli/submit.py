@@ -17,11 +17,11 @@ from usdfoliage.cli.options.build import add_plan, add_publishing, add_work
 from usdfoliage.cli.options.leaf_commands import add_threads
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.plant.openjd_template import JobParameter
+    from usdfoliage.jobs.plant.farm_job import JobParameter
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from usdfoliage.jobs.plant.openjd_template import FarmJob
+    from usdfoliage.jobs.plant.farm_job import FarmJob
 
     files = parser.add_argument_group("input and output")
     files.add_argument(
@@ -82,8 +82,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.options.build import read_request
     from usdfoliage.errors import FoliageError
+    from usdfoliage.jobs.plant.farm_job import FarmJob
     from usdfoliage.jobs.plant.farm_steps import list_steps
-    from usdfoliage.jobs.plant.openjd_template import FarmJob, write_bundle, write_template
+    from usdfoliage.jobs.plant.openjd_template import write_bundle, write_template
     from usdfoliage.jobs.plant.run import plan_plant
 
     if options.template is None and options.bundle is None:
@@ -119,7 +120,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _parameters(options: argparse.Namespace, name: str, work: Path) -> "list[JobParameter]":
-    from usdfoliage.jobs.plant.openjd_template import JobParameter
+    from usdfoliage.jobs.plant.farm_job import JobParameter
 
     capture, is_cloud = options.capture.absolute(), options.capture.is_file()
     known_work = options.output is not None or options.work is not None

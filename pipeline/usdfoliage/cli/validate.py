@@ -26,20 +26,21 @@ EXIT_WITH_ERRORS = 3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
         "asset",
         type=Path,
         metavar="ASSET",
         help="The input is the folder of an asset, its .usda file, a look, or a scene.",
     )
-    parser.add_argument(
+    files.add_argument(
         "--profile",
         type=Path,
         metavar="FILE",
         help="This TOML file has the studio's rules and accepted warnings. The default is the file that comes with "
         "usdfoliage.",
     )
-    add_json(parser)
+    add_json(parser.add_argument_group("printed output"))
 
 
 def run(options: argparse.Namespace) -> int:

@@ -17,20 +17,22 @@ from pathlib import Path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from usdfoliage.jobs.preview.viewer import ViewerSettings
 
-    parser.add_argument(
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
         "asset",
         metavar="ASSET",
         type=Path,
         nargs="?",
         help="The input is the folder of an asset, a look, or a USD file.",
     )
-    parser.add_argument(
+    files.add_argument(
         "--capture",
         metavar="FOLDER",
         type=Path,
         help="The cloud and the cameras of this capture are shown over the asset.",
     )
-    parser.add_argument(
+    window = parser.add_argument_group("this run")
+    window.add_argument(
         "--size",
         metavar=("W", "H"),
         type=int,
@@ -39,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="The window has this width and height in pixels, 200 or more each; the default is "
         f"{ViewerSettings.width_px} {ViewerSettings.height_px}.",
     )
-    parser.add_argument(
+    window.add_argument(
         "--script",
         metavar="JSON",
         type=Path,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    parser.add_argument_group("input and output").add_argument(
         "folder",
         type=Path,
         nargs="?",
@@ -29,11 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="This is the folder that builds have in --work; the default is the folder in "
         f"${WORK_VARIABLE}. Builds without either have {BESIDE_ASSET} beside the asset.",
     )
-    parser.add_argument("--prune", action="store_true", help="Remove the results that are not needed.")
-    parser.add_argument(
+    run_options = parser.add_argument_group("this run")
+    run_options.add_argument("--prune", action="store_true", help="Remove the results that are not needed.")
+    run_options.add_argument(
         "--dry-run", action="store_true", help="With --prune, only print what would be removed. Nothing is removed."
     )
-    parser.add_argument(
+    run_options.add_argument(
         "--keep-days",
         type=float,
         default=0.0,

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 from usdfoliage.jobs.plant.call import BuildRequest
+from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 from usdfoliage.jobs.plant.executors import Done, TaskOrder
 from usdfoliage.jobs.plant.finish import BuiltPlant
-from usdfoliage.jobs.plant.run import ExecutorChoice, build_plants
+from usdfoliage.jobs.plant.run import build_plants
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.worker import run_named_task
 from usdfoliage.jobs.work.settings_file import read_settings_file

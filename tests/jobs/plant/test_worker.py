@@ -15,11 +15,12 @@ from usdfoliage.errors import CaptureError, FoliageError, WriteError
 from usdfoliage.jobs.plant import run as runs
 from usdfoliage.jobs.plant import worker
 from usdfoliage.jobs.plant.call import BuildRequest, StageCall
+from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 from usdfoliage.jobs.plant.executors import Done, TaskOrder
 from usdfoliage.jobs.plant.finish import BuiltPlant, finish_plant
 from usdfoliage.jobs.plant.inputs import find_inputs
 from usdfoliage.jobs.plant.library import describe_built
-from usdfoliage.jobs.plant.run import ExecutorChoice, build_plants
+from usdfoliage.jobs.plant.run import build_plants
 from usdfoliage.jobs.plant.settings import BranchStageSettings, BuildSettings
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset, provenance_of
 from usdfoliage.jobs.plant.store import ResultFile, Store

@@ -23,7 +23,7 @@ from usdfoliage.asset.parts.leaves import (
 )
 from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Box, Part, copy_map, map_file
 from usdfoliage.asset.plant import LEAVES, TO_LEAVES, box_around
-from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
+from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet, check_representations
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.cage import LeafCageSettings, build_leaf_cage
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
@@ -45,12 +45,7 @@ class LeafAssetSettings:
     version: str = "1"  # assetInfo
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.representations if name not in REPRESENTATIONS]
-        if unknown or not self.representations or len(set(self.representations)) < len(self.representations):
-            raise ValueError(
-                f"representations must be one or more of {', '.join(REPRESENTATIONS)}, each once, "
-                f"not {', '.join(self.representations) or 'none'}"
-            )
+        check_representations(self.representations)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,15 +9,14 @@ from usdfoliage.jobs.plant.work_folder import BESIDE_ASSET, WORK_VARIABLE, find_
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.call import BuildRequest
-    from usdfoliage.jobs.plant.run import ExecutorChoice
+    from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
     from usdfoliage.jobs.plant.settings import BuildSettings
 
 
 def add_plan(parser: argparse._ActionsContainer) -> None:
     """What decides the plant."""
-    from usdfoliage.jobs.plant.settings import BuildSettings
+    from usdfoliage.jobs.plant.plant_settings import PlantSettings, SeedSettings
 
-    settings = BuildSettings()
     parser.add_argument(
         "--plan",
         metavar="FILE",
@@ -25,8 +24,8 @@ def add_plan(parser: argparse._ActionsContainer) -> None:
         help="This TOML file has the settings of every stage, as usdfoliage build --print-plan prints them. "
         "Settings that it leaves out keep their defaults.",
     )
-    parser.add_argument("--species", metavar="NAME", help=describe_setting(settings.plant, "species"))
-    parser.add_argument("--seed", metavar="N", type=int, help=describe_setting(settings, "seed"))
+    parser.add_argument("--species", metavar="NAME", help=describe_setting(PlantSettings(), "species"))
+    parser.add_argument("--seed", metavar="N", type=int, help=describe_setting(SeedSettings(), "seed"))
     parser.add_argument(
         "--profile",
         metavar="FILE",
@@ -48,7 +47,7 @@ def add_work(parser: argparse._ActionsContainer) -> None:
 
 def add_where(parser: argparse._ActionsContainer) -> None:
     """Where tasks run."""
-    from usdfoliage.jobs.plant.run import ExecutorChoice
+    from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 
     parser.add_argument(
         "--jobs",
@@ -117,7 +116,7 @@ def read_settings(options: argparse.Namespace) -> "BuildSettings":
 def read_where(options: argparse.Namespace) -> "ExecutorChoice":
     """Where tasks run, by the options of a command; FoliageError for values that cannot be."""
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.plant.run import ExecutorChoice
+    from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 
     try:
         return ExecutorChoice(jobs=options.jobs, scheduler=options.scheduler, threads=options.threads)

@@ -5,14 +5,13 @@ Source:
     developer guide, Job bundles.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
 from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.errors import AssetError
+from usdfoliage.jobs.plant.farm_job import FarmJob, JobParameter
 from usdfoliage.jobs.plant.farm_steps import PUBLISH, Step
 from usdfoliage.jobs.plant.tasks import (
     BRANCHES,
@@ -49,39 +48,6 @@ _FORCE = Argument(name="force")
 _SHORTEST_TIMEOUT_S = 3600
 _LATE = 30  # times its estimate: then a task hangs
 _NOTIFY_S = 30  # after which one that is cancelled is killed; what it had done is not lost then either
-
-
-@dataclass(frozen=True, kw_only=True)
-class JobParameter:
-    """What whoever submits the job may change."""
-
-    name: str
-    kind: str  # STRING, INT or PATH
-    value: str | int | None  # None: not known yet
-    description: str
-    option: str = ""  # of the command, before the value; empty: the value alone
-    is_file: bool = False  # a PATH's
-    flow: str = ""  # a PATH's: IN, OUT or INOUT
-
-
-@dataclass(frozen=True, kw_only=True)
-class FarmJob:
-    """A build on a farm."""
-
-    name: str  # of the asset
-    steps: Sequence[Step]
-    parameters: Sequence[JobParameter]
-    flags: Sequence[str] = ()  # of the last step, which puts the asset in its place
-    executable: str = "usdfoliage"
-    cores: int = 4  # of a machine that does heavy steps
-    memory_mib: int = 8192  # likewise
-    is_chunked: bool = True  # whether the farm may give several chunks to one command
-
-    def __post_init__(self) -> None:
-        if self.cores < 1:
-            raise ValueError(f"cores must be at least 1, not {self.cores}")
-        if self.memory_mib < 1:
-            raise ValueError(f"memory-mib must be at least 1, not {self.memory_mib}")
 
 
 def make_template(job: FarmJob) -> dict[str, object]:

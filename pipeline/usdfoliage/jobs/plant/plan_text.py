@@ -5,8 +5,9 @@ from collections.abc import Mapping
 
 from usdfoliage.asset.publish import plan_folder
 from usdfoliage.jobs.plant.call import BuildRequest
+from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 from usdfoliage.jobs.plant.inputs import BuildInputs
-from usdfoliage.jobs.plant.run import ExecutorChoice, plan_plant
+from usdfoliage.jobs.plant.run import plan_plant
 from usdfoliage.jobs.plant.stages.parts import remark_unknown_species
 from usdfoliage.jobs.plant.store import Stamp
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task, find_wanted

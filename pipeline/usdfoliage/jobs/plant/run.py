@@ -5,11 +5,12 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.plant.call import BuildRequest, digest_profile
 from usdfoliage.jobs.plant.dask_workers import connect_dask
+from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 from usdfoliage.jobs.plant.executors import Done, NextPlant, TaskOrder, Wanted, Workers, run_here, run_on
 from usdfoliage.jobs.plant.finish import BuiltPlant, finish_plant
 from usdfoliage.jobs.plant.inputs import BuildInputs, DigestBy, find_inputs
@@ -25,28 +26,6 @@ from usdfoliage.progress import PlantProgress
 logger = logging.getLogger(__name__)
 
 MAX_PLANS = 4  # a result that is lost while others are made is made again, but not for ever
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExecutorChoice:
-    """Where tasks run."""
-
-    jobs: int = 1  # processes of this machine; 1: this one
-    scheduler: str = ""  # address of a Dask scheduler, instead
-    threads: int = 0  # of a task; 0: one per core, shared among the processes
-
-    def __post_init__(self) -> None:
-        if self.jobs < 1:
-            raise ValueError(f"jobs must be at least 1, not {self.jobs}")
-        if self.threads < 0:
-            raise ValueError(f"threads must be 0 or more, not {self.threads}")
-        if self.scheduler and self.jobs > 1:
-            raise ValueError("jobs are processes of this machine, and scheduler is Dask: name one of them")
-
-    def describe(self) -> str:
-        if self.scheduler:
-            return f"by Dask at {self.scheduler}"
-        return f"in {self.jobs} processes" if self.jobs > 1 else "in one process"
 
 
 def plan_plant(request: BuildRequest, digest_by: DigestBy = "bytes") -> tuple[BuildInputs, BuildPlan]:

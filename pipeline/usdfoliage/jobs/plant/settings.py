@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
-from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branches.foliage import FoliageRequest
@@ -11,6 +10,7 @@ from usdfoliage.jobs.capture.settings import CaptureRunSettings
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.plant.pages.pictures import PictureSettings
+from usdfoliage.jobs.plant.plant_settings import PlantSettings, SeedSettings
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.work.settings_file import set_everywhere
 
@@ -30,22 +30,6 @@ STAGE_SETTINGS = (
     "crown",
     "pictures",
 )  # tables that decide a result
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlantSettings:
-    """The plant, and how its asset is written."""
-
-    # The species is written into the asset. A known one, such as maple, also sets allometry, twigs and leaves.
-    species: str = ""
-    # The asset has its leaves in these forms: a list of bezier, nurbs, subdiv and mesh. auto chooses by the number of
-    # leaves.
-    representations: tuple[str, ...] | None = None
-    version: str = "1"  # The version of the asset is written into its assetInfo.
-
-    def __post_init__(self) -> None:
-        if self.representations is not None:
-            LeafAssetSettings(representations=self.representations)  # which checks them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,10 +165,9 @@ class TaskSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BuildSettings:
+class BuildSettings(SeedSettings):
     """Everything that decides a plant's asset."""
 
-    seed: int = 0  # Every random choice of every stage starts from this number. Range: 0 to 2147483647.
     plant: PlantSettings = field(default_factory=PlantSettings)
     capture: CaptureRunSettings = field(default_factory=CaptureRunSettings)
     isolation: IsolationStageSettings = field(default_factory=IsolationStageSettings)
@@ -194,10 +177,6 @@ class BuildSettings:
     crown: CrownStageSettings = field(default_factory=CrownStageSettings)
     pictures: PictureStageSettings = field(default_factory=PictureStageSettings)
     tasks: TaskSettings = field(default_factory=TaskSettings)
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.seed < 2**31:
-            raise ValueError(f"seed must be 0 or more and below 2^31, not {self.seed}")
 
 
 def with_seed(settings: BuildSettings, seed: int) -> BuildSettings:

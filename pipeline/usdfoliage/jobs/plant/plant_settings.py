@@ -1,0 +1,32 @@
+"""Settings of a build that are options of its commands too; they load little, so that a help appears at once."""
+
+from dataclasses import dataclass
+
+from usdfoliage.asset.variants import check_representations
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeedSettings:
+    """Where random choice begins."""
+
+    seed: int = 0  # Every random choice of every stage starts from this number. Range: 0 to 2147483647.
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.seed < 2**31:
+            raise ValueError(f"seed must be 0 or more and below 2^31, not {self.seed}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantSettings:
+    """The plant, and how its asset is written."""
+
+    # The species is written into the asset. A known one, such as maple, also sets allometry, twigs and leaves.
+    species: str = ""
+    # The asset has its leaves in these forms: a list of bezier, nurbs, subdiv and mesh. auto chooses by the number of
+    # leaves.
+    representations: tuple[str, ...] | None = None
+    version: str = "1"  # The version of the asset is written into its assetInfo.
+
+    def __post_init__(self) -> None:
+        if self.representations is not None:
+            check_representations(self.representations)
