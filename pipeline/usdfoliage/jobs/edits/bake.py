@@ -217,7 +217,7 @@ def _check_patches(plant: Any, source: str) -> list[Remark]:
     if not changed:
         return []
     what = "patch of the representation nurbs has" if changed == 1 else "patches of the representation nurbs have"
-    remedy = (Argument(name="source", value='"nurbs"'), " reads them")
+    remedy = (Argument(name="source", value="nurbs"), " reads them")
     return [remark("changed-patches-not-read", f"{changed:,} {what} changes that were not read", remedy=remedy)]
 
 
