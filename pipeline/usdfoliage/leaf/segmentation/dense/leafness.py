@@ -10,6 +10,8 @@ from usdfoliage.leaf.segmentation.dense.evidence import Evidence
 from usdfoliage.leaf.segmentation.dense.proposals import Proposals
 from usdfoliage.leaf.shape.measures import leaf_width
 
+TRUSTED_UNSEEN = 0.8  # of what no depth shows, the share that a right outline makes up for
+TRUSTED_THROUGH = 0.5  # of what depth looks through, the share that a right outline makes up for
 ENOUGH = 100  # leaves that show how different leaves of a set are
 
 
@@ -45,21 +47,33 @@ def measure_median_leaf(proposals: Proposals, evidence: Evidence, trust: NDArray
 
 
 def judge_leaves(
-    proposals: Proposals, evidence: Evidence, median_leaf: MedianLeaf, violation_weight: float
+    proposals: Proposals,
+    evidence: Evidence,
+    median_leaf: MedianLeaf,
+    violation_weight: float,
+    outlined: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """(N,), 0 to 1: whether each is one whole leaf, by its size, its free silhouette and what sees through it.
 
+    An outline that lies on edges of the photographs is as good as one at which depth jumps, since depth often has a
+    hole there. Where depth is missing below such an outline, the leaf counts as seen for the most part, and depth that
+    looks through it counts half: it may be wrong.
+
     Args:
         violation_weight: Of the share of a leaf that views look through.
+        outlined: (N,), 0 to 1, whether the outlines lie on edges of photographs; None where that is not known.
     """
+    edges = np.zeros(len(proposals)) if outlined is None else outlined
     lengths = proposals.leaves.length_m / median_leaf.length_m
     widths = leaf_width(proposals.leaves.parameters) * proposals.leaves.length_m / median_leaf.width_m
     areas = evidence.area_m2 / median_leaf.area_m2
-    ends = np.clip((evidence.free - 0.7 * evidence.continued) / 0.35, 0, 1)
+    ends = np.maximum(np.clip((evidence.free - 0.7 * evidence.continued) / 0.35, 0, 1), edges)
     # Stems are narrow; what is much too wide or long is several leaves, or ground.
     wide = np.clip((widths - 0.25) / 0.3, 0, 1) * np.exp(-0.5 * np.square(np.log(np.maximum(widths, 1)) / 0.5))
     long = np.exp(-0.5 * np.square(np.log(lengths) / 0.5))
-    seen = np.clip(evidence.on - violation_weight * evidence.violated - 0.2 * evidence.unseen, 0, None)
+    through = violation_weight * evidence.violated * (1 - TRUSTED_THROUGH * edges)
+    unseen = evidence.unseen * (TRUSTED_UNSEEN * edges - 0.2)
+    seen = np.clip(evidence.on - through + unseen, 0, 1)
     explained = np.clip((proposals.explained - 0.5) / 0.4, 0, 1)
     return np.asarray(ends * wide * long * seen * explained * np.clip(areas / 0.3, 0, 1))
 

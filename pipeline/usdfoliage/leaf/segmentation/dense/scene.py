@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
 from usdfoliage.files.threads import map_threaded
+from usdfoliage.leaf.photographs.outline_edges import EdgePicture, find_edges
 from usdfoliage.leaf.points import LeafPoints, no_points
 from usdfoliage.leaf.segmentation.dense.claims import (
     PointSettings,
@@ -54,6 +55,7 @@ class Scene:
     planes: Sequence[LocalPlanes]
     patches: Sequence[Patches]
     colors: Sequence[NDArray[np.int32]]
+    edges: Sequence[EdgePicture]
     median_m: float = 0.0  # how long a leaf is, as far as is known
     large: bool = False  # whether leaves are that many pixels long that details distinguish them
     misfit_m: float = 0.0  # that the surface of a leaf may be off its model
@@ -95,6 +97,7 @@ def measure_scene(
         planes=planes,
         patches=patches,
         colors=index_colors(chosen),
+        edges=find_edges(chosen, settings.outlines, threads=threads),
     )
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.view import View
 from usdfoliage.files.threads import map_threaded
 from usdfoliage.leaf.fit.prior import LeafPrior, generic_prior, learn_prior
+from usdfoliage.leaf.photographs.outline_edges import measure_outlines
 from usdfoliage.leaf.points import LeafPoints, no_points
 from usdfoliage.leaf.segmentation.dense.claims import (
     claim_pixels,
@@ -209,15 +210,16 @@ def _judge(
 ) -> tuple[NDArray[np.float64], MedianLeaf]:
     """(N,), 0 to 1, of each proposal, and the median leaf, measured where it is not known."""
     everything = np.ones(len(proposals))
-    by_shape = judge_leaves(
-        proposals, evidence, median_leaf or measure_median_leaf(proposals, evidence, everything), violation_weight
-    )  # fmt: skip
+    cameras = [view.camera for view in scene.views]
+    outlined = measure_outlines(proposals.leaves, cameras, scene.edges, settings.outlines, threads=threads)
+    first = median_leaf or measure_median_leaf(proposals, evidence, everything)
+    by_shape = judge_leaves(proposals, evidence, first, violation_weight, outlined)
     by_color = judge_colors(
         scene.colors, scene.views, scene.depths_m, evidence, scene.tolerance_m + 1e-12, by_shape, threads=threads
     )  # fmt: skip
     if median_leaf is None:
         median_leaf = _near_expected(measure_median_leaf(proposals, evidence, by_color), scene.median_m, settings)
-        by_shape = judge_leaves(proposals, evidence, median_leaf, violation_weight)
+        by_shape = judge_leaves(proposals, evidence, median_leaf, violation_weight, outlined)
     likeness = judge_likeness(proposals, prior) if prior else everything
     return by_shape * by_color * likeness, median_leaf
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from usdfoliage.leaf.photographs.outline_edges import OutlineSettings
 from usdfoliage.leaf.segmentation.dense.claims import (
     ClaimSettings,
     PointSettings,
@@ -42,6 +43,7 @@ class DenseSegmentationSettings:
     patches: PatchSettings = field(default_factory=PatchSettings)
     parts: PartSettings = field(default_factory=PartSettings)
     evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
+    outlines: OutlineSettings = field(default_factory=OutlineSettings)
     claims: ClaimSettings = field(default_factory=ClaimSettings)
     points: PointSettings = field(default_factory=PointSettings)
     # First fits are rough: what sees through them counts less, and many are tried.
