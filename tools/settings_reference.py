@@ -28,7 +28,7 @@ HEAD = """\
     usdfoliage build --print-plan > plant.toml            # all of them, with their defaults and these comments
     usdfoliage build CAPTURE -o ASSET --plan plant.toml   # keep the lines that you change: the rest stays as it is
 
-A table of the file is a stage, and a table within it a step of that stage: `[capture.depth]` holds `sources = 6`.
+A table of the file is a stage, and a table within it a step of that stage: `[capture.depth]` holds `sources = 9`.
 `"auto"` leaves the choice to the data. A name that does not exist, a wrong type and a value out of range are errors
 that name the setting and the file. A changed setting does again only the stages that depend on it. `usdfoliage capture`
 and `usdfoliage leaves` have the same tables, without the name of the stage, in `--print-settings` and `--settings`.

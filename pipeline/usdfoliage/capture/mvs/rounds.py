@@ -70,7 +70,7 @@ class MvsSettings:
     """How thoroughly photographs are matched, and which depth is believed."""
 
     max_side_px: int = 1200  # Photographs are matched at this longer side at most. Unit: pixels. Range: 32 or more.
-    sources: int = 6  # Each photograph is matched with this many others. Range: matching.best_sources to 16.
+    sources: int = 9  # Each photograph is matched with this many others. Range: matching.best_sources to 16.
     # These rounds of matching run one after the other over all photographs. level: how often photographs are halved.
     # iterations: how often planes spread. coherent: whether the depth of other photographs counts. segments: whether
     # planes of segments count where there is no texture. Range: at least one round.
