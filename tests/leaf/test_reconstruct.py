@@ -66,14 +66,14 @@ def test_leaves_are_found_fitted_and_coloured(segment, bed, method):
 
 def test_every_step_is_counted(segment, bed):
     segment(change=lambda found: replace(found, dropped={"without a plane": 3, "too large": 0}))
-    found = reconstruct_leaves(bed.views, replace(FAST, min_confidence=0.5))
+    found = reconstruct_leaves(bed.views, replace(FAST, min_confidence=0.99))
     counts = {step.name: step.count for step in found.steps}
     assert counts["candidates in single views"] > counts["leaves of the scene"] == len(found.segmentation.leaves)
     assert counts["leaves of the scene"] >= counts["fitted leaves"] >= counts["kept leaves"] == len(found.leaves)
     kept = found.steps[-1]
     assert counts["fitted leaves"] - kept.count == sum(kept.dropped.values()) > 0
-    assert list(kept.dropped) == ["of less confidence than 0.5"]
-    assert (found.leaves.confidence >= 0.5).all()
+    assert list(kept.dropped) == ["of less confidence than 0.99"]
+    assert (found.leaves.confidence >= 0.99).all()
     assert found.steps[-3].dropped == {"without a plane": 3}
 
 
@@ -163,7 +163,9 @@ def test_uncertain_leaves_are_reported(bed, changes, texts):
     assert all(words in each.text for words, each in zip(texts, remarks, strict=True))
 
 
-@pytest.mark.parametrize("wrong", [{"method": "magic"}, {"min_confidence": 1.5}, {"min_confidence": float("nan")}])
+@pytest.mark.parametrize(
+    "wrong", [{"method": "magic"}, {"min_confidence": 1.5}, {"min_confidence": float("nan")}, {"min_probability": 2.0}]
+)
 def test_settings_that_cannot_be(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         ReconstructionSettings(**wrong)

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
+from usdfoliage.leaf.confidence import ConfidenceFacts, find_facts, rate_leaves
 from usdfoliage.leaf.fit.alternating import AlternatingFitSettings, fit_leaves_alternating
 from usdfoliage.leaf.fit.flip import flip_leaves
 from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.silhouette_order import order_silhouettes
-from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface
+from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface, rate_form
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
 from usdfoliage.leaf.photographs.base_and_apex import DirectionSettings, distinguish_base_from_apex
@@ -42,6 +43,8 @@ class ReconstructionSettings:
     # dense finds leaves with the project's method; paper runs the published one for comparison.
     method: Literal["dense", "paper"] = "dense"
     min_confidence: float = 0.0  # Leaves of lower confidence are dropped. Range: 0 to 1.
+    # Leaves of the method dense that are right with a lower probability are dropped. Range: 0 to 1.
+    min_probability: float = 0.25
     threads: int = 0  # At most this many threads work; 0 is one per core. The result is the same. Range: 0 or more.
     dense: DenseSegmentationSettings = field(default_factory=DenseSegmentationSettings)
     dense_fit: SurfaceFitSettings = field(default_factory=SurfaceFitSettings)
@@ -56,6 +59,8 @@ class ReconstructionSettings:
             raise ValueError(f"method must be one of {', '.join(METHODS)}, not {self.method}")
         if not 0 <= self.min_confidence <= 1:
             raise ValueError(f"min_confidence must be from 0 to 1, not {self.min_confidence}")
+        if not 0 <= self.min_probability <= 1:
+            raise ValueError(f"min_probability must be from 0 to 1, not {self.min_probability}")
         if self.threads < 0:
             raise ValueError(f"threads must be 0, for all cores, or more, not {self.threads}")
 
@@ -66,6 +71,7 @@ class Reconstruction:
 
     leaves: Leaves  # N, in the world of the views, with color, confidence, residual_m and view
     source: NDArray[np.int64]  # (N,), the number of each in segmentation.leaves
+    facts: ConfidenceFacts | None  # that confidence was computed of; None where it is that of the method paper
     certainty: NDArray[np.float64]  # (N,), that its base is not its apex: 0.5 nothing is known to 1
     segmentation: Segmentation
     texture: AverageTexture | None  # None without leaves
@@ -117,7 +123,15 @@ def reconstruct_leaves(
     with step("direction"):
         direction = distinguish_base_from_apex(fitted.leaves, views, settings.direction, threads=settings.threads)
         leaves = order_silhouettes(flip_leaves(fitted.leaves, direction.flip))
-    sound, dropped = choose_sound(leaves, settings.min_confidence)
+        facts = None
+        if settings.method == "dense" and len(leaves):
+            score = segmentation.leaves.confidence[fitted.source] * rate_form(
+                leaves.parameters, fitted.outlined, settings.dense_fit
+            )
+            facts = find_facts(leaves, score, views, settings.dense.outlines, threads=settings.threads)
+            leaves = replace(leaves, confidence=rate_leaves(facts))
+    calibrated = settings.method == "dense"
+    sound, dropped = choose_sound(leaves, max(settings.min_confidence, settings.min_probability if calibrated else 0.0))
     leaves = leaves.take(sound)
     with step("colours"):
         leaves = replace(leaves, color=sample_leaf_colors(leaves, views, settings.colors).color)
@@ -128,6 +142,7 @@ def reconstruct_leaves(
     return Reconstruction(
         leaves=leaves,
         source=fitted.source[sound],
+        facts=None if facts is None else facts.take(sound),
         certainty=direction.certainty[sound],
         segmentation=segmentation,
         texture=texture,

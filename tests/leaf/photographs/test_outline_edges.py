@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.capture.view import View
-from usdfoliage.leaf.photographs.outline_edges import OutlineSettings, find_edges, measure_outlines
+from usdfoliage.leaf.photographs.outline_edges import OutlineSettings, find_edges, judge_outlines, measure_outlines
 
 from tests.support.leaves.pictures import front_camera, photograph, place_leaves
 from tests.support.leaves.shapes import flat_leaf
@@ -34,7 +34,7 @@ EDGES = find_edges(VIEWS)
 
 def measure(leaves, photographs=VIEWS, edges=EDGES, **changed) -> float:
     cameras = [view.camera for view in photographs]
-    return float(measure_outlines(leaves, cameras, edges, OutlineSettings(**changed))[0])
+    return float(judge_outlines(measure_outlines(leaves, cameras, edges, OutlineSettings(**changed)))[0])
 
 
 def test_the_outline_of_a_leaf_lies_on_edges():

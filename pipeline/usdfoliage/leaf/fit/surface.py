@@ -409,10 +409,25 @@ def _confidence(given: NDArray[np.float64], fits: SurfaceFits, settings: Surface
     close = 1 / (1 + np.square(quality.residual_m / (2 * settings.misfit * fits.length_m)) / 4)
     seen = 0.4 + 0.3 * quality.covered + 0.3 * quality.supported
     likeness = np.minimum(1.0, 2.0 / np.maximum(quality.unlikely, 1e-9))
-    wide = np.square(np.minimum(1.0, leaf_width(fits.parameters) / settings.narrow))
+    form = rate_form(fits.parameters, quality.outlined, settings)
+    return np.asarray(np.clip(given * quality.explained * close * seen * np.sqrt(likeness) * form, 0.0, 1.0))
+
+
+def rate_form(
+    parameters: NDArray[np.float64],
+    outlined: NDArray[np.float64] | None,
+    settings: SurfaceFitSettings = SurfaceFitSettings(),
+) -> NDArray[np.float64]:
+    """(N,), 0 to 1: whether leaves (N, 7, 3) are of one lobe and no blades of grass.
+
+    Args:
+        outlined: (N,), the share of each leaf's edge that lies on its silhouette; None where that is not known.
+        settings: From where on they are.
+    """
+    wide = np.square(np.minimum(1.0, leaf_width(parameters) / settings.narrow))
     low, high = settings.lobed
-    single = np.clip((quality.outlined - low) / (high - low), MIN_SINGLE, 1.0)
-    return np.asarray(np.clip(given * quality.explained * close * seen * np.sqrt(likeness) * wide * single, 0.0, 1.0))
+    single = 1.0 if outlined is None else np.clip((outlined - low) / (high - low), MIN_SINGLE, 1.0)
+    return np.asarray(wide * single)
 
 
 def _no_fits() -> SurfaceFits:

@@ -90,11 +90,11 @@ def measure_outlines(
     *,
     threads: int = 0,
 ) -> NDArray[np.float64]:
-    """(N,), 0 to 1: whether outlines lie on edges, 0 no better than chance and where too few views see a leaf.
+    """(N,), 0 to settings.limit: by how much the edges that outlines lie on exceed the typical change of colour.
 
-    At each place of an outline the change of colour across it is measured in every view, relative to what is typical
-    around. A place counts as the view that is settings.views best shows it: one view alone sees edges of what stands
-    before or behind the leaf.
+    0 where too few views see a leaf; see judge_outlines for what it means. At each place of an outline the change of
+    colour across it is measured in every view, relative to what is typical around. A place counts as the view that is
+    settings.views best shows it: one view alone sees edges of what stands before or behind the leaf.
 
     Args:
         leaves: In the world of the cameras.
@@ -135,8 +135,12 @@ def measure_outlines(
 
     measured = np.stack(list(map_threaded(measure, range(len(cameras)), threads=threads)))
     best = np.partition(measured, len(cameras) - settings.views, axis=0)[len(cameras) - settings.views]
-    mean = best.reshape(count, -1).mean(axis=1, dtype=np.float64)
-    return np.asarray(np.clip((mean - settings.chance) / settings.sure, 0, 1))
+    return np.asarray(best.reshape(count, -1).mean(axis=1, dtype=np.float64))
+
+
+def judge_outlines(measured: NDArray[np.float64], settings: OutlineSettings = OutlineSettings()) -> NDArray[np.float64]:
+    """(N,), 0 no better than chance to 1 right: whether outlines lie on edges, by what measure_outlines gives."""
+    return np.asarray(np.clip((measured - settings.chance) / settings.sure, 0, 1))
 
 
 def _sample(picture: NDArray[np.generic], places: NDArray[np.float64]) -> NDArray[np.float32]:

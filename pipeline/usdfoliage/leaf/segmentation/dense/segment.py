@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.view import View
 from usdfoliage.files.threads import map_threaded
 from usdfoliage.leaf.fit.prior import LeafPrior, generic_prior, learn_prior
-from usdfoliage.leaf.photographs.outline_edges import measure_outlines
+from usdfoliage.leaf.photographs.outline_edges import judge_outlines, measure_outlines
 from usdfoliage.leaf.points import LeafPoints, no_points
 from usdfoliage.leaf.segmentation.dense.claims import (
     claim_pixels,
@@ -211,7 +211,8 @@ def _judge(
     """(N,), 0 to 1, of each proposal, and the median leaf, measured where it is not known."""
     everything = np.ones(len(proposals))
     cameras = [view.camera for view in scene.views]
-    outlined = measure_outlines(proposals.leaves, cameras, scene.edges, settings.outlines, threads=threads)
+    edges = measure_outlines(proposals.leaves, cameras, scene.edges, settings.outlines, threads=threads)
+    outlined = judge_outlines(edges, settings.outlines)
     first = median_leaf or measure_median_leaf(proposals, evidence, everything)
     by_shape = judge_leaves(proposals, evidence, first, violation_weight, outlined)
     by_color = judge_colors(
