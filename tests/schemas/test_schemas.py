@@ -108,6 +108,7 @@ PROPERTIES: dict[str, tuple[tuple[str, str, str, str, str], ...]] = {
             "v in (0, 1) and above that of silhouette2, x above 0, z finite",
             "one element a leaf",
         ),
+        ("primvars:leaf:origin", "int[]", "none", "0 to 3", "one element a leaf, or not authored"),
         (
             "primvars:leaf:view",
             "int[]",

@@ -53,6 +53,7 @@ def author_leaf_arrays(prim: Usd.Prim, leaves: int, interpolation: str) -> None:
     _primvar(prim, "confidence", Sdf.ValueTypeNames.FloatArray, [0.5] * leaves, interpolation)
     _primvar(prim, "residual", Sdf.ValueTypeNames.FloatArray, [0.001] * leaves, interpolation)
     _primvar(prim, "view", Sdf.ValueTypeNames.IntArray, [-1] * leaves, interpolation)
+    _primvar(prim, "origin", Sdf.ValueTypeNames.IntArray, [0] * leaves, interpolation)
     for name in ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "curl"):
         _primvar(prim, f"edit:{name}", Sdf.ValueTypeNames.Float3, Gf.Vec3f(0), "constant")
     for name, number in (("width", 1.0), ("jitterAmplitude", 0.0), ("jitterFrequency", 8.0)):

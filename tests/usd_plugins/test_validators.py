@@ -157,6 +157,7 @@ LEAF = [
         interpolate("primvars:leaf:phase", "constant"),
     ),
     ("LeafArrays", "LeafFactRange", "primvars:leaf:view", put("primvars:leaf:view", [0, -2, 0])),
+    ("LeafArrays", "LeafFactRange", "primvars:leaf:origin", put("primvars:leaf:origin", [0, 4, 0])),
     ("LeafArrays", "LeafPackedMissing", "primvars:leaf:packed", drop("primvars:leaf:packed")),
     ("LeafArrays", "LeafPackedLength", "primvars:leaf:packed", put("primvars:leaf:packed", [3.0, 1.0])),
     ("LeafArrays", "LeafPackedDiffers", "primvars:leaf:packed", put("primvars:leaf:phase", [7.5, 7.5, 8.0])),

@@ -17,6 +17,7 @@ FACTS = (
     ("confidence", 0.0, 1.0, "measure it again"),
     ("residual", 0.0, np.inf, "measure it again"),
     ("view", -1.0, np.inf, "author the number of the photograph, -1 for none"),
+    ("origin", 0.0, 3.0, "author 0 found, 1 completed, 2 filled in or 3 of the species"),
 )
 
 

@@ -184,7 +184,7 @@ def measure_leaves(leaves: Leaves, edits: LeafEdits = NEUTRAL, jitter_map: Path 
         for row, name in enumerate(PARAMETERS)
         if len(column := leaves.parameters[:, row])
     )
-    known = [name for name in ("confidence", "residual_m", "view") if getattr(leaves, name) is not None]
+    known = [name for name in ("confidence", "residual_m", "view", "origin") if getattr(leaves, name) is not None]
     seen = leaves.view[leaves.view >= 0] if leaves.view is not None else np.zeros(0, np.int32)
     return LeafInfo(
         count=count,

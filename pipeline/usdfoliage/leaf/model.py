@@ -1,6 +1,7 @@
 """Leaves: what all the rest of the system knows of them."""
 
 from dataclasses import dataclass, replace
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +10,15 @@ _UNIT = 1e-6  # a quaternion this near to length 1 is kept as it is
 # Rows of the parameters of a leaf, three numbers each. silhouette_i is (v, x, z): the parameter on the axis, the
 # distance from it, the height above the leaf's plane.
 PARAMETERS = ("axis1", "axis2", "silhouette1", "silhouette2", "silhouette3", "inner", "outer")
+
+
+class LeafOrigin(IntEnum):
+    """Where a leaf comes from."""
+
+    FOUND = 0  # the input shows most of it
+    COMPLETED = 1  # the input shows a part of it; the rest is as other leaves of the plant have it
+    FILLED_IN = 2  # nothing shows it: it was put where the plant has leaves, drawn from those that were found
+    OF_SPECIES = 3  # nothing shows it: it was drawn from what leaves of the species are like
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,6 +39,7 @@ class Leaves:
         confidence: (N,), from 0 for a guessed leaf to 1 for one that was seen whole. None where it is unknown.
         residual_m: (N,), metres, root mean square distance of the captured points from it. None where it is unknown.
         view: (N,), number of the photograph, -1 for none. None where it is unknown.
+        origin: (N,), where each leaf comes from, by the numbers of LeafOrigin. None where it is unknown.
 
     Raises:
         ValueError: The arrays are not of these shapes.
@@ -46,6 +57,7 @@ class Leaves:
     confidence: NDArray[np.float64] | None = None
     residual_m: NDArray[np.float64] | None = None
     view: NDArray[np.int32] | None = None
+    origin: NDArray[np.int32] | None = None
 
     def __post_init__(self) -> None:
         count = len(self.parameters)
@@ -59,6 +71,7 @@ class Leaves:
             ("confidence", self.confidence, (count,)),
             ("residual_m", self.residual_m, (count,)),
             ("view", self.view, (count,)),
+            ("origin", self.origin, (count,)),
         )
         for name, array, shape in shapes:
             if array is not None and array.shape != shape:

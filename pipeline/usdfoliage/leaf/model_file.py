@@ -15,7 +15,8 @@ from usdfoliage.files.npz import read_arrays, reading_model, write_model
 from usdfoliage.leaf.model import Leaves, unit_quaternions
 
 _NUMBERS = ("parameters", "base_m", "length_m", "phase")
-_FACTS = ("color", "confidence", "residual_m", "view")  # which may be unknown
+_WHOLE = ("view", "origin")  # whole numbers
+_FACTS = ("color", "confidence", "residual_m", *_WHOLE)  # which may be unknown
 _COLORS = ("plain_color", "texture_color")
 
 Color = tuple[float, float, float]
@@ -43,7 +44,7 @@ def write_leaves_model(path: Path, model: LeavesModel) -> None:
     for name in _FACTS:
         fact = getattr(leaves, name)
         if fact is not None:
-            arrays[name] = np.asarray(fact, np.int32 if name == "view" else np.float32)
+            arrays[name] = np.asarray(fact, np.int32 if name in _WHOLE else np.float32)
     for name in _COLORS:
         color = getattr(model, name)
         if color is not None:
@@ -62,7 +63,7 @@ def read_leaves_model(path: Path) -> LeavesModel:
         arrays = read_arrays(path)
         named = [*_NUMBERS, "orientation", *(name for name in _FACTS if name in arrays)]
         numbers: dict[str, Any] = {
-            name: arrays[name] if name == "view" else arrays[name].astype(np.float64) for name in named
+            name: arrays[name] if name in _WHOLE else arrays[name].astype(np.float64) for name in named
         }
         leaves = Leaves(**numbers)
         matrix = arrays["asset_from_capture"]

@@ -70,7 +70,7 @@ def assert_same_leaves(found, wanted):
         actual, expected = getattr(found, field.name), getattr(wanted, field.name)
         assert (actual is None) == (expected is None), field.name
         if expected is not None:
-            kind = np.int32 if field.name == "view" else np.float32
+            kind = np.int32 if field.name in ("view", "origin") else np.float32
             np.testing.assert_array_equal(actual.astype(kind), expected.astype(kind), err_msg=field.name)
 
 

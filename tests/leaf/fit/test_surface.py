@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface, fit_surfaces
+from usdfoliage.leaf.model import LeafOrigin
 from usdfoliage.leaf.points import FREE_EDGE, INTERIOR, LeafPoints
 from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.measures import leaf_width
@@ -144,6 +145,7 @@ def test_hidden_halves_are_as_their_siblings_have_them():
     assert np.median(length_error[half]) < 0.1
     assert np.median(distances(fitted, leaves)[half]) < 0.05
     assert fitted.leaves.confidence[half].mean() < fitted.leaves.confidence[~half].mean() - 0.1
+    assert np.mean((fitted.leaves.origin == LeafOrigin.COMPLETED) == half) > 0.9
 
 
 def test_noise_and_outliers_do_little():

@@ -28,20 +28,22 @@ _FACTS = (
     ("confidence", "leaf:confidence"),
     ("residual_m", "leaf:residual"),
     ("view", "leaf:view"),
+    ("origin", "leaf:origin"),
 )
+_WHOLE = ("view", "origin")  # whole numbers
 
 Array = NDArray[np.float32 | np.int32]
 
 
 def leaf_arrays(leaves: Leaves) -> dict[str, Array]:
-    """The primvars of leaves, one element a leaf: (N, 3) or (N,) float32, (N,) int32 for the view."""
+    """The primvars of leaves, one element a leaf: (N, 3) or (N,) float32, (N,) int32 for view and origin."""
     arrays: dict[str, Array] = {}
     for row, name in enumerate(PARAMETERS):
         arrays[f"leaf:{name}"] = np.ascontiguousarray(leaves.parameters[:, row], np.float32)
     for field, name in _FACTS:
         value = getattr(leaves, field)
         if value is not None:
-            kind: type[np.int32 | np.float32] = np.int32 if field == "view" else np.float32
+            kind: type[np.int32 | np.float32] = np.int32 if field in _WHOLE else np.float32
             arrays[name] = np.ascontiguousarray(value, kind)
     return arrays
 
@@ -92,8 +94,8 @@ def read_leaf_primvars(prim: Usd.Prim, count: int) -> dict[str, NDArray[Any]]:
         if field == "color" and count != 1 and UsdGeom.Primvar(attribute).GetInterpolation() == UsdGeom.Tokens.constant:
             continue  # one for all: no leaf has a colour of its own
         found[field] = read_array(prim, f"primvars:{name}", (count, 3) if field == "color" else (count,))
-    if "view" in found:
-        found["view"] = found["view"].astype(np.int32)
+    for field in found.keys() & set(_WHOLE):
+        found[field] = found[field].astype(np.int32)
     return found
 
 

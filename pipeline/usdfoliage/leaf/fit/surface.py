@@ -24,7 +24,7 @@ from usdfoliage.leaf.fit.under_prior import (
     fit_under_prior,
     version_costs,
 )
-from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.model import LeafOrigin, Leaves
 from usdfoliage.leaf.points import LeafPoints
 from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.jitter import spread_phases
@@ -36,6 +36,7 @@ CELLS_U, CELLS_V = 6, 8  # of a leaf's surface, to measure how much of it has po
 EDGE_CELLS = 12  # of either silhouette
 STRONGER = 100.0  # how much more folds cost where leaves fold still
 MIN_SINGLE = 0.1  # confidence that leaves keep whose edges are nowhere near one silhouette
+COMPLETED_BELOW = 0.75  # of a leaf's area: the rest of a leaf with points on less of it is as its siblings have it
 STEPS_BACK = 4  # towards the mean leaf, where that did not help
 
 BLADE = 4.0  # widths, as a size; leaves are shorter
@@ -157,6 +158,7 @@ def fit_leaves_to_surface(
         confidence=_confidence(points.confidence[fits.source], fits, settings),
         residual_m=quality.residual_m,
         view=points.view[fits.source],
+        origin=np.where(quality.covered < COMPLETED_BELOW, LeafOrigin.COMPLETED, LeafOrigin.FOUND).astype(np.int32),
     ).take(kept)
     return FittedLeaves(
         leaves=replace(leaves, phase=spread_phases(len(leaves))),

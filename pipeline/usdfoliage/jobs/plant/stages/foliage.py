@@ -26,7 +26,7 @@ from usdfoliage.jobs.plant.stages.parts import known_species
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.fill import FillSettings, fill_places
-from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.model import LeafOrigin, Leaves
 from usdfoliage.leaf.shape.edits import slim_leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.measures import leaf_width
@@ -104,7 +104,10 @@ def choose_foliage(
     if not len(grown.foliage.leaves):
         remarks.append(remark("no-leaf-on-twigs", "no leaf is on the few twigs that there are: the plant has none"))
         return ChosenFoliage(leaves=None, kind="none", remarks=tuple(remarks), rows=())
-    return ChosenFoliage(leaves=grown.foliage, kind=kind, remarks=(*remarks, *grown.remarks), rows=grown.mean_leaf_rows)
+    origin = LeafOrigin.OF_SPECIES if fitted is None else LeafOrigin.FILLED_IN
+    put = grown.foliage.leaves
+    foliage = replace(grown.foliage, leaves=replace(put, origin=np.full(len(put), origin, np.int32)))
+    return ChosenFoliage(leaves=foliage, kind=kind, remarks=(*remarks, *grown.remarks), rows=grown.mean_leaf_rows)
 
 
 def _fill(
@@ -136,6 +139,7 @@ def _fill(
         length_m=np.where(full_length, sure.length_m[drawn] / float(np.median(sure.length_m)), 1.0) * places.length_m,
         phase=np.zeros(len(drawn)),
         color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_SPREAD),
+        origin=np.full(len(drawn), LeafOrigin.FILLED_IN, np.int32),
     )
     leaves = join_leaves([placed, others])
     text = f"{len(others):,} leaves were put beside {len(placed):,} that were found"
@@ -159,11 +163,12 @@ def _narrow(parameters: NDArray[np.float64], width: NDArray[np.float64]) -> NDAr
 
 
 def join_leaves(groups: Sequence[Leaves]) -> Leaves:
-    """Leaves of several groups as one; what is not known of a leaf is guessed: no confidence, no view."""
+    """Leaves of several groups as one; what is not known of a leaf is guessed: no confidence, no view, filled in."""
     known = (
         ("confidence", 0.0, np.float64),
         ("residual_m", 0.0, np.float64),
         ("view", -1, np.int32),
+        ("origin", LeafOrigin.FILLED_IN, np.int32),
     )
     joined: dict[str, NDArray[np.generic] | None] = {}
     for name, none, kind in known:
