@@ -34,7 +34,7 @@ class PatchMatchSettings:
     window_step_px: int = 2
     # A window's pixel weighs 1/e where the differences of its three channels to the middle sum up to this. Unit: of
     # 765. Range: above 0.
-    color_scale: float = 30.0
+    color_scale: float = 80.0
     # A window's pixel weighs 1/e at this distance from the middle. Unit: pixels. Range: above 0.
     distance_scale_px: float = 4.0
     # A window whose brightness has this standard deviation is taken for noise. Unit: of 255. Range: above 0.
