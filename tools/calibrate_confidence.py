@@ -1,19 +1,21 @@
 #!/usr/bin/env python3
 """How far the confidence of leaves can be trusted, and the weights that make it so.
 
-usage: tools/calibrate_confidence.py [CAPTURE ...] [--depths estimated depth depth_noisy] [--fit]
+usage: tools/calibrate_confidence.py [CAPTURE ...] [--depths estimated depth depth_noisy] [--fit-pool] [--fit]
 
 Of every capture with truth/leaves.npz, leaves are found by the method dense with each kind of depth that it has;
 `estimated` is depth of the photographs alone, without isolation. Printed are the expected calibration error (how far
 the share of right leaves is off the confidence, in ten bins), and the probability that a right leaf has more confidence
 than a wrong one. With --fit the weights of leaf/confidence.py are learned of all these leaves, and printed with what
-they reach. Without captures some are made: other seeds, species and light than those of the tests.
+they reach. With --fit-pool those of leaf/segmentation/dense/pool.py are learned of all proposals and printed, and
+nothing else is done; put them there before you learn the others. Without captures some are made: other seeds, species
+and light than those of the tests.
 """
 
 import argparse
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,8 +28,12 @@ from usdfoliage.capture.mvs.upsampling import enlarge_depth
 from usdfoliage.capture.view import View
 from usdfoliage.leaf.confidence import WEIGHTS, ConfidenceFacts, rate_leaves
 from usdfoliage.leaf.reconstruct import ReconstructionSettings, reconstruct_leaves
+from usdfoliage.leaf.segmentation.dense.choice import measure_pool
+from usdfoliage.leaf.segmentation.dense.pool import ProposalFacts, rate_proposals
+from usdfoliage.leaf.segmentation.dense.segment import propose_in_passes
+from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings
 
-from tools.bench.leaf_truth import match_leaves, read_true_leaves
+from tools.bench.leaf_truth import match_leaves, nearest_distances, read_true_leaves
 from tools.synthetic.scene import SceneSettings
 from tools.synthetic_foliage import CaptureSettings, make_capture, write_capture
 
@@ -35,10 +41,21 @@ DEPTHS = ("estimated", "depth", "depth_noisy")
 BINS = 10
 RIDGE = 1e-3  # of weights, in deviations of what they weigh
 MADE = (
-    SceneSettings(leaves=150, views=8, width_px=800, height_px=600, seed=11),
-    SceneSettings(leaves=120, views=10, width_px=800, height_px=600, seed=12, width=0.6, length_m=0.05, wall=False),
-    SceneSettings(leaves=150, views=6, width_px=900, height_px=600, seed=13, width=1.4, variation=1.5),
-)
+    SceneSettings(leaves=150, views=8, width_px=800, height_px=600, seed=11, relief=1.0, sizes=0.4),
+    SceneSettings(
+        leaves=120, views=10, width_px=800, height_px=600, seed=12, width=0.6, length_m=0.05, wall=False, relief=1.5,
+        sizes=0.2,
+    ),
+    SceneSettings(
+        leaves=150, views=6, width_px=900, height_px=600, seed=13, width=1.4, variation=1.5, relief=1.0, sizes=0.5
+    ),
+    SceneSettings(
+        leaves=180, views=8, width_px=700, height_px=525, seed=14, width=0.8, variation=1.3, relief=2.0, sizes=0.3
+    ),
+)  # fmt: skip
+# Of a match the limit is 0.08; a stricter one puts the nearest of the proposals of one leaf first.
+RIGHT_PROPOSAL = 0.06
+PROPOSAL_FACTS = tuple(ProposalFacts.__dataclass_fields__)
 
 Array = NDArray[np.float64]
 
@@ -54,8 +71,12 @@ def ranking(confidence: Array, right: NDArray[np.bool_]) -> float:
     """The probability that a right leaf has more confidence than a wrong one; NaN where there is only one kind."""
     if right.all() or not right.any():
         return np.nan
-    yes, no = confidence[right][:, None], confidence[~right]
-    return float(np.mean((yes > no) + 0.5 * (yes == no)))
+    order = np.argsort(confidence, kind="stable")
+    _, first, counts = np.unique(confidence[order], return_index=True, return_counts=True)
+    ranks = np.empty(len(confidence))
+    ranks[order] = np.repeat(first + (counts + 1) / 2, counts)  # equal confidence shares its rank
+    yes = np.count_nonzero(right)
+    return float((ranks[right].sum() - yes * (yes + 1) / 2) / (yes * (len(right) - yes)))
 
 
 def views_with(capture: Path, depth: str) -> list[View]:
@@ -76,24 +97,54 @@ def rated_leaves(captures: list[Path], depths: list[str]) -> Iterator[tuple[str,
         truth = read_true_leaves(capture)
         for depth in depths:
             views = views_with(capture, depth)
-            made = reconstruct_leaves(views, ReconstructionSettings(min_confidence=0.0)) if views else None
+            settings = ReconstructionSettings(min_confidence=0.0, min_probability=0.0)
+            made = reconstruct_leaves(views, settings) if views else None
             if made is not None and made.facts is not None:
                 right = np.zeros(len(made.leaves), bool)
                 right[match_leaves(truth, made.leaves).found] = True
                 yield f"{capture.name} {depth}", made.facts, right
 
 
-def learn_weights(facts: list[ConfidenceFacts], right: NDArray[np.bool_]) -> tuple[float, dict[str, float]]:
-    """Offset and weights under which the leaves (N,) are the most probable."""
-    columns = np.column_stack([np.concatenate([getattr(one, name) for one in facts]) for name in WEIGHTS])
-    spread = columns.std(axis=0) + 1e-9
+def rated_proposals(captures: list[Path], depths: list[str]) -> Iterator[tuple[str, ProposalFacts, NDArray[np.bool_]]]:
+    """What the proposals of each capture are rated by, and which of them are right."""
+    settings = DenseSegmentationSettings()
+    for capture in captures:
+        truth = read_true_leaves(capture)
+        for depth in depths:
+            views = views_with(capture, depth)
+            used = [index for index, view in enumerate(views) if view.has_depth]
+            pool = propose_in_passes(views, used, settings, lambda: None, 0).pool if used else None
+            if pool is not None:
+                facts, _ = measure_pool(pool, settings, 0)
+                right = nearest_distances(truth, pool.proposals.leaves) <= RIGHT_PROPOSAL
+                yield f"{capture.name} {depth}", facts, right
+
+
+def learn_weights(
+    facts: Sequence[ConfidenceFacts] | Sequence[ProposalFacts],
+    right: NDArray[np.bool_],
+    names: Sequence[str],
+    share: Array | None = None,
+) -> tuple[float, dict[str, float]]:
+    """Offset and weights of these facts under which the leaves (N,) are the most probable.
+
+    Args:
+        share: (N,), how much each leaf counts; all count as much by default.
+    """
+    columns = np.column_stack([np.concatenate([getattr(one, name) for one in facts]) for name in names])
+    counted = np.ones(len(right)) if share is None else share / share.mean()
+    middle, spread = columns.mean(axis=0), columns.std(axis=0) + 1e-9
+    columns = (columns - middle) / spread
 
     def cost(weights: Array) -> float:
         odds = weights[0] + columns @ weights[1:]
-        return float(np.mean(np.logaddexp(0, odds) - right * odds) + RIDGE * np.square(weights[1:] * spread).sum())
+        return float(np.mean(counted * (np.logaddexp(0, odds) - right * odds)) + RIDGE * np.square(weights[1:]).sum())
 
-    found = minimize(cost, np.zeros(1 + len(WEIGHTS)), method="BFGS").x
-    return float(found[0]), {name: float(weight) for name, weight in zip(WEIGHTS, found[1:], strict=True)}
+    found = minimize(cost, np.zeros(1 + len(names)), method="BFGS").x
+    weights = found[1:] / spread
+    return float(found[0] - weights @ middle), {
+        name: float(weight) for name, weight in zip(names, weights, strict=True)
+    }
 
 
 def make_captures(folder: Path) -> list[Path]:
@@ -104,30 +155,47 @@ def make_captures(folder: Path) -> list[Path]:
     return captures
 
 
+def fit_pool(captures: list[Path], depths: list[str]) -> None:
+    """Learn the weights of proposals, every capture and depth counting as much as any other, and print them."""
+    found = list(rated_proposals(captures, depths))
+    right = np.concatenate([each for *_, each in found])
+    share = np.concatenate([np.full(len(each), 1 / len(each)) for *_, each in found])
+    offset, weights = learn_weights([facts for _, facts, _ in found], right, PROPOSAL_FACTS, share)
+    print(f"OFFSET = {offset:.3f}\nWEIGHTS = " + repr({name: round(value, 3) for name, value in weights.items()}))
+    print("capture | proposals | right | probability | error | ranking")
+    for name, facts, yes in found:
+        rated = rate_proposals(facts, offset, weights)
+        error, rank = calibration_error(rated, yes), ranking(rated, yes)
+        print(f"{name} | {len(yes)} | {yes.mean():.3f} | {rated.mean():.3f} | {error:.3f} | {rank:.3f}")
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("captures", metavar="CAPTURE", type=Path, nargs="*")
     parser.add_argument("--depths", nargs="+", choices=DEPTHS, default=list(DEPTHS))
     parser.add_argument("--fit", action="store_true")
+    parser.add_argument("--fit-pool", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         captures = options.captures or make_captures(Path(folder))
+        if options.fit_pool:
+            fit_pool(captures, options.depths)
+            return 0
         found = list(rated_leaves(captures, options.depths))
     if not found:
         parser.error("no leaf was found in any capture")
     weights: list[tuple[float, dict[str, float]] | None] = [None]
     if options.fit:
-        offset, learned = learn_weights(
-            [facts for _, facts, _ in found], np.concatenate([right for *_, right in found])
-        )
+        right = np.concatenate([yes for *_, yes in found])
+        offset, learned = learn_weights([facts for _, facts, _ in found], right, tuple(WEIGHTS))
         print(f"offset {offset:.2f}, " + ", ".join(f"{name} {weight:.2f}" for name, weight in learned.items()))
         weights.append((offset, learned))
     for chosen in weights:
         print("as it is" if chosen is None else "as learned", "| leaves | right | confidence | error | ranking")
-        for name, facts, right in found:
+        for name, facts, yes in found:
             confidence = rate_leaves(facts) if chosen is None else rate_leaves(facts, *chosen)
-            error, rank = calibration_error(confidence, right), ranking(confidence, right)
-            print(f"{name} | {len(right)} | {right.mean():.3f} | {confidence.mean():.3f} | {error:.3f} | {rank:.3f}")
+            error, rank = calibration_error(confidence, yes), ranking(confidence, yes)
+            print(f"{name} | {len(yes)} | {yes.mean():.3f} | {confidence.mean():.3f} | {error:.3f} | {rank:.3f}")
     return 0
 
 

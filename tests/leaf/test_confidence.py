@@ -55,7 +55,7 @@ def test_learned_weights_make_confidence_the_share_that_is_right():
     facts = ConfidenceFacts(**{name: rng.normal(size=4000) for name in WEIGHTS})
     probability = rate_leaves(facts, 0.3, dict.fromkeys(WEIGHTS, 0.8))
     right = rng.random(4000) < probability
-    offset, weights = learn_weights([facts], right)
+    offset, weights = learn_weights([facts], right, tuple(WEIGHTS))
     learned = rate_leaves(facts, offset, weights)
 
     assert calibration_error(learned, right) < 0.04

@@ -29,6 +29,7 @@ SHOOT_HEIGHT = 5.0  # about, in leaf lengths
 PETIOLE, PETIOLE_RADIUS, TWIG_RADIUS = 0.14, 0.011, (0.034, 0.012)  # in leaf lengths
 APART = 0.03  # leaves that come nearer to each other, in leaf lengths, do not both stand
 SIDES = 6  # of a tube
+SIZES = (0.35, 1.8)  # of the usual length, between which leaves of other sizes lie
 GREEN = (0.05, 0.125, 0.025)  # linear
 MESH = LeafMeshSettings(across=8, along=16, silhouette=32)
 FOCAL = 0.95  # in picture widths
@@ -47,6 +48,8 @@ class SceneSettings:
     length_m: float = 0.07  # of a leaf, on average
     width: float = 1.0  # of leaves, to that of the default leaf, which is half as wide as long
     variation: float = 1.0  # how much leaves differ and bend: 0 all equal, 1 as on a plant
+    sizes: float = 0.0  # standard deviation of the logarithm of lengths, beyond how leaves differ anyway
+    relief: float = 0.0  # how far leaves lie off the model of 21 numbers, by waves, ribs and teeth; 1 as on a plant
     framed_leaves: int = 400  # about how many of them a view shows; more leaves make the bed longer
     wall: bool = True
     seed: int = 0
@@ -55,6 +58,9 @@ class SceneSettings:
         for name in ("leaves", "views", "width_px", "height_px", "framed_leaves"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be 1 or more, not {getattr(self, name)}")
+        for name in ("relief", "sizes"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
+                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
         for name in ("length_m", "width"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
@@ -101,7 +107,11 @@ def build_scene(settings: SceneSettings) -> Scene:
     count, vertices = len(leaves), topology.vertex_count
     of_leaves = (one_leaf[None] + vertices * np.arange(count, dtype=np.int32)[:, None, None]).reshape(-1, 3)
     wood_points, wood_normals, wood_triangles = build_tubes(twigs)
-    points_m = np.concatenate([mesh.points_m.astype(np.float64), wood_points])
+    blades_m = mesh.points_m.astype(np.float64)
+    if settings.relief > 0:
+        normals = mesh.normals.reshape(count, vertices, 3).astype(np.float64)
+        blades_m = add_relief(leaves, blades_m.reshape(count, vertices, 3), normals, topology.uv, settings.relief, rng)
+    points_m = np.concatenate([blades_m.reshape(-1, 3), wood_points])
     return Scene(
         leaves=leaves,
         points_m=points_m,
@@ -116,6 +126,38 @@ def build_scene(settings: SceneSettings) -> Scene:
         wall_z_m=float(points_m[:, 2].min()) - settings.length_m if settings.wall else None,
         cameras=_place_cameras(settings, width_m, depth_m),
     )
+
+
+def add_relief(
+    leaves: Leaves, points_m: Array, normals: Array, uv: Array, amount: float, rng: np.random.Generator
+) -> Array:
+    """Points (N, V, 3) of leaves with what a real blade has and the model has not; base and apex stay.
+
+    Args:
+        leaves: N.
+        points_m: (N, V, 3), of their surfaces.
+        normals: (N, V, 3), unit.
+        uv: (V, 2), places of the points, -1 to 1 across and 0 to 1 along.
+        amount: 1 as on a plant: margins wave by 3 %, ribs rise by 0.8 % of the length, teeth reach 6 % of the width.
+        rng: For phases and numbers of waves.
+    """
+    u, v = uv[None, :, 0], uv[None, :, 1]
+    count, ends = len(leaves), np.sin(np.pi * v)
+    phase, waves = rng.uniform(0, 2 * np.pi, (2, count, 1)), rng.uniform(1.0, 3.0, (count, 1))
+    side = np.where(u < 0, phase[0], phase[1])  # the margins wave each for itself
+    margin = 0.03 * u**2 * np.sin(2 * np.pi * waves * v + side)
+    ribs = 0.008 * np.cos(2 * np.pi * (7 * v - 1.5 * np.abs(u))) * (1 - u**2)
+    height_m = amount * leaves.length_m[:, None] * ends * (margin + ribs)
+    teeth = rng.integers(6, 14, (count, 1))
+    inwards = amount * 0.06 * np.abs(u) ** 8 * ((teeth * v) % 1.0) * ends  # share of the way from margin to axis
+    across = points_m - _axis_points(leaves, uv[:, 1])
+    return points_m - inwards[..., None] * across + height_m[..., None] * normals
+
+
+def _axis_points(leaves: Leaves, v: Array) -> Array:
+    """(N, V, 3), the points of the axes at these v."""
+    places = np.stack([np.zeros_like(v), v], axis=1)
+    return evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,6 +223,9 @@ def _grow_shoot(settings: SceneSettings, place_m: Array, rng: np.random.Generato
             variation=VariationSettings(amount=settings.variation),
         ),
     )
+    if settings.sizes > 0:
+        factor = np.exp(np.clip(rng.normal(0, settings.sizes, count), *np.log(SIZES)))
+        spray = replace(spray, length_m=spray.length_m * factor)
     parameters = spray.parameters.copy()
     parameters[:, 2:5, 1] *= settings.width
     root = np.array([place_m[0], 0.0, place_m[1]])

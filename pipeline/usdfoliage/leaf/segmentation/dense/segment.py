@@ -4,11 +4,12 @@ Depth is made coherent across views and cut into patches of one surface where it
 other views that show the same, a leaf is fitted; every view is asked whether it sees that leaf, sees through it, and
 sees it end where its silhouette is. What is most like a whole leaf claims its pixels first, is fitted again to all of
 them, and leaves the rest to the next pass, which also tries neighbouring pieces as one leaf. What size, form and colour
-leaves have is learned from the surest ones of the scene. Our own idea; where it is like section 4 of the paper is that
-the most visible leaves come first and help to find the others.
+leaves have is learned from the surest ones of the scene. Everything that was proposed stays in a pool, from which the
+leaves of the scene are chosen in the end. Our own idea; where it is like section 4 of the paper is that the most
+visible leaves come first and help to find the others.
 """
 
-from collections.abc import Sequence, Set
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 
 import cv2
@@ -20,14 +21,17 @@ from usdfoliage.files.threads import map_threaded
 from usdfoliage.leaf.fit.prior import LeafPrior, generic_prior, learn_prior
 from usdfoliage.leaf.photographs.outline_edges import judge_outlines, measure_outlines
 from usdfoliage.leaf.points import LeafPoints, no_points
-from usdfoliage.leaf.segmentation.dense.claims import (
-    claim_pixels,
-    collect_points,
-    complete_claims,
+from usdfoliage.leaf.segmentation.dense.choice import (
+    ProposalPool,
+    choose_leaves,
+    claim_points,
+    rate_worth,
+    surface_apart,
+    weigh_proposals,
 )
-from usdfoliage.leaf.segmentation.dense.evidence import Evidence, weigh_evidence
+from usdfoliage.leaf.segmentation.dense.evidence import Evidence
 from usdfoliage.leaf.segmentation.dense.foliage_color import judge_colors
-from usdfoliage.leaf.segmentation.dense.fragments import append_points, join_points, pair_fragments, take_leaves
+from usdfoliage.leaf.segmentation.dense.fragments import append_points, join_points, pair_fragments
 from usdfoliage.leaf.segmentation.dense.leafness import MedianLeaf, judge_leaves, judge_likeness, measure_median_leaf
 from usdfoliage.leaf.segmentation.dense.median_length import (
     free_share,
@@ -37,6 +41,7 @@ from usdfoliage.leaf.segmentation.dense.overlap import Overlaps, group_patches
 from usdfoliage.leaf.segmentation.dense.patches import (
     Patches,
 )
+from usdfoliage.leaf.segmentation.dense.pool import join_pool
 from usdfoliage.leaf.segmentation.dense.proposals import Proposals, join_proposals, propose_leaves, refit_proposals
 from usdfoliage.leaf.segmentation.dense.scene import (
     Scene,
@@ -46,7 +51,6 @@ from usdfoliage.leaf.segmentation.dense.scene import (
     may_be_leaves,
     measure_length,
     measure_scene,
-    noise_with_misfit,
     overlap_patches,
     points_of_parts,
     points_of_patches,
@@ -75,6 +79,15 @@ class _Pass:
     dropped: dict[str, int]  # how many of them went, by reason
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proposed:
+    """What all passes have proposed."""
+
+    candidates: Sequence[Candidates]
+    passes: Sequence[Step]
+    pool: ProposalPool | None  # None where no patch may be a leaf
+
+
 def segment_dense(
     views: Sequence[View],
     settings: DenseSegmentationSettings = DenseSegmentationSettings(),
@@ -94,10 +107,28 @@ def segment_dense(
     if not used:
         return find_nothing(views)
     counter = PartCounter(progress, 2 * len(used) + 7)
-    scene = measure_scene(views, used, settings, counter.add, threads)
+    proposed = propose_in_passes(views, used, settings, counter.add, threads)
+    candidates, passes = proposed.candidates, proposed.passes
+    if proposed.pool is None:
+        return Segmentation(candidates=candidates, leaves=no_points(), passes=passes)
+    leaves, dropped = choose_leaves(proposed.pool, settings, threads)
+    passes = [*passes, Step(name="proposals of all passes", count=len(proposed.pool.proposals))]
+    counter.add()
+    return Segmentation(candidates=candidates, leaves=leaves, dropped=dropped, passes=passes)
+
+
+def propose_in_passes(
+    views: Sequence[View],
+    used: Sequence[int],
+    settings: DenseSegmentationSettings,
+    step: Callable[[], None],
+    threads: int,
+) -> Proposed:
+    """All leaves that may be there, as proposals; step is called twice for each view used, and six times more."""
+    scene = measure_scene(views, used, settings, step, threads)
 
     overlaps = overlap_patches(scene, settings, threads)
-    counter.add()
+    step()
     median_m = measure_length(scene, overlaps, settings, threads)
     large = median_m >= settings.large_px * scene.footprint_m > 0
     if large:
@@ -113,18 +144,19 @@ def segment_dense(
     small["of one that another view shows"] -= len(groups)
     passes = [Step(name="candidates like a leaf", count=len(groups), dropped=nonzero(small))]
     if not groups:
-        return Segmentation(candidates=candidates, leaves=no_points(), passes=passes)
+        return Proposed(candidates=candidates, passes=passes, pool=None)
     group_of = np.zeros(len(overlaps.view), np.int64)
     for number, group in enumerate(groups, start=1):
         group_of[group] = number
     points = points_of_patches(scene, patches, group_of, len(groups), threads)
     points = append_points(points, points_of_parts(scene, median_m, settings, threads))
     proposals = propose_leaves(points, median_m, ASSUMED_WIDTH, scene.tolerance_m, threads=threads)
-    counter.add()
+    step()
 
     state = _settle(scene, proposals, None, None, settings.first, settings, threads=threads)
+    parts = [proposals, state.proposals]
     passes.append(_describe(state, "first"))
-    counter.add()
+    step()
     named = {"second": settings.second, "third": settings.third, "last": settings.last}
     hopeless: set[PatchKey] = set()
     for name, passing in named.items():
@@ -137,13 +169,13 @@ def segment_dense(
         prior = None if name == "second" else state.prior
         scene = expect_length(scene, state.median_leaf.length_m, settings)
         state = _settle(scene, proposals, median_leaf, prior, passing, settings, pairs=pairs, threads=threads)
+        parts += [proposals.take(np.arange(found, len(proposals))), state.proposals]
         unlike = state.quality[found : found + len(keys)] < settings.hopeless * passing.min_quality
         hopeless |= {key for key, failed in zip(keys, unlike, strict=True) if failed}
         passes.append(_describe(state, name))
-        counter.add()
-    leaves, dropped = _finish(scene, state, settings, threads)
-    counter.add()
-    return Segmentation(candidates=candidates, leaves=leaves, dropped=dropped, passes=passes)
+        step()
+    pool = ProposalPool(proposals=join_pool(parts), scene=scene, median_leaf=state.median_leaf, prior=state.prior)
+    return Proposed(candidates=candidates, passes=passes, pool=pool)
 
 
 def _choose_groups(
@@ -181,11 +213,6 @@ def _propose_more(
     width = state.median_leaf.width_m / median_m
     more = propose_leaves(points, median_m, width, scene.tolerance_m, threads=threads)
     return join_proposals(state.proposals, more), pairs, [keys[index] for index in np.flatnonzero(plausible)]
-
-
-def _weigh(scene: Scene, proposals: Proposals, settings: DenseSegmentationSettings, threads: int) -> Evidence:
-    noise_m = noise_with_misfit(scene, settings.evidence.footprints, settings.evidence.noises)
-    return weigh_evidence(proposals.leaves, scene.views, scene.depths_m, noise_m, settings.evidence, threads=threads)
 
 
 def _near_expected(median_leaf: MedianLeaf, expected_m: float, settings: DenseSegmentationSettings) -> MedianLeaf:
@@ -238,48 +265,30 @@ def _settle(
 ) -> _Pass:
     """Keep the best proposals, give them the pixels that show them, and fit them to these."""
     dropped = dict[str, int]()
-    evidence = _weigh(scene, proposals, settings, threads)
+    evidence = weigh_proposals(scene, proposals, settings, threads)
     quality, median_leaf = _judge(
         scene, proposals, evidence, median_leaf, prior, passing.violation_weight, settings, threads
     )
     good = quality > passing.min_quality
     dropped["unlike a leaf"] = int(np.count_nonzero(~good))
-    # Among leaves as good the larger goes first, so that a whole leaf comes before its pieces.
-    worth = quality * np.sqrt(np.clip(evidence.area_m2 * evidence.on / median_leaf.area_m2, 0.1, 1.2)) * good
+    worth = rate_worth(quality, evidence, median_leaf) * good
     if pairs is not None and len(pairs):
         _favour_joined(proposals, quality, worth, pairs, passing.min_quality, median_leaf, settings)
-    kept = select_leaves(evidence, worth, _surface_apart(scene, median_leaf), passing.max_overlap)
+    kept = select_leaves(evidence, worth, surface_apart(scene, median_leaf), passing.max_overlap)
     kept = kept[drop_twins(proposals.leaves.take(kept), worth[kept], settings.twins)]
     dropped["of a leaf that another shows better"] = int(np.count_nonzero(good)) - len(kept)
     proposals = proposals.take(kept)
 
-    labels = claim_pixels(
-        proposals.leaves, scene.views, scene.depths_m, scene.noise_m, settings.claims, threads=threads
-    )  # fmt: skip
-    reach_px = settings.reach * median_leaf.length_m / scene.footprint_m if scene.footprint_m else 0.0
-    completed = map_threaded(
-        lambda pair: complete_claims(pair[0], pair[1].labels, reach_px),
-        zip(labels, scene.patches, strict=True),
-        threads=threads,
-    )
-    labels = tuple(completed)
-    pixels = sum(np.bincount(label.ravel(), minlength=len(proposals) + 1) for label in labels)
-    enough = np.asarray(pixels)[1:] > settings.patches.min_px
-    dropped["shown by too few pixels"] = int(np.count_nonzero(~enough))
-    proposals = proposals.take(np.flatnonzero(enough))
-    number = np.concatenate([[0], np.cumsum(enough) * enough]).astype(np.int32)
-    labels = tuple(number[label] for label in labels)
-    points = collect_points(
-        scene.views, scene.depths_m, labels, len(proposals), settings=settings.points, noise_m=scene.noise_m,
-        planes=scene.planes, threads=threads,
-    )  # fmt: skip
+    claimed = claim_points(scene, proposals, median_leaf, settings, threads)
+    dropped["shown by too few pixels"] = len(proposals) - len(claimed.kept)
+    proposals, points, labels = proposals.take(claimed.kept), claimed.points, claimed.labels
     generic = generic_prior(median_leaf.length_m, median_leaf.width_m / median_leaf.length_m)
     if not len(proposals):
         return _Pass(
             proposals=proposals, points=points, labels=labels, prior=prior or generic,
             median_leaf=median_leaf, quality=quality, dropped=nonzero(dropped),
         )  # fmt: skip
-    evidence = _weigh(scene, proposals, settings, threads)
+    evidence = weigh_proposals(scene, proposals, settings, threads)
     trust, _ = _judge(
         scene,
         replace(proposals, explained=np.ones(len(proposals))),
@@ -321,38 +330,6 @@ def _favour_joined(
         longer = 1.02 * max(lengths[first], lengths[second]) < lengths[number] < 1.6 * median_leaf.length_m
         if quality[number] > needed and proposals.explained[number] > 0.9 and longer:
             worth[number] = max(worth[number], 1.02 * max(worth[first], worth[second]))
-
-
-def _surface_apart(scene: Scene, median_leaf: MedianLeaf) -> float:
-    """Metres between surfaces that are not the same."""
-    return max(scene.tolerance_m, 0.04 * median_leaf.length_m)
-
-
-def _finish(
-    scene: Scene, state: _Pass, settings: DenseSegmentationSettings, threads: int
-) -> tuple[LeafPoints, dict[str, int]]:
-    """The points of the leaves, with how sure each is and the number of the view that shows most of it; what went."""
-    if not len(state.proposals):
-        return no_points(), {}
-    evidence = _weigh(scene, state.proposals, settings, threads)
-    quality, _ = _judge(scene, state.proposals, evidence, state.median_leaf, state.prior, 1.0, settings, threads)
-    sure = quality > settings.min_confidence
-    # Fits to their own points have grown into each other since leaves were chosen: no surface is of two leaves.
-    apart = np.zeros(len(quality), bool)
-    apart[select_leaves(evidence, quality * sure, _surface_apart(scene, state.median_leaf), settings.shared)] = True
-    dropped = {
-        "rejected by the views in the end": int(np.count_nonzero(~sure)),
-        "that a better one covers in part": int(np.count_nonzero(sure & ~apart)),
-    }
-    kept = np.flatnonzero(apart)
-    points = take_leaves(state.points, kept)
-    points = replace(
-        points,
-        confidence=np.clip(quality[kept], 0, 1),
-        view=scene.numbers[points.view].astype(np.int32),
-        point_view=scene.numbers[points.point_view].astype(np.int32),
-    )
-    return points, nonzero(dropped)
 
 
 def _candidates(

@@ -60,9 +60,9 @@ class DenseSegmentationSettings:
         default_factory=lambda: PassSettings(min_quality=0.12, violation_weight=0.7, max_overlap=0.35)
     )
     # A patch that may be a leaf is at least this long. Unit: median leaf lengths. Range: above 0.
-    piece_length: float = 0.3
+    piece_length: float = 0.15
     # A patch that may be a leaf has at least this area. Unit: squared median leaf lengths. Range: above 0.
-    piece_area: float = 0.04
+    piece_area: float = 0.01
     # A patch that may be a leaf has at most this length and this area. Unit: median leaf lengths, and squares of
     # them. Range: above 0.
     whole: float = 2.5
@@ -77,7 +77,7 @@ class DenseSegmentationSettings:
     joined_quality: float = 0.5
     # A leaf claims the surface beyond its model up to this distance. Unit: median leaf lengths. Range: 0 or more.
     reach: float = 0.15
-    min_confidence: float = 0.12  # Leaves of lower confidence are not fitted. Range: 0 or more.
+    min_confidence: float = 0.6  # Leaves that are less probable than this are not fitted. Range: 0 or more.
     shared: float = 0.2  # Better leaves cover at most this share of a leaf in the end. Range: above 0.
     # Leaves that are nearer to each other than this are the same leaf. Unit: leaf lengths. Range: above 0.
     twins: float = 0.1
