@@ -72,9 +72,8 @@ def read_cloud_input(
 
     Files are distinguished by their first bytes, then by their suffix: PLY, LAS, LAZ, E57, and text of a point a line.
     Points that are not finite, those that a LAS file marks as withheld or noise or an E57 file as invalid, and exact
-    duplicates are left out. A
-    cloud of more than max_points is thinned while it is read, so that memory does not grow with the file: one point a
-    cell of a grid, the mean of those in it.
+    duplicates are left out. A cloud of more than max_points is thinned while it is read, so that memory does not grow
+    with the file: one point a cell of a grid, the mean of those in it.
 
     The unit is, in this order: the settings'; that of capture.toml, for a folder; the file's own; for LAS metres;
     a guess (see guess_unit).
