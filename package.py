@@ -17,13 +17,15 @@ requires = [
     "scipy",
     "OpenImageIO-3+",
     "OpenEXR-3.3+",
-    "opencv_contrib_python_headless",
+    "opencv_contrib_python_headless-4.11+",
     "Jinja2",
     "laspy-2.7+",
     "lazrs",
     "tqdm",
     "PyYAML",
     "pycolmap",
+    "rawpy-0.25+",
+    "pye57-0.4.15+",
 ]
 
 private_build_requires = ["scikit_build_core-1+", "nanobind-3+", "cmake", "ninja"]

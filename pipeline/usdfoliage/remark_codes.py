@@ -60,14 +60,27 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "raw-photographs-not-used": RemarkKind(
                 severity="info",
-                meaning="Raw files and HEIC are not read.",
-                action="Develop them to JPEG, PNG, TIFF or EXR, all with the same settings.",
+                meaning=(
+                    "Raw or HEIC files have the name of another photograph, as cameras and phones write two of one "
+                    "moment. The other one is used."
+                ),
+                action="Move the others away to use the raw or HEIC files.",
             ),
             "videos-not-used": RemarkKind(
                 severity="info",
-                meaning="Videos are not read.",
+                meaning="A video lies beside photographs. They are used, and it is not.",
+                action="Give the video itself, in place of its folder, to use it. Photographs are sharper.",
+            ),
+            "video-frames-taken": RemarkKind(
+                severity="info",
+                meaning="The sharpest frames of a video are the photographs, one for each part of its way.",
+                action="Nothing. `capture.video` has the settings.",
+            ),
+            "video-frames-limited": RemarkKind(
+                severity="info",
+                meaning="The video is long: fewer frames are taken than its way would give.",
                 action=(
-                    "Run the line that the remark has, which takes pictures out of the video. Photographs are sharper."
+                    "Nothing, if neighbouring frames overlap by two thirds. Otherwise raise the limit or cut the video."
                 ),
             ),
             "other-files-not-used": RemarkKind(

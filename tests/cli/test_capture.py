@@ -359,8 +359,8 @@ def test_no_photographs_one_photograph_and_videos(tmp_path, capsys):
     folder.mkdir()
     assert "no photographs" in refused(capsys, "capture", folder, *out)
     (folder / "walk.mp4").write_bytes(b"video")
-    assert "ffmpeg -i walk.mp4" in refused(capsys, "capture", folder, *out)
-    assert f"ffmpeg -i {folder / 'walk.mp4'}" in refused(capsys, "capture", folder / "walk.mp4", *out)
+    assert f"give the video itself, {folder / 'walk.mp4'}" in refused(capsys, "capture", folder, *out)
+    assert "walk.mp4 is not a video that can be read" in refused(capsys, "capture", folder / "walk.mp4", *out)
     (folder / "walk.mp4").unlink()
     write_photos(folder / "deeper", {"one.png": poses()["leaf 0.png"]})
     assert "deeper" in refused(capsys, "capture", folder, *out)
@@ -375,12 +375,12 @@ def test_files_that_are_not_used_are_named(photos, tmp_path, capsys):
     folder = tmp_path / "mixed"
     shutil.copytree(photos / "images", folder)
     (folder / "walk.mp4").write_bytes(b"x")
-    (folder / "IMG_1.heic").write_bytes(b"x")
+    (folder / "leaf 0.heic").write_bytes(b"x")  # beside a PNG of that name
     (folder / "list.txt").write_bytes(b"x")
     shutil.copytree(photos / "images", folder / "second")
     text = "\n".join(printed(capsys, "capture", folder, "-o", tmp_path / "out", "--dry-run"))
-    assert "walk.mp4 not used, as videos are not read: take pictures out of it first: ffmpeg -i walk.mp4" in text
-    assert "IMG_1.heic not used: convert to JPEG" in text
+    assert "walk.mp4 not used, as there are photographs: to use it instead, give the video itself, walk.mp4" in text
+    assert "leaf 0.heic not used, as there are photographs of the same name" in text
     assert "list.txt not used: no photographs" in text
     assert "photographs in folders below (second) not used" in text
 

@@ -64,7 +64,7 @@ def build(
     """Build one plant from a capture, as the command `usdfoliage build` does. A second run does only what is missing.
 
     Args:
-        capture: A capture folder, or a point cloud.
+        capture: A folder of photographs, a video, a capture folder, or a point cloud.
         output: The asset's folder. What was there stays until the new asset is whole.
         settings: The settings of every stage. The seed counts for all of them.
         name: The name of the root prim; by default that of the folder, made an identifier.

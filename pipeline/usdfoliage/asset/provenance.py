@@ -26,6 +26,8 @@ PACKAGES = (  # that decide an asset, and the pages beside it
     "OpenImageIO",
     "laspy",
     "lazrs",
+    "pye57",
+    "rawpy",
     "jinja2",
 )
 VALIDATION_PACKAGES = ("usd-validation-nvidia",)  # that decide what is found in an asset, and nothing of it

@@ -1,7 +1,7 @@
 """Build one whole plant from a capture: leaves, branches and crown in one asset.
 
-CAPTURE is a folder of photographs, a capture, or a point cloud. A capture is a folder with images/, and with cameras/,
-depth/, masks/ and capture.toml as far as they exist. The asset has a report and is validated.
+CAPTURE is a folder of photographs, a video, a capture, or a point cloud. A capture is a folder with images/, and with
+cameras/, depth/, masks/ and capture.toml as far as they exist. The asset has a report and is validated.
 
     usdfoliage build photographs/ -o assets/shrub
 
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CAPTURE",
         type=Path,
         nargs="?",
-        help="The input is a folder of photographs, a capture, or a point cloud.",
+        help="The input is a folder of photographs, a video, a capture, or a point cloud.",
     )
     files.add_argument("-o", "--output", metavar="ASSET", type=Path, help="The asset is written to this folder.")
     add_name(files, "ASSET")

@@ -1,7 +1,7 @@
 """Compute cameras, depth and a coloured cloud from a folder of photographs.
 
-PHOTOS is a folder of photographs, or a capture: a folder with images/, and with cameras/ (a COLMAP model) if the poses
-are known. masks/ and capture.toml are optional. The capture gets depth/, normals/, confidence/, cloud.ply and
+PHOTOS is a folder of photographs, a video, or a capture: a folder with images/, and with cameras/ (a COLMAP model) if
+the poses are known. masks/ and capture.toml are optional. The capture gets depth/, normals/, confidence/, cloud.ply and
 capture.usda.
 
     usdfoliage capture photographs/ -o captures/shrub
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PHOTOS",
         type=Path,
         nargs="?",
-        help="The input is a folder of photographs, or a capture.",
+        help="The input is a folder of photographs, a video, or a capture.",
     )
     files.add_argument(
         "-o",

@@ -42,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "photo",
         metavar="PHOTO|CAPTURE|CLOUD",
         type=Path,
-        help="The input is a photograph (JPEG, PNG, TIFF or EXR), the folder of a capture, or a point cloud (PLY, LAS, "
-        "LAZ, XYZ, ...).",
+        help="The input is a photograph (JPEG, HEIC, raw, PNG, TIFF or EXR), the folder of a capture, or a point cloud "
+        "(PLY, LAS, LAZ, E57, XYZ, ...).",
     )
     add_output(files)
     files.add_argument(

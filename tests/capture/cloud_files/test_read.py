@@ -211,14 +211,12 @@ def test_what_can_be_no_plant_is_refused(tmp_path, points, reason, order):
         read_cloud_input(path, METRES)
 
 
-def test_the_errors_of_e57_and_unknown_files_give_a_remedy(tmp_path):
-    (tmp_path / "a.e57").write_bytes(b"ASTM-E57" + bytes(100))
-    with pytest.raises(
-        CaptureError, match=r"E57, which is not read; convert it to LAZ, with 'pdal translate a.e57 a.laz"
-    ):
+def test_the_errors_of_damaged_and_unknown_files_give_a_remedy(tmp_path):
+    (tmp_path / "a.e57").write_bytes(b"no E57")
+    with pytest.raises(CaptureError, match=r"a\.e57 is no E57 file: it lacks the header of one; export it again"):
         read_cloud_input(tmp_path / "a.e57")
     (tmp_path / "a.npz").write_bytes(b"PK\3\4")
-    with pytest.raises(CaptureError, match=r"\.npz; give one of .ply, .las, .laz, .xyz, .txt, .pts, .csv, .asc"):
+    with pytest.raises(CaptureError, match=r"\.npz; give one of .ply, .las, .laz, .e57, .xyz, .txt, .pts, .csv, .asc"):
         read_cloud_input(tmp_path / "a.npz")
     (tmp_path / "a.ply").write_bytes(b"PK\3\4 no ply")
     with pytest.raises(CaptureError, match="is no PLY file"):

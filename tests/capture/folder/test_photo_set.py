@@ -42,17 +42,18 @@ def test_good_ones_among_bad(tmp_path):
     (tmp_path / "notes.txt").write_text("not looked at")
     (tmp_path / "walk.MOV").touch()
     (tmp_path / "raw.CR2").touch()
+    (tmp_path / "0.dng").touch()  # beside its photograph
     calls: list[tuple[int, int]] = []
     found = read_photo_set(tmp_path, progress=lambda *done: calls.append(done))
     assert [photo.name for photo in found.photos] == ["0.png", "1.png", "2.png"]
     reasons = {item.name: item.reason for item in found.dropped}
-    assert list(reasons) == ["empty.jpg", "text.jpg", "torn.png", "z.png"]
+    assert list(reasons) == ["empty.jpg", "raw.CR2", "text.jpg", "torn.png", "z.png"]
     assert "0 bytes" in reasons["empty.jpg"]
     assert "truncated" in reasons["torn.png"]
     assert reasons["z.png"] == "a copy of 1.png"
-    assert any("ffmpeg -i walk.MOV" in each.sentence(as_plan_setting) for each in found.remarks)
-    assert ("raw-photographs-not-used", "raw.CR2") in [(each.code, each.subject) for each in found.remarks]
-    assert calls[-1] == (7, 7)
+    assert any("give the video itself, walk.MOV" in each.sentence(as_plan_setting) for each in found.remarks)
+    assert ("raw-photographs-not-used", "0.dng") in [(each.code, each.subject) for each in found.remarks]
+    assert calls[-1] == (8, 8)
 
 
 def test_only_some(tmp_path):
@@ -64,7 +65,8 @@ def test_only_some(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "message"), [("a.mp4", "ffmpeg -i a.mp4"), ("a.dng", "convert"), ("a.txt", "no photographs")]
+    ("name", "message"),
+    [("a.mp4", "a video, a.mp4; to use it"), ("a.dng", "none of 1 photograph"), ("a.txt", "no photographs")],
 )
 def test_no_photograph_at_all(tmp_path, name, message):
     (tmp_path / name).touch()

@@ -213,8 +213,8 @@ def test_an_unreadable_cloud_is_refused_as_by_other_commands(tmp_path, capsys):
     for name, expected in {
         "missing.laz": "missing.laz does not exist; give a cloud (.ply",
         "missing.e57": "missing.e57 does not exist; give a cloud (.ply",
-        "scan.e57": "scan.e57 is E57, which is not read; convert it to LAZ",
-        "renamed.jpg": "renamed.jpg is E57, which is not read; convert it to LAZ",
+        "scan.e57": "scan.e57 is E57 of version 0 with pages of 0 bytes; export it again",
+        "renamed.jpg": "renamed.jpg is E57 of version 0 with pages of 0 bytes; export it again",
         "empty.laz": "empty.laz is empty (0 bytes); copy it again",
     }.items():
         assert expected in refused(capsys, tmp_path / name, "-o", tmp_path / "out")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.cloud_files.chunks import CloudParts
+from usdfoliage.capture.cloud_files.e57 import E57_START, E57_SUFFIX, check_e57_file, open_e57_parts
 from usdfoliage.capture.cloud_files.false_colors import SampledColors, check_colors
 from usdfoliage.capture.cloud_files.las import open_las_parts
 from usdfoliage.capture.cloud_files.ply import fits_single, open_cloud_parts
@@ -26,9 +27,8 @@ logger = logging.getLogger(__name__)
 
 MIN_POINTS = 50  # in different places; with fewer nothing is known of a plant
 _PLY, _LAS, _TEXT = (".ply",), (".las", ".laz"), (".xyz", ".txt", ".pts", ".csv", ".asc")
-CLOUD_SUFFIXES = (*_PLY, *_LAS, *_TEXT)
-_SURELY_CLOUDS = (*_PLY, *_LAS, ".xyz", ".pts")  # a capture's other text files are no clouds
-_E57, _E57_SUFFIX = b"ASTM-E57", ".e57"
+CLOUD_SUFFIXES = (*_PLY, *_LAS, E57_SUFFIX, *_TEXT)
+_SURELY_CLOUDS = (*_PLY, *_LAS, E57_SUFFIX, ".xyz", ".pts")  # a capture's other text files are no clouds
 _PLY_STARTS, _LAS_START = (b"ply\n", b"ply\r"), b"LASF"
 _TOO_FAR = 1e11  # units: the Earth is smaller, in millimetres too
 _THIN = 1e-5  # second spread over the first, of points on a line
@@ -70,16 +70,16 @@ def read_cloud_input(
 ) -> CloudInput:
     """Read the cloud in a file, or that of a capture folder.
 
-    Files are distinguished by their first bytes, then by their suffix: PLY, LAS, LAZ, and text with a point a line.
-    Points that are not finite, those that a LAS file marks as withheld or noise, and exact duplicates are left out. A
-    cloud of more than max_points is thinned while it is read, so that memory does not grow with the file: one point a
-    cell of a grid, the mean of those in it.
+    Files are distinguished by their first bytes, then by their suffix: PLY, LAS, LAZ, E57, and text of a point a line.
+    Points that are not finite, those that a LAS file marks as withheld or noise or an E57 file as invalid, and exact
+    duplicates are left out. A cloud of more than max_points is thinned while it is read, so that memory does not grow
+    with the file: one point a cell of a grid, the mean of those in it.
 
     The unit is, in this order: the settings'; that of capture.toml, for a folder; the file's own; for LAS metres;
     a guess (see guess_unit).
 
     Args:
-        path: A cloud, or a capture folder with cloud.ply, .las, .laz, .xyz or another single cloud in it.
+        path: A cloud, or a capture folder with cloud.ply, .las, .laz, .e57, .xyz or another single cloud in it.
         settings: Unit, and how many points.
         progress: Called with what is done and the total, in points or bytes.
 
@@ -171,24 +171,24 @@ def find_cloud(folder: Path) -> Path:
             f"{folder} has {len(clouds)} clouds: {named([file.name for file in clouds])}",
             f"give one of them, or call it cloud{clouds[0].suffix}",
         )
-    raise CaptureError(f"{folder} has no cloud", "put one there as cloud.ply, .las, .laz or .xyz, or give a file")
+    raise CaptureError(f"{folder} has no cloud", "put one there as cloud.ply, .las, .laz, .e57 or .xyz, or give a file")
 
 
 def is_cloud_input(path: Path) -> bool:
-    """Whether a file, which need not be there, is a cloud by its suffix or its first bytes, or one that is not read.
+    """Whether a file, which need not be there, is a cloud by its suffix or its first bytes.
 
     read_cloud_input raises what is wrong with it.
     """
     if path.is_dir():
         return False
-    if path.suffix.lower() in (*CLOUD_SUFFIXES, _E57_SUFFIX):
+    if path.suffix.lower() in CLOUD_SUFFIXES:
         return True
     try:
         with path.open("rb") as file:
-            start = file.read(len(_E57))
+            start = file.read(len(E57_START))
     except OSError:
         return False
-    return start == _E57 or start[:4] in (*_PLY_STARTS, _LAS_START)
+    return start == E57_START or start[:4] in (*_PLY_STARTS, _LAS_START)
 
 
 def _read_stated(folder: Path) -> tuple[float | None, str | None]:
@@ -206,7 +206,7 @@ def check_cloud_file(path: Path) -> bytes:
     """The first bytes of a cloud's file.
 
     Raises:
-        CaptureError: It is not there, cannot be read, is empty, or of a kind that is not read.
+        CaptureError: It is not there, cannot be read, or is empty; or it is E57 and truncated, or pye57 is missing.
     """
     known = ", ".join(CLOUD_SUFFIXES)
     if not path.exists():
@@ -215,16 +215,13 @@ def check_cloud_file(path: Path) -> bytes:
         raise CaptureError(f"{path} is neither a file nor a folder", f"give a cloud ({known}) or a capture folder")
     try:
         with path.open("rb") as file:
-            start = file.read(len(_E57))
+            start = file.read(len(E57_START))
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
     if not start:
         raise CaptureError(f"{path} is empty (0 bytes)", "copy it again")
-    if start == _E57 or path.suffix.lower() == _E57_SUFFIX:
-        raise CaptureError(
-            f"{path} is E57, which is not read",
-            f"convert it to LAZ, with 'pdal translate {path.name} {path.stem}.laz' or CloudCompare (File, Save as LAS)",
-        )
+    if start == E57_START or path.suffix.lower() == E57_SUFFIX:
+        check_e57_file(path)
     return start
 
 
@@ -234,6 +231,8 @@ def _open_parts(path: Path, unit_is_given: bool) -> CloudParts:
         return open_cloud_parts(path)
     if start[:4] == _LAS_START or suffix in _LAS:
         return open_las_parts(path, unit_is_given)
+    if start == E57_START or suffix == E57_SUFFIX:
+        return open_e57_parts(path)
     if suffix in _TEXT:
         return open_text_parts(path)
     raise CaptureError(

@@ -62,7 +62,7 @@ class Photo:
 
 
 def read_photo(path: Path, color_space: str | None = None) -> Photo:
-    """Read a photograph: JPEG, PNG, TIFF, EXR and what else OpenImageIO reads.
+    """Read a photograph: JPEG, HEIC, PNG, TIFF, EXR and what else OpenImageIO reads, and raw files of cameras.
 
     Integers are sRGB and floats linear Rec.709 unless the file's ICC profile, EXIF or EXR chromaticities state another.
     The colour is straight: divided by alpha where the file keeps it multiplied, 0 where alpha is 0.
@@ -105,7 +105,7 @@ def _stated_color_space(raster: Raster) -> tuple[str, tuple[Remark, ...]]:
     profile = raster.profile.lower()
     if "adobe rgb" in profile or raster.interoperability == "R03":
         return "Adobe RGB", ()
-    if "display p3" in profile:
+    if "display p3" in profile or "p3 d65" in profile:  # as Apple calls it, and as Samsung does
         return "Display P3", ()
     if profile and "srgb" not in profile:
         text = f"the colour profile {raster.profile!r} is not known, and the photograph is read as sRGB"

@@ -3,10 +3,17 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePosixPath
 
+from usdfoliage.capture.folder.camera_raw import is_camera_raw
 from usdfoliage.errors import CaptureError
 
 IMAGES, CAMERAS, MASKS = "images", "cameras", "masks"  # folders of a capture
-_PICTURES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr"}
+VIDEOS = "videos"  # one that takes the place of images
+PHOTO_KINDS = "JPEG, HEIC, PNG, TIFF, EXR or raw files of a camera"
+_HEIC = {".heic", ".heif", ".hif"}
+_PICTURES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", *_HEIC}
+_VIDEO_SUFFIXES = {
+    *(".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".m2ts", ".wmv", ".mpg", ".mpeg", ".3gp", ".insv")
+}
 _NAMED = 5  # files that a note names; it counts the others
 
 
@@ -51,7 +58,35 @@ def explain_lost_link(path: Path) -> str:
 
 def is_picture(name: str) -> bool:
     """Whether a file is named as photographs are."""
-    return PurePosixPath(name).suffix.lower() in _PICTURES
+    return PurePosixPath(name).suffix.lower() in _PICTURES or is_camera_raw(name)
+
+
+def is_video(name: str) -> bool:
+    """Whether a file is named as videos are."""
+    return PurePosixPath(name).suffix.lower() in _VIDEO_SUFFIXES
+
+
+def list_pictures(names: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Which files are photographs, and which raw or HEIC files are not used beside a photograph of their name.
+
+    Cameras write a JPEG beside each raw file, and phones export one beside HEIC: two pictures of one moment, from one
+    place. Of raw and HEIC the HEIC is used.
+    """
+    pictures = [name for name in names if is_picture(name)]
+    best: dict[str, int] = {}
+    for name in pictures:
+        stem = _stem(name)
+        best[stem] = min(best.get(stem, 2), _rank(name))
+    used = [name for name in pictures if _rank(name) == best[_stem(name)]]
+    return used, [name for name in pictures if _rank(name) > best[_stem(name)]]
+
+
+def _stem(name: str) -> str:
+    return PurePosixPath(name).with_suffix("").as_posix()
+
+
+def _rank(name: str) -> int:
+    return 2 if is_camera_raw(name) else int(PurePosixPath(name).suffix.lower() in _HEIC)
 
 
 def file_of(name: str, files: dict[str, Path], suffixes: Sequence[str]) -> Path | None:

@@ -5,16 +5,15 @@ import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from usdfoliage.capture.folder.listing import counted, files_below, is_picture, named
-from usdfoliage.capture.folder.raster import apply_orientation, read_raster
+from usdfoliage.capture.folder.listing import PHOTO_KINDS, counted, files_below, is_video, list_pictures, named
+from usdfoliage.capture.folder.raster import apply_orientation, read_image_spec, read_raster
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import hash_file
 from usdfoliage.files.threads import map_threaded, share_cores
@@ -24,8 +23,6 @@ from usdfoliage.remarks import Remark, Remedy, remark
 
 logger = logging.getLogger(__name__)
 
-_VIDEOS = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".m2ts", ".wmv", ".mpg", ".mpeg", ".3gp", ".insv"}
-RAW = {".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2", ".heic", ".heif"}  # what to convert
 _FILM_DIAGONAL_MM = math.hypot(36, 24)  # what the 35 mm equivalent of EXIF refers to (CIPA DC-008, 4.6.5)
 _UNDO_ORIENTATION = {6: 8, 8: 6}  # the others are their own inverses
 _SMOOTHING, _NOTHING = cv2.getGaussianKernel(7, 1.0), np.ones((1, 1))
@@ -109,10 +106,9 @@ def read_photo_set(
             raise CaptureError(f"{images} has no {named(missing)}", "give names of files in it")
         found = {name: found[name] for name in sorted(set(names))}
     videos = [name for name in found if is_video(name)]
-    raws = [name for name in found if PurePosixPath(name).suffix.lower() in RAW]
-    pictures = [name for name in found if is_picture(name)]
+    pictures, doubles = list_pictures(found)
     if not pictures:
-        raise CaptureError(_without_pictures(images, videos, raws))
+        raise CaptureError(*_without_pictures(images, videos))
 
     photos: list[PhotoFile] = []
     dropped: list[DroppedFile] = []
@@ -148,7 +144,7 @@ def read_photo_set(
             + ("; …" if len(copies) > 5 else "")
         )
         remarks.append(remark("photograph-copies-left-out", text, subject=named([item.name for item in copies])))
-    remarks += remark_other_files(videos, raws)
+    remarks += remark_other_files(videos, doubles)
     if blurred:
         remarks.append(remark_blurred(blurred))
     sizes = {(photo.width_px, photo.height_px) for photo in kept}
@@ -181,16 +177,15 @@ def remark_blurred(names: Sequence[str]) -> Remark:
     return remark("photographs-blurred", text, subject=named(names), remedy="take better ones, or leave them out")
 
 
-def remark_other_files(videos: Sequence[str], raws: Sequence[str]) -> list[Remark]:
-    """On files that photographs can be made of, by their names."""
+def remark_other_files(videos: Sequence[str], doubles: Sequence[str]) -> list[Remark]:
+    """On videos, and on raw and HEIC files beside a photograph of the same name, by their names."""
     remarks = []
     if videos:
-        text = f"{named(videos)} not used, as videos are not read"
+        text = f"{named(videos)} not used, as there are photographs"
         remarks.append(remark("videos-not-used", text, subject=named(videos), remedy=explain_video(videos[0])))
-    if raws:
-        text = f"{named(raws)} not used"
-        remedy = "convert to JPEG, PNG, TIFF or EXR"
-        remarks.append(remark("raw-photographs-not-used", text, subject=named(raws), remedy=remedy))
+    if doubles:
+        text = f"{named(doubles)} not used, as there are photographs of the same name"
+        remarks.append(remark("raw-photographs-not-used", text, subject=named(doubles)))
     return remarks
 
 
@@ -289,11 +284,9 @@ def find_blurred(
 
 
 def _with_exif(photo: PhotoFile) -> PhotoFile:
-    source = oiio.ImageInput.open(str(photo.path))
-    if source is None:
+    spec = read_image_spec(photo.path)
+    if spec is None:
         return photo
-    spec = source.spec()
-    source.close()
     orientation = spec.get_int_attribute("Orientation", 1)
     camera = " ".join(filter(None, (_text(spec, "Make"), _text(spec, "Model"))))
     return replace(
@@ -361,23 +354,13 @@ def _text(spec: Any, name: str) -> str:
         return ""
 
 
-def _without_pictures(images: Path, videos: Sequence[str], raws: Sequence[str]) -> str:
+def _without_pictures(images: Path, videos: Sequence[str]) -> tuple[str, str]:
+    """What is wrong, and what to do."""
     if videos:
-        return f"{images} has no photographs but a video, {videos[0]}; {explain_video(videos[0])}"
-    if raws:
-        return f"{images} has no photographs that can be read but {named(raws)}; convert them to JPEG, PNG, TIFF or EXR"
-    return f"{images} has no photographs; put them there as JPEG, PNG, TIFF or EXR"
-
-
-def is_video(name: str) -> bool:
-    """Whether a file is named as videos are."""
-    return PurePosixPath(name).suffix.lower() in _VIDEOS
+        return f"{images} has no photographs but a video, {videos[0]}", explain_video(str(images / videos[0]))
+    return f"{images} has no photographs", f"put them there as {PHOTO_KINDS}"
 
 
 def explain_video(name: str) -> str:
-    """How to get photographs out of a video."""
-    frames = shlex.quote(f"{PurePosixPath(name).stem}_%04d.jpg")
-    return (
-        f"take pictures out of it first: ffmpeg -i {shlex.quote(name)} -vf fps=2 -qscale:v 2 {frames}, "
-        "so many a second that neighbours overlap by two thirds"
-    )
+    """How to use a video that lies among photographs."""
+    return f"to use it instead, give the video itself, {shlex.quote(name)}, in place of its folder"

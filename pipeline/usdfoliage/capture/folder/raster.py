@@ -15,6 +15,10 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from usdfoliage.capture.folder.camera_raw import develop_raw, is_camera_raw, read_raw_exif
+from usdfoliage.capture.folder.coded_color import linear_from_coded
+from usdfoliage.capture.folder.exif import as_image_spec
+from usdfoliage.capture.folder.heic import is_heic, read_heic, read_heic_header
 from usdfoliage.errors import CaptureError
 
 logger = logging.getLogger(__name__)
@@ -23,6 +27,7 @@ MIN_SIDE_PX = 16  # nothing of a plant can be seen in less
 MAX_PIXELS = 400_000_000  # 4.8 GB of linear colour; larger than any camera's picture, smaller than a decompression bomb
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_START_BYTES = 16  # by which kinds of files are distinguished
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +52,8 @@ def read_raster(path: Path) -> Raster:
     """Read the first picture of an image file.
 
     Integers of 8 and 16 bits stay what they are; everything else becomes float32, other integers scaled to [0, 1].
+    HEIC has 8 bits, and a camera's raw file is developed to linear float32 (see develop_raw). Both are turned upright
+    when they are decoded: for them upright pixels are the stored ones, and the orientation is 1.
     CMYK is converted to RGB by the plain formula (1 − C)(1 − K); the embedded CMYK profile is not used.
 
     Raises:
@@ -54,7 +61,11 @@ def read_raster(path: Path) -> Raster:
             MIN_SIDE_PX or larger than MAX_PIXELS; no colour or grey channels; pixels that are NaN, infinite or
             negative.
     """
-    _check_file(path)
+    start = _check_file(path)
+    if is_heic(start):
+        return _read_heic_raster(path)
+    if is_camera_raw(path.name):
+        return _read_raw_raster(path)
     hints = oiio.ImageSpec()
     hints.attribute("oiio:UnassociatedAlpha", 1)  # the division by alpha would cost the exactness of 16 bits
     try:
@@ -63,11 +74,38 @@ def read_raster(path: Path) -> Raster:
         raise CaptureError(f"the file name of {path!r} is not valid Unicode", "rename it") from error
     if source is None or source.format_name() == "null":
         reason = _text(oiio.geterror) or "no reason given"
-        raise CaptureError(f"{path} is not an image that can be read ({reason})", "use JPEG, PNG, TIFF or EXR")
+        raise CaptureError(f"{path} is not an image that can be read ({reason})", "use JPEG, HEIC, PNG, TIFF or EXR")
     try:
         return _read_picture(path, source)
     finally:
         source.close()
+
+
+def read_image_spec(path: Path) -> Any | None:
+    """What a file states of itself and of the camera, as OpenImageIO states it; None for what is no image.
+
+    Of HEIC and raw files the orientation is 1, as read_raster undoes it; the size of a raw file is not looked up.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(_START_BYTES)
+    except OSError:
+        return None
+    if is_heic(start):
+        try:
+            header = read_heic_header(path)
+        except CaptureError:
+            return None
+        return as_image_spec(header.width_px, header.height_px, {**header.exif, "Orientation": 1})
+    if is_camera_raw(path.name):
+        return as_image_spec(0, 0, {**read_raw_exif(path), "Orientation": 1})
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        oiio.geterror()
+        return None
+    spec = source.spec()
+    source.close()
+    return spec
 
 
 def apply_orientation(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
@@ -81,7 +119,8 @@ def apply_orientation(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
     return pixels
 
 
-def _check_file(path: Path) -> None:
+def _check_file(path: Path) -> bytes:
+    """The first bytes of a file that can be read."""
     try:
         if path.is_dir():
             raise CaptureError(f"{path} is a folder", "give an image file")
@@ -93,9 +132,11 @@ def _check_file(path: Path) -> None:
         if size_bytes == 0:
             raise CaptureError(f"{path} is empty (0 bytes)", "copy it again")
         with path.open("rb") as file:
-            damage = _png_damage(file, size_bytes) if file.read(len(_PNG_SIGNATURE)) == _PNG_SIGNATURE else ""
+            start = file.read(_START_BYTES)
+            damage = _png_damage(file, size_bytes) if start.startswith(_PNG_SIGNATURE) else ""
         if damage:
             raise CaptureError(f"{path} is {damage}", "copy it again")
+        return start
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise CaptureError(f"{path!s} cannot be read: {reason}", "check the path and its permissions") from error
@@ -140,13 +181,48 @@ def _png_header_damage(header: bytes) -> str:
     return ""
 
 
+def _read_heic_raster(path: Path) -> Raster:
+    header, pixels = read_heic(path, MAX_PIXELS)
+    _check_size(path, header.width_px, header.height_px)
+    color, profile = header.color, header.profile
+    if not profile and color.is_display_p3:
+        profile = "Display P3"
+    has_curve = profile or color.is_srgb
+    return _bare_raster(path, pixels if has_curve else linear_from_coded(pixels / np.float32(255), color), profile)
+
+
+def _read_raw_raster(path: Path) -> Raster:
+    developed = develop_raw(path, MAX_PIXELS)
+    _check_size(path, developed.linear.shape[1], developed.linear.shape[0])
+    if developed.orientation != 1:
+        logger.info("%s is turned upright, as its orientation is %d", path, developed.orientation)
+    return _bare_raster(path, developed.linear / np.float32(65535), "")
+
+
+def _bare_raster(path: Path, color: NDArray[Any], profile: str) -> Raster:
+    return Raster(
+        path=path,
+        color=color,
+        alpha=None,
+        premultiplied=False,
+        orientation=1,
+        profile=profile,
+        interoperability="",
+        chromaticities=(),
+    )
+
+
+def _check_size(path: Path, width: int, height: int) -> None:
+    if min(width, height) < MIN_SIDE_PX:
+        raise CaptureError(f"{path} is {width}×{height} pixels; at least {MIN_SIDE_PX} a side are needed")
+
+
 def _read_picture(path: Path, source: Any) -> Raster:
     spec = source.spec()
     if spec.deep or spec.depth > 1:
         raise CaptureError(f"{path} is a deep or volume image", "give a flat picture")
     for width, height in ((spec.width, spec.height), (spec.full_width, spec.full_height)):
-        if min(width, height) < MIN_SIDE_PX:
-            raise CaptureError(f"{path} is {width}×{height} pixels; at least {MIN_SIDE_PX} a side are needed")
+        _check_size(path, width, height)
         if width * height > MAX_PIXELS:
             raise CaptureError(
                 f"{path} states {width}×{height} pixels, {width * height / 1e6:.0f} million; "

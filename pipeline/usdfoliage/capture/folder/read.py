@@ -14,12 +14,13 @@ from usdfoliage.capture.folder.depth_map import DEPTH_CHANNEL, DEPTH_SUFFIXES, r
 from usdfoliage.capture.folder.depth_scale import check_depth_scale, leave_out_other_units
 from usdfoliage.capture.folder.images import Photo, read_photo
 from usdfoliage.capture.folder.listing import (
+    PHOTO_KINDS,
     counted,
     depth_folders,
     file_of,
     files_below,
     folder_below,
-    is_picture,
+    list_pictures,
     named,
     parse_views,
 )
@@ -123,8 +124,9 @@ def read_capture(
         raise CaptureError(f"{folder} is no folder", "give a capture folder with images/ and cameras/")
     settings, toml_remarks = read_capture_settings(folder)
     photos = files_below(folder_below(folder, "images"))
-    if not any(is_picture(name) for name in photos):
-        raise CaptureError(f"{folder / 'images'} has no photographs", "put them there as JPEG, PNG, TIFF or EXR")
+    pictures, _ = list_pictures(photos)
+    if not pictures:
+        raise CaptureError(f"{folder / 'images'} has no photographs", f"put them there as {PHOTO_KINDS}")
     cameras_folder = folder_below(folder, cameras)
     if not cameras_folder.is_dir():
         raise CaptureError(
@@ -134,7 +136,7 @@ def read_capture(
     model = read_camera_model(find_camera_model(cameras_folder))
     posed = [image for image in model.images if image.name in photos]
     without_photo = [image.name for image in model.images if image.name not in photos]
-    without_camera = sorted({name for name in photos if is_picture(name)} - {image.name for image in posed})
+    without_camera = sorted(set(pictures) - {image.name for image in posed})
     if not posed:
         raise CaptureError(
             f"none of the {len(model.images)} images in {model.folder} is in {folder / 'images'}: "

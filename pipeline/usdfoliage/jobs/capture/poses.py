@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.colmap.model import find_camera_model
-from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, files_below, is_picture, parse_views
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, files_below, list_pictures, parse_views
 from usdfoliage.capture.folder.photo_set import PhotoSetSettings, read_photo_set
 from usdfoliage.capture.folder.read import Capture, read_capture, without_depth
 from usdfoliage.capture.folder.settings import FILE_NAME, CaptureSettings, read_capture_settings, read_capture_tables
@@ -118,7 +118,7 @@ def estimate_poses(
     images = folder / IMAGES
     stated, toml_remarks = read_capture_settings(folder)
     photo_settings = PhotoSetSettings(threads=threads)
-    names = [name for name in files_below(images) if is_picture(name)]  # find_photographs has remarks on other files
+    names, _ = list_pictures(files_below(images))  # find_photographs has remarks on other files
     if views is not None:
         every = read_photo_set(images, names, photo_settings)
         listed = [photo.name for photo in every.photos]

@@ -1,6 +1,7 @@
 """From photographs to a capture: depth of every one of them, and one coloured cloud."""
 
 import logging
+import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ from usdfoliage import __version__
 from usdfoliage.capture.cloud.cleaning import drop_floating, drop_outliers, thin_to_disks
 from usdfoliage.capture.cloud.fusion import CloudSettings, merge_views
 from usdfoliage.capture.cloud.visibility import drop_seen_through
-from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, counted, named
+from usdfoliage.capture.folder.listing import CAMERAS, counted, named
 from usdfoliage.capture.folder.photo_set import read_photo_set
 from usdfoliage.capture.folder.settings import read_capture_settings
 from usdfoliage.capture.mvs.colmap_stereo import check_cuda
@@ -29,7 +30,7 @@ from usdfoliage.jobs.capture.depth_tasks import (
     seen_depths,
     seen_surfaces,
 )
-from usdfoliage.jobs.capture.find_photographs import GivenPhotographs, find_photographs
+from usdfoliage.jobs.capture.find_photographs import GivenPhotographs, check_video_output, find_photographs
 from usdfoliage.jobs.capture.folder import Record, lay_out, publish
 from usdfoliage.jobs.capture.maps import KINDS, ViewMaps, forget_other_maps, write_maps
 from usdfoliage.jobs.capture.poses import (
@@ -54,8 +55,9 @@ from usdfoliage.jobs.capture.results import (
     write_results,
 )
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
+from usdfoliage.jobs.capture.video_frames import find_video, lay_frames
 from usdfoliage.jobs.report.table import ReportPicture, choose_evenly
-from usdfoliage.jobs.work.results import forget, lock_work
+from usdfoliage.jobs.work.results import WORK, forget, lock_work
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Argument, Remark, RenderSetting, as_plan_setting, label_remarks, remark
@@ -66,6 +68,7 @@ BESIDE = "_estimated"  # ends the name of a folder of maps where the user has on
 # Of memory, measured with photographs of a megapixel at two qualities; the cloud is small beside it.
 MIN_BYTES, BYTES_A_PHOTO_PIXEL, BYTES_A_MATCHED_PIXEL = 250_000_000, 150, 400
 BYTES_A_CLOUD_PIXEL, MAX_VIEWS_OF_CLOUD = 70, 24  # of every view; the more there are, the more they see the same
+FRAMES = "frames"  # in the work folder: of videos
 _NEW = "new"  # in the work folder: results on their way to their places
 
 
@@ -118,7 +121,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
     Raises:
         FoliageError: The input is unusable, or the output cannot be written; results appear whole or not at all.
     """
-    given = find_photographs(request.source, request.output)
+    seconds: dict[str, float] = {}
+    given = _find_given(request, None, seconds, progress)
     read_capture_settings(given.source)  # what is wrong with it is raised before anything is written
     if request.resume and not has_results(given.work):
         raise CaptureError(f"{given.folder} has no earlier run to go on with (resume)", "begin one")
@@ -128,7 +132,6 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
     check_world(request.settings.world, given=known)
     if known and not given.in_place:  # likewise
         read_posed(given.source, request.views)
-    seconds: dict[str, float] = {}
     store = request.store or given.work
     with lock_work(given.work):
         if request.fresh:
@@ -230,10 +233,33 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
 
 
 def plan_capture(request: CaptureRequest) -> str:
-    """What make_capture would do, in lines, after looking at every photograph; writes nothing."""
+    """What make_capture would do, in lines, after looking at every photograph; writes nothing.
+
+    Of a video the frames are taken, and dropped.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        return _plan_given(request, _find_given(request, Path(scratch), {}, None))
+
+
+def _find_given(
+    request: CaptureRequest, scratch: Path | None, seconds: dict[str, float], progress: StepProgress | None
+) -> GivenPhotographs:
+    """The photographs of a request; the frames of a video are taken for them, into the work folder or scratch."""
+    video = find_video(request.source)
+    if video is None:
+        return find_photographs(request.source, request.output)
+    output = check_video_output(request.source, request.output)
+    with follow_step("video", seconds, progress) as advance:
+        work = (scratch or request.store or output / WORK) / FRAMES
+        if request.fresh:
+            forget(work)
+        frames = lay_frames(video, work, request.settings.video, progress=advance)
+    return find_photographs(request.source, output, frames)
+
+
+def _plan_given(request: CaptureRequest, given: GivenPhotographs) -> str:
     if request.settings.dense == "colmap":
         check_cuda()
-    given = find_photographs(request.source, request.output)
     record = Record(given.work)
     known = poses_are_given(given, record, request.settings.poses)
     check_world(request.settings.world, given=known)
@@ -273,8 +299,7 @@ def plan_estimate(
     request: CaptureRequest, given: GivenPhotographs, places: Sequence[str], remarks: Sequence[Remark]
 ) -> str:
     """What plan_capture returns where poses are to be estimated: what comes after them depends on them."""
-    images = given.source / IMAGES if given.is_capture else given.source
-    photo_set = read_photo_set(images, list(given.photos))
+    photo_set = read_photo_set(given.images, list(given.photos))
     sizes = Counter((photo.width_px, photo.height_px) for photo in photo_set.photos)
     depth = request.settings.depth
     lines = [
@@ -343,9 +368,9 @@ def has_results(work: Path) -> bool:
 
 
 def forget_results(work: Path) -> None:
-    """Remove all results of earlier runs; what is known of the capture's files stays."""
+    """Remove all results of earlier runs; what is known of the capture's files stays, and the frames of its video."""
     for below in work.iterdir():
-        if below.is_dir():
+        if below.is_dir() and below.name != FRAMES:
             forget(below)
 
 

@@ -11,6 +11,7 @@ from usdfoliage.capture.cloud.visibility import VisibilitySettings
 from usdfoliage.capture.mvs.rounds import MvsSettings, Quality, Round
 from usdfoliage.capture.poses.register import PoseEstimationSettings
 from usdfoliage.capture.poses.world_frame import WorldSettings
+from usdfoliage.capture.video.settings import VideoSettings
 
 DenseChoice = Literal["own", "colmap"]
 PosesChoice = Literal["auto", "known", "estimate"]
@@ -22,6 +23,7 @@ MaskChoice = Literal["auto", "given", "none"]
 class CaptureRunSettings:
     """Everything that decides the cloud of a capture."""
 
+    video: VideoSettings = field(default_factory=VideoSettings)
     # known takes the cameras of the folder cameras/; estimate finds them from the photographs; auto takes known ones
     # where the folder is there.
     poses: PosesChoice = "auto"

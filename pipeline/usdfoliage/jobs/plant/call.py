@@ -6,7 +6,7 @@ from pathlib import Path
 
 from usdfoliage.asset.validation.studio_profile import default_profile
 from usdfoliage.files.hashing import digest_file
-from usdfoliage.jobs.plant.inputs import BuildInputs
+from usdfoliage.jobs.plant.inputs import BuildInputs, DigestBy, find_inputs
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.store import ResultFile, Store
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task
@@ -65,6 +65,19 @@ class StageCall:
     def has(self, name: str) -> bool:
         """Whether the plan has a task of that name."""
         return name in self.plan.tasks
+
+
+def inputs_of(request: BuildRequest, digest_by: DigestBy = "bytes", progress: Progress | None = None) -> BuildInputs:
+    """What a plant is built from, as find_inputs finds it by the settings of the request."""
+    settings = request.settings
+    return find_inputs(
+        request.capture,
+        request.store,
+        settings.leaves.depth,
+        digest_by,
+        video=settings.capture.video,
+        progress=progress,
+    )
 
 
 def digest_profile(request: BuildRequest) -> str:

@@ -7,24 +7,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import OpenImageIO as oiio
-
 from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES, check_cloud_file, is_cloud_input
-from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, files_below
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, VIDEOS, files_below
+from usdfoliage.capture.folder.raster import read_image_spec
 from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
+from usdfoliage.capture.video.settings import VideoSettings
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.capture.find_photographs import find_photographs
+from usdfoliage.jobs.capture.video_frames import VideoFrames, find_video, lay_frames
 from usdfoliage.jobs.plant.settings import LeafDepth
 from usdfoliage.jobs.plant.store import Store
 from usdfoliage.jobs.work.keys import task_key
 from usdfoliage.jobs.work.results import write_whole
+from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark
 
 logger = logging.getLogger(__name__)
 
 DEPTH_FOLDER = "depth"
+FRAMES = "views/frames"  # in the work folder: of videos
 DigestBy = Literal["bytes", "memory", "files", "names"]
 _UNREAD = ""  # digest of a file that nobody looked at
 
@@ -41,19 +44,30 @@ class BuildInputs:
     files: Mapping[str, Path]  # by their names in the capture
     digests: tuple[tuple[str, str], ...]  # name and SHA-256 of each file
     megapixels: float  # of the first photograph
+    frames: VideoFrames | None = None  # where the photographs are those of a video
     remarks: tuple[Remark, ...] = ()
 
 
-def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", digest_by: DigestBy = "bytes") -> BuildInputs:
-    """The files of a capture that a build reads.
+def find_inputs(
+    source: Path,
+    store: Store,
+    depth: LeafDepth = "auto",
+    digest_by: DigestBy = "bytes",
+    *,
+    video: VideoSettings = VideoSettings(),
+    progress: Progress | None = None,
+) -> BuildInputs:
+    """The files of a capture that a build reads; the frames of a video are put into the work folder.
 
     Args:
-        source: A capture, a folder of photographs, or a point cloud.
+        source: A capture, a folder of photographs, a video, or a point cloud.
         store: Where digests are remembered.
         depth: Which depth leaves are fitted to.
         digest_by: bytes reads every file; memory trusts what is remembered of those whose size and time are the same;
-            files
-            does so too, and remembers nothing; names reads no others either: their digest is "".
+            files does so too, and remembers nothing; names reads no others either: their digest is "". A video whose
+            digest is unknown is always read: the tasks depend on its frames.
+        video: Which frames of a video are taken.
+        progress: Called while frames are taken, with those that were read, and how many there are.
 
     Raises:
         CaptureError: There is nothing to build from, or a file cannot be read, or has a name that cannot be recorded.
@@ -64,10 +78,11 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", digest_by
         raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}", "name a capture") from error
     if is_cloud_input(source):
         check_cloud_file(source)
-    if is_file:
+    given_video = find_video(source)
+    if is_file and given_video is None:
         if not is_cloud_input(source):
             raise CaptureError(
-                f"{source} is neither a folder nor a point cloud ({', '.join(CLOUD_SUFFIXES)})",
+                f"{source} is neither a folder nor a video nor a point cloud ({', '.join(CLOUD_SUFFIXES)})",
                 "name a folder of photographs",
             )
         files = {source.name: source}
@@ -82,12 +97,23 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", digest_by
             digests=_digest_files(source, files, store, digest_by=digest_by),
             megapixels=0.0,
         )
-    given = find_photographs(source, source.parent / f".{source.name}.none")
-    files = {f"{IMAGES}/{name}": path for name, path in given.photos.items()}
+    frames = None
+    if given_video is None:
+        given = find_photographs(source, source.parent / f".{source.name}.none")
+        files = {f"{IMAGES}/{name}": path for name, path in given.photos.items()}
+    else:
+        files = {f"{VIDEOS}/{given_video.name}": given_video}
+        _require_names(files)
+        (name_and_digest,) = _digest_files(
+            source, files, store, digest_by="memory" if digest_by == "names" else digest_by, part=VIDEOS
+        )
+        places = store.folder / FRAMES
+        frames = lay_frames(given_video, places, video, digest=name_and_digest[1], progress=progress)
+        given = find_photographs(source, source.parent / f".{source.name}.none", frames)
     has_cameras = has_depth = False
     if given.is_capture:
         folders = [MASKS, CAMERAS]
-        has_depth = depth != "estimated" and bool(files_below(source / DEPTH_FOLDER))
+        has_depth = depth != "estimated" and frames is None and bool(files_below(source / DEPTH_FOLDER))
         if depth == "given" and not has_depth:
             raise CaptureError(f"{source} has no {DEPTH_FOLDER}/", "set leaves.depth to estimated, or put maps there")
         for folder in [*folders, *([DEPTH_FOLDER] if has_depth else [])]:
@@ -100,13 +126,14 @@ def find_inputs(source: Path, store: Store, depth: LeafDepth = "auto", digest_by
     first = next(iter(given.photos.values()))
     return BuildInputs(
         source=source,
-        name=source.resolve().name,
+        name=source.resolve().stem if is_file else source.resolve().name,
         photographs=given.photos,
         has_cameras=has_cameras,
         has_depth=has_depth,
         files=files,
         digests=_digest_files(source, files, store, digest_by=digest_by),
         megapixels=_megapixels(first),
+        frames=frames,
         remarks=given.remarks,
     )
 
@@ -127,10 +154,13 @@ def _require_names(files: Mapping[str, Path]) -> None:
 
 
 def _digest_files(
-    source: Path, files: Mapping[str, Path], store: Store, digest_by: DigestBy
+    source: Path, files: Mapping[str, Path], store: Store, digest_by: DigestBy, part: str = ""
 ) -> tuple[tuple[str, str], ...]:
-    """Name and digest of every file, sorted; in a quick look those that nobody remembers have none."""
-    memory = store.folder / "digests" / f"{task_key(str(source.resolve()))}.json"
+    """Name and digest of every file, sorted; in a quick look those that nobody remembers have none.
+
+    What is remembered of some part of the files has a place of its own.
+    """
+    memory = store.folder / "digests" / f"{task_key(str(source.resolve()), part)}.json"
     known = _read_memory(memory)
     digests: dict[str, str] = {}
     remembered: dict[str, list[object]] = {}
@@ -164,10 +194,7 @@ def _read_memory(path: Path) -> dict[str, list[object]]:
 
 def _megapixels(photo: Path) -> float:
     """Of a photograph, by its header; for one that has none, as cameras compress."""
-    image = oiio.ImageInput.open(str(photo))
-    if image is None:
-        oiio.geterror()
+    spec = read_image_spec(photo)
+    if spec is None or not spec.width * spec.height:
         return max(photo.stat().st_size / 350_000, 0.1)
-    spec = image.spec()
-    image.close()
     return float(spec.width * spec.height / 1e6)

@@ -9,7 +9,7 @@ from pathlib import Path
 from usdfoliage import __version__
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES
-from usdfoliage.capture.folder.listing import IMAGES, is_picture
+from usdfoliage.capture.folder.listing import IMAGES, VIDEOS, is_picture, is_video
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.plant.finish import BuiltPlant
 from usdfoliage.jobs.plant.pages.library_page import Library, LibraryPlant, PlantState, write_library_page
@@ -86,12 +86,15 @@ def _read_folder(folder: Path) -> LibraryList:
         paths = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
         for path in paths:
             if path.is_dir():
-                if (path / IMAGES).is_dir() or any(is_picture(each.name) for each in path.iterdir()):
+                has_photographs = (path / IMAGES).is_dir() or (path / VIDEOS).is_dir()
+                if has_photographs or any(is_picture(each.name) for each in path.iterdir()):
                     entries.append(_entry(path, str(folder)))
                 else:
                     remedy = "put photographs there, or move the folder elsewhere"
                     skipped.append(_skip(path, "the folder has no photographs", remedy))
-            elif path.suffix.lower() in CLOUD_SUFFIXES and path.suffix.lower() not in (".txt", ".csv"):
+            elif is_video(path.name) or (
+                path.suffix.lower() in CLOUD_SUFFIXES and path.suffix.lower() not in (".txt", ".csv")
+            ):
                 entries.append(_entry(path, str(folder)))
     except OSError as error:
         raise CaptureError(

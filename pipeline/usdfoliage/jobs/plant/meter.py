@@ -1,7 +1,7 @@
 """How far a build is."""
 
 from usdfoliage.jobs.plant.executors import Done, Wanted
-from usdfoliage.progress import PlantProgress, StepProgress
+from usdfoliage.progress import PlantProgress, Progress, StepProgress
 
 
 class Meter:
@@ -38,6 +38,13 @@ class Meter:
             report(plant, what, self._share(place, name, share if step == name else 0.5))
 
         return show
+
+    def before(self, plant: str, name: str) -> Progress | None:
+        """What to call with the parts of what comes before the tasks of a plant; of all the work it counts nothing."""
+        if self._progress is None:
+            return None
+        report = self._progress
+        return lambda done, total: report(plant, f"{name} {done / max(total, 1):.0%}", self._share(-1, "", 0.0))
 
     def done(self, place: int, done: Done) -> None:
         if place in self._done_s:

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.plant.call import BuildRequest, digest_profile
+from usdfoliage.jobs.plant.call import BuildRequest, digest_profile, inputs_of
 from usdfoliage.jobs.plant.dask_workers import connect_dask
 from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 from usdfoliage.jobs.plant.executors import Done, NextPlant, TaskOrder, Wanted, Workers, run_here, run_on
 from usdfoliage.jobs.plant.finish import BuiltPlant, finish_plant
-from usdfoliage.jobs.plant.inputs import BuildInputs, DigestBy, find_inputs
+from usdfoliage.jobs.plant.inputs import BuildInputs, DigestBy
 from usdfoliage.jobs.plant.meter import Meter
 from usdfoliage.jobs.plant.processes import open_processes, threads_each
 from usdfoliage.jobs.plant.record import note_build
@@ -21,20 +21,24 @@ from usdfoliage.jobs.plant.store import remove_leftovers, stamp_mark
 from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan, find_wanted, plan_build
 from usdfoliage.jobs.plant.times import expect_times
 from usdfoliage.jobs.plant.worker import run_named_task
-from usdfoliage.progress import PlantProgress
+from usdfoliage.progress import PlantProgress, Progress
 
 logger = logging.getLogger(__name__)
 
 MAX_PLANS = 4  # a result that is lost while others are made is made again, but not for ever
 
 
-def plan_plant(request: BuildRequest, digest_by: DigestBy = "bytes") -> tuple[BuildInputs, BuildPlan]:
+def plan_plant(
+    request: BuildRequest, digest_by: DigestBy = "bytes", progress: Progress | None = None
+) -> tuple[BuildInputs, BuildPlan]:
     """The inputs and tasks of a plant, with times as far as the work folder knows them.
+
+    Progress is called while the frames of a video are taken.
 
     Raises:
         FoliageError: The inputs cannot be used.
     """
-    inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, digest_by)
+    inputs = inputs_of(request, digest_by, progress)
     plan = plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
     return inputs, expect_times(plan, request.store)
 
@@ -60,7 +64,7 @@ def build_plants(
         while waiting:
             number = waiting.popleft()
             state = states[number]
-            made = state.plan(len(planned))
+            made = state.plan(len(planned), meter.before(requests[number].name, "video"))
             if made is not None:
                 ended[number] = made
                 continue
@@ -117,14 +121,14 @@ class _State:
         self._plan: BuildPlan | None = None
         self._poor_marks: dict[str, int] = {}
 
-    def plan(self, place: int) -> BuiltPlant | None:
+    def plan(self, place: int, progress: Progress | None) -> BuiltPlant | None:
         """Find what is to be done; the plant, where nothing is, or it cannot be."""
         if not self.plans:
             self._start = time.perf_counter()
         self.place = place
         self.plans += 1
         try:
-            _, self._plan = plan_plant(self.request)
+            _, self._plan = plan_plant(self.request, progress=progress)
             self._stages |= {name: task.stage for name, task in self._plan.tasks.items()}
             note_build(self.request, self._plan)
             if self.plans == 1:  # what turns poor later is good for this run: else two runs undo each other's for ever

@@ -44,7 +44,7 @@ STAGES = (
 )
 _RESOURCES = ("schemas", "usd_plugins", "hydra_preview")
 # What poses and depth are made by: a test follows the imports.
-_NOT_OF_DEPTH = ("laspy", "lazrs", "jinja2")  # packages that read clouds and write pages
+_NOT_OF_DEPTH = ("laspy", "lazrs", "pye57", "jinja2")  # packages that read clouds and write pages
 CODE_OF_DEPTH = (
     "[!_]*.py",
     "files/**/*",
@@ -154,9 +154,10 @@ def plan_build(
         capture = settings.capture
         photographs = len(inputs.photographs)
         posing = (capture.poses, capture.mask, capture.sky, capture.pose_estimation, capture.world)
+        frames = None if inputs.frames is None else capture.video  # which photographs there are
         # A run that used uncertain poses leaves none for one that would have stopped at them; given poses are certain.
         uncertain = capture.uncertain_poses if capture.poses == "estimate" or not inputs.has_cameras else ""
-        deciding = (source, inputs.name, settings.seed, posing, uncertain, capture.depth.max_side_px)
+        deciding = (source, inputs.name, frames, settings.seed, posing, uncertain, capture.depth.max_side_px)
         estimated = 0.0 if inputs.has_cameras else 1.0
         poses = add(POSES, deciding, (), 2.0 + photographs * (0.15 * megapixels + estimated))
         chunks = -(-photographs // settings.tasks.photographs_a_task)

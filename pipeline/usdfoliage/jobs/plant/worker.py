@@ -8,11 +8,11 @@ import traceback
 from collections.abc import Mapping
 from pathlib import Path
 
-from usdfoliage.capture.folder.listing import IMAGES, named
+from usdfoliage.capture.folder.listing import IMAGES, is_video, named
 from usdfoliage.errors import CaptureError, FoliageError, WriteError
-from usdfoliage.jobs.plant.call import BuildRequest, Stage, StageCall, digest_profile
+from usdfoliage.jobs.plant.call import BuildRequest, Stage, StageCall, digest_profile, inputs_of
 from usdfoliage.jobs.plant.executors import Done, TaskOrder
-from usdfoliage.jobs.plant.inputs import BuildInputs, find_inputs
+from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.record import note_task, use_plant
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset
 from usdfoliage.jobs.plant.stages.capture import find_poses, finish_photographs, match_photographs
@@ -185,7 +185,7 @@ def _fill(
 
 
 def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
-    inputs = find_inputs(request.capture, request.store, request.settings.leaves.depth, "memory")
+    inputs = inputs_of(request, "memory")
     return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
 
 
@@ -208,7 +208,7 @@ def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -
     """
     before = dict(inputs.digests)
     try:
-        now = dict(find_inputs(request.capture, request.store, request.settings.leaves.depth, "files").digests)
+        now = dict(inputs_of(request, "files").digests)
         changed = [name for name in sorted(now.keys() | before.keys()) if now.get(name) != before.get(name)]
         if not changed:
             return
@@ -229,7 +229,8 @@ def _as_reported(text: str, request: BuildRequest) -> str:
 
 def _as_given(text: str, request: BuildRequest, source: str) -> str:
     """A message with files of the capture as source has them: tasks work on links and copies in the work folder."""
-    name = re.escape(request.capture.resolve().name)
+    place = request.capture.resolve()
+    name = re.escape(place.stem if is_video(place.name) else place.name)
     laid = rf"{re.escape(str(request.store.folder))}/(?:scratch/[^/\s]+|results/[^/\s]+/capture)/{name}"
     if not (request.capture / IMAGES).is_dir():  # a plain folder of photographs
         laid += f"(?:/{IMAGES})?"

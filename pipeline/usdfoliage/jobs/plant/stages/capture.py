@@ -53,7 +53,7 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
     """Poses that are given, or estimated ones, in a capture of their own; and every photograph read once."""
     settings = call.settings.capture
     laid = call.scratch / capture_name(call)
-    given = find_photographs(call.request.capture, laid)
+    given = find_photographs(call.request.capture, laid, call.inputs.frames)
     known = poses_are_given(given, Record(given.work), settings.poses)
     check_world(settings.world, given=known)
     lay_out(given, Record(given.work), cameras=known)

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import read_cloud, write_cloud
 from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, named
-from usdfoliage.capture.folder.raster import apply_orientation
+from usdfoliage.capture.folder.raster import apply_orientation, read_image_spec
 from usdfoliage.capture.folder.read import Capture, read_capture, read_view
 from usdfoliage.capture.folder.settings import FILE_NAME
 from usdfoliage.capture.lens import scale_lens, undistort
@@ -260,13 +259,11 @@ def _enlarge(mask: NDArray[np.bool_], size: tuple[int, ...]) -> NDArray[np.bool_
 
 def _as_displayed(photo: Path, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """A mask on the pixels that the cameras know, turned as the photograph is shown: so masks are read."""
-    source = oiio.ImageInput.open(str(photo))
-    if source is None:  # it was read before
+    spec = read_image_spec(photo)
+    if spec is None:  # it was read before
         return mask
-    spec = source.spec()
     orientation = int(spec.get_int_attribute("Orientation", 1))
     size = spec.height, spec.width
-    source.close()
     return mask if mask.shape != size else np.ascontiguousarray(apply_orientation(mask, orientation))
 
 

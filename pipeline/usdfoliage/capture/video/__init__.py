@@ -1,0 +1,1 @@
+"""Videos: which of their frames are taken as photographs."""
