@@ -58,6 +58,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Remove the copies from images/ and cameras/.",
             ),
+            "withheld-not-compared": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Photographs that were withheld have no camera, or cannot be read. The asset is not measured by "
+                    "them."
+                ),
+                action="Nothing, if others were withheld too.",
+            ),
             "raw-photographs-not-used": RemarkKind(
                 severity="info",
                 meaning="Raw files and HEIC are not read.",

@@ -68,6 +68,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "leaves.depth": "--depth",
             "leaves.method": "--method",
             "leaves.min_confidence": "--min-confidence",
+            "plant.hold_back": "--hold-back",
             "plant.species": "--species",
             "plant.representations": "--representation",
             "seed": "--seed",
