@@ -17,8 +17,9 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.capture.folder.hold_back import choose_withheld
 from usdfoliage.capture.folder.listing import IMAGES, counted, files_below, is_picture, named
-from usdfoliage.capture.folder.read import Capture, CaptureViews, read_capture, read_view, read_views, without_depth
+from usdfoliage.capture.folder.read import Capture, CaptureViews, read_view, read_views, without_depth
 from usdfoliage.capture.mvs.plane_sweep import sweep_depths
+from usdfoliage.capture.poses.given_frame import read_upright_capture
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError, PreviewError
 from usdfoliage.files.hashing import digest_files
@@ -269,7 +270,7 @@ def find_capture(request: LeavesRequest) -> Capture:
         CaptureError: There are none.
     """
     folder = DEFAULT_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
-    capture = read_capture(request.capture, depth=folder, views=request.views)
+    capture = read_upright_capture(request.capture, depth=folder, views=request.views).capture
     withheld = _withheld(request)
     left = tuple(view for view in capture.views if view.name not in withheld)
     if not left:
@@ -290,7 +291,8 @@ def _withheld(request: LeavesRequest) -> tuple[str, ...]:
 def _measure(interface: Path, request: LeavesRequest, folder: Path, progress: StepProgress | None) -> MeasuredAsset:
     """The asset against the photographs that are withheld; CaptureError where none of them has a camera."""
     withheld = _withheld(request)
-    capture = without_depth(read_capture(request.capture))
+    folder_of_depth = DEFAULT_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
+    capture = without_depth(read_upright_capture(request.capture, depth=folder_of_depth).capture)
     views = tuple(view for view in capture.views if view.name in withheld)
     if not views:
         raise CaptureError(

@@ -9,7 +9,7 @@ from pathlib import Path
 from usdfoliage.capture.folder.hold_back import choose_withheld
 from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, counted, file_of, files_below, named
 from usdfoliage.capture.folder.read import Capture
-from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings
+from usdfoliage.capture.folder.settings import FILE_NAME, state_frame
 from usdfoliage.capture.poses.model_without import write_model_without
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.depth_tasks import (
@@ -69,7 +69,8 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
     check_world(settings.world, given=known)
     lay_out(given, Record(given.work), cameras=known)
     if known:
-        posed = read_posed(laid, None)
+        # Depth in metres shows how long a unit of the poses is; it is not laid out.
+        posed = read_posed(call.request.capture if call.inputs.has_depth else laid, None)
     else:
         posed = estimate_poses(laid, None, settings, threads=call.threads, progress=call.progress)
     capture = call.out / "capture" / capture_name(call)
@@ -85,14 +86,12 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
         for folder in (IMAGES, MASKS):
             _link_folder(laid / folder, capture / folder)
         shutil.copytree(cameras, capture / CAMERAS)
-    stated = posed.capture.settings
     settings_file = laid / FILE_NAME
     text = settings_file.read_bytes().decode("utf-8") if settings_file.is_file() else ""
-    completed = complete_capture_settings(text, {"up_axis": stated.up_axis, "metres_per_unit": stated.metres_per_unit})
-    if completed:
-        write_whole(capture / FILE_NAME, completed.encode("utf-8"))
-        if withheld:
-            write_whole(call.out / WITHHELD / capture_name(call) / FILE_NAME, completed.encode("utf-8"))
+    stated = state_frame(text, posed.capture.settings).encode("utf-8")
+    write_whole(capture / FILE_NAME, stated)
+    if withheld:
+        write_whole(call.out / WITHHELD / capture_name(call) / FILE_NAME, stated)
     prepared = _prepare(read_posed(capture, None).capture, store_of_views(call), settings, call.threads)
     failures = failures_of(posed, prepared.dropped)
     failures = {name: reason for name, reason in failures.items() if name not in withheld}
@@ -118,6 +117,7 @@ def _pose_rows(
         *([Row(name="withheld", value=f"{withheld:,}", remark="nothing is made of them")] if withheld else []),
         Row(name="with a pose", value=f"{len(prepared.views):,}", remark="given" if known else "estimated"),
     ]
+    rows += posed.frame_rows()
     errors_px = observation_errors_px(posed)
     if errors_px is not None and len(errors_px):
         rows.append(Row(name="reprojection error", value=f"{float((errors_px**2).mean()) ** 0.5:.2f} px", remark="rms"))
