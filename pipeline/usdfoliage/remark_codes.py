@@ -225,12 +225,17 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "up-estimated": RemarkKind(
                 severity="info",
-                meaning="`capture.toml` does not state where up is for given poses. It was found as the remark has it.",
+                meaning=(
+                    "The file `capture.toml` does not state where up is for given poses. It was found as the remark "
+                    "has it."
+                ),
                 action="Nothing, if the asset stands upright. Otherwise state `up_axis` or `up_vector`.",
             ),
             "scale-estimated": RemarkKind(
                 severity="info",
-                meaning="`capture.toml` does not state the unit of given poses. It was found as the remark has it.",
+                meaning=(
+                    "The file `capture.toml` does not state the unit of given poses. It was found as the remark has it."
+                ),
                 action="Nothing, if the asset has its size. Otherwise state `metres_per_unit`.",
             ),
             "up-uncertain": RemarkKind(

@@ -122,7 +122,8 @@ def find_given_frame(
         unit = settings.metres_per_unit * factor
         facts = replace(facts, metres_per_unit=unit, scale_from=scale_from, scale_error=error)
         stated = replace(stated, metres_per_unit=unit)
-        remarks += _scale_remarks(facts, distance)
+        if not settings.knows_up or unit != settings.metres_per_unit:  # who states up means metres
+            remarks += _scale_remarks(facts, distance)
     return facts, stated, tuple(remarks)
 
 
