@@ -179,7 +179,7 @@ def test_depth_in_metres_gives_the_unit(tmp_path):
     ("toml", "up_from", "scale_from"),
     [
         ('up_axis = "Z"\nmetres_per_unit = 0.01\n', "capture.toml", "capture.toml"),
-        ('up_axis = "-X"\n', "capture.toml", "depth"),
+        ('up_axis = "-X"\n', "capture.toml", "the frame"),
         ("up_vector = [0.1, -2, 0.3]\nmetres_per_unit = 2\n", "capture.toml", "capture.toml"),
         ('up_axis = "auto"\nmetres_per_unit = 2\n', "level", "capture.toml"),
         ('[known_distance]\nphotographs = ["00.png", "04.png"]\nmetres = 6.4\n', "level", "distance"),

@@ -186,12 +186,14 @@ def _find_unit(
     scale, scale_from = find_scale(registered, centers, None, distance, world)
     if scale_from != NOTHING:
         return scale, scale_from, None
+    if capture.settings.knows_up:  # who states up and no unit means metres; depth that differs gets its own remark
+        return 1.0, THE_FRAME, None
     found = _by_depth(capture, distance)
     if found is not None:
         return found[0], "depth", found[1]
     nearest_m, farthest_m = _PLAUSIBLE_M
     is_laid = stated.up_axis in _DELIBERATE and nearest_m <= distance <= farthest_m
-    if capture.settings.knows_up or is_laid:
+    if is_laid:
         return 1.0, THE_FRAME, None
     return scale, scale_from, None
 
