@@ -58,6 +58,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Remove the copies from images/ and cameras/.",
             ),
+            "withheld-not-compared": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Photographs that were withheld have no camera, or cannot be read. The asset is not measured by "
+                    "them."
+                ),
+                action="Nothing, if others were withheld too.",
+            ),
             "raw-photographs-not-used": RemarkKind(
                 severity="info",
                 meaning=(
@@ -227,6 +235,21 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning="Positions by satellite are all the same, or have no altitude.",
                 action="Give a scale bar.",
+            ),
+            "up-estimated": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The file `capture.toml` does not state where up is for given poses. It was found as the remark "
+                    "has it."
+                ),
+                action="Nothing, if the asset stands upright. Otherwise state `up_axis` or `up_vector`.",
+            ),
+            "scale-estimated": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The file `capture.toml` does not state the unit of given poses. It was found as the remark has it."
+                ),
+                action="Nothing, if the asset has its size. Otherwise state `metres_per_unit`.",
             ),
             "up-uncertain": RemarkKind(
                 severity="info",

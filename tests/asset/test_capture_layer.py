@@ -29,6 +29,7 @@ from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.lens import Lens, undistort
 from usdfoliage.errors import AssetError, PreviewError
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.geometry.up_turn import turn_to_y_up
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, encode_png, finish_picture
 from usdfoliage.jobs.preview.recorder import find_interpreter
 
@@ -214,6 +215,21 @@ def test_photographs_are_off_until_one_is_chosen(tmp_path):
     _, far_m = UsdGeom.Camera(camera).GetClippingRangeAttr().Get()
     _, points_m = ring_cameras()[1].camera.project(some_cloud().points_m)
     assert points_m.max() < depth_m.min() <= depth_m.max() < far_m
+
+
+# The frame
+
+
+def test_a_world_in_which_neither_y_nor_z_is_up_is_turned(tmp_path):
+    cloud = some_cloud()
+    turn = np.eye(4)
+    turn[:3, :3] = turn_to_y_up(np.array([0.6, -0.8, 0.0]))
+    stage = write(tmp_path, cloud, asset_from_world=turn)
+    assert UsdGeom.GetStageUpAxis(stage) == "Y"
+    points = UsdGeom.Points.Get(stage, CLOUD)
+    np.testing.assert_allclose(points.GetPointsAttr().Get(), cloud.points_m, atol=1e-7)
+    matrix = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(points.GetPrim()))
+    np.testing.assert_allclose(np.array([0.6, -0.8, 0.0, 0]) @ matrix, [0, 1, 0, 0], atol=1e-12)
 
 
 # The cloud

@@ -4,6 +4,7 @@ The segmentation knows the truth, so that a run takes a second; those of the pro
 """
 
 import argparse
+import json
 import logging
 import re
 import shutil
@@ -124,6 +125,32 @@ def test_the_asset_has_the_leaves_of_the_capture(written, tmp_path, capsys, bed)
     assert root.GetAttribute("foliage:species").Get() == "Passiflora alata"
     assert root.GetAttribute("foliage:capture").Get() == "bed 1"
     assert sorted(p.name for p in out.parent.iterdir()) == ["bed 1"]
+
+
+def test_photographs_that_are_withheld_measure_the_asset(written, tmp_path, capsys, segmented):
+    lines = printed(capsys, *words(written, tmp_path / "a", "--hold-back", 2))
+    assert [view.name for view in segmented] == ["000.jpg", "001.jpg", "003.jpg"]
+    assert any(line.startswith("withheld photographs: IoU 0.") for line in lines)
+    assert any(line.startswith("002.jpg: IoU 0.") and line.endswith("(by its green)") for line in lines)
+    folder = tmp_path / "a" / "report"
+    text = (folder / "index.html").read_text()
+    page = Page(text)
+    assert all((folder / name).is_file() for name in page.files)
+    assert "withheld_000.jpg" in page.files
+    assert "Withheld photographs" in text
+    assert json.loads((folder / "withheld.json").read_text())["views"][0]["name"] == "002.jpg"
+    assert set(read(tmp_path / "a").leaves.view) <= {0, 1, 3}
+    stated = json.loads("\n".join(printed(capsys, *words(written, tmp_path / "b", "--hold-back", 2, "--json"))))
+    assert stated["withheld"]["hold_back"] == 2
+    assert 0 < stated["withheld"]["mean"]["iou"] <= 1
+
+
+def test_holding_back_what_cannot_be_is_refused(written, tmp_path, capsys):
+    assert "hold_back must be 0 or at least 2, not 1" in refused(
+        capsys, *words(written, tmp_path / "a", "--hold-back", 1)
+    )
+    left = refused(capsys, *words(written, tmp_path / "a", "--hold-back", 2, "--views", "2"))
+    assert "no photograph is left of 1 photograph: they are all withheld; withhold fewer with --hold-back" in left
 
 
 def test_the_report_shows_every_photograph(written, tmp_path):

@@ -37,6 +37,11 @@ def test_every_option_is_one_of_the_command_and_every_setting_one_of_a_build(com
     [
         ("capture", Setting(name="capture.world.up", value='"gps"'), "--up gps"),
         ("capture", Setting(name="capture.world.times"), "--scale"),
+        (
+            "capture",
+            Setting(name="capture.toml:metres_per_unit", value="0.01"),
+            "metres_per_unit = 0.01 in capture.toml",
+        ),
         ("capture", Setting(name="capture.pose_estimation.one_camera", value='"yes"'), "--camera one"),
         (
             "capture",

@@ -1,6 +1,7 @@
 """A capture as a USD layer: its cameras, the photographs behind them, and the cloud that was made of them.
 
-The layer is in metres and in the axes of the capture's own world, Y or Z up, as its upAxis states; nothing is turned.
+The layer is in metres and in the axes of the capture's own world, Y or Z up, as its upAxis states; nothing is turned
+but a world in which neither is up.
 Nobody but a plant's asset gives the Scope /<name>/geo/guide the purpose of its name: alone, the layer would be blank.
 """
 
@@ -46,11 +47,13 @@ class CaptureCamera:
     lens: Lens | None = None  # of the photograph as it was taken; None where that has no distortion
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CaptureLayerSettings:
     """How a capture is shown."""
 
-    up_axis: str = "Y"  # of the capture's world, Y or Z
+    up_axis: str = "Y"  # of the capture's world, Y or Z; of the layer, where asset_from_world turns it
+    # (4, 4) for column vectors: turns the root prim, where neither Y nor Z is up in the capture's world.
+    asset_from_world: NDArray[np.float64] | None = None
     point_width_m: float | None = None  # of the cloud's points; None: so wide that neighbours touch
 
     def __post_init__(self) -> None:
@@ -104,6 +107,9 @@ def write_capture_layer(
 
     stage = _new_stage(path, name, settings)
     root = stage.GetDefaultPrim()
+    if settings.asset_from_world is not None:
+        turn = UsdGeom.Xformable(root).AddTransformOp(UsdGeom.XformOp.PrecisionDouble)
+        turn.Set(Gf.Matrix4d(settings.asset_from_world.T.tolist()))
     Usd.ModelAPI(root).SetKind(Kind.Tokens.component)
     Usd.ModelAPI(root).SetAssetName(name)
     author_scopes(stage, Sdf.Path(f"/{name}/{CAMERAS}"))

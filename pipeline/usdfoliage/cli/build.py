@@ -26,7 +26,7 @@ logger = logging.getLogger(__name__)
 
 STAGES = (
     *("poses", "matching", "depth", "cloud", "isolation", "branches", "leaves", "crown"),
-    *("asset", "turntable", "comparisons", "variants", "report"),
+    *("asset", "withheld", "turntable", "comparisons", "variants", "report"),
 )
 
 

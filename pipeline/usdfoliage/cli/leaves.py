@@ -12,6 +12,7 @@ from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.leaf_commands import (
+    add_hold_back,
     add_name,
     add_no_preview,
     add_report_views,
@@ -46,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"The depth maps are in this folder of CAPTURE; {SWEEP} computes depth from the photographs. The default "
         f"is {AUTO}: the folder {DEFAULT_DEPTH} if it has any maps, or else {SWEEP}.",
     )
+    add_hold_back(files)
     method = parser.add_argument_group("how leaves are found")
     method.add_argument("--method", choices=("dense", "paper"), help=describe_setting(settings, "method"))
     method.add_argument(
@@ -85,13 +87,20 @@ def run(options: argparse.Namespace) -> int:
     with StepBar() as bar:
         made = make_leaves_asset(request, bar.show)
     if options.json:
-        print(format_made(asset=made.asset, report=made.report, facts=made.measures, remarks=made.remarks))
+        figures = None if made.withheld is None else made.withheld.as_json()
+        print(
+            format_made(
+                asset=made.asset, report=made.report, facts=made.measures, remarks=made.remarks, withheld=figures
+            )
+        )
         return 0
     print_remarks(made.remarks, "leaves")
     for step in made.steps:
         print(f"{step.name}: {step.count:,}")
     for row in made.measures:
         print(f"{row.name}: {row.value}")
+    for row in made.withheld.rows() if made.withheld is not None else ():
+        print(f"{row.name}: {row.value} ({row.remark})")
     print(f"representations: {', '.join(made.representations)}")
     print(f"asset: {made.asset}")
     print(f"report: {made.report}")

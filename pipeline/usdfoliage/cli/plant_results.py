@@ -31,6 +31,7 @@ def print_plant(made: "BuiltPlant", command: str, *, debug: bool = False) -> Non
         print(f"warning: {warning.sentence(render)}")
     for row in made.facts:
         print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
+    print_withheld(made.withheld)
     ran = len(made.seconds or {})
     print(f"tasks: {made.tasks}, {made.cached} of them done by an earlier run, {ran} done now")
     if made.seconds:
@@ -52,6 +53,16 @@ def print_plant(made: "BuiltPlant", command: str, *, debug: bool = False) -> Non
     print(f"report: {made.request.output / 'report' / 'index.html'}")
 
 
+def print_withheld(figures: Mapping[str, object] | None) -> None:
+    """The asset against photographs that were withheld, a line for their mean and one for each; nothing without."""
+    if figures is None:
+        return
+    from usdfoliage.jobs.withheld.measure import list_figures
+
+    for row in list_figures(figures):
+        print(f"{row.name}: {row.value} ({row.remark})")
+
+
 def format_plant(made: "BuiltPlant", command: str) -> str:
     """What became of a plant, as JSON, with settings as command has them."""
     return format_json(list_plant(made, command))
@@ -70,6 +81,7 @@ def list_plant(made: "BuiltPlant", command: str) -> dict[str, object]:
         verdict=made.verdict,
         error=made.explain(render_for(command)),
         errors=made.errors,
+        withheld=made.withheld,
         seconds=dict(made.seconds or {}),
     )
 

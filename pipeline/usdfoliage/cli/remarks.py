@@ -68,6 +68,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "leaves.depth": "--depth",
             "leaves.method": "--method",
             "leaves.min_confidence": "--min-confidence",
+            "plant.hold_back": "--hold-back",
             "plant.species": "--species",
             "plant.representations": "--representation",
             "seed": "--seed",
@@ -98,7 +99,8 @@ def render_for(command: str) -> RenderSetting:
             if words is None or value in words:
                 value = value if words is None else words[value]
                 return f"{option} {value}" if value else option
-        if own.table and setting.name.startswith(f"{own.table}."):
+        is_of_file = ":" in setting.name  # capture.toml's, which no table of settings has
+        if own.table and setting.name.startswith(f"{own.table}.") and not is_of_file:
             key = setting.name.removeprefix(f"{own.table}.")
             return f"{as_plan_setting(Setting(name=key, value=setting.value))} in the settings file"
         return as_plan_setting(setting)

@@ -162,6 +162,7 @@ def _parameters(options: argparse.Namespace, name: str, work: Path) -> "list[Job
         ("plan", "PATH", "--plan", "settings of every stage, TOML"),
         ("profile", "PATH", "--profile", "the studio's rules for validation, TOML"),
         ("species", "STRING", "--species", "written into the asset"),
+        ("hold_back", "INT", "--hold-back", "of every so many photographs one measures the asset"),
         ("seed", "INT", "--seed", "of every random choice"),
     ):
         given = getattr(options, field)
@@ -169,7 +170,7 @@ def _parameters(options: argparse.Namespace, name: str, work: Path) -> "list[Job
             is_file = kind == "PATH"
             parameters.append(
                 JobParameter(
-                    name=field.title(),
+                    name=field.title().replace("_", ""),
                     kind=kind,
                     value=str(given.absolute()) if is_file else given,
                     description=what,

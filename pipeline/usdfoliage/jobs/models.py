@@ -12,6 +12,7 @@ from usdfoliage.asset.look_layer import BEZIER, LOD, select_lod
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.materials.cubemap_exr import read_cubemap
 from usdfoliage.asset.packages.contents import (
+    find_branches,
     find_crown,
     find_skeleton,
     interface_of,
@@ -23,7 +24,7 @@ from usdfoliage.asset.packages.contents import (
     require_plant,
 )
 from usdfoliage.asset.packed_files import unpacked
-from usdfoliage.asset.parts.branches import read_skeleton
+from usdfoliage.asset.parts.branches import SurfaceMesh, read_branches, read_skeleton
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.parts.leaf_primvars import place
 from usdfoliage.asset.parts.leaves import read_leaves
@@ -96,6 +97,22 @@ def read_models(asset: Path) -> AssetModels:
         skeleton=None if skeleton is None else read_skeleton(_unmoved(skeleton, plant)),
         crown=None if crown is None else read_crown(_unmoved(crown, plant), facts.asset_from_capture),
     )
+
+
+def read_branch_surface(asset: Path) -> SurfaceMesh | None:
+    """The surface of an asset's branches in the asset's frame, before it is subdivided; None where it has none.
+
+    Raises:
+        AssetError: The asset cannot be read, is none of ours or holds several plants; the surface is damaged, or a
+            transform moves it within the plant.
+    """
+    stage = open_asset(asset)
+    plant = require_plant(stage, asset)
+    interface, _ = interface_of(asset)
+    if "both" in read_plant_facts(plant, interface).variants.get(LOD, ()):
+        select_lod(plant, "both")
+    prim = find_branches(plant)
+    return None if prim is None else read_branches(_unmoved(prim, plant))
 
 
 def read_crown(prim: Usd.Prim, asset_from_photo: NDArray[np.float64]) -> CrownModel:

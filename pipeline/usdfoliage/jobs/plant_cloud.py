@@ -17,9 +17,10 @@ from usdfoliage.branch.tracing.roots import RootSettings, find_roots
 from usdfoliage.capture.cloud_files.read import CloudInput, CloudInputSettings, read_cloud_input
 from usdfoliage.capture.cloud_files.thinning import PointThinner
 from usdfoliage.capture.cloud_files.units import UNITS
-from usdfoliage.capture.cloud_files.up_axis import axis_vector, find_cloud_up, turn_to_y_up
+from usdfoliage.capture.cloud_files.up_axis import find_cloud_up
 from usdfoliage.errors import FitError, FoliageError
 from usdfoliage.geometry.point_cells import cell_means, number_cells
+from usdfoliage.geometry.up_turn import axis_vector, turn_to_y_up
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, Remedy, Setting, remark
 
@@ -118,6 +119,10 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     remarks = list(source.remarks)
     if request.up is not None:
         axis = axis_vector(request.up)
+    elif source.stated_vector is not None:
+        axis = source.stated_vector
+        text = f"up is the direction ({', '.join(f'{number:.3f}' for number in axis)}) that capture.toml states"
+        remarks.append(remark("cloud-up", text))
     else:
         up = find_cloud_up(source.points_m, source.stated_up, source.format_up)
         axis = up.axis

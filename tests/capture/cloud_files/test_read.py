@@ -135,6 +135,16 @@ def test_a_capture_folder_gives_its_cloud_unit_and_up(tmp_path):
     assert read_cloud_input(tmp_path, METRES).metres_per_unit == 1
 
 
+def test_a_capture_folder_may_state_any_direction(tmp_path):
+    write_text(tmp_path / "cloud.xyz", some_points())
+    (tmp_path / "capture.toml").write_text("up_vector = [0, 3, 4]\n")
+    cloud = read_cloud_input(tmp_path)
+    np.testing.assert_allclose(cloud.stated_vector, [0, 0.6, 0.8])
+    (tmp_path / "capture.toml").write_text('up_axis = "auto"\n')
+    cloud = read_cloud_input(tmp_path)
+    assert (cloud.stated_vector, cloud.stated_up) == (None, None)
+
+
 def test_a_folder_with_one_cloud_of_any_name_is_enough(tmp_path):
     write_las(tmp_path / "Scan 7.LAZ", some_points())
     (tmp_path / "notes.txt").write_text("oak")

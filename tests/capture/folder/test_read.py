@@ -164,7 +164,10 @@ def test_unknown_keys_are_reported(folder):
     ("text", "message"),
     [
         ("up_axis = ", r"capture\.toml is no TOML: .*Invalid value"),
-        ('up_axis = "X"', r"capture\.toml: up_axis must be Y or Z, not 'X'"),
+        ('up_axis = "W"', r"capture\.toml: up_axis must be one of auto, X, -X, Y, -Y, Z, -Z, not 'W'"),
+        ("up_vector = 2", r"capture\.toml: up_vector must be three numbers, not 2"),
+        ("up_vector = [0, true, 1]", r"capture\.toml: up_vector must be three numbers"),
+        ("up_vector = [0, 0, 0]", r"capture\.toml: up_vector must be three finite numbers and not 0"),
         ("up_axis = 2", r"capture\.toml: up_axis must be text, not 2"),
         ('metres_per_unit = "mm"', r"capture\.toml: metres_per_unit must be a number, not 'mm'"),
         ("metres_per_unit = true", "must be a number"),

@@ -5,6 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from usdfoliage.capture.folder.read import Capture
+from usdfoliage.capture.folder.settings import CaptureSettings
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture import poses
@@ -45,7 +47,15 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, checks: tuple[Remark, ...] = ()) -
     """Let everything but the decision be made by stand-ins."""
     registered = SimpleNamespace(remarks=checks)
     frame = SimpleNamespace(
-        world_from_registered=np.eye(4), up_from="level", scale_from="", scale_known=False, remarks=(UP, SCALE)
+        world_from_registered=np.eye(4),
+        up_from="level",
+        up_error_rad=0.1,
+        scale_from="",
+        scale_known=False,
+        remarks=(UP, SCALE),
+    )
+    nothing = Capture(
+        folder=Path("capture"), name="", settings=CaptureSettings(), views=(), points_m=np.zeros((0, 3)), remarks=()
     )
     photographs = SimpleNamespace(photos=(), dropped=(), remarks=())
     for name, made in (
@@ -54,7 +64,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, checks: tuple[Remark, ...] = ()) -
         ("level_and_scale", frame),
         ("move_registered", registered),
         ("write_colmap_model", None),
-        ("read_capture", None),
-        ("without_depth", None),
+        ("read_capture", nothing),
+        ("without_depth", nothing),
     ):
         monkeypatch.setattr(poses, name, lambda *_, made=made, **__: made)

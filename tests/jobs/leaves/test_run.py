@@ -16,7 +16,6 @@ from usdfoliage.jobs.leaves.pictures import (
     draw_refined,
     draw_superpixels,
     label_points,
-    leaf_palette,
     prepare_points,
     thin_points,
 )
@@ -31,7 +30,7 @@ from usdfoliage.jobs.leaves.run import choose_evenly, encode_texture, finish_lea
 from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
 from usdfoliage.jobs.preview.recorder import find_interpreter
-from usdfoliage.jobs.report.pictures import pick_pixels, shrink_camera, shrink_to, shrink_view
+from usdfoliage.jobs.report.pictures import leaf_palette, pick_pixels, shrink_camera, shrink_to, shrink_view
 from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.photographs.average_texture import AverageTexture
 from usdfoliage.leaf.points import LeafPoints, no_points

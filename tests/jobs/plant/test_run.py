@@ -1,5 +1,6 @@
 """Whole builds whose processes are killed, whose results are damaged, and that meet."""
 
+import json
 import os
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 from usdfoliage.jobs.plant.executors import Done, TaskOrder
 from usdfoliage.jobs.plant.finish import BuiltPlant
+from usdfoliage.jobs.plant.plant_settings import PlantSettings
 from usdfoliage.jobs.plant.run import build_plants
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.worker import run_named_task
@@ -273,3 +275,26 @@ def test_warnings_name_photographs_as_the_capture_does(given, tmp_path):
     page = (tmp_path / "plant" / "report" / "index.html").read_text()
     assert "000.jpg" in page
     assert str(tmp_path) not in page
+
+
+def test_a_photograph_that_is_withheld_makes_nothing_and_measures_the_asset(given, tmp_path):
+    request = request_of(given, tmp_path)
+    request = replace(request, settings=replace(request.settings, plant=PlantSettings(hold_back=2)))
+    made = build(request)
+    assert made.verdict == "built"
+    assert [view["name"] for view in made.withheld["views"]] == ["002.jpg"]
+    assert made.withheld["mean"]["precision"] > 0.9  # of the few leaves that three photographs show
+    stored = json.loads((tmp_path / "plant" / "report" / "withheld.json").read_text())
+    assert stored == made.withheld
+    page = (tmp_path / "plant" / "report" / "index.html").read_text()
+    assert "002.jpg, of which nothing was made" in page
+    results = tmp_path / "work" / "results"
+    for used in results.glob("*/capture/*/images"):
+        assert sorted(path.name for path in used.iterdir()) == ["000.jpg", "001.jpg", "003.jpg"]
+    for masks in results.glob("*/capture/*/masks"):
+        assert "002.jpg.png" not in {path.name for path in masks.iterdir()}
+    assert [path.name for path in results.glob("*/withheld/*/images/*")] == ["002.jpg"]
+    assert not any("002" in path.name for path in results.glob("*/capture/*/given_depth/*"))
+    before = stamps(tmp_path)
+    assert not build(request).seconds
+    assert stamps(tmp_path) == before

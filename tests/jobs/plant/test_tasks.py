@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from usdfoliage.asset.resources import plugin_path_folders
+from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.plant import outside_tools
 from usdfoliage.jobs.plant.farm_steps import list_steps
 from usdfoliage.jobs.plant.inputs import BuildInputs
@@ -48,6 +49,7 @@ def changed(**tables: Any) -> BuildSettings:
 
 
 PLAN = plan_build(make_inputs(), BuildSettings(), "fern")
+WITHHELD = plan_build(make_inputs(), changed(plant={"hold_back": 4}), "fern")
 AFTER_PARTS = {"asset", "turntable", "comparisons", "variants", "report"}
 AFTER_ISOLATION = {"branches", "leaves", "crown", *AFTER_PARTS}
 AFTER_CLOUD = {"isolation", *AFTER_ISOLATION}
@@ -58,7 +60,8 @@ def test_every_task_comes_after_those_that_it_needs() -> None:
     for name, task in PLAN.tasks.items():
         assert set(task.needs) <= seen
         seen.add(name)
-    assert {task.stage for task in PLAN.tasks.values()} == set(STAGES)
+    assert {task.stage for task in PLAN.tasks.values()} == set(STAGES) - {"withheld"}
+    assert {task.stage for task in WITHHELD.tasks.values()} == set(STAGES)
 
 
 @pytest.mark.parametrize("photographs_a_task", [4, 100])
@@ -254,7 +257,7 @@ def _other(settings: Any) -> dict[str, Any]:
 
 
 def test_a_seed_or_a_photograph_touches_everything() -> None:
-    everything = set(STAGES)
+    everything = set(STAGES) - {"withheld"}
     assert stages_that_change(PLAN, plan_build(make_inputs(), with_seed(BuildSettings(), 3), "fern")) == everything
     assert stages_that_change(PLAN, plan_build(make_inputs("images/4.jpg"), BuildSettings(), "fern")) == everything
 
@@ -328,3 +331,30 @@ def test_a_build_can_stop_at_a_stage(tmp_path: Path) -> None:
     wanted, _ = find_wanted(plan, Store(folder=tmp_path), thorough=True)
     expected = {"poses", "matching", "depth", "cloud", "isolation", "branches", "part-asset"}
     assert {task.stage for task in wanted.values()} == expected
+
+
+def test_photographs_that_are_withheld_measure_the_asset_and_make_none_of_it() -> None:
+    assert WITHHELD.tasks["withheld"].needs == ("poses", "asset")
+    assert "withheld" in WITHHELD.tasks["report"].needs
+    assert "withheld" not in PLAN.tasks
+    one_each = plan_build(
+        make_inputs(), changed(plant={"hold_back": 4}, tasks={"photographs_a_task": 1}), "fern", only=("depth",)
+    )
+    assert sum(task.stage == "depth" for task in one_each.tasks.values()) == PHOTOGRAPHS - 2
+    for stage in ("poses", "matching-1/1", "depth/1", "cloud", "isolation", "branches", "leaves", "crown", "asset"):
+        assert WITHHELD.tasks[stage].key != PLAN.tasks[stage].key
+    same_set = plan_build(make_inputs(), changed(plant={"hold_back": 5}), "fern")  # the third and the eighth
+    assert same_set.tasks["matching-1/1"].key != WITHHELD.tasks["matching-1/1"].key
+    both = [
+        plan_build(make_inputs(), changed(plant={"hold_back": every}), "fern") for every in (7, 8)
+    ]  # the third alone
+    assert both[0].tasks["depth/1"].key == both[1].tasks["depth/1"].key
+
+
+def test_two_photographs_and_a_cloud_have_none_to_hold_back() -> None:
+    inputs = make_inputs()
+    two = replace(inputs, photographs=dict(list(inputs.photographs.items())[:2]))
+    with pytest.raises(CaptureError, match="no photograph can be withheld: there are 2 photographs"):
+        plan_build(two, changed(plant={"hold_back": 2}), "fern")
+    with pytest.raises(CaptureError, match="has no photographs, and none can be withheld"):
+        plan_build(replace(inputs, photographs={}), changed(plant={"hold_back": 2}), "fern")

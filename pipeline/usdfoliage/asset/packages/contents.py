@@ -16,7 +16,7 @@ from usdfoliage.asset.materials.leaf import STORM_SURFACE, TEXTURE_COLOR
 from usdfoliage.asset.packed_files import display_name, is_package, is_packed, size_bytes
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.parts.leaf_primvars import place
-from usdfoliage.asset.plant import CROWN, LEAVES, SKELETON
+from usdfoliage.asset.plant import BRANCHES, CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
 from usdfoliage.asset.stored_numbers import stored_numbers
@@ -98,6 +98,12 @@ def find_skeleton(plant: Usd.Prim) -> Usd.Prim | None:
     """The prim of the branches' skeleton in the selected variants, None where the plant has none."""
     prim = plant.GetStage().GetPrimAtPath(plant.GetPath().AppendPath(SKELETON))
     return prim if prim and prim.HasAPI(SKELETON_API) else None
+
+
+def find_branches(plant: Usd.Prim) -> Usd.Prim | None:
+    """The prim of the branches' surface in the selected variants, None where the plant has none."""
+    prim = plant.GetStage().GetPrimAtPath(plant.GetPath().AppendPath(BRANCHES))
+    return prim if prim and prim.IsA(UsdGeom.Mesh) else None
 
 
 def read_plant_facts(plant: Usd.Prim, interface: Path) -> PlantFacts:

@@ -155,3 +155,32 @@ def author_branches(
     shade = primvars.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.constant)
     shade.Set([Gf.Vec3f(*map(float, color))])
     return mesh
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurfaceMesh:
+    """A polygonal mesh, before it is subdivided."""
+
+    points_m: NDArray[np.float64]  # (V, 3)
+    face_counts: NDArray[np.int32]  # (F,), vertices of each face
+    face_vertices: NDArray[np.int32]  # (sum of face_counts,)
+
+
+def read_branches(prim: Usd.Prim) -> SurfaceMesh:
+    """The surface that author_branches wrote, in the prim's own frame.
+
+    Raises:
+        AssetError: An array is missing, or they make no mesh.
+    """
+    mesh = UsdGeom.Mesh(prim)
+    read = [
+        attribute.Get()
+        for attribute in (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr())
+    ]
+    if any(value is None for value in read):
+        raise AssetError(f"<{prim.GetPath()}> has no points or faces", "write the asset again")
+    points_m = np.array(read[0], np.float64).reshape(-1, 3)
+    counts, vertices = (np.array(value, np.int32) for value in read[1:])
+    if counts.sum() != len(vertices) or (len(vertices) and not 0 <= vertices.min() <= vertices.max() < len(points_m)):
+        raise AssetError(f"<{prim.GetPath()}> is no mesh: its faces do not fit its points", "write the asset again")
+    return SurfaceMesh(points_m=points_m, face_counts=counts, face_vertices=vertices)

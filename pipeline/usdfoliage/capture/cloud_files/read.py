@@ -17,9 +17,9 @@ from usdfoliage.capture.cloud_files.text import open_text_parts
 from usdfoliage.capture.cloud_files.thinning import PointThinner, ThinnedPoints
 from usdfoliage.capture.cloud_files.units import guess_unit, remark_unit_assumed
 from usdfoliage.capture.folder.listing import named
-from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
+from usdfoliage.capture.folder.settings import AUTO, read_capture_settings, read_stated_unit
 from usdfoliage.errors import CaptureError
-from usdfoliage.files.toml import read_toml
+from usdfoliage.geometry.up_turn import parse_axis
 from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark, remark
 
@@ -58,6 +58,7 @@ class CloudInput:
     colors: NDArray[np.uint8] | None  # (N, 3), sRGB; black where a point has none
     metres_per_unit: float
     stated_up: str | None  # the axis that capture.toml or the file states as up, X, Y or Z with + or -
+    stated_vector: NDArray[np.float64] | None  # (3,), unit, the direction that capture.toml states as up
     format_up: str | None  # the axis that is up in files of this format; None: there is none
     total: int  # points in the file, with those left out
     remarks: tuple[Remark, ...]  # on what was left out, assumed or not used
@@ -87,10 +88,10 @@ def read_cloud_input(
         CaptureError: There is no cloud there, it cannot be read, or it has no points that a plant could have.
     """
     path = Path(path)
-    metres_per_unit, stated_up = settings.metres_per_unit, None
+    metres_per_unit, stated_up, stated_vector = settings.metres_per_unit, None, None
     remarks: list[Remark] = []
     if path.is_dir():
-        toml_unit, stated_up = _read_stated(path)
+        toml_unit, stated_up, stated_vector = _read_stated(path)
         metres_per_unit = toml_unit if metres_per_unit is None else metres_per_unit
         path = find_cloud(path)
         remarks.append(remark("cloud-file-chosen", f"the capture's cloud is {path.name}", subject=path.name))
@@ -143,6 +144,7 @@ def read_cloud_input(
         colors=colors,
         metres_per_unit=metres_per_unit,
         stated_up=stated_up or parts.up_axis,
+        stated_vector=stated_vector,
         format_up="+Z" if parts.is_survey else None,
         total=total,
         remarks=tuple(remarks),
@@ -191,14 +193,16 @@ def is_cloud_input(path: Path) -> bool:
     return start == E57_START or start[:4] in (*_PLY_STARTS, _LAS_START)
 
 
-def _read_stated(folder: Path) -> tuple[float | None, str | None]:
-    """The unit and the axis that is up, where capture.toml states them: its defaults mean nothing for a scan."""
+def _read_stated(folder: Path) -> tuple[float | None, str | None, NDArray[np.float64] | None]:
+    """The unit, and the axis or the direction that is up, where capture.toml states them.
+
+    Its defaults mean nothing for a scan.
+    """
     settings, _ = read_capture_settings(folder)
-    file = folder / FILE_NAME
-    stated = read_toml(file) if file.is_file() else {}
     return (
-        settings.metres_per_unit if "metres_per_unit" in stated else None,
-        f"+{settings.up_axis}" if "up_axis" in stated else None,
+        read_stated_unit(folder),
+        parse_axis(settings.up_axis) if settings.up_axis != AUTO else None,
+        settings.up if settings.up_vector is not None else None,
     )
 
 

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from usdfoliage.geometry.up_turn import AXES, axis_vector, parse_axis
+
 Grid = NDArray[np.bool_]  # (A, B, H), cells with points; the last axis goes up
 
 _CELLS = 64  # along the mean side
 _MAX_CELLS = 256  # along the largest
 _TAIL = 0.0005  # share of the points on each side that may be outliers
-_AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 # Evidence that is believed, of a direction by how common it is.
 _CLEAR_EXPECTED, _CLEAR_Y, _CLEAR_OTHER, _CLEAR_AGAINST_FORMAT = 0.3, 0.4, 0.45, 0.6
 _LEAD = 0.15  # of it over the next best
@@ -90,10 +91,10 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, form
     """
     if points_m.ndim != 2 or points_m.shape[1] != 3 or not len(points_m):
         raise ValueError(f"points_m must be (N, 3), not {points_m.shape}")
-    prior = _parse_axis(format_up) if format_up is not None else "+Z"
+    prior = parse_axis(format_up) if format_up is not None else "+Z"
     grid = _fill_grid(points_m)
     evidence = _find_evidence(grid)
-    ranked = sorted(_AXES, key=lambda axis: (-evidence[axis].total, axis != prior, axis))
+    ranked = sorted(AXES, key=lambda axis: (-evidence[axis].total, axis != prior, axis))
     best, second = ranked[0], ranked[1]
     lead = evidence[best].total - evidence[second].total
     if best == prior:
@@ -105,7 +106,7 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, form
     is_clear = evidence[best].total >= needed and lead >= _LEAD
     is_sure = is_clear and evidence[best].total >= _SURE
     if stated is not None:
-        axis = _parse_axis(stated)
+        axis = parse_axis(stated)
         if is_clear and best != axis:
             return CloudUp(
                 axis=axis_vector(axis),
@@ -121,44 +122,6 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, form
         how=f"{prior} {reason}; neither a trunk nor the ground shows it clearly",
         sure=format_up is not None,
     )
-
-
-def turn_to_y_up(axis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rotation (3, 3) that turns a cloud with this axis up to Y up: x_in_y_up = rotation @ x_in_cloud.
-
-    Of the rotations that do so the one by the smallest angle; for -Y, that about X. For +Z it gives (x, z, -y).
-
-    Args:
-        axis: (3,), one of ±X, ±Y, ±Z.
-
-    Raises:
-        ValueError: axis is none of these.
-    """
-    axis = np.asarray(axis, np.float64)
-    if axis.shape != (3,) or sorted(np.abs(axis)) != [0, 0, 1]:
-        raise ValueError(f"axis must be one of ±X, ±Y, ±Z, not {axis}")
-    if axis[1]:
-        return np.diag([1.0, axis[1], axis[1]])
-    y = np.array([0.0, 1.0, 0.0])
-    # About what is across both by a quarter turn: it stays, axis goes to y and y to -axis.
-    across = np.cross(axis, y)
-    return np.outer(across, across) + np.outer(y, axis) - np.outer(axis, y) + 0.0
-
-
-def axis_vector(name: str) -> NDArray[np.float64]:
-    """(3,), unit, for X, Y or Z with or without + or -."""
-    axis = _parse_axis(name)
-    vector = np.zeros(3)
-    vector["XYZ".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
-    return vector
-
-
-def _parse_axis(name: str) -> str:
-    axis = name.strip().upper()
-    axis = axis if axis[:1] in ("+", "-") else f"+{axis}"
-    if axis not in _AXES:
-        raise ValueError(f"an axis is X, Y or Z, or one with + or -, not {name!r}")
-    return axis
 
 
 def _fill_grid(points_m: NDArray[np.float64]) -> Grid:
@@ -187,7 +150,7 @@ def _seen_along(grid: Grid, axis: str) -> Grid:
 def _find_evidence(grid: Grid) -> dict[str, _Evidence]:
     """What speaks for each of the six axes."""
     grounds, trunks = {}, {}
-    for axis in _AXES:
+    for axis in AXES:
         seen = _seen_along(grid, axis)
         is_ground, grounds[axis] = _find_ground(seen)
         trunks[axis] = _find_trunk(seen & ~is_ground)

@@ -32,6 +32,7 @@ from usdfoliage.capture.lens import Lens, Undistortion, scale_lens, undistort
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.geometry.up_turn import turn_to_y_up
 from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark, remark
 
@@ -39,7 +40,6 @@ logger = logging.getLogger(__name__)
 
 _MASK_SUFFIXES = (".png",)
 _UNDO_ORIENTATION = {6: 8, 8: 6}  # the others are their own inverses
-_Y_UP_FROM_Z_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # (x, y, z) -> (x, z, -y)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,8 +72,7 @@ class Capture:
     def asset_from_world(self) -> NDArray[np.float64]:
         """(4, 4) for column vectors: from the views' world to the asset's axes, Y up; both in metres."""
         matrix = np.eye(4)
-        if self.settings.up_axis == "Z":
-            matrix[:3, :3] = _Y_UP_FROM_Z_UP
+        matrix[:3, :3] = turn_to_y_up(self.settings.up)
         return matrix
 
     @property

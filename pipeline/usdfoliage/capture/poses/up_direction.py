@@ -14,6 +14,10 @@ Array = NDArray[np.float64]
 
 # What each way of finding up is wrong by even where it is found exactly: lawns slope, rings lean, trunks more.
 _LEVEL_RAD, _GROUND_RAD, _RING_RAD, _TRUNK_RAD, _PICTURES_RAD = (math.radians(angle) for angle in (0.5, 2, 2, 6, 12))
+_TURNED_RAD = math.radians(40)  # from the pictures' tops, from which on a ring of cameras is believed instead of them
+_INWARD = 0.8  # share of a ring's cameras that look inwards
+_TOPS_AGREE = 0.5  # mean of the pictures' tops along the ring's axis
+_LOOKS_DOWN = 0.09  # mean of where the cameras look along it: 5 degrees
 # Where the stored pixels' picture has its top, by EXIF orientation: x right, y down.
 _TOP = {1: (0, -1), 2: (0, -1), 3: (0, 1), 4: (0, 1), 5: (-1, 0), 6: (-1, 0), 7: (1, 0), 8: (1, 0)}
 
@@ -52,8 +56,15 @@ def find_ups(
 
     mean = picture_up.mean(axis=0)
     rough = mean / np.linalg.norm(mean) if np.linalg.norm(mean) > 0.1 else picture_up[0]
+    inward = _inward_ring(centers, forward, picture_up, registered.points, distance)
+    # A robot's camera may stand on its side, or on its head: its pictures' tops are none.
+    turned = inward if inward is not None and inward.direction @ rough < math.cos(_TURNED_RAD) else None
     looking_down = np.linalg.norm(mean) < 0.5 and np.linalg.norm(forward.mean(axis=0)) > 0.9
     level = _level(picture_right, -forward.mean(axis=0) if looking_down else rough)
+    if turned is not None:
+        level = _level(picture_right, turned.direction)
+        if level is not None and level.direction @ turned.direction < math.cos(_TURNED_RAD):
+            level = None
     if looking_down:  # pictures from above have their tops anywhere
         ups.append(
             UpDirection("photographs", -forward.mean(axis=0) / np.linalg.norm(forward.mean(axis=0)), _PICTURES_RAD)
@@ -67,8 +78,8 @@ def find_ups(
     elevation = _by_elevation(picture_right, forward, files)
     if elevation is not None:
         ups.append(elevation)
-    first = min(ups, key=lambda up: up.error_rad).direction
-    ring = _ring(centers, first)
+    first = min(ups, key=lambda up: up.error_rad).direction if turned is None else turned.direction
+    ring = _ring(centers, first) if turned is None else turned
     if ring is not None:
         ups.append(ring)
     ground = _ground(registered.points, centers, first, distance)
@@ -78,6 +89,47 @@ def find_ups(
     if trunk is not None:
         ups.append(trunk)
     return ups
+
+
+def _inward_ring(
+    centers: Array, forward: Array, picture_up: Array, points: Array, distance: float
+) -> UpDirection | None:
+    """The axis of a ring of cameras that look inwards, however their pictures are turned. Our own.
+
+    Which of its two directions is up, the support shows, which the plant and the cameras are above; else the pictures'
+    tops, where they agree; else the cameras, which look down on a plant sooner than up. Tops that agree are not
+    overruled by a support alone, which may be a ceiling: the cameras must look down on it too.
+    """
+    plane = _ring_plane(centers)
+    if plane is None:
+        return None
+    axis, error_rad = plane
+    towards = centers.mean(axis=0) - centers
+    towards = towards - (towards @ axis)[:, None] * axis
+    if float(np.mean(np.einsum("ni,ni->n", towards, forward) > 0)) < _INWARD:
+        return None
+    tops, looks = float((picture_up @ axis).mean()), float((forward @ axis).mean())
+    above = _ground(points, centers, axis, distance) is not None
+    below = _ground(points, centers, -axis, distance) is not None
+    support = int(above) - int(below)  # 0: seen on neither side, or on both
+    if abs(tops) > _TOPS_AGREE and not (support * tops < 0 and support * looks < -_LOOKS_DOWN):
+        sign = np.sign(tops)
+    elif support:
+        sign = np.sign(support)
+    else:
+        sign = np.sign(tops) if abs(tops) > abs(looks) else -np.sign(looks)
+    return UpDirection("ring", axis * (sign or 1.0), error_rad)
+
+
+def _ring_plane(centers: Array) -> tuple[Array, float] | None:
+    """The normal of the plane of a ring of cameras, and its error; None of a line, or of places at all heights."""
+    if len(centers) < 6:
+        return None
+    values, vectors = np.linalg.eigh(np.cov(centers.T))
+    thick, narrow, wide = np.sqrt(np.maximum(values, 0))
+    if narrow < 0.5 * wide or thick > 0.3 * narrow:
+        return None
+    return vectors[:, 0], math.atan(thick / (narrow * math.sqrt(len(centers)))) + _RING_RAD
 
 
 def _level(picture_right: Array, towards: Array) -> UpDirection | None:
@@ -112,16 +164,14 @@ def _by_elevation(picture_right: Array, forward: Array, files: Sequence[PhotoFil
 
 def _ring(centers: Array, towards: Array) -> UpDirection | None:
     """The axis of a ring of cameras around the plant."""
-    if len(centers) < 6:
+    plane = _ring_plane(centers)
+    if plane is None:
         return None
-    values, vectors = np.linalg.eigh(np.cov(centers.T))
-    thick, narrow, wide = np.sqrt(np.maximum(values, 0))
-    if narrow < 0.5 * wide or thick > 0.3 * narrow:
-        return None  # a line, or places at all heights
-    axis = vectors[:, 0] * (1 if vectors[:, 0] @ towards >= 0 else -1)
+    normal, error_rad = plane
+    axis = normal * (1 if normal @ towards >= 0 else -1)
     if axis @ towards < math.cos(math.radians(30)):
         return None  # a ring over the top
-    return UpDirection("ring", axis, math.atan(thick / (narrow * math.sqrt(len(centers)))) + _RING_RAD)
+    return UpDirection("ring", axis, error_rad)
 
 
 def _ground(points: Array, centers: Array, towards: Array, distance: float) -> UpDirection | None:

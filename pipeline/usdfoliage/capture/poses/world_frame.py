@@ -15,7 +15,7 @@ from usdfoliage.capture.lens import LENS_MODELS, Lens
 from usdfoliage.capture.poses.result import Registered
 from usdfoliage.capture.poses.up_direction import UpDirection, find_ups
 from usdfoliage.errors import CaptureError
-from usdfoliage.remarks import Remark, Setting, remark
+from usdfoliage.remarks import Remark, Remedy, Setting, remark
 
 Array = NDArray[np.float64]
 
@@ -190,13 +190,13 @@ def level_and_scale(
         chosen = of_kind[0]
     else:
         chosen = min(ups, key=lambda up: up.error_rad)
-        remarks += _disagreements(chosen, ups)
+        remarks += list_disagreements(chosen, ups)
         if chosen.error_rad > math.radians(5):
             text = f"up is found by {chosen.method} and may be wrong by {math.degrees(chosen.error_rad):.0f}°"
             method = Setting(name="capture.world.up")
             remarks.append(remark("up-uncertain", text, remedy=("where it is, choose another method with ", method)))
 
-    scale, scale_from = _scale(registered, centers, gps, distance, settings)
+    scale, scale_from = find_scale(registered, centers, gps, distance, settings)
     if settings.times != 1:
         scale, scale_from = settings.times * scale, "scale"
     if scale_from == "nothing":
@@ -245,7 +245,7 @@ def _viewing_distance(registered: Registered, centers: Array) -> float:
     return float(np.median(apart)) or 1.0
 
 
-def _scale(
+def find_scale(
     registered: Registered, centers: Array, gps: _Gps | None, distance: float, settings: WorldSettings
 ) -> tuple[float, str]:
     """Metres per unit, and what it is taken from."""
@@ -354,7 +354,14 @@ def _gps_up(gps: _Gps | None, positions: int) -> UpDirection | None:
     return UpDirection("gps", gps.up, error_rad)
 
 
-def _disagreements(chosen: UpDirection, ups: Sequence[UpDirection]) -> list[Remark]:
+def list_disagreements(chosen: UpDirection, ups: Sequence[UpDirection], remedy: Remedy = ()) -> list[Remark]:
+    """Remarks on methods that find up elsewhere.
+
+    Args:
+        chosen: The one that is taken.
+        ups: All.
+        remedy: What to do; () names the setting of estimated poses.
+    """
     remarks = []
     for up in ups:
         angle = math.acos(float(np.clip(chosen.direction @ up.direction, -1, 1)))
@@ -363,8 +370,8 @@ def _disagreements(chosen: UpDirection, ups: Sequence[UpDirection]) -> list[Rema
                 f"up by {chosen.method} and up by {up.method} are {math.degrees(angle):.0f}° apart; "
                 f"{chosen.method} is taken"
             )
-            remedy = "set ", Setting(name="capture.world.up", value=f'"{up.method}"'), " for the other"
-            remarks.append(remark("up-methods-disagree", text, remedy=remedy))
+            other = "set ", Setting(name="capture.world.up", value=f'"{up.method}"'), " for the other"
+            remarks.append(remark("up-methods-disagree", text, remedy=remedy or other))
     return remarks
 
 

@@ -25,6 +25,7 @@ def add_plan(parser: argparse._ActionsContainer) -> None:
         "Settings that it leaves out keep their defaults.",
     )
     parser.add_argument("--species", metavar="NAME", help=describe_setting(PlantSettings(), "species"))
+    parser.add_argument("--hold-back", metavar="N", type=int, help=describe_setting(PlantSettings(), "hold_back"))
     parser.add_argument("--seed", metavar="N", type=int, help=describe_setting(SeedSettings(), "seed"))
     parser.add_argument(
         "--profile",
@@ -108,6 +109,8 @@ def read_settings(options: argparse.Namespace) -> "BuildSettings":
     try:
         if options.species is not None:
             settings = replace(settings, plant=replace(settings.plant, species=options.species))
+        if options.hold_back is not None:
+            settings = replace(settings, plant=replace(settings.plant, hold_back=options.hold_back))
         return with_seed(settings, settings.seed if options.seed is None else options.seed)
     except ValueError as error:
         raise FoliageError(f"--{error}") from error

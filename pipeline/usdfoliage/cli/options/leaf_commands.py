@@ -47,6 +47,21 @@ def add_resolution(parser: argparse._ActionsContainer) -> None:
     )
 
 
+def add_hold_back(parser: argparse._ActionsContainer) -> None:
+    """How many photographs measure the asset in place of making it."""
+    from usdfoliage.cli.options.setting_help import describe_setting
+    from usdfoliage.jobs.plant.plant_settings import PlantSettings
+
+    settings = PlantSettings()
+    parser.add_argument(
+        "--hold-back",
+        metavar="N",
+        type=int,
+        default=settings.hold_back,
+        help=describe_setting(settings, "hold_back"),
+    )
+
+
 def add_output(parser: argparse._ActionsContainer, metavar: str = "OUT") -> None:
     """The folder of an asset, and the asset's name."""
     parser.add_argument(

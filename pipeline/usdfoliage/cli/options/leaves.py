@@ -7,6 +7,7 @@ import numpy as np
 
 from usdfoliage.asset.leaf_representations import read_representations
 from usdfoliage.asset.plant import asset_name
+from usdfoliage.capture.folder.hold_back import check_hold_back
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.leaves.run import LeavesRequest
@@ -30,6 +31,7 @@ def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
         settings=read_leaves_settings(options),
         depth=options.depth,
         views=options.views,
+        hold_back=_read_hold_back(options.hold_back),
         representations=read_representations(options.representation) if options.representation else None,
         species=options.species,
         seed=options.seed or 0,
@@ -38,6 +40,14 @@ def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
         force=options.force,
         render_setting=render_for("leaves"),
     )
+
+
+def _read_hold_back(every: int) -> int:
+    try:
+        check_hold_back(every)
+    except ValueError as error:
+        raise FoliageError(f"--hold-back: {error}") from error
+    return every
 
 
 def read_leaves_settings(options: argparse.Namespace) -> LeavesSettings:

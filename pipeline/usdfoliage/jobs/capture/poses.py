@@ -1,6 +1,7 @@
 """Poses of a run: those that are given, or those that are estimated, in the frame and unit that the capture states."""
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,12 +15,15 @@ from usdfoliage.capture.folder.photo_set import PhotoSetSettings, read_photo_set
 from usdfoliage.capture.folder.read import Capture, read_capture, without_depth
 from usdfoliage.capture.folder.settings import FILE_NAME, CaptureSettings, read_capture_settings, read_capture_tables
 from usdfoliage.capture.poses.colmap_writer import write_colmap_model
+from usdfoliage.capture.poses.given_frame import FrameFacts, read_upright_capture
 from usdfoliage.capture.poses.register import PoseEstimationSettings, Registered, register_photos
 from usdfoliage.capture.poses.world_frame import WorldSettings, level_and_scale, move_registered, read_scale_hints
 from usdfoliage.errors import CaptureError
+from usdfoliage.geometry.up_turn import turn_to_y_up
 from usdfoliage.jobs.capture.find_photographs import GivenPhotographs
 from usdfoliage.jobs.capture.folder import Record
 from usdfoliage.jobs.capture.settings import CaptureRunSettings, PosesChoice
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import WORK
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Argument, Remark, Setting, remark, warnings_of
@@ -31,7 +35,6 @@ _MAX_NAMED = 5  # files
 _ESTIMATE = Setting(name="capture.poses", value='"estimate"')
 _USE = Setting(name="capture.uncertain_poses", value='"use"')
 _ABOUT_DEPTH_MAPS = ("views-without-depth-map", "depth-maps-without-photograph")  # which are not used
-_Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # (x, y, z) -> (x, -z, y)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,7 +43,18 @@ class PosedCapture:
 
     capture: Capture  # its depth maps left out
     registered: Registered | None  # None where the poses were given
+    frame: FrameFacts  # where up is in the files' coordinates, and how long a unit
     remarks: tuple[Remark, ...]
+
+    def frame_rows(self) -> list[Row]:
+        """Up and unit as lines of a table, with what they are from and how sure they are."""
+        frame, settings = self.frame, self.capture.settings
+        vector = ", ".join(f"{number:.4f}" for number in frame.up)
+        up = Row(name="up", value=settings.up_axis if settings.up_vector is None else f"({vector})")
+        up = replace(up, remark=f"by {frame.up_from}, to {math.degrees(frame.up_error_rad):.1f}°")
+        error = "" if frame.scale_error is None else f", to {100 * frame.scale_error:.1f} %"
+        unit = Row(name="unit", value=f"{frame.metres_per_unit:.6g} m", remark=f"by {frame.scale_from}{error}")
+        return [up, unit]
 
 
 def poses_are_given(given: GivenPhotographs, record: Record, wanted: PosesChoice) -> bool:
@@ -85,14 +99,15 @@ def check_world(settings: WorldSettings, *, given: bool) -> None:
 
 
 def read_posed(folder: Path, views: str | None) -> PosedCapture:
-    """A capture with the poses that are given.
+    """A capture with the poses that are given, and up and unit as capture.toml states them or as they are found.
 
     Raises:
-        CaptureError: As read_capture.
+        CaptureError: As read_upright_capture.
     """
-    capture = without_depth(read_capture(folder, views=views))
+    upright = read_upright_capture(folder, views=views)
+    capture = without_depth(upright.capture)
     remarks = tuple(each for each in capture.remarks if each.code not in _ABOUT_DEPTH_MAPS)
-    return PosedCapture(capture=capture, registered=None, remarks=remarks)
+    return PosedCapture(capture=capture, registered=None, frame=upright.frame, remarks=remarks)
 
 
 def estimate_poses(
@@ -144,6 +159,8 @@ def estimate_poses(
         x, y, z = np.linalg.solve(stated_from_metric(stated)[:3, :3], world.up_vector)
         world = replace(world, up_vector=(float(x), float(y), float(z)))
     frame = level_and_scale(registered, photo_set.photos, world)
+    if not stated.knows_up:
+        stated = replace(stated, up_axis="Y")
     registered = move_registered(registered, stated_from_metric(stated) @ frame.world_from_registered)
     model = folder / WORK / REGISTERED
     write_colmap_model(model, registered)
@@ -158,14 +175,23 @@ def estimate_poses(
         remark("poses-estimated", found),
         *frame.remarks,
     )
-    return PosedCapture(capture=capture, registered=registered, remarks=remarks)
+    x, y, z = (float(number) for number in stated.up)
+    facts = FrameFacts(
+        up=(x, y, z),
+        up_from=frame.up_from,
+        up_error_rad=frame.up_error_rad,
+        metres_per_unit=stated.metres_per_unit,
+        scale_from=frame.scale_from,
+        scale_error=None,
+    )
+    capture = replace(capture, settings=stated)
+    return PosedCapture(capture=capture, registered=registered, frame=facts, remarks=remarks)
 
 
 def stated_from_metric(stated: CaptureSettings) -> NDArray[np.float64]:
     """(4, 4) for column vectors: from a world in metres, Y up, to the axes and unit that capture.toml states."""
     matrix = np.eye(4)
-    if stated.up_axis == "Z":
-        matrix[:3, :3] = _Z_UP_FROM_Y_UP
+    matrix[:3, :3] = turn_to_y_up(stated.up).T
     matrix[:3] /= stated.metres_per_unit
     return matrix
 

@@ -17,7 +17,7 @@ from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.capture.folder.listing import CAMERAS
 from usdfoliage.capture.folder.read import Capture
-from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings
+from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings, frame_values
 from usdfoliage.jobs.capture.depth_tasks import DepthTasks, PreparedViews, in_world, picture_of, read_estimate
 from usdfoliage.jobs.capture.maps import ViewMaps
 from usdfoliage.jobs.capture.photograph import CapturePhotograph, DrawnMaps
@@ -65,14 +65,14 @@ def write_results(new: Path, capture: Capture, prepared: PreparedViews, cloud: C
         )
         for view in prepared.views
     ]
-    layer_settings = CaptureLayerSettings(up_axis=settings.up_axis)
+    layer_settings = CaptureLayerSettings(asset_from_world=capture.asset_from_world)
+    if settings.up_vector is None and settings.up_axis in ("Y", "Z"):
+        layer_settings = CaptureLayerSettings(up_axis=settings.up_axis)
     write_capture_layer(new / LAYER, cameras, cloud, asset_name(capture.name), layer_settings)
     write_cloud(new / CLOUD, cloud, [f"usdfoliage {__version__}"], settings.metres_per_unit)
     settings_file = capture.folder / FILE_NAME
     text = settings_file.read_bytes().decode("utf-8") if settings_file.is_file() else ""
-    completed = complete_capture_settings(
-        text, {"up_axis": settings.up_axis, "metres_per_unit": settings.metres_per_unit}
-    )
+    completed = complete_capture_settings(text, frame_values(settings))
     if completed != text:
         write_whole(new / FILE_NAME, completed.encode("utf-8"))
 

@@ -203,7 +203,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                     render_setting=request.render_setting,
                     photographs=photographs,
                     cloud=cloud,
-                    up=(0.0, 0.0, 1.0) if capture.settings.up_axis == "Z" else (0.0, 1.0, 0.0),
+                    up=(float(capture.up[0]), float(capture.up[1]), float(capture.up[2])),
                     poses_given=known,
                     shared=shared_matches(posed, photographs),
                     errors_px=observation_errors_px(posed),

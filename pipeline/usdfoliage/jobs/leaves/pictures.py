@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.report.pictures import leaf_palette
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.reprojection import draw_leaf_ids, project_axes
 from usdfoliage.leaf.points import LeafPoints
@@ -45,15 +46,6 @@ class DrawnPoints:
 
     def __len__(self) -> int:
         return len(self.size_m)
-
-
-def leaf_palette(count: int) -> NDArray[np.uint8]:
-    """(count, 3) bright sRGB colours of which neighbours differ."""
-    number = np.arange(count)
-    hue = (number * (5**0.5 - 1) / 2) % 1
-    hsv = np.column_stack([hue * 179, 150 + 50 * (number % 3), 255 - 30 * (number // 3 % 3)])
-    rgb = cv2.cvtColor(np.rint(hsv).astype(np.uint8)[None], cv2.COLOR_HSV2RGB)[0] if count else np.zeros((0, 3))
-    return np.asarray(rgb, np.uint8).reshape(count, 3)
 
 
 def draw_superpixels(view: View, labels: NDArray[np.int32]) -> NDArray[np.uint8]:

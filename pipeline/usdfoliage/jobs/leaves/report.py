@@ -31,6 +31,7 @@ from usdfoliage.jobs.report.table import (
     WrittenReport,
     list_seconds,
 )
+from usdfoliage.jobs.withheld.measure import MeasuredAsset
 from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.reconstruct import Reconstruction
 from usdfoliage.leaf.shape.measures import leaf_width
@@ -57,6 +58,7 @@ class LeavesReport:
     numbers: Sequence[int]  # of each view, among the capture's photographs
     texture: str = ""  # file of the average leaf, as seen from the report's folder
     previews: Mapping[int, str] = field(default_factory=dict)  # view: picture of the asset, in the report's folder
+    withheld: MeasuredAsset | None = None  # the asset against photographs that were withheld
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +128,8 @@ def write_leaves_report(
         histograms=[*leaf_histograms(leaves), *certainty_histograms(reconstruction.certainty)],
         mean_leaf=draw_mean_leaf(leaves) if len(leaves) else None,
         texture=texture,
+        withheld=report.withheld.rows() if report.withheld is not None else [],
+        withheld_pictures=report.withheld.pictures() if report.withheld is not None else [],
         left_out=left_out,
         views=[photograph for photograph, _ in written],
         seconds=list_seconds(report.seconds),

@@ -15,8 +15,11 @@ from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings, leaf_texture_file
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
-from usdfoliage.capture.folder.read import Capture, CaptureViews, read_capture, read_view, read_views, without_depth
+from usdfoliage.capture.folder.hold_back import choose_withheld
+from usdfoliage.capture.folder.listing import IMAGES, counted, files_below, is_picture, named
+from usdfoliage.capture.folder.read import Capture, CaptureViews, read_view, read_views, without_depth
 from usdfoliage.capture.mvs.plane_sweep import sweep_depths
+from usdfoliage.capture.poses.given_frame import read_upright_capture
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError, PreviewError
 from usdfoliage.files.hashing import digest_files
@@ -33,6 +36,7 @@ from usdfoliage.jobs.preview.pictures import (
 )
 from usdfoliage.jobs.report.pictures import shrink_camera
 from usdfoliage.jobs.report.table import Row, WrittenReport, choose_evenly
+from usdfoliage.jobs.withheld.measure import MeasuredAsset, measure_by_withheld
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.model import Leaves
@@ -63,6 +67,7 @@ class LeavesRequest:
     settings: LeavesSettings
     depth: str = "auto"
     views: str | None = None  # None: all
+    hold_back: int = 0  # of every so many photographs one makes nothing, and measures the asset; 0: of none
     representations: tuple[str, ...] | None = None  # None: as many as the number of leaves allows
     species: str = ""
     seed: int = 0
@@ -83,6 +88,7 @@ class MadeLeaves:
     remarks: tuple[Remark, ...]
     steps: Sequence[Step]
     measures: Sequence[Row]
+    withheld: MeasuredAsset | None = None  # the asset against photographs that were withheld
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -176,8 +182,13 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
             seconds["preview"] = time.perf_counter() - start
         if progress:
             progress("report", 0.0)
+        withheld = None
+        if request.hold_back:
+            withheld = _measure(interface, request, report_folder, progress)
+            remarks += withheld.remarks
+            seconds["withheld"] = time.perf_counter() - start - seconds.get("preview", 0.0)
         picture = f"../{leaf_texture_file(request.name, _TEXTURE)}" if made.found.texture is not None else ""
-        report_leaves(report_folder, request, made, remarks, picture, seconds, previews)
+        report_leaves(report_folder, request, made, remarks, picture, seconds, previews, withheld)
     return MadeLeaves(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
@@ -185,6 +196,7 @@ def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = No
         remarks=tuple(remarks),
         steps=made.found.steps,
         measures=measure_rows(made.leaves),
+        withheld=withheld,
     )
 
 
@@ -196,6 +208,7 @@ def report_leaves(
     texture: str,
     seconds: Mapping[str, float],
     previews: Mapping[int, str],
+    withheld: MeasuredAsset | None = None,
 ) -> WrittenReport:
     """Write the report of leaves into an existing folder.
 
@@ -207,6 +220,7 @@ def report_leaves(
         texture: File of the average leaf, as seen from the folder; empty where there is none.
         seconds: By step.
         previews: Storm's pictures in the folder, by the number of their view.
+        withheld: The asset against photographs that were withheld, whose pictures are in the folder.
     """
     report = LeavesReport(
         name=request.name,
@@ -220,6 +234,7 @@ def report_leaves(
         numbers=made.given.numbers.tolist(),
         texture=texture,
         previews=previews,
+        withheld=withheld,
     )
     return write_leaves_report(folder, report, made.found, made.given.views, threads=request.settings.threads)
 
@@ -233,10 +248,13 @@ def plan_leaves_asset(request: LeavesRequest) -> str:
     masks = sum(view.mask is not None for view in capture.views)
     swept = request.depth == SWEEP or (request.depth == AUTO and not depths)
     steps = ["capture", *(["sweep"] if swept else []), *STEPS, "asset", *(["preview"] if request.preview else [])]
+    withheld = _withheld(request)
+    noted = [f"withheld: {named(withheld)}"] if withheld else []
     lines = [
         f"capture: {request.capture}, {len(capture.views)} photographs, the first {first.width_px} x "
         f"{first.height_px} px",
         f"depth: {'from the photographs' if swept else f'of {depths} of them'}; masks: of {masks}",
+        *noted,
         *label_remarks(capture.remarks, request.render_setting),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
         f"steps: {', '.join(steps)}",
@@ -246,9 +264,50 @@ def plan_leaves_asset(request: LeavesRequest) -> str:
 
 
 def find_capture(request: LeavesRequest) -> Capture:
-    """The capture with the photographs asked for; CaptureError where there are none."""
+    """The capture with the photographs asked for, without those that are withheld.
+
+    Raises:
+        CaptureError: There are none.
+    """
     folder = DEFAULT_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
-    return read_capture(request.capture, depth=folder, views=request.views)
+    capture = read_upright_capture(request.capture, depth=folder, views=request.views).capture
+    withheld = _withheld(request)
+    left = tuple(view for view in capture.views if view.name not in withheld)
+    if not left:
+        raise CaptureError(
+            f"no photograph is left of {counted(len(capture.views), 'photograph')}: they are all withheld",
+            ("withhold fewer with ", Setting(name="plant.hold_back")),
+        )
+    return replace(capture, views=left)
+
+
+def _withheld(request: LeavesRequest) -> tuple[str, ...]:
+    if not request.hold_back:
+        return ()
+    photographs = [name for name in files_below(request.capture / IMAGES) if is_picture(name)]
+    return choose_withheld(photographs, request.hold_back)
+
+
+def _measure(interface: Path, request: LeavesRequest, folder: Path, progress: StepProgress | None) -> MeasuredAsset:
+    """The asset against the photographs that are withheld; CaptureError where none of them has a camera."""
+    withheld = _withheld(request)
+    folder_of_depth = DEFAULT_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
+    capture = without_depth(read_upright_capture(request.capture, depth=folder_of_depth).capture)
+    views = tuple(view for view in capture.views if view.name in withheld)
+    if not views:
+        raise CaptureError(
+            f"none of the photographs that are withheld ({named(withheld)}) has a camera",
+            ("withhold others with ", Setting(name="plant.hold_back")),
+        )
+    return measure_by_withheld(
+        interface,
+        replace(capture, views=views),
+        folder,
+        request.hold_back,
+        lost=[name for name in withheld if name not in {view.name for view in views}],
+        threads=request.settings.threads,
+        progress=progress_in_step("withheld", progress),
+    )
 
 
 def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = None) -> LeavesInput:
@@ -285,7 +344,8 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
         remarks += swept.remarks
         text = "depth was computed from the photographs; it is coarse, and so are the leaves"
         remarks.append(remark("depth-swept", text))
-    everything = capture if request.views is None else find_capture(replace(request, views=None))
+    is_whole = request.views is None and not request.hold_back
+    everything = capture if is_whole else find_capture(replace(request, views=None, hold_back=0))
     places = {view.name: number for number, view in enumerate(everything.views)}
     numbers = np.array([places[view.name] for view in views], np.int32)
     return LeavesInput(capture=capture, views=views, numbers=numbers, remarks=tuple(remarks))
@@ -400,6 +460,7 @@ def describe_settings(request: LeavesRequest) -> dict[str, str]:
     return {
         "depth": request.depth,
         "views": request.views or "all",
+        "hold_back": str(request.hold_back),
         "representation": " ".join(request.representations) if request.representations else "by the number of leaves",
         "seed": str(request.seed),
         **{

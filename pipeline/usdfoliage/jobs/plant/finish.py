@@ -43,6 +43,9 @@ class BuiltPlant:
     height_m: float | None = None  # the same as numbers; None where there is no report
     leaves: int | None = None
     branches: int | None = None
+    withheld: Mapping[str, object] | None = (
+        None  # the asset against photographs that were withheld, as MeasuredAsset has it
+    )
 
     def explain(self, render: RenderSetting) -> str:
         """Error and remedy as one sentence; render writes a setting as the reader sets it."""
@@ -97,6 +100,7 @@ def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
         height_m=verdict["height_m"],
         leaves=verdict["leaves"],
         branches=verdict["branches"],
+        withheld=verdict["withheld"],
     )
     if made.errors and not request.keep_invalid:
         return made

@@ -26,6 +26,7 @@ from usdfoliage.jobs.plant.tasks import (
     POSES,
     TURNTABLE,
     VARIANTS,
+    WITHHELD,
 )
 from usdfoliage.remarks import Argument
 
@@ -39,6 +40,7 @@ _HEAVY = (
     LEAVES,
     CROWN,
     PART_ASSET,
+    WITHHELD,
     TURNTABLE,
     COMPARISONS,
     VARIANTS,

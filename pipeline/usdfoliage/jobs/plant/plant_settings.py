@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from usdfoliage.asset.variants import check_representations
+from usdfoliage.capture.folder.hold_back import check_hold_back
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,8 +26,12 @@ class PlantSettings:
     # The asset has its leaves in these forms: a list of bezier, nurbs, subdiv and mesh. auto chooses by the number of
     # leaves.
     representations: tuple[str, ...] | None = None
+    # Every N-th photograph from the third on is withheld: nothing is made of it, and the report measures the asset by
+    # it. This is N; 0 holds no photograph back. Range: 0, or 2 or more.
+    hold_back: int = 0
     version: str = "1"  # The version of the asset is written into its assetInfo.
 
     def __post_init__(self) -> None:
+        check_hold_back(self.hold_back)
         if self.representations is not None:
             check_representations(self.representations)

@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 
 from usdfoliage.asset.provenance import PACKAGES, package_versions
 from usdfoliage.asset.resources import resource_folder
+from usdfoliage.capture.folder.hold_back import choose_withheld
 from usdfoliage.capture.mvs.agreement import AgreementSettings
+from usdfoliage.errors import CaptureError
 from usdfoliage.files.code import digest_code, is_code
 from usdfoliage.files.hashing import digest_values, hash_files
 from usdfoliage.jobs.plant.inputs import BuildInputs
@@ -19,6 +21,7 @@ from usdfoliage.jobs.plant.outside_tools import describe_interpreter, describe_v
 from usdfoliage.jobs.plant.settings import BuildSettings, TaskSettings
 from usdfoliage.jobs.plant.store import Stamp, Store, find_finished
 from usdfoliage.jobs.work.keys import task_key
+from usdfoliage.remarks import Setting
 
 logger = logging.getLogger(__name__)
 
@@ -26,6 +29,7 @@ POSES, MATCHING, DEPTH, CLOUD = "poses", "matching", "depth", "cloud"
 ISOLATION = "isolation"
 BRANCHES, LEAVES, CROWN, ASSET = "branches", "leaves", "crown", "asset"
 PART_ASSET = "part-asset"  # of one part, where a build stops after it
+WITHHELD = "withheld"
 TURNTABLE, COMPARISONS, VARIANTS, REPORT = "turntable", "comparisons", "variants", "report"
 STAGES = (
     POSES,
@@ -37,6 +41,7 @@ STAGES = (
     LEAVES,
     CROWN,
     ASSET,
+    WITHHELD,
     TURNTABLE,
     COMPARISONS,
     VARIANTS,
@@ -157,9 +162,11 @@ def plan_build(
         frames = None if inputs.frames is None else capture.video  # which photographs there are
         # A run that used uncertain poses leaves none for one that would have stopped at them; given poses are certain.
         uncertain = capture.uncertain_poses if capture.poses == "estimate" or not inputs.has_cameras else ""
-        deciding = (source, inputs.name, frames, settings.seed, posing, uncertain, capture.depth.max_side_px)
+        withheld = choose_withheld(list(inputs.photographs), settings.plant.hold_back)
+        deciding = (source, inputs.name, frames, settings.seed, posing, uncertain, capture.depth.max_side_px, withheld)
         estimated = 0.0 if inputs.has_cameras else 1.0
         poses = add(POSES, deciding, (), 2.0 + photographs * (0.15 * megapixels + estimated))
+        photographs -= len(withheld)
         chunks = -(-photographs // settings.tasks.photographs_a_task)
         # Hashed once for all chunks: a library of thousands is planned in seconds.
         matching = task_key(capture.dense, replace(capture.depth, agreement=AgreementSettings()))
@@ -189,6 +196,11 @@ def plan_build(
         cloud_settings = replace(capture, uncertain_poses="stop")  # which decides nothing once there are poses
         cloud = add(CLOUD, cloud_settings, [poses, *finished], 3.0 + 1.2 * matched)
     else:
+        if settings.plant.hold_back:
+            raise CaptureError(
+                f"{inputs.source} has no photographs, and none can be withheld",
+                ("set ", Setting(name="plant.hold_back", value="0")),
+            )
         cloud = ""
     has_cloud = [cloud] if cloud else []
     plant = has_cloud  # what its parts are made of
@@ -217,6 +229,8 @@ def plan_build(
     asset_settings = (replace(settings, tasks=TaskSettings()), name, inputs.name, source, draws)
     asset = add(ASSET, asset_settings, [*plant, *parts], 20.0)
     pictures: list[str] = []
+    if settings.plant.hold_back:
+        pictures.append(add(WITHHELD, settings.plant.hold_back, [poses, asset], 2.0 + 0.5 * len(inputs.photographs)))
     if settings.pictures.make:
         drawn = settings.pictures
         picture_settings = (drawn, draws)

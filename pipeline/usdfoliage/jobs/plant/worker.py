@@ -21,6 +21,7 @@ from usdfoliage.jobs.plant.stages.isolate import isolate_capture
 from usdfoliage.jobs.plant.stages.part_asset import write_part_asset
 from usdfoliage.jobs.plant.stages.parts import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.plant.stages.report import compare_plant, report_plant, show_variants, turn_plant
+from usdfoliage.jobs.plant.stages.withheld import measure_plant
 from usdfoliage.jobs.plant.store import (
     ResultFile,
     Stamp,
@@ -49,6 +50,7 @@ from usdfoliage.jobs.plant.tasks import (
     REPORT,
     TURNTABLE,
     VARIANTS,
+    WITHHELD,
     BuildPlan,
     Task,
     plan_build,
@@ -69,6 +71,7 @@ STAGES: Mapping[str, Stage] = {
     CROWN: make_crown,
     PART_ASSET: write_part_asset,
     ASSET: assemble_asset,
+    WITHHELD: measure_plant,
     TURNTABLE: turn_plant,
     COMPARISONS: compare_plant,
     VARIANTS: show_variants,

@@ -90,3 +90,12 @@ def write_picture(path: Path, picture: NDArray[np.uint8], *, jpeg_quality: int =
     with whole_file(path) as new:
         new.write_bytes(encoded.tobytes())
     return path.name
+
+
+def leaf_palette(count: int) -> NDArray[np.uint8]:
+    """(count, 3) bright sRGB colours of which neighbours differ."""
+    number = np.arange(count)
+    hue = (number * (5**0.5 - 1) / 2) % 1
+    hsv = np.column_stack([hue * 179, 150 + 50 * (number % 3), 255 - 30 * (number // 3 % 3)])
+    rgb = cv2.cvtColor(np.rint(hsv).astype(np.uint8)[None], cv2.COLOR_HSV2RGB)[0] if count else np.zeros((0, 3))
+    return np.asarray(rgb, np.uint8).reshape(count, 3)

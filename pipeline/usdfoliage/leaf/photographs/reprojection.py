@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage import _native
+from usdfoliage.geometry.drawn_grids import NO_GRID, draw_grids
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 
-NO_LEAF = -1
+NO_LEAF = NO_GRID
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,13 +47,8 @@ def draw_leaf_ids(
     Cells that reach behind the camera are left out. Of leaves equally near, the first is seen.
     """
     u, v = np.linspace(-1, 1, settings.across + 1), np.linspace(0, 1, settings.along + 1)
-    points = evaluate_points(
-        leaves.parameters, grid_places(u, v), placements=leaves.asset_from_leaf(), threads=threads
-    ).reshape(-1, 3)
-    places, depth_m = camera.project(points)
-    grids = np.concatenate([places, depth_m[:, None]], axis=1).reshape(len(leaves), len(v), len(u), 3)
-    drawn = _native.draw_leaf_grids(grids, height=camera.height_px, width=camera.width_px, threads=threads)
-    return DrawnLeaves(drawn.ids, drawn.depth)
+    points = evaluate_points(leaves.parameters, grid_places(u, v), placements=leaves.asset_from_leaf(), threads=threads)
+    return DrawnLeaves(*draw_grids(points.reshape(len(leaves), len(v), len(u), 3), camera, threads=threads))
 
 
 def project_axes(leaves: Leaves, camera: Pinhole, steps: int = 24) -> NDArray[np.float64]:

@@ -2,12 +2,16 @@
 
 import os
 import shutil
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, named
+from usdfoliage.capture.folder.hold_back import choose_withheld
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, counted, file_of, files_below, named
 from usdfoliage.capture.folder.read import Capture
-from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings
+from usdfoliage.capture.folder.settings import FILE_NAME, state_frame
+from usdfoliage.capture.poses.model_without import write_model_without
+from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.depth_tasks import (
     DepthTasks,
     MissingTasks,
@@ -35,14 +39,21 @@ from usdfoliage.jobs.plant.summary import StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import POSES
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import WORK, has_result, write_whole
-from usdfoliage.remarks import merge_remarks, remark
+from usdfoliage.remarks import Setting, merge_remarks, remark
 
+WITHHELD = "withheld"  # beside the capture that the plant is made of
+_MIN_LEFT = 2  # photographs that depth takes
 _MAX_NAMED = 5  # photographs with the reason why they are left out
 
 
 def capture_folder(call: StageCall, task: str) -> Path:
     """The capture that a task made, named as the user's."""
     return call.result_of(task) / "capture" / capture_name(call)
+
+
+def withheld_folder(call: StageCall) -> Path:
+    """The capture of the photographs that were withheld; there is none where none were."""
+    return call.result_of(POSES) / WITHHELD / capture_name(call)
 
 
 def capture_name(call: StageCall) -> str:
@@ -58,21 +69,32 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
     check_world(settings.world, given=known)
     lay_out(given, Record(given.work), cameras=known)
     if known:
-        posed = read_posed(laid, None)
+        # Depth in metres shows how long a unit of the poses is; it is not laid out.
+        posed = read_posed(call.request.capture if call.inputs.has_depth else laid, None)
     else:
         posed = estimate_poses(laid, None, settings, threads=call.threads, progress=call.progress)
     capture = call.out / "capture" / capture_name(call)
-    for folder in (IMAGES, "masks"):
-        _link_folder(laid / folder, capture / folder)
-    shutil.copytree(laid / CAMERAS if known else laid / WORK / REGISTERED, capture / CAMERAS)
-    stated = posed.capture.settings
+    cameras = laid / CAMERAS if known else laid / WORK / REGISTERED
+    every = tuple(call.inputs.photographs)
+    withheld = choose_withheld(every, call.settings.plant.hold_back)
+    if withheld:
+        _check_left(posed, withheld)
+        kept = tuple(name for name in every if name not in withheld)
+        _lay_out_some(laid, cameras, capture, left_out=withheld)
+        _lay_out_some(laid, cameras, call.out / WITHHELD / capture_name(call), left_out=kept)
+    else:
+        for folder in (IMAGES, MASKS):
+            _link_folder(laid / folder, capture / folder)
+        shutil.copytree(cameras, capture / CAMERAS)
     settings_file = laid / FILE_NAME
     text = settings_file.read_bytes().decode("utf-8") if settings_file.is_file() else ""
-    completed = complete_capture_settings(text, {"up_axis": stated.up_axis, "metres_per_unit": stated.metres_per_unit})
-    if completed:
-        write_whole(capture / FILE_NAME, completed.encode("utf-8"))
+    stated = state_frame(text, posed.capture.settings).encode("utf-8")
+    write_whole(capture / FILE_NAME, stated)
+    if withheld:
+        write_whole(call.out / WITHHELD / capture_name(call) / FILE_NAME, stated)
     prepared = _prepare(read_posed(capture, None).capture, store_of_views(call), settings, call.threads)
     failures = failures_of(posed, prepared.dropped)
+    failures = {name: reason for name, reason in failures.items() if name not in withheld}
     remarks = [*call.inputs.remarks, *posed.remarks, *prepared.remarks, *(prepared.checks if known else ())]
     if failures:
         remarks = [each for each in remarks if each.code != "photographs-unusable"]  # the next remark names them all
@@ -82,20 +104,51 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
             + (f"; and {len(failures) - _MAX_NAMED} more" if len(failures) > _MAX_NAMED else "")
         )
         remarks.append(remark("photographs-left-out", text, subject=named(sorted(failures))))
-    rows = _pose_rows(call, posed, prepared, known=known)
+    rows = _pose_rows(call, posed, prepared, known=known, withheld=len(withheld))
     write_summary(call.out, StageSummary(rows=rows, remarks=merge_remarks(remarks)))
     return describe_files(call.store, [view.pixels for view in prepared.views])
 
 
-def _pose_rows(call: StageCall, posed: PosedCapture, prepared: PreparedViews, *, known: bool) -> list[Row]:
+def _pose_rows(
+    call: StageCall, posed: PosedCapture, prepared: PreparedViews, *, known: bool, withheld: int
+) -> list[Row]:
     rows = [
         Row(name="photographs", value=f"{len(call.inputs.photographs):,}"),
+        *([Row(name="withheld", value=f"{withheld:,}", remark="nothing is made of them")] if withheld else []),
         Row(name="with a pose", value=f"{len(prepared.views):,}", remark="given" if known else "estimated"),
     ]
+    rows += posed.frame_rows()
     errors_px = observation_errors_px(posed)
     if errors_px is not None and len(errors_px):
         rows.append(Row(name="reprojection error", value=f"{float((errors_px**2).mean()) ** 0.5:.2f} px", remark="rms"))
     return rows
+
+
+def _check_left(posed: PosedCapture, withheld: Sequence[str]) -> None:
+    """CaptureError where too few photographs have a pose: of those that make the plant, or of those that measure it."""
+    names = [view.name for view in posed.capture.views]
+    left = [name for name in names if name not in withheld]
+    if len(left) < _MIN_LEFT:
+        raise CaptureError(
+            f"{counted(len(left), 'photograph')} with a pose would be left without the {len(withheld)} that are "
+            f"withheld; depth takes {_MIN_LEFT} at least",
+            ("withhold fewer with ", Setting(name="plant.hold_back")),
+        )
+    if len(left) == len(names):
+        raise CaptureError(
+            f"none of the photographs that are withheld ({named(withheld)}) has a pose",
+            ("withhold others with ", Setting(name="plant.hold_back")),
+        )
+
+
+def _lay_out_some(source: Path, cameras: Path, target: Path, left_out: Sequence[str]) -> None:
+    """A capture without some photographs: their files, their masks and their cameras."""
+    photographs = [name for name in files_below(source / IMAGES) if name not in left_out]
+    masks = files_below(source / MASKS)
+    _link_files({name: source / IMAGES / name for name in photographs}, target / IMAGES)
+    of_some = [file_of(name, masks, (".png",)) for name in photographs]
+    _link_files({path.relative_to(source / MASKS).as_posix(): path for path in of_some if path}, target / MASKS)
+    write_model_without(cameras, target / CAMERAS, frozenset(left_out))
 
 
 def match_photographs(call: StageCall) -> tuple[ResultFile, ...]:
@@ -155,11 +208,19 @@ def _open_tasks(capture: Path, store: Path, settings: CaptureRunSettings, thread
 
 def _link_folder(source: Path, target: Path) -> None:
     """Links to the files of a folder, copies where the disk has no links; a folder that is absent is none."""
+    files = {}
     for path in sorted(source.rglob("*")):
-        there = target / path.relative_to(source)
+        name = path.relative_to(source).as_posix()
         if path.is_dir():
-            there.mkdir(parents=True, exist_ok=True)
+            (target / name).mkdir(parents=True, exist_ok=True)
             continue
+        files[name] = path
+    _link_files(files, target)
+
+
+def _link_files(files: Mapping[str, Path], target: Path) -> None:
+    for name, path in files.items():
+        there = target / name
         there.parent.mkdir(parents=True, exist_ok=True)
         try:
             os.link(path, there)

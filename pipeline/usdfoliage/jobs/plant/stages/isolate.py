@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from usdfoliage import __version__
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import read_cloud, write_cloud
-from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, named
+from usdfoliage.capture.folder.depth_map import DEPTH_SUFFIXES
+from usdfoliage.capture.folder.hold_back import choose_withheld
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, file_of, files_below, named
 from usdfoliage.capture.folder.raster import apply_orientation, read_image_spec
 from usdfoliage.capture.folder.read import Capture, read_capture, read_view
 from usdfoliage.capture.folder.settings import FILE_NAME
@@ -180,6 +182,16 @@ def _lay_out(call: StageCall, source: Path, target: Path) -> None:
     _link(source / FILE_NAME, target / FILE_NAME)
     if call.inputs.has_depth and call.inputs.has_cameras:
         copy_tree(call.request.capture / DEPTH_FOLDER, target / GIVEN_DEPTH, link=True)
+        if call.settings.plant.hold_back:
+            _remove_withheld(call, target / GIVEN_DEPTH)
+
+
+def _remove_withheld(call: StageCall, folder: Path) -> None:
+    """Depth maps of photographs that are withheld."""
+    maps = files_below(folder)
+    for name in choose_withheld(list(call.inputs.photographs), call.settings.plant.hold_back):
+        if path := file_of(name, maps, DEPTH_SUFFIXES):
+            path.unlink()
 
 
 def _link(path: Path, there: Path) -> None:

@@ -169,6 +169,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
         output=call.out,
         name=call.request.name,
         settings=chosen,
+        hold_back=call.settings.plant.hold_back if given and not isolated else 0,
         depth=GIVEN_DEPTH if given and isolated else "depth",
         representations=("bezier",),
         species=call.settings.plant.species,

@@ -1,6 +1,7 @@
 """The last tasks of a plant: pictures of the finished asset, its validation, and the report."""
 
 import json
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -13,6 +14,7 @@ from usdfoliage.asset.validation.studio_profile import default_profile, read_pro
 from usdfoliage.asset.validation.validate import ValidationReport, validate_asset
 from usdfoliage.capture.folder.read import read_capture
 from usdfoliage.errors import PreviewError
+from usdfoliage.files.json import read_json
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, read_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.pictures import draw_comparisons, draw_turntable, draw_variants
@@ -45,8 +47,10 @@ from usdfoliage.jobs.plant.tasks import (
     POSES,
     TURNTABLE,
     VARIANTS,
+    WITHHELD,
 )
 from usdfoliage.jobs.report.table import Row
+from usdfoliage.jobs.withheld.measure import FIGURES
 from usdfoliage.remarks import Remark, infos_of, merge_remarks, remark, warnings_of
 
 FINISHED = "finished"  # the whole asset, in the result of the report
@@ -61,6 +65,7 @@ TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each
     LEAVES: ("Leaves", "Single leaves found in the photographs and fitted."),
     CROWN: ("Crown", "The crown as seen from its centre: how far it reaches, and its colours."),
     ASSET: ("Plant", "All parts in one frame, in one asset."),
+    WITHHELD: ("Withheld photographs", "The asset over photographs that it was not made of."),
 }
 
 
@@ -136,6 +141,9 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
     report = _collect(call, finished, validated, asset)
     write_plant_report(report_folder, report)
     _copy_details(call, report_folder)
+    withheld = read_json(call.result_of(WITHHELD) / FIGURES) if call.has(WITHHELD) else None
+    if withheld is not None:
+        shutil.copyfile(call.result_of(WITHHELD) / FIGURES, report_folder / FIGURES)
     errors = validated.open_errors
     verdict = {
         "errors": errors,
@@ -143,6 +151,7 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
         "leaves": asset.leaves,
         "branches": asset.branches,
         "remarks": [each.as_json() for each in _collect_remarks(call)],
+        "withheld": withheld,
         "facts": [asdict(row) for row in (*report.facts, _validation_row(validated))],
     }
     (call.out / VERDICT).write_text(json.dumps(verdict, indent=1, ensure_ascii=True))

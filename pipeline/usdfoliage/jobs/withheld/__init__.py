@@ -1,0 +1,1 @@
+"""Finished assets against photographs that they were not made of."""
