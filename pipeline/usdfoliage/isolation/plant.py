@@ -61,6 +61,17 @@ class IsolatedPlant:
         """(N,)"""
         return np.asarray(self.kind == PointKind.PLANT)
 
+    @property
+    def stands_at_m(self) -> float | None:
+        """Height, along y, at which the plant comes out of what it stands on or in; None where nothing shows it."""
+        if self.focus is None or (self.support is None and self.container is None):
+            return None
+        middle_m = self.focus.place_m if self.container is None else np.insert(self.container.middle_m, 1, 0.0)
+        level_m = float(self.focus.place_m[1])  # that heights are given on
+        if self.support is not None:
+            level_m = -float(self.support.heights(np.array([[middle_m[0], 0.0, middle_m[2]]]))[0])
+        return level_m if self.container is None else level_m + self.container.rim_m
+
     def share(self, kind: PointKind) -> float:
         return float((self.kind == kind).mean()) if len(self.kind) else 0.0
 
