@@ -28,6 +28,7 @@ from usdfoliage.branch.tracing.wood import best_rooted_part
 from usdfoliage.geometry.point_cells import touching_parts
 
 _NEAR = 0.05  # of the longest gap: of nearer places directions are not certain
+_TURNS = 5  # of leaving out roots that carry no stem
 _BASE_SINE = 0.3  # square of the sine of the angle between a link and a leaf's base, whose direction is not known
 
 
@@ -39,18 +40,33 @@ class JoinSettings:
     gap: float = 0.025  # Across a gap of this length a link costs twice as much. Range: above 0.
     bend: float = 3.0  # A link straight across the course of both its stems costs so much more. Range: 0 or more.
     fork: float = 1.0  # A link straight across the course of one of them, likewise. Range: 0 or more.
+    fall: float = 3.0  # A link that leads straight down costs so much more. Range: 0 or more.
+    # A stem that is hidden down to the soil costs, for each gap that it is long, so much more. Range: 0 or more.
+    hidden: float = 0.5
     sure: float = 0.4  # Each unit of the logarithm of the odds makes a link cheaper by e to this. Range: 0 or more.
     highest_root: float = 0.5  # A stem that is seen from up to this height on goes on to the soil. Range: 0 to 1.
+    stem: float = 0.4  # A stem that springs from the soil reaches at least this height. Range: 0 to 1.
     root: float = 0.04  # What speaks against a root: a stem of this length of even odds. Range: 0 or more.
-    base: float = 0.05  # What speaks for the base of a leaf, likewise. Range: 0 or more.
-    missing: float = 0.5  # What speaks against a gap, for its length. Range: 0 or more.
+    base: float = 0.2  # What speaks for the base of a leaf, likewise. Range: 0 or more.
+    missing: float = 0.3  # What speaks against a gap, for its length. Range: 0 or more.
     twig: float = 0.02  # A branch is at least this long. Range: 0 or more.
     stiffness: float = 4.0  # Of axes, against the distance that places are moved. Range: 0 or more.
 
     def __post_init__(self) -> None:
         if not (self.longest_gap > 0 and self.gap > 0):
             raise ValueError(f"longest_gap and gap must be above 0, not {self.longest_gap:g} and {self.gap:g}")
-        rest = (self.bend, self.fork, self.sure, self.highest_root, self.root, self.base, self.missing, self.twig)
+        rest = (
+            self.bend,
+            self.fork,
+            self.fall,
+            self.hidden,
+            self.sure,
+            self.highest_root,
+            self.root,
+            self.base,
+            self.missing,
+            self.twig,
+        )
         if min(rest) < 0:
             raise ValueError(f"costs and lengths must not be below 0, not {self}")
 
@@ -96,21 +112,24 @@ def join_stems(
         return None
     along = np.concatenate([stems.along, np.zeros((leaves, 3))])
     odds = np.concatenate([np.clip(stems.odds, -3, 2), np.zeros(leaves)])
-    parent = _cheapest_parents(places_m, along, odds, count, soil_m, height_m, settings)
-    step_m = step_lengths(places_m, parent)
-    root = parent < 0
-    step_m[root] = np.maximum(places_m[root, 1] - soil_m, 0)
     apart_m = 3 * stems.footprint_m
-    gain = odds * np.minimum(step_m, apart_m) - settings.missing * np.maximum(step_m - 2 * apart_m, 0)
-    gain[count:] += settings.base * height_m
-    gain[root] -= settings.root * height_m
-    tree = RootedTree(parent)
-    kept = best_rooted_part(tree, gain)
-    # A root is kept for what it carries.
-    worth = np.array(gain)
-    for level in reversed(tree.levels[1:]):
-        np.add.at(worth, tree.parent[level], np.maximum(worth[level], 0))
-    kept &= _of_roots(tree, worth > 0)
+    may_root = np.ones(len(places_m), bool)
+    for _ in range(_TURNS):
+        parent = _cheapest_parents(places_m, along, odds, count, soil_m, height_m, may_root, settings)
+        step_m = step_lengths(places_m, parent)
+        root = parent < 0
+        step_m[root] = np.maximum(places_m[root, 1] - soil_m, 0)
+        gain = odds * np.minimum(step_m, apart_m) - settings.missing * np.maximum(step_m - 2 * apart_m, 0)
+        gain[count:] += settings.base * height_m
+        gain[root] -= settings.root * height_m
+        tree = RootedTree(parent)
+        kept = _best_part(tree, gain)
+        low = (
+            kept & root & (_highest(tree, np.where(kept, places_m[:, 1], -np.inf)) < soil_m + settings.stem * height_m)
+        )
+        if not low.any() or low.sum() == (kept & root).sum():
+            break
+        may_root &= ~low  # what it carries is of another stem
     if not kept.any():
         return None
     return _as_joined(places_m, parent, kept, stems, count, soil_m, height_m, settings)
@@ -123,6 +142,7 @@ def _cheapest_parents(
     count: int,
     soil_m: float,
     height_m: float,
+    may_root: NDArray[np.bool_],
     settings: JoinSettings,
 ) -> NDArray[np.int32]:
     """(N,) place before each one on the cheapest path from the soil; -1 where the soil is."""
@@ -139,25 +159,47 @@ def _cheapest_parents(
     turned = np.minimum(length_m / (_NEAR * longest_m), 1) * (settings.bend * smaller + settings.fork * larger)
     dear = np.exp(-settings.sure * odds)
     cost = length_m * (1 + turned) * (1 + length_m / gap_m) * 0.5 * (dear[one] + dear[other])
+    # Stems rise from the soil: who comes to one by its tip, and leads down along it, has come by a leaf.
+    rise = offset_m[:, 1] / length_m
+    outwards, back = (cost * (1 + settings.fall * np.square(np.maximum(-sign * rise, 0))) for sign in (1, -1))
     above_m = places_m[:, 1] - soil_m
-    low = np.flatnonzero((above_m < settings.highest_root * height_m) & (np.arange(whole) < count))
+    low = np.flatnonzero((above_m < settings.highest_root * height_m) & (np.arange(whole) < count) & may_root)
     down_m = np.maximum(above_m[low], 1e-3 * height_m)
     lying = 1 - np.square(along[low, 1])
-    to_soil = down_m * (1 + settings.bend * lying) * (1 + 0.5 * down_m / gap_m) * dear[low]
-    to_soil += settings.root * height_m
+    to_soil = down_m * (1 + settings.bend * lying) * (1 + settings.hidden * down_m / gap_m) * dear[low]
     if not len(low):
         low, to_soil = np.array([np.argmin(above_m[:count])]), np.array([1.0])
     soil = np.full(len(low), whole)
     costs = coo_array(
-        (np.concatenate([cost, to_soil]), (np.concatenate([one, soil]), np.concatenate([other, low]))),
+        (
+            np.concatenate([outwards, back, to_soil]),
+            (np.concatenate([one, other, soil]), np.concatenate([other, one, low])),
+        ),
         shape=(whole + 1, whole + 1),
     ).tocsr()
     _, before, _ = dijkstra(
-        csr_array(costs), directed=False, indices=np.array([whole]), min_only=True, return_predecessors=True
+        csr_array(costs), directed=True, indices=np.array([whole]), min_only=True, return_predecessors=True
     )
     before = before[:whole]
     # What no path leads to is a root by itself, and kept where it is worth it: never, as a root is dear.
     return np.where((before < 0) | (before == whole), -1, before).astype(np.int32)
+
+
+def _best_part(tree: RootedTree, gain: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) nodes of the part whose gains (N,) are most together, with those roots alone that are worth it."""
+    kept = best_rooted_part(tree, gain)
+    worth = np.array(gain)
+    for level in reversed(tree.levels[1:]):
+        np.add.at(worth, tree.parent[level], np.maximum(worth[level], 0))
+    return np.asarray(kept & _of_roots(tree, worth > 0))
+
+
+def _highest(tree: RootedTree, height_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) greatest height (N,) of each node and of all that it carries."""
+    highest_m = height_m.copy()
+    for level in reversed(tree.levels[1:]):
+        np.maximum.at(highest_m, tree.parent[level], highest_m[level])
+    return highest_m
 
 
 def _of_roots(tree: RootedTree, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
