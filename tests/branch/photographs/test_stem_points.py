@@ -60,8 +60,12 @@ def random_leaves(count: int, seed: int) -> list[np.ndarray]:
 
 
 def test_a_leafy_picture_without_stems_gives_no_stems():
-    views = [draw_view(camera, leaves=random_leaves(25, 3)) for camera in ring_of_cameras(8)]
+    leaves = random_leaves(25, 3)
+    views = [draw_view(camera, leaves=leaves) for camera in ring_of_cameras(8)]
     assert reconstruct_stems(views, BOX_M, FoundLeafPlaces.none()) is None
+    # Nor do the leaves that were found among them.
+    found = FoundLeafPlaces(bases_m=np.array([leaf[0] for leaf in leaves]), blades_m=np.concatenate(leaves))
+    assert reconstruct_stems(views, BOX_M, found) is None
 
 
 def test_a_stem_among_leaves_is_found_from_the_soil_up():

@@ -6,6 +6,7 @@ gaps and places that are rather of leaves against it. Our own; that a plant's sk
 its root is that of A. Verroust and F. Lazarus, Extracting skeletal curves from 3D scattered data, 2000.
 """
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,8 @@ from usdfoliage.branch.tracing.sections import SectionTree
 from usdfoliage.branch.tracing.traced_axes import TracedAxes, as_skeleton
 from usdfoliage.branch.tracing.wood import best_rooted_part
 from usdfoliage.geometry.point_cells import touching_parts
+
+logger = logging.getLogger(__name__)
 
 _NEAR = 0.05  # of the longest gap: of nearer places directions are not certain
 _TURNS = 5  # of leaving out roots that carry no stem
@@ -50,6 +53,8 @@ class JoinSettings:
     base: float = 0.2  # What speaks for the base of a leaf, likewise. Range: 0 or more.
     missing: float = 0.3  # What speaks against a gap, for its length. Range: 0 or more.
     twig: float = 0.02  # A branch is at least this long. Range: 0 or more.
+    # Photographs must show at least this share of the length of all stems, or there are none. Range: 0 to 1.
+    min_visible: float = 0.12
     stiffness: float = 4.0  # Of axes, against the distance that places are moved. Range: 0 or more.
 
     def __post_init__(self) -> None:
@@ -131,6 +136,11 @@ def join_stems(
             break
         may_root &= ~low  # what it carries is of another stem
     if not kept.any():
+        return None
+    # Bases of leaves alone make no stems: what joins them would be guessed.
+    visible_m = step_m[kept & (step_m <= 2 * apart_m) & (odds > 0)].sum()
+    logger.info("%.0f %% of the length of stems is shown by photographs", 100 * visible_m / step_m[kept].sum())
+    if visible_m < settings.min_visible * step_m[kept].sum():
         return None
     return _as_joined(places_m, parent, kept, stems, count, soil_m, height_m, settings)
 

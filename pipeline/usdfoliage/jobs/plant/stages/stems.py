@@ -73,8 +73,8 @@ def describe_stems(joined: JoinedStems, leaves: int) -> tuple[Remark, ...]:
     """What the user should know of stems that photographs showed, where so many leaves were found."""
     skeleton = joined.skeleton
     roots = int((skeleton.parent_curve < 0).sum())
-    led_to = f", and lead to {int((joined.leaf >= 0).sum())} of {leaves} leaves that were found" if leaves else ""
-    text = f"stems are lines in the photographs: {len(skeleton)} leave the soil at {roots} places{led_to}"
+    led_to = f", which lead to {int((joined.leaf >= 0).sum())} of {leaves} leaves that were found" if leaves else ""
+    text = f"stems are lines in the photographs: {len(skeleton)} branches, from the soil at {roots} places{led_to}"
     remarks = [remark("stems-of-photographs", text)]
     if joined.apart:
         described = "; ".join(
