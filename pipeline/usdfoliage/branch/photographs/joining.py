@@ -134,7 +134,7 @@ def join_stems(
         )
         if not low.any() or low.sum() == (kept & root).sum():
             break
-        may_root &= ~low  # what it carries is of another stem
+        may_root &= ~_of_roots(tree, low)  # what it carries is of another stem
     if not kept.any():
         return None
     # Bases of leaves alone make no stems: what joins them would be guessed.
