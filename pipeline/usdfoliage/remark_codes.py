@@ -557,6 +557,22 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="Hardly a branch is round. Only branches that stand free of the foliage are kept.",
                 action="Look at the stems. Nearer photographs show more of them.",
             ),
+            "stems-of-photographs": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The cloud shows few round branches, as of a herb with thin stems. The stems are traced as lines "
+                    "that several photographs show, from the soil to the leaves."
+                ),
+                action="Look at the stems. Nearer photographs show more of them.",
+            ),
+            "stems-apart-left-out": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Pieces look like stems, but nothing leads from the plant to them. They are left out; the remark "
+                    "names their lengths and their places, with Y up, in metres."
+                ),
+                action="Take photographs that show how these pieces are joined to the plant.",
+            ),
             "species-unknown": RemarkKind(
                 severity="info",
                 meaning=(
@@ -705,6 +721,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning="Which leaves the plant has, and why.",
                 action="Nothing, or choose others with `foliage.kind`.",
+            ),
+            "leaves-on-stems-left-out": RemarkKind(
+                severity="info",
+                meaning="Leaves that were found are as slender as a stem, and lie along one. They are left out.",
+                action="Nothing: they are parts of the stem.",
             ),
             "leaves-filled-in": RemarkKind(
                 severity="info",

@@ -27,6 +27,45 @@ class PieceSettings:
             raise ValueError(f"gap, link_gap and aim must be above 0, the gaps in order, wide at least 1, not {self}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class LyingSettings:
+    """What lies on the floor; lengths in layers of the floor, which are as thick as its noise."""
+
+    low: float = 2.5  # up to which a place lies low
+    above: float = 8.0  # up to which what stands above it is looked for,
+    beside: float = 6.0  # and how far beside it
+
+    def __post_init__(self) -> None:
+        if not (0 < self.low < self.above and self.beside > 0):
+            raise ValueError(f"low must be above 0 and below above, beside above 0, not {self}")
+
+
+def find_lying(
+    cells_m: NDArray[np.float64],
+    heights_m: NDArray[np.float64],
+    layer_m: float,
+    settings: LyingSettings = LyingSettings(),
+) -> NDArray[np.bool_]:
+    """(N,) what lies flat on the floor beside a plant, as the floor in its shadow does where depth has more noise.
+
+    What droops to the floor has more of the plant above it nearby; a plant that is as flat all over has no such part.
+
+    Args:
+        cells_m: (N, 3), Y up, places of the plant and of what is linked with it.
+        heights_m: (N,) over the floor.
+        layer_m: Thickness of the floor.
+        settings: What lies.
+    """
+    low = heights_m < settings.low * layer_m
+    above = ~low & (heights_m < settings.above * layer_m)
+    if not low.any() or not above.any():
+        return np.zeros(len(cells_m), bool)
+    away_m = np.asarray(cKDTree(cells_m[above][:, [0, 2]]).query(cells_m[low][:, [0, 2]])[0])
+    lying = np.zeros(len(cells_m), bool)
+    lying[low] = away_m > settings.beside * layer_m
+    return lying
+
+
 def find_plant_pieces(
     cells_m: NDArray[np.float64],
     heights_m: NDArray[np.float64] | None,

@@ -10,7 +10,7 @@ from usdfoliage.geometry.point_cells import cell_means, number_cells, touching_p
 from usdfoliage.isolation.container import Container, ContainerSettings, find_container
 from usdfoliage.isolation.focus import Focus, FocusSettings, find_focus
 from usdfoliage.isolation.hanging import HangingSettings, find_hanging
-from usdfoliage.isolation.pieces import PieceSettings, find_plant_pieces
+from usdfoliage.isolation.pieces import LyingSettings, PieceSettings, find_lying, find_plant_pieces
 from usdfoliage.isolation.support import Support, SupportSettings, find_support
 from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
 from usdfoliage.remarks import Remark, remark
@@ -42,6 +42,7 @@ class IsolationSettings:
     focus: FocusSettings = field(default_factory=FocusSettings)
     support: SupportSettings = field(default_factory=SupportSettings)
     pieces: PieceSettings = field(default_factory=PieceSettings)
+    lying: LyingSettings = field(default_factory=LyingSettings)
     pot: ContainerSettings = field(default_factory=ContainerSettings)
     hanging: HangingSettings = field(default_factory=HangingSettings)
 
@@ -60,6 +61,17 @@ class IsolatedPlant:
     def plant(self) -> NDArray[np.bool_]:
         """(N,)"""
         return np.asarray(self.kind == PointKind.PLANT)
+
+    @property
+    def stands_at_m(self) -> float | None:
+        """Height, along y, at which the plant comes out of what it stands on or in; None where nothing shows it."""
+        if self.focus is None or (self.support is None and self.container is None):
+            return None
+        middle_m = self.focus.place_m if self.container is None else np.insert(self.container.middle_m, 1, 0.0)
+        level_m = float(self.focus.place_m[1])  # that heights are given on
+        if self.support is not None:
+            level_m = -float(self.support.heights(np.array([[middle_m[0], 0.0, middle_m[2]]]))[0])
+        return level_m if self.container is None else level_m + self.container.rim_m
 
     def share(self, kind: PointKind) -> float:
         return float((self.kind == kind).mean()) if len(self.kind) else 0.0
@@ -123,6 +135,8 @@ def isolate_plant(
         cells_m = points_m[left[first]]
         over_m = heights_m[left[first]]
         of_plant = find_plant_pieces(cells_m, None if support is None else over_m, focus, settings.pieces)
+        if support is not None:
+            of_plant[of_plant] = ~find_lying(cells_m[of_plant], over_m[of_plant], support.layer_m, settings.lying)
         if settings.outliers:
             kind[left[~of_plant[cell]]] = PointKind.OUTLIER
         if settings.container:

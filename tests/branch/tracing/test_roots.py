@@ -101,3 +101,13 @@ def test_settings_that_find_nothing_are_refused(change):
 def test_no_roots_are_refused():
     with pytest.raises(ValueError, match="count must be at least 1"):
         RootSettings(count=0)
+
+
+def test_what_lies_on_the_ground_is_no_root():
+    rng = np.random.default_rng(3)
+    stem_m = cone([0, 0, 0], [0, 2, 0], (0.05, 0.02), 3000, 1)
+    shadow_m = rng.uniform((0.5, 0, -0.2), (0.9, 0.03, 0.2), (30_000, 3))  # denser than the stem
+    roots_m = find_roots(np.concatenate([stem_m, shadow_m]))
+    assert len(roots_m) == 1
+    assert np.hypot(*roots_m[0, [0, 2]]) < 0.05
+    assert len(find_roots(shadow_m)) > 0  # without anything else there is a root nevertheless

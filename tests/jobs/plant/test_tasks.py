@@ -113,7 +113,7 @@ def test_depth_is_cut_into_chunks_of_photographs() -> None:
         ({"foliage": {"max_leaves": 17}}, AFTER_PARTS),
         ({"isolation": {"container": False}}, AFTER_CLOUD),
         ({"crown": {"size": 64}}, {"crown", *AFTER_PARTS}),
-        ({"leaves": {"min_confidence": 0.3}}, {"leaves", "crown", *AFTER_PARTS}),
+        ({"leaves": {"min_confidence": 0.3}}, {"leaves", "branches", "crown", *AFTER_PARTS}),
         ({"branches": {"max_points": 1000}}, {"branches", "crown", *AFTER_PARTS}),
         ({"plant": {"species": "oak"}}, {"branches", "leaves", "crown", *AFTER_PARTS}),
     ],
@@ -329,7 +329,7 @@ def test_what_only_finished_tasks_need_is_not_wanted(tmp_path: Path) -> None:
 def test_a_build_can_stop_at_a_stage(tmp_path: Path) -> None:
     plan = plan_build(make_inputs(), BuildSettings(), "fern", ["cloud", "branches"])
     wanted, _ = find_wanted(plan, Store(folder=tmp_path), thorough=True)
-    expected = {"poses", "matching", "depth", "cloud", "isolation", "branches", "part-asset"}
+    expected = {"poses", "matching", "depth", "cloud", "isolation", "leaves", "branches", "part-asset"}
     assert {task.stage for task in wanted.values()} == expected
 
 

@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, label
+from scipy.ndimage import gaussian_filter, label, maximum_filter, uniform_filter
 
 from usdfoliage.branch.tracing.ground import ground_height
 from usdfoliage.branch.tracing.higher_feet import find_higher_feet
 
 _BLUR_CELLS = 1.0
 _MAX_CELLS = 400  # a side
+_AROUND = 5  # cells a side, in which something rises from the ground
+_FEW = 12  # points there, that may all lie low by chance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +28,7 @@ class RootSettings:
     cell_of_height: float = 0.008
     standing_out: float = 0.3  # of the densest, density of a root
     max_count: int = 12
+    rise: float = 0.3  # of that slab, that a stem at a root rises at least: what lies on the ground has none
 
     def __post_init__(self) -> None:
         if self.count is not None and self.count < 1:
@@ -72,6 +75,17 @@ def _dense_places(
     slab = points_m[low]
     places = slab[:, [0, 2]]
     cell = np.floor((places - places.min(axis=0)) / cell_m).astype(np.int64) + 2
+    if settings.count is None:
+        at = cell[:, 0], cell[:, 1]
+        top_m, counts = np.full(cell.max(axis=0) + 3, -np.inf), np.zeros(cell.max(axis=0) + 3)
+        np.maximum.at(top_m, at, slab[:, 1])
+        np.add.at(counts, at, 1.0)
+        rises = maximum_filter(top_m, _AROUND)[at] > slab[:, 1].min() + settings.rise * settings.slab * np.ptp(
+            points_m[:, 1]
+        )
+        rises |= _AROUND**2 * uniform_filter(counts, _AROUND)[at] < _FEW  # which show nothing
+        if rises.any():  # the rest is ground that was left over, such as that in the plant's shadow
+            slab, cell = slab[rises], cell[rises]
     density = np.zeros(cell.max(axis=0) + 3)
     np.add.at(density, (cell[:, 0], cell[:, 1]), 1.0)
     density = gaussian_filter(density, _BLUR_CELLS)

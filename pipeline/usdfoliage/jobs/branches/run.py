@@ -37,7 +37,7 @@ from usdfoliage.jobs.branches.foliage import (
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_leaves
 from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
-from usdfoliage.jobs.branches.tracing import trace_cloud
+from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
 from usdfoliage.jobs.branches.warnings import check_surface
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.table import Row, WrittenReport
@@ -109,6 +109,7 @@ def find_branches(
     fitted: FittedLeaves | None,
     seconds: dict[str, float],
     progress: StepProgress | None = None,
+    find_stems: FindStems | None = None,
 ) -> FoundBranches:
     """Trace the branches of a cloud, with their surface, their leaves and what moves; nothing is written.
 
@@ -117,12 +118,20 @@ def find_branches(
         fitted: Leaves to be drawn from; None for leaves of the species, if any.
         seconds: What each step took is added.
         progress: Called at each step.
+        find_stems: As trace_cloud takes it.
 
     Raises:
         NoStemsError: The request needs stems, and the cloud shows none.
         FoliageError: The input is unusable.
     """
-    found = trace_cloud(request.cloud, request.settings, seconds, progress, needs_stems=request.needs_stems)
+    found = trace_cloud(
+        request.cloud,
+        request.settings,
+        seconds,
+        progress,
+        needs_stems=request.needs_stems,
+        find_stems=find_stems,
+    )
     plant, traced = found.plant, found.traced
     bark = request.asset
     if request.color_of_cloud and plant.colors is not None and traced.wood.any():

@@ -1,11 +1,15 @@
 """Tracing the branches of a cloud on disk, finely first; where that shows no stems, coarsely."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.free_axes import keep_free_branches, points_of_branches
 from usdfoliage.branch.tracing.higher_feet import stands_on_stem
+from usdfoliage.branch.tracing.radii import Radii
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.errors import FitError
 from usdfoliage.jobs.branches.warnings import FEW_ROUND, check_stems
@@ -15,6 +19,7 @@ from usdfoliage.remarks import Remark, remark
 
 _COARSER = 3.0  # times the internode: a herb's leaves are larger for its height than a tree's, and so is their noise
 _LESS_WOOD = 0.7  # for that of a fine trace, wood of a coarse one that shows how much of the former was leaves
+_THICKEST = 0.95  # quantile of the radii that are believed: single circles are wrong
 _SURELY_ROUND = 0.15  # share of the circles: traced coarsely, more of the leaves look round than traced finely
 
 
@@ -31,6 +36,18 @@ class TracedCloud:
     remarks: tuple[Remark, ...]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownStems:
+    """Stems that were found otherwise than in the cloud."""
+
+    skeleton: Skeleton
+    own_from_cloud: NDArray[np.float64]  # (4, 4) for column vectors: from the cloud's coordinates to the skeleton's
+    remarks: tuple[Remark, ...] = ()
+
+
+FindStems = Callable[[float], KnownStems | None]
+
+
 def trace_cloud(
     cloud: PlantCloudRequest,
     settings: BranchSettings,
@@ -38,6 +55,7 @@ def trace_cloud(
     progress: StepProgress | None = None,
     *,
     needs_stems: bool = False,
+    find_stems: FindStems | None = None,
 ) -> TracedCloud:
     """Read a cloud and trace its branches.
 
@@ -50,6 +68,8 @@ def trace_cloud(
         seconds: What each step took is added.
         progress: Called at each step.
         needs_stems: Where hardly a branch is round trace more coarsely, and refuse what shows no stems then either.
+        find_stems: Where few branches are round, called with the radius in metres of the thickest stem that the cloud
+            shows: stems that it finds are taken instead.
 
     Raises:
         NoStemsError: The cloud shows no stems.
@@ -60,7 +80,13 @@ def trace_cloud(
     warnings = check_stems(believed, stems, found.traced.internode_m)
     if not needs_stems:
         return replace(found, remarks=(*found.remarks, *warnings))
-    if settings.internode_m is None and (warnings or (believed < FEW_ROUND and not found.traced.wood.all())):
+    hardly_round = bool(warnings) or (believed < FEW_ROUND and not found.traced.wood.all())
+    known = None
+    if find_stems is not None and (hardly_round or believed < _SURELY_ROUND):
+        known = find_stems(_thickest_m(found))
+    if known is not None:
+        return _with_stems(found, known)
+    if settings.internode_m is None and hardly_round:
         coarse_m = _COARSER * found.traced.internode_m
         coarse_cloud = replace(cloud, internode_m=coarse_m)
         coarse = _trace(coarse_cloud, replace(settings, internode_m=coarse_m), seconds, progress)
@@ -83,6 +109,39 @@ def trace_cloud(
     return replace(found, traced=replace(found.traced, skeleton=free, wood=wood), remarks=(*found.remarks, kept))
 
 
+def _with_stems(found: TracedCloud, stems: KnownStems) -> TracedCloud:
+    """The cloud with stems that were found otherwise: its first root is where the first of these comes out."""
+    plant, known = found.plant, stems.skeleton
+    asset_from_own = plant.asset_from_cloud @ np.linalg.inv(stems.own_from_cloud)
+    scale = float(np.cbrt(np.linalg.det(asset_from_own[:3, :3])))
+    points_m = known.points_m @ asset_from_own[:3, :3].T + asset_from_own[:3, 3]
+    roots_m = points_m[known.first[known.parent_curve < 0]]
+    moved = np.eye(4)
+    moved[:3, 3] = -roots_m[0]
+    plant = replace(
+        plant,
+        points_m=plant.points_m - roots_m[0],
+        roots_m=roots_m - roots_m[0],
+        asset_from_cloud=moved @ plant.asset_from_cloud,
+    )
+    skeleton = replace(known, points_m=points_m - roots_m[0], radius_m=scale * known.radius_m)
+    wood = points_of_branches(plant.points_m, skeleton, found.traced.spacing_m)
+    traced = replace(
+        found.traced,
+        skeleton=skeleton,
+        radii=Radii(
+            radius_m=skeleton.radius_m,
+            believed=np.ones(len(skeleton.radius_m), bool),
+            exponent=found.traced.radii.exponent,
+            noise_m=found.traced.spacing_m,
+        ),
+        pieces=len(roots_m),
+        wood=wood,
+        knows_leaves=True,
+    )
+    return TracedCloud(plant=plant, traced=traced, remarks=(*found.remarks, *stems.remarks))
+
+
 def _trace(
     cloud: PlantCloudRequest, settings: BranchSettings, seconds: dict[str, float], progress: StepProgress | None
 ) -> TracedCloud:
@@ -102,6 +161,12 @@ def _trace(
     if not len(traced.skeleton):
         raise FitError(f"no branch was found in {len(plant.points_m):,} points ({plant.source.path})")
     return TracedCloud(plant=plant, traced=traced, remarks=plant.remarks)
+
+
+def _thickest_m(found: TracedCloud) -> float:
+    """Radius of the thickest stem whose circles are believed; 0 where none is."""
+    radii = found.traced.radii
+    return float(np.quantile(radii.radius_m[radii.believed], _THICKEST)) if radii.believed.any() else 0.0
 
 
 def _roundness(found: TracedCloud) -> tuple[float, float]:

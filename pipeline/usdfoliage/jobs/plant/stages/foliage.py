@@ -21,6 +21,7 @@ from usdfoliage.jobs.branches.foliage import (
     grow_leaves,
 )
 from usdfoliage.jobs.plant.settings import BuildSettings
+from usdfoliage.jobs.plant.stages.leaves_on_stems import lie_along_stems
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves
 from usdfoliage.jobs.plant.stages.parts import known_species
 from usdfoliage.jobs.report.table import Row
@@ -66,6 +67,12 @@ def choose_foliage(
     if captured is not None:
         moved = plant_from_capture @ np.linalg.inv(captured.own_from_capture)
         placed = move_leaves(captured.fitted.leaves, moved)
+    if placed is not None and traced is not None:
+        on_stems = lie_along_stems(placed, traced.skeleton)
+        if on_stems.any():
+            text = f"{int(on_stems.sum())} of {len(placed)} leaves that were found lie along a stem, and are of it"
+            remarks.append(remark("leaves-on-stems-left-out", text))
+            placed = placed.take(~on_stems)
     kind: str = wanted.kind
     if kind == "auto":
         kind, why = _choose(placed, traced, settings)

@@ -1,5 +1,6 @@
 """The task that separates the plant of a capture from its surroundings: a capture with masks, and the plant's cloud."""
 
+import json
 import logging
 import shutil
 from collections.abc import Sequence
@@ -44,6 +45,7 @@ logger = logging.getLogger(__name__)
 
 GIVEN_DEPTH = "given_depth"  # the folder of the input's own depth, in the capture of the plant
 _FLOORLESS = "floorless.txt"  # beside the capture of a cloud that a floor was left out of
+_STAND = "stand.json"  # beside a capture of whose plant it is known where it comes out of the soil
 _DRAWN = "drawn_masks.txt"  # beside a capture whose masks were drawn here
 _MAPS = (IMAGES, CAMERAS, DEPTH_FOLDER, "confidence", "normals")
 _PICTURES = "pictures"
@@ -80,6 +82,15 @@ def isolate_capture(call: StageCall) -> tuple[ResultFile, ...]:
 def is_floorless(call: StageCall) -> bool:
     """Whether what the plant stands on was left out of its cloud."""
     return call.has(ISOLATION) and (call.result_of(ISOLATION) / _FLOORLESS).is_file()
+
+
+def stand_height_m(call: StageCall) -> float | None:
+    """Height at which the plant comes out of what it stands on or in, in metres along the capture's up axis, from the
+    origin of the capture; None where it is not known."""
+    if not call.has(ISOLATION) or not (call.result_of(ISOLATION) / _STAND).is_file():
+        return None
+    path = call.result_of(ISOLATION) / _STAND
+    return float(json.loads(path.read_text(encoding="utf-8"))["height_m"])
 
 
 def has_drawn_masks(call: StageCall) -> bool:
@@ -160,6 +171,8 @@ def _isolate(call: StageCall, source: Path) -> None:
             (call.out / _FLOORLESS).write_text("What the plant stands on is left out of the cloud.\n", encoding="utf-8")
     pictures = _write_pictures(call, cloud.points_m @ turn.T, found, masks)
     rows = _rows(found, len(cloud), int(plant.sum()), masks)
+    if found.stands_at_m is not None:
+        (call.out / _STAND).write_text(json.dumps({"height_m": found.stands_at_m}) + "\n", encoding="utf-8")
     if masks:
         (call.out / _DRAWN).write_text("The masks of the photographs are drawn from the cloud.\n", encoding="utf-8")
     write_summary(call.out, StageSummary(rows=rows, remarks=remarks, pictures=pictures))

@@ -3,6 +3,7 @@
 import logging
 from dataclasses import fields
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,7 @@ from usdfoliage.jobs.plant.stages.models import (
     read_leaf_frame,
     read_traced,
 )
+from usdfoliage.jobs.plant.stages.stems import find_photographed_stems
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
@@ -78,8 +80,11 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         color_of_cloud=call.has(CLOUD),  # a scan may be coloured by height or intensity
     )
     seconds: dict[str, float] = {}
+
+    by_photographs = call.has(CLOUD) and settings.photographs and not given_roots
+    stems_of_photographs = partial(find_photographed_stems, call) if by_photographs else None
     try:
-        found = find_branches(request, None, seconds, call.progress)
+        found = find_branches(request, None, seconds, call.progress, stems_of_photographs)
     except NoStemsError:
         left_out = remark(
             "branches-left-out",

@@ -1,0 +1,1 @@
+"""Stems, twigs and petioles that depth loses, traced as lines in photographs."""

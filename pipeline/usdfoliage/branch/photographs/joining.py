@@ -1,0 +1,326 @@
+"""From places on stems to one skeleton: each stem from the soil up, each petiole to its leaf.
+
+The cheapest paths from the soil lead along stems that photographs show, and straight on across what they do not. Of
+the tree of these paths that part is kept for which most speaks: places on stems and the bases of leaves speak for it,
+gaps and places that are rather of leaves against it. Our own; that a plant's skeleton is a tree of cheapest paths from
+its root is that of A. Verroust and F. Lazarus, Extracting skeletal curves from 3D scattered data, 2000.
+"""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.photographs.stem_points import StemPoints
+from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
+from usdfoliage.branch.tracing.attachments import settle_attachments
+from usdfoliage.branch.tracing.axes import find_axes
+from usdfoliage.branch.tracing.fairing import fair_axes
+from usdfoliage.branch.tracing.radii import Radii
+from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends
+from usdfoliage.branch.tracing.sections import SectionTree
+from usdfoliage.branch.tracing.traced_axes import TracedAxes, as_skeleton
+from usdfoliage.branch.tracing.wood import best_rooted_part
+from usdfoliage.geometry.point_cells import touching_parts
+
+logger = logging.getLogger(__name__)
+
+_NEAR = 0.05  # of the longest gap: of nearer places directions are not certain
+_TURNS = 5  # of leaving out roots that carry no stem
+_BASE_SINE = 0.3  # square of the sine of the angle between a link and a leaf's base, whose direction is not known
+
+
+@dataclass(frozen=True, kw_only=True)
+class JoinSettings:
+    """How places on stems are joined. Lengths are shares of the plant's height."""
+
+    longest_gap: float = 0.15  # Places up to this far apart are linked. Range: above 0.
+    gap: float = 0.025  # Across a gap of this length a link costs twice as much. Range: above 0.
+    bend: float = 3.0  # A link straight across the course of both its stems costs so much more. Range: 0 or more.
+    fork: float = 1.0  # A link straight across the course of one of them, likewise. Range: 0 or more.
+    fall: float = 3.0  # A link that leads straight down costs so much more. Range: 0 or more.
+    # A stem that is hidden down to the soil costs, for each gap that it is long, so much more. Range: 0 or more.
+    hidden: float = 0.5
+    sure: float = 0.4  # Each unit of the logarithm of the odds makes a link cheaper by e to this. Range: 0 or more.
+    highest_root: float = 0.5  # A stem that is seen from up to this height on goes on to the soil. Range: 0 to 1.
+    stem: float = 0.4  # A stem that springs from the soil reaches at least this height. Range: 0 to 1.
+    root: float = 0.04  # What speaks against a root: a stem of this length of even odds. Range: 0 or more.
+    base: float = 0.2  # What speaks for the base of a leaf, likewise. Range: 0 or more.
+    missing: float = 0.3  # What speaks against a gap, for its length. Range: 0 or more.
+    twig: float = 0.02  # A branch is at least this long. Range: 0 or more.
+    # Photographs must show at least this share of the length of all stems, or there are none. Range: 0 to 1.
+    min_visible: float = 0.12
+    stiffness: float = 4.0  # Of axes, against the distance that places are moved. Range: 0 or more.
+
+    def __post_init__(self) -> None:
+        if not (self.longest_gap > 0 and self.gap > 0):
+            raise ValueError(f"longest_gap and gap must be above 0, not {self.longest_gap:g} and {self.gap:g}")
+        rest = (
+            self.bend,
+            self.fork,
+            self.fall,
+            self.hidden,
+            self.sure,
+            self.highest_root,
+            self.root,
+            self.base,
+            self.missing,
+            self.twig,
+        )
+        if min(rest) < 0:
+            raise ValueError(f"costs and lengths must not be below 0, not {self}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StemPiece:
+    """Places on a stem that hang together."""
+
+    length_m: float  # from end to end
+    middle_m: NDArray[np.float64]  # (3,)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JoinedStems:
+    """A skeleton, and what it was made of."""
+
+    skeleton: Skeleton
+    joined: NDArray[np.bool_]  # (S,), places on stems that are on it
+    leaf: NDArray[np.int64]  # (L,), vertex of the skeleton at which each leaf begins, -1 where none leads to it
+    apart: tuple["StemPiece", ...]  # that look like stems and are not joined to the rest, the longest first
+
+
+def join_stems(
+    stems: StemPoints,
+    bases_m: NDArray[np.float64],
+    soil_m: float,
+    settings: JoinSettings = JoinSettings(),
+) -> JoinedStems | None:
+    """One skeleton of a plant's stems; None where nothing speaks for any.
+
+    Args:
+        stems: Places on them, Y up.
+        bases_m: (L, 3), where leaves begin.
+        soil_m: Height of the soil.
+        settings: How they are joined.
+    """
+    count, leaves = len(stems), len(bases_m)
+    if not count:
+        return None
+    places_m = np.concatenate([stems.points_m, bases_m])
+    height_m = float(places_m[:, 1].max()) - soil_m
+    if not height_m > 0:
+        return None
+    along = np.concatenate([stems.along, np.zeros((leaves, 3))])
+    odds = np.concatenate([np.clip(stems.odds, -3, 2), np.zeros(leaves)])
+    apart_m = 3 * stems.footprint_m
+    may_root = np.ones(len(places_m), bool)
+    for _ in range(_TURNS):
+        parent = _cheapest_parents(places_m, along, odds, count, soil_m, height_m, may_root, settings)
+        step_m = step_lengths(places_m, parent)
+        root = parent < 0
+        step_m[root] = np.maximum(places_m[root, 1] - soil_m, 0)
+        gain = odds * np.minimum(step_m, apart_m) - settings.missing * np.maximum(step_m - 2 * apart_m, 0)
+        gain[count:] += settings.base * height_m
+        gain[root] -= settings.root * height_m
+        tree = RootedTree(parent)
+        kept = _best_part(tree, gain)
+        low = (
+            kept & root & (_highest(tree, np.where(kept, places_m[:, 1], -np.inf)) < soil_m + settings.stem * height_m)
+        )
+        if not low.any() or low.sum() == (kept & root).sum():
+            break
+        may_root &= ~_of_roots(tree, low)  # what it carries is of another stem
+    if not kept.any():
+        return None
+    # Bases of leaves alone make no stems: what joins them would be guessed.
+    visible_m = step_m[kept & (step_m <= 2 * apart_m) & (odds > 0)].sum()
+    logger.info("%.0f %% of the length of stems is shown by photographs", 100 * visible_m / step_m[kept].sum())
+    if visible_m < settings.min_visible * step_m[kept].sum():
+        return None
+    return _as_joined(places_m, parent, kept, stems, count, soil_m, height_m, settings)
+
+
+def _cheapest_parents(
+    places_m: NDArray[np.float64],
+    along: NDArray[np.float64],
+    odds: NDArray[np.float64],
+    count: int,
+    soil_m: float,
+    height_m: float,
+    may_root: NDArray[np.bool_],
+    settings: JoinSettings,
+) -> NDArray[np.int32]:
+    """(N,) place before each one on the cheapest path from the soil; -1 where the soil is."""
+    whole = len(places_m)
+    longest_m, gap_m = settings.longest_gap * height_m, settings.gap * height_m
+    one, other = cKDTree(places_m).query_pairs(longest_m, output_type="ndarray").T
+    offset_m = places_m[other] - places_m[one]
+    length_m = np.maximum(np.linalg.norm(offset_m, axis=1), 1e-9)
+    sines = []
+    for each in (one, other):
+        cosine = np.einsum("ij,ij->i", offset_m, along[each]) / length_m
+        sines.append(np.where(each < count, 1 - np.square(cosine), _BASE_SINE))
+    smaller, larger = np.minimum(*sines), np.maximum(*sines)
+    turned = np.minimum(length_m / (_NEAR * longest_m), 1) * (settings.bend * smaller + settings.fork * larger)
+    dear = np.exp(-settings.sure * odds)
+    cost = length_m * (1 + turned) * (1 + length_m / gap_m) * 0.5 * (dear[one] + dear[other])
+    # Stems rise from the soil: who comes to one by its tip, and leads down along it, has come by a leaf.
+    rise = offset_m[:, 1] / length_m
+    outwards, back = (cost * (1 + settings.fall * np.square(np.maximum(-sign * rise, 0))) for sign in (1, -1))
+    above_m = places_m[:, 1] - soil_m
+    low = np.flatnonzero((above_m < settings.highest_root * height_m) & (np.arange(whole) < count) & may_root)
+    down_m = np.maximum(above_m[low], 1e-3 * height_m)
+    lying = 1 - np.square(along[low, 1])
+    to_soil = down_m * (1 + settings.bend * lying) * (1 + settings.hidden * down_m / gap_m) * dear[low]
+    if not len(low):
+        low, to_soil = np.array([np.argmin(above_m[:count])]), np.array([1.0])
+    soil = np.full(len(low), whole)
+    costs = coo_array(
+        (
+            np.concatenate([outwards, back, to_soil]),
+            (np.concatenate([one, other, soil]), np.concatenate([other, one, low])),
+        ),
+        shape=(whole + 1, whole + 1),
+    ).tocsr()
+    _, before, _ = dijkstra(
+        csr_array(costs), directed=True, indices=np.array([whole]), min_only=True, return_predecessors=True
+    )
+    before = before[:whole]
+    # What no path leads to is a root by itself, and kept where it is worth it: never, as a root is dear.
+    return np.where((before < 0) | (before == whole), -1, before).astype(np.int32)
+
+
+def _best_part(tree: RootedTree, gain: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) nodes of the part whose gains (N,) are most together, with those roots alone that are worth it."""
+    kept = best_rooted_part(tree, gain)
+    worth = np.array(gain)
+    for level in reversed(tree.levels[1:]):
+        np.add.at(worth, tree.parent[level], np.maximum(worth[level], 0))
+    return np.asarray(kept & _of_roots(tree, worth > 0))
+
+
+def _highest(tree: RootedTree, height_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) greatest height (N,) of each node and of all that it carries."""
+    highest_m = height_m.copy()
+    for level in reversed(tree.levels[1:]):
+        np.maximum.at(highest_m, tree.parent[level], highest_m[level])
+    return highest_m
+
+
+def _of_roots(tree: RootedTree, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) nodes whose root is good (N,)."""
+    of_root = good.copy()
+    for level in tree.levels[1:]:
+        of_root[level] = of_root[tree.parent[level]]
+    return of_root
+
+
+def _as_joined(
+    places_m: NDArray[np.float64],
+    parent: NDArray[np.int32],
+    kept: NDArray[np.bool_],
+    stems: StemPoints,
+    count: int,
+    soil_m: float,
+    height_m: float,
+    settings: JoinSettings,
+) -> JoinedStems:
+    """The skeleton of the places that are kept, with its feet on the soil."""
+    chosen = np.flatnonzero(kept)
+    number = np.cumsum(kept) - 1
+    own = parent[chosen]
+    feet = np.flatnonzero(own < 0)
+    feet_m = places_m[chosen[feet]].copy()
+    feet_m[:, 1] = soil_m
+    needs_foot = places_m[chosen[feet], 1] - soil_m > 1e-3 * height_m
+    feet, feet_m = feet[needs_foot], feet_m[needs_foot]
+    center_m = np.concatenate([places_m[chosen], feet_m])
+    parents = np.concatenate([np.where(own < 0, -1, number[np.maximum(own, 0)]), np.full(len(feet), -1)]).astype(
+        np.int32
+    )
+    parents[feet] = len(chosen) + np.arange(len(feet))
+    is_base = np.concatenate([chosen >= count, np.zeros(len(feet), bool)])
+    axes = find_axes(center_m, parents, settings.twig * height_m)
+    weight = np.ones(len(center_m))
+    fixed = is_base.copy()
+    fixed[len(chosen) :] = True
+    weight[fixed] = 1e6
+    fair_m = fair_axes(center_m, axes, weight, settings.stiffness, 3 * stems.footprint_m)
+    radius_m = _fair_radii(parents, chosen, stems, count)
+    sections = SectionTree(
+        center_m=center_m,
+        points=np.ones(len(center_m), np.int32),
+        parent=parents,
+        section=np.arange(len(center_m), dtype=np.int32),
+    )
+    radii = Radii(radius_m=radius_m, believed=~is_base, exponent=0.5, noise_m=stems.footprint_m)
+    traced = TracedAxes(
+        sections=sections, axes=axes, center_m=fair_m, parent=axes.parent_node(len(center_m)), radii=radii
+    )
+    skeleton = as_skeleton(traced)
+    refinement = RefinementSettings()
+    skeleton = round_bends(
+        collapse_nodes(settle_attachments(skeleton), settings.twig * height_m, refinement), refinement
+    )
+    joined = np.zeros(count, bool)
+    joined[chosen[chosen < count]] = True
+    leaf = np.full(len(places_m) - count, -1, np.int64)
+    at = chosen[chosen >= count]
+    if len(at) and len(skeleton):
+        away_m, nearest = (np.asarray(each) for each in cKDTree(skeleton.points_m).query(places_m[at]))
+        near = away_m < 0.02 * height_m
+        leaf[at[near] - count] = nearest[near]
+    apart = _find_apart(stems, joined, settings.twig * height_m, skeleton)
+    return JoinedStems(skeleton=skeleton, joined=joined, leaf=leaf, apart=apart)
+
+
+def _find_apart(
+    stems: StemPoints, joined: NDArray[np.bool_], min_m: float, skeleton: Skeleton
+) -> tuple[StemPiece, ...]:
+    """Pieces that are rather stems than not, as long as a twig, and beside the skeleton."""
+    left = stems.take(~joined & (stems.odds > 0))
+    if not len(left):
+        return ()
+    reach_m = 4 * stems.footprint_m
+    piece = touching_parts(left.points_m, reach_m)
+    away_m = np.asarray(cKDTree(skeleton.points_m).query(left.points_m)[0])
+    found = []
+    for number in range(int(piece.max()) + 1):
+        own_m = left.points_m[piece == number]
+        length_m = float(np.linalg.norm(np.ptp(own_m, axis=0)))
+        if length_m >= min_m and np.median(away_m[piece == number]) > min_m:
+            found.append(StemPiece(length_m=length_m, middle_m=own_m.mean(axis=0)))
+    return tuple(sorted(found, key=lambda each: -each.length_m))
+
+
+def _fair_radii(
+    parents: NDArray[np.int32], chosen: NDArray[np.int64], stems: StemPoints, count: int
+) -> NDArray[np.float64]:
+    """(N,) radii that change slowly along stems and never grow outwards; what was not measured is as its neighbours."""
+    nodes = len(parents)
+    known = np.flatnonzero(chosen < count)
+    log_radius, weight = np.zeros(nodes), np.zeros(nodes)
+    log_radius[known] = np.log(stems.radius_m[chosen[known]])
+    weight[known] = np.exp(np.clip(stems.odds[chosen[known]], -3, 2))
+    tree = RootedTree(parents)
+    middle = float(np.average(log_radius[known], weights=weight[known])) if len(known) else np.log(stems.footprint_m)
+    for _ in range(40):  # of spreading along links: as far as 40 places
+        total, mass = log_radius * weight, weight.copy()
+        up = np.flatnonzero(parents >= 0)
+        for to, source in ((up, parents[up]), (parents[up], up)):
+            np.add.at(total, to, 0.5 * log_radius[source] * np.minimum(weight[source], 1))
+            np.add.at(mass, to, 0.5 * np.minimum(weight[source], 1))
+        spread = np.where(mass > 0, total / np.where(mass > 0, mass, 1), middle)
+        weight = np.where(weight > 0, weight, np.minimum(mass, 0.5))
+        log_radius = spread
+    lower, upper = log_radius.copy(), log_radius.copy()
+    for level in tree.levels[1:]:
+        lower[level] = np.minimum(lower[level], lower[tree.parent[level]])
+    for level in reversed(tree.levels[1:]):
+        np.maximum.at(upper, tree.parent[level], upper[level])
+    return np.exp(0.5 * (lower + upper))

@@ -1,0 +1,43 @@
+"""Leaves that are none: thin long patches of a stem that was traced as well. Our own."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.measures import leaf_width
+from usdfoliage.leaf.shape.surface import evaluate_points
+
+_ALONG = 12  # places on a leaf's axis
+_WIDER = 2.5  # stems, that a patch of a stem is wide at most: depth is coarse at its border
+_SLENDER = 0.4  # widths of such a patch for its length, at most
+_LIES = 0.8  # share of the axis that lies on the stem
+_PARALLEL = 0.8  # cosine of the angle between the two
+
+
+def lie_along_stems(leaves: Leaves, skeleton: Skeleton) -> NDArray[np.bool_]:
+    """(N,) leaves that are hardly wider than a stem whose course they follow; both in one frame, in metres."""
+    steps = np.flatnonzero(np.diff(skeleton.curve) == 0)
+    if not len(leaves) or not len(steps):
+        return np.zeros(len(leaves), bool)
+    start_m, end_m = skeleton.points_m[steps], skeleton.points_m[steps + 1]
+    length_m = np.linalg.norm(end_m - start_m, axis=1)
+    apart_m = float(np.median(leaves.length_m)) / (2 * _ALONG)
+    count = np.maximum(np.ceil(length_m / apart_m), 1).astype(np.int64)
+    step = np.repeat(np.arange(len(steps)), count)
+    share = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[step]
+    axis_m = start_m[step] + share[:, None] * (end_m - start_m)[step]
+    along = (end_m - start_m)[step] / np.maximum(length_m[step], 1e-12)[:, None]
+    places = np.column_stack([np.zeros(_ALONG), np.linspace(0.05, 0.95, _ALONG)])
+    points_m = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf())
+    away_m, nearest = (np.asarray(each) for each in cKDTree(axis_m).query(points_m.reshape(-1, 3)))
+    radius_m = skeleton.radius_m[steps][step][nearest].reshape(len(leaves), _ALONG)
+    away_m = away_m.reshape(len(leaves), _ALONG)
+    course = np.gradient(points_m, axis=1)
+    course /= np.maximum(np.linalg.norm(course, axis=2, keepdims=True), 1e-12)
+    parallel = np.abs(np.einsum("nki,nki->nk", course, along[nearest].reshape(len(leaves), _ALONG, 3))) > _PARALLEL
+    width = leaf_width(leaves.parameters)
+    on_stem = parallel & (away_m < radius_m + 0.5 * (width * leaves.length_m)[:, None])
+    thin = width * leaves.length_m < _WIDER * 2 * np.median(radius_m, axis=1)
+    return np.asarray(thin & (width < _SLENDER) & (on_stem.mean(axis=1) >= _LIES))

@@ -1,0 +1,124 @@
+"""The stems that photographs show and depth may have lost, for the task that traces branches."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.branch.photographs.joining import JoinedStems
+from usdfoliage.branch.photographs.reconstruct import FoundLeafPlaces, PhotographedStemSettings, reconstruct_stems
+from usdfoliage.capture.cloud_files.ply import read_cloud
+from usdfoliage.capture.folder.read import Capture, read_capture, read_views
+from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.branches.tracing import KnownStems
+from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
+from usdfoliage.jobs.plant.call import StageCall
+from usdfoliage.jobs.plant.stages.isolate import plant_capture, stand_height_m
+from usdfoliage.jobs.plant.stages.models import read_captured_leaves
+from usdfoliage.jobs.plant.tasks import LEAVES
+from usdfoliage.leaf.change import move_leaves
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+from usdfoliage.progress import progress_in_step
+from usdfoliage.remarks import Remark, remark
+
+_WITHIN = (0.002, 0.998)  # quantiles of the plant's points that its box is taken between: a few are far from it
+_BESIDE = 0.03  # of the plant's larger side, that its box is wider
+_ACROSS, _ALONG = 9, 17  # places at which a blade is known
+_THICKER = 1.5  # times the widest line, that single stems of a herb are thicker
+_DESCRIBED = 8  # pieces that are described one by one
+_OF_BASE = 0.15  # of a leaf's length, up to which a line on it may be its petiole
+
+
+def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownStems | None:
+    """The stems that are lines in the photographs of the plant's capture, in the capture's axes with Y up.
+
+    None where the photographs show none, or where the plant has stems that are too thick for lines, as a tree has.
+
+    Args:
+        call: Of the task.
+        thickest_m: Radius of the thickest stem that the cloud shows.
+
+    Raises:
+        FoliageError: The capture cannot be read.
+    """
+    folder = plant_capture(call)
+    capture = read_capture(folder)
+    upright = capture.asset_from_world
+    cloud = read_cloud(folder / CLOUD_FILE, capture.settings.metres_per_unit)
+    box_m = plant_box(cloud.points_m @ upright[:3, :3].T + upright[:3, 3], stand_height_m(call))
+    settings = PhotographedStemSettings()
+    if box_m is None or thickest_m > _thickest_line_m(capture, upright, box_m, settings):
+        return None
+    views = [
+        replace(view, camera=turned_camera(view.camera, upright))
+        for view in read_views(capture, progress_in_step("capture", call.progress)).views
+    ]
+    captured = read_captured_leaves(call.result_of(LEAVES)) if call.has(LEAVES) else None
+    leaves = FoundLeafPlaces.none()
+    if captured is not None:
+        moved = capture.asset_from_capture @ np.linalg.inv(captured.own_from_capture)
+        leaves = leaf_places(move_leaves(captured.fitted.leaves, moved))
+    joined = reconstruct_stems(views, box_m, leaves, settings, call.progress, threads=call.threads)
+    if joined is None:
+        return None
+    return KnownStems(
+        skeleton=joined.skeleton,
+        own_from_cloud=capture.asset_from_capture,
+        remarks=describe_stems(joined, len(leaves.bases_m)),
+    )
+
+
+def describe_stems(joined: JoinedStems, leaves: int) -> tuple[Remark, ...]:
+    """What the user should know of stems that photographs showed, where so many leaves were found."""
+    skeleton = joined.skeleton
+    roots = int((skeleton.parent_curve < 0).sum())
+    led_to = f", which lead to {int((joined.leaf >= 0).sum())} of {leaves} leaves that were found" if leaves else ""
+    text = f"stems are lines in the photographs: {len(skeleton)} branches, from the soil at {roots} places{led_to}"
+    remarks = [remark("stems-of-photographs", text)]
+    if joined.apart:
+        described = "; ".join(
+            f"{1000 * part.length_m:.0f} mm long at ({', '.join(f'{c:.3f}' for c in part.middle_m)})"
+            for part in joined.apart[:_DESCRIBED]
+        )
+        more = f" and {len(joined.apart) - _DESCRIBED} more" if len(joined.apart) > _DESCRIBED else ""
+        count = len(joined.apart)
+        text = f"{count} pieces that look like stems are not joined to the plant and left out: {described}{more}"
+        remarks.append(remark("stems-apart-left-out", text))
+    return tuple(remarks)
+
+
+def _thickest_line_m(
+    capture: Capture, upright: NDArray[np.float64], box_m: NDArray[np.float64], settings: PhotographedStemSettings
+) -> float:
+    """Radius of what is as wide as a line may be, at the plant's distance from the median photograph."""
+    cameras = [turned_camera(view.lens.pinhole(view.cam_from_world), upright) for view in capture.views]
+    middle_m = box_m.mean(axis=0)
+    footprints_m = [float(np.linalg.norm(camera.position_m - middle_m)) / camera.focal_px[0] for camera in cameras]
+    return 0.5 * settings.lines.widest_px * float(np.median(footprints_m)) * _THICKER
+
+
+def turned_camera(camera: Pinhole, upright_from_world: NDArray[np.float64]) -> Pinhole:
+    """The camera in a world that is turned and moved (4, 4)."""
+    own = np.vstack([camera.cam_from_world, [0, 0, 0, 1]]) @ np.linalg.inv(upright_from_world)
+    return replace(camera, cam_from_world=own[:3])
+
+
+def plant_box(points_m: NDArray[np.float64], stand_m: float | None) -> NDArray[np.float64] | None:
+    """(2, 3) corners of where a plant of points (N, 3), Y up, is, from where it stands up; None where nothing is."""
+    above_m = points_m if stand_m is None else points_m[points_m[:, 1] > stand_m]
+    if not len(above_m):
+        return None
+    low_m, high_m = np.quantile(above_m, _WITHIN, axis=0)
+    beside_m = _BESIDE * float((high_m - low_m).max())
+    box_m = np.array([low_m - beside_m, high_m + beside_m])
+    if stand_m is not None:
+        box_m[0, 1] = stand_m
+    return box_m if (box_m[1] > box_m[0]).all() else None
+
+
+def leaf_places(leaves: Leaves) -> FoundLeafPlaces:
+    """Where leaves begin, and where their blades are."""
+    places = grid_places(np.linspace(-1, 1, _ACROSS), np.linspace(_OF_BASE, 1, _ALONG))
+    blades_m = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
+    return FoundLeafPlaces(bases_m=leaves.base_m, blades_m=blades_m)
