@@ -126,6 +126,7 @@ def write_leaves_report(
         histograms=[*leaf_histograms(leaves), *certainty_histograms(reconstruction.certainty)],
         mean_leaf=draw_mean_leaf(leaves) if len(leaves) else None,
         texture=texture,
+        cloud=(),
         left_out=left_out,
         views=[photograph for photograph, _ in written],
         seconds=list_seconds(report.seconds),

@@ -200,9 +200,10 @@ def plan_build(
     if settings.branches.make != "off":
         branch_settings = (settings.seed, settings.branches, species, name, *([] if cloud else source))
         parts.append(add(BRANCHES, branch_settings, plant, 25.0))
-    if settings.leaves.make and cloud:
+    if settings.leaves.make:
         leaf_settings = (settings.seed, settings.leaves, species, name, source)
-        parts.append(add(LEAVES, leaf_settings, plant, 5.0 + 3.0 * len(inputs.photographs) * megapixels))
+        leaves_s = 5.0 + 3.0 * len(inputs.photographs) * megapixels if cloud else 30.0
+        parts.append(add(LEAVES, leaf_settings, plant, leaves_s))
     if settings.crown.make:
         crown_settings = (settings.seed, settings.crown, species, name, *([] if cloud else source))
         parts.append(add(CROWN, crown_settings, [*plant, *parts], 40.0))
