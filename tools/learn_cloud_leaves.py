@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Learn by what regions of a cloud are told to be leaves, of scans of generated plants, and write the weights.
+"""Learn by what regions of a cloud are recognised as leaves, of scans of generated plants, and write the weights.
 
 usage: tools/learn_cloud_leaves.py [--seed 100] [--rounds 4] [-o WEIGHTS.toml]
 
@@ -69,14 +69,14 @@ def _overlaps(cloud: WorkingCloud, tree: MergeTree, node: NDArray[np.int64], lea
     for number, each in enumerate(node.tolist()):
         own = sequence[ends[tree.start[each]] : ends[tree.start[each] + tree.count[each]]]
         counts = np.bincount(own[own >= 0], minlength=1)
-        most = int(counts.argmax())
-        if counts[most] and size[most] >= MIN_LEAF:
-            overlap[number] = counts[most] / (size[most] + len(own) - counts[most])
+        own_leaf = int(counts.argmax())
+        if counts[own_leaf] and size[own_leaf] >= MIN_LEAF:
+            overlap[number] = counts[own_leaf] / (size[own_leaf] + len(own) - counts[own_leaf])
     return overlap
 
 
 def learn_form(facts: Sequence[Array], overlaps: Sequence[Array]) -> QuadraticForm:
-    """The quadratic form that gives the worth of regions best; every scan counts alike."""
+    """The quadratic form that gives the worth of regions best; every scan counts the same."""
     everything = np.concatenate(facts)
     worth = np.clip((np.concatenate(overlaps) - WORTHLESS) / (WORTH_ALL - WORTHLESS), 0, 1)
     weight = np.concatenate([np.full(len(each), OF_A_SCAN / max(len(each), 1)) for each in facts])

@@ -38,8 +38,8 @@ def test_sparse_leaves_are_remarked():
 def test_leaves_of_less_confidence_are_dropped_from_the_labels_too():
     points_m, _ = scanned_leaves(27, 40)
     everything = reconstruct_cloud_leaves(points_m)
-    least = float(np.median(everything.leaves.confidence))
-    surer = reconstruct_cloud_leaves(points_m, min_confidence=least)
+    median = float(np.median(everything.leaves.confidence))
+    surer = reconstruct_cloud_leaves(points_m, min_confidence=median)
     assert len(surer.leaves) < len(everything.leaves)
     assert surer.leaf.max() == len(surer.leaves) - 1
     assert np.count_nonzero(surer.leaf >= 0) < np.count_nonzero(everything.leaf >= 0)

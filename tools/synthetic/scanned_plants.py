@@ -12,8 +12,8 @@ from tools.synthetic.scene import SceneSettings, build_scene
 from tools.synthetic.shoots import SPECIES, grow_shoots
 
 BED, PLANT, TREE = "bed", "plant", "tree"  # besides the species of shoots
-MOST_POINTS = 20_000  # of a scan to learn from
-MOST_WOOD = 2.0  # times as many points on the wood of a tree as on its leaves
+MAX_POINTS = 20_000  # of a scan to learn from
+MAX_WOOD = 2.0  # times as many points on the wood of a tree as on its leaves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ def scan_plant(plant: ScannedPlant) -> Scan:
     count = int(leaf.max()) + 1
     # A closed surface of wood shows half of itself; of a leaf either side shows it all.
     wood = 0.5 * areas_m2[leaf < 0].sum() / max(areas_m2[leaf >= 0].sum(), 1e-30)
-    points = plant.points_a_leaf * count * (1 + min(float(wood), MOST_WOOD))
+    points = plant.points_a_leaf * count * (1 + min(float(wood), MAX_WOOD))
     return scan_scene(vertices_m, triangles, leaf, replace(plant.scan, points=int(points), seed=plant.seed))
 
 
@@ -61,7 +61,7 @@ def list_training(seed: int, rounds: int) -> Sequence[ScannedPlant]:
                 ScannedPlant(
                     name=f"{kind}-{number}",
                     kind=kind,
-                    leaves=int(np.clip(MOST_POINTS / points_a_leaf, 40, 160)),
+                    leaves=int(np.clip(MAX_POINTS / points_a_leaf, 40, 160)),
                     points_a_leaf=points_a_leaf,
                     scan=ScanSettings(
                         stations=int(rng.integers(3, 9)),

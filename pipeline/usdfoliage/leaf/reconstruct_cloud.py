@@ -80,7 +80,7 @@ def reconstruct_cloud_leaves(
     with step("direction"):
         ends = find_wood_ends(fitted.leaves, points_m[segmentation.leaf < 0], threads=threads)
         leaves = order_silhouettes(flip_leaves(fitted.leaves, ends.flip))
-        # How like a leaf the points are says more than how near its surface comes to them.
+        # How similar to a leaf the points are counts for more than how near its surface comes to them.
         leaves = replace(leaves, confidence=segmentation.leaves.confidence[fitted.source])
         sound, dropped = choose_sound(leaves, min_confidence)
         leaves = leaves.take(sound)

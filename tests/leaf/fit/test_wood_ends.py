@@ -21,7 +21,7 @@ def test_the_end_beside_other_points_is_the_base():
     assert find_wood_ends(leaves, beside(apex_m, leaves)).flip.all()
 
 
-def test_nothing_beside_either_says_nothing():
+def test_without_points_beside_either_end_nothing_is_known():
     leaves = random_leaves(5)
     ends = find_wood_ends(leaves, np.full((10, 3), 1e3))
     assert not ends.flip.any()

@@ -43,7 +43,7 @@ def overlaps(found: NDArray[np.int32], true: NDArray[np.int32]) -> NDArray[np.fl
     for leaf in range(int(true.max()) + 1):
         own = true == leaf
         near = found[own & (found >= 0)]
-        most = np.bincount(near).argmax() if len(near) else -1
-        both = np.count_nonzero(own & (found == most)) if most >= 0 else 0
-        best.append(both / np.count_nonzero(own | ((found == most) & (found >= 0))))
+        nearest = np.bincount(near).argmax() if len(near) else -1
+        both = np.count_nonzero(own & (found == nearest)) if nearest >= 0 else 0
+        best.append(both / np.count_nonzero(own | ((found == nearest) & (found >= 0))))
     return np.array(best)

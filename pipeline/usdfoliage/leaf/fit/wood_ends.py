@@ -25,7 +25,7 @@ def find_wood_ends(leaves: Leaves, others_m: NDArray[np.float64], *, threads: in
     """Compare the points beside both ends of each leaf; what all leaves show together counts for each.
 
     Args:
-        leaves: N, in the frame of the points, whose bases are alike or all apices.
+        leaves: N, in the frame of the points, whose bases are all bases or all apices.
         others_m: (K, 3), points that are of no leaf.
         threads: At most so many, 0 for one per core; the result is the same.
     """

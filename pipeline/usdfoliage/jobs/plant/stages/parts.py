@@ -219,13 +219,13 @@ def _find_in_cloud(call: StageCall) -> tuple[ResultFile, ...]:
     report = _report_folder(call)
     remarks = list(made.remarks)
     confidence = made.leaves.confidence
-    right, least = float(np.sum(confidence)) if confidence is not None else 0.0, call.settings.leaves.min_in_cloud
-    if len(made.leaves) and right >= least:
+    right, min_right = float(np.sum(confidence)) if confidence is not None else 0.0, call.settings.leaves.min_in_cloud
+    if len(made.leaves) and right >= min_right:
         write_leaves_model(call.out / LEAVES_MODEL, made.model)
         write_points(report / POINTS_FILE, made, call.threads)
     else:
         text = (
-            f"{len(made.leaves)} leaves were found in the cloud, of which some {right:.0f} are right and {least:g} are "
+            f"{len(made.leaves)} leaves were found in the cloud, of which some {right:.0f} are right and {min_right:g} are "
             "needed: the plant's leaves are not its own"
         )
         remedy = ("set ", Setting(name="leaves.min_in_cloud"), " lower to have them nevertheless")

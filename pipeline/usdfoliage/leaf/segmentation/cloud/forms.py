@@ -1,4 +1,4 @@
-"""What regions of a cloud look like: by it leaves are told from stems, from parts of leaves and from several leaves."""
+"""What regions of a cloud look like: by it leaves, stems, parts of leaves and several leaves differ."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

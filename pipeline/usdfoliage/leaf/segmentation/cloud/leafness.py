@@ -6,7 +6,6 @@ no sizes; from what it finds follows the size of the median leaf, which the seco
 """
 
 import functools
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from usdfoliage.files.toml import parse_toml
 from usdfoliage.leaf.segmentation.cloud.forms import RegionForms
 from usdfoliage.leaf.segmentation.cloud.merge_tree import MergeTree
 
@@ -84,7 +84,7 @@ def rate_regions(forms: RegionForms, size: MedianSize | None) -> NDArray[np.floa
 
 
 def choose_regions(
-    forms: RegionForms, tree: MergeTree, probability: NDArray[np.float64], least: float
+    forms: RegionForms, tree: MergeTree, probability: NDArray[np.float64], min_probability: float
 ) -> NDArray[np.int64]:
     """Which regions (numbers in forms, rising) are the leaves: those that together exceed the least probability most.
 
@@ -95,7 +95,7 @@ def choose_regions(
     odds[forms.node] = probability / np.maximum(1 - probability, _EXTREME)
     worth = np.full(len(tree), -1.0)
     against = 1 + odds + _WHOLE_WEIGHT * _odds_of_wholes(forms, tree, odds)
-    worth[forms.node] = (odds / against)[forms.node] - least
+    worth[forms.node] = (odds / against)[forms.node] - min_probability
     best, taken = np.zeros(len(tree)), np.zeros(len(tree), bool)
     for span in tree.spans():
         below = best[tree.children[span]].sum(axis=1)
@@ -140,7 +140,7 @@ def measure_median_size(
 @functools.cache
 def read_form(name: str) -> QuadraticForm:
     """The form of this name in weights.toml."""
-    table = tomllib.loads(files(__package__).joinpath(_WEIGHTS).read_text("utf-8"))[name]
+    table = parse_toml(files(__package__).joinpath(_WEIGHTS).read_text("utf-8"))[name]
     rows = table["square"]  # the lower triangle
     square = np.zeros((len(rows), len(rows)))
     for number, row in enumerate(rows):

@@ -30,8 +30,8 @@ class CloudSegmentationSettings:
     min_probability: float = 0.45
 
     def __post_init__(self) -> None:
-        least = {"max_points": 100, "plane_neighbours": 4, "linked_neighbours": 3, "min_points": 4}
-        for name, low in least.items():
+        minima = {"max_points": 100, "plane_neighbours": 4, "linked_neighbours": 3, "min_points": 4}
+        for name, low in minima.items():
             if getattr(self, name) < low:
                 raise ValueError(f"{name} must be at least {low}, not {getattr(self, name)}")
         for name in ("reach", "bend_rad", "offset_noises"):

@@ -18,10 +18,10 @@ _NEXT = 4  # the neighbour whose distance is the spacing
 _AROUND = 6  # the neighbour whose distance is the local spacing
 _FLATTEST = 0.3  # share of the neighbourhoods that lie in surfaces, if any do: others are edges, stems and noise
 _FLAT = 0.45  # thickness to width of a neighbourhood that shows a surface; of noise it is 0.65
-_SHOWN_BY = 5000  # neighbourhoods, evenly chosen, that show it
+_SAMPLED = 5000  # neighbourhoods, evenly chosen, that show it
 _TYPICAL = 0.4  # quantile of the thickness about the planes that were fitted
 _FIRST_CELL, _GROWTH = 1.5, 1.3  # side of the first cells, in spacings, and by how much they grow
-_LEAST_LEFT = 1 / 200  # of the points, below which cells that still show no surface are given up
+_MIN_LEFT = 1 / 200  # of the points, below which cells that still show no surface are given up
 _FAR = 3.0  # spacings beyond which the local spacing does not count
 _REWEIGHTED = 3  # times that planes are fitted again without what lies off them
 _OFF = 2.0  # typical distances from a plane beyond which points count little
@@ -124,7 +124,7 @@ def _thin_until_flat(
         if cell_m == 0:
             return everything
         thinned, of_point = _cells(points_m, cell_m)
-        if len(thinned) < max(_LEAST_LEFT * len(points_m), MIN_POINTS):
+        if len(thinned) < max(_MIN_LEFT * len(points_m), MIN_POINTS):
             return everything
     return thinned, of_point, cell_m
 
@@ -145,7 +145,7 @@ def _spacing(points_m: NDArray[np.float64], workers: int) -> float:
 
 def _some(points_m: NDArray[np.float64]) -> NDArray[np.int64]:
     """Numbers of some of the points, evenly chosen."""
-    return np.linspace(0, len(points_m) - 1, min(len(points_m), _SHOWN_BY)).astype(np.int64)
+    return np.linspace(0, len(points_m) - 1, min(len(points_m), _SAMPLED)).astype(np.int64)
 
 
 def _fit_planes(
