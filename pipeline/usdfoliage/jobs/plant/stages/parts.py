@@ -225,8 +225,8 @@ def _find_in_cloud(call: StageCall) -> tuple[ResultFile, ...]:
         write_points(report / POINTS_FILE, made, call.threads)
     else:
         text = (
-            f"{len(made.leaves)} leaves were found in the cloud, of which some {right:.0f} are right and {min_right:g} are "
-            "needed: the plant's leaves are not its own"
+            f"{len(made.leaves)} leaves were found in the cloud, of which some {right:.0f} are right and "
+            f"{min_right:g} are needed: the plant's leaves are not its own"
         )
         remedy = ("set ", Setting(name="leaves.min_in_cloud"), " lower to have them nevertheless")
         remarks.append(remark("cloud-leaves-few", text, remedy=remedy))
