@@ -712,6 +712,34 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="Most leaves are about as wide as long, so that their axis is uncertain.",
                 action="Look at the fitted leaves over the photographs.",
             ),
+            "no-leaf-in-cloud": RemarkKind(
+                severity="warning",
+                meaning="No region of the cloud is like a leaf. The asset has none.",
+                action="Scan from nearer, so that a leaf has 30 points or more. Filter noise out before.",
+            ),
+            "cloud-noisy": RemarkKind(
+                severity="warning",
+                meaning="Many points lie in no surface. Leaves among them are not found.",
+                action="Filter the scan, or scan again from nearer.",
+            ),
+            "leaves-sparse-in-cloud": RemarkKind(
+                severity="warning",
+                meaning="Leaves have few points. Some are guessed, and others are not found.",
+                action="Scan from nearer, or with a finer step.",
+            ),
+            "leaves-in-thinned-cloud": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The cloud is denser than its noise, or too large. Leaves are looked for in the mean of the points "
+                    "of each cell."
+                ),
+                action="Nothing. `leaves.cloud.segmentation.max_points` sets how many points are kept.",
+            ),
+            "cloud-leaves-few": RemarkKind(
+                severity="info",
+                meaning="Too few leaves were found in the cloud alone. The plant's leaves are drawn.",
+                action="Scan from nearer, or set `leaves.min_in_cloud` lower.",
+            ),
         },
     ),
     RemarkSection(

@@ -1,16 +1,20 @@
-"""Find single leaves in photographs with depth, and write an asset.
+"""Find single leaves in photographs with depth or in a cloud alone, and write an asset.
 
 CAPTURE is a folder with images/, cameras/ (a COLMAP model) and depth/ (float EXR, channel Z, metres). masks/ and
-capture.toml are optional. Every leaf becomes a Bézier surface that stays editable. The asset also has the colours of
-the leaves, a picture of the average leaf, and a report that shows every step over the photographs.
+capture.toml are optional. Or it is a point cloud (PLY, LAS, LAZ, or text with x y z on each line), or a folder with a
+cloud and no images/. Every leaf becomes a Bézier surface that stays editable. The asset also has the colours of the
+leaves, of photographs a picture of the average leaf, and a report that shows what was found. That of a cloud holds
+report/points.ply, the points of the cloud with the leaf of each.
 
     usdfoliage leaves captures/shrub -o assets/shrub
+    usdfoliage leaves scan.laz -o assets/shrub
 """
 
 import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.cloud import add_orientation
 from usdfoliage.cli.options.leaf_commands import (
     add_hold_back,
     add_name,
@@ -32,7 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     settings = LeavesSettings()
     files = parser.add_argument_group("input and output")
-    files.add_argument("capture", metavar="CAPTURE", type=Path, nargs="?", help="The input is the folder of a capture.")
+    files.add_argument(
+        "capture",
+        metavar="CAPTURE",
+        type=Path,
+        nargs="?",
+        help="The input is the folder of a capture, or a point cloud.",
+    )
     files.add_argument("-o", "--output", metavar="OUT", type=Path, help="The asset is written to this folder.")
     add_name(files)
     files.add_argument(
@@ -48,6 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"is {AUTO}: the folder {DEFAULT_DEPTH} if it has any maps, or else {SWEEP}.",
     )
     add_hold_back(files)
+    cloud = parser.add_argument_group("a cloud alone")
+    add_orientation(cloud)
     method = parser.add_argument_group("how leaves are found")
     method.add_argument("--method", choices=("dense", "paper"), help=describe_setting(settings, "method"))
     method.add_argument(
@@ -73,6 +85,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.options.leaves import read_leaves_request, read_leaves_settings
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.cli.remarks import print_remarks
+    from usdfoliage.jobs.leaves.cloud_run import make_cloud_leaves_asset, names_cloud, plan_cloud_leaves_asset
     from usdfoliage.jobs.leaves.run import make_leaves_asset, plan_leaves_asset
     from usdfoliage.jobs.work.settings_file import format_settings
 
@@ -81,11 +94,12 @@ def run(options: argparse.Namespace) -> int:
         print(format_settings(read_leaves_settings(options)), end="")
         return 0
     request = read_leaves_request(options)
+    is_cloud = names_cloud(request.capture)
     if options.dry_run:
-        print(plan_leaves_asset(request))
+        print(plan_cloud_leaves_asset(request) if is_cloud else plan_leaves_asset(request))
         return 0
     with StepBar() as bar:
-        made = make_leaves_asset(request, bar.show)
+        made = make_cloud_leaves_asset(request, bar.show) if is_cloud else make_leaves_asset(request, bar.show)
     if options.json:
         figures = None if made.withheld is None else made.withheld.as_json()
         print(

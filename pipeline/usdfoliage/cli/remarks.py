@@ -65,6 +65,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
     ),
     "leaves": CommandOptions(
         options={
+            **{name: option for name, option in _OF_A_CLOUD.items() if name != "branches.roots"},
             "leaves.depth": "--depth",
             "leaves.method": "--method",
             "leaves.min_confidence": "--min-confidence",
@@ -73,7 +74,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "plant.representations": "--representation",
             "seed": "--seed",
         },
-        values={"leaves.depth": {"estimated": "sweep"}},
+        values={"leaves.depth": {"estimated": "sweep"}, "capture.toml:metres_per_unit": _UNITS},
         table="leaves",
     ),
     "bake": CommandOptions(arguments={"source": "--from"}),

@@ -2,6 +2,7 @@
 
 import logging
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -149,6 +150,20 @@ def read_cloud_input(
         total=total,
         remarks=tuple(remarks),
     )
+
+
+def iterate_points(path: Path) -> Iterator[NDArray[np.float64]]:
+    """The points of a cloud's file, in its order, its axes and its unit.
+
+    They come in parts (N, 3), and are not finite where the file has it so.
+
+    Points that a LAS file marks as withheld or noise are not among them.
+
+    Raises:
+        CaptureError: The file cannot be read.
+    """
+    for part in _open_parts(path, unit_is_given=True).parts:
+        yield part.points
 
 
 def find_cloud(folder: Path) -> Path:

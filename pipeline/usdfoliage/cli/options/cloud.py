@@ -5,7 +5,6 @@ import argparse
 
 def add_cloud(parser: argparse._ActionsContainer) -> None:
     """What the user knows of a cloud."""
-    from usdfoliage.capture.cloud_files.units import UNITS
     from usdfoliage.jobs.work.settings_file import AUTO
 
     parser.add_argument(
@@ -16,6 +15,14 @@ def add_cloud(parser: argparse._ActionsContainer) -> None:
         "X,Y,Z are coordinates of the cloud, with ; between places. Write --roots=-1,0,2 if the first number is "
         "negative. The first root is the origin of the asset. The default is %(default)s.",
     )
+    add_orientation(parser)
+
+
+def add_orientation(parser: argparse._ActionsContainer) -> None:
+    """Which way is up in a cloud, and its unit."""
+    from usdfoliage.capture.cloud_files.units import UNITS
+    from usdfoliage.jobs.work.settings_file import AUTO
+
     parser.add_argument(
         "--up",
         default=AUTO,

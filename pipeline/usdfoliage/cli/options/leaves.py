@@ -8,10 +8,13 @@ import numpy as np
 from usdfoliage.asset.leaf_representations import read_representations
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.capture.folder.hold_back import check_hold_back
+from usdfoliage.cli.options.leaf_commands import name_option
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.leaves.cloud_run import names_cloud
 from usdfoliage.jobs.leaves.run import LeavesRequest
 from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.plant_cloud import read_unit, read_up
 from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file, set_everywhere
 from usdfoliage.remarks import Setting
 
@@ -19,11 +22,14 @@ from usdfoliage.remarks import Setting
 def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
     """The request that a command line makes; FoliageError for values that cannot be."""
     if options.capture is None:
-        raise FoliageError("no capture is named", "give its folder, as in: usdfoliage leaves CAPTURE -o OUT")
+        raise FoliageError(
+            "no capture is named", "give its folder or a cloud's file, as in: usdfoliage leaves CAPTURE -o OUT"
+        )
     if options.output is None:
         raise FoliageError("no output is named", "give the asset's folder with -o OUT")
     if options.report_views < 0:
         raise FoliageError(f"--report-views must be 0 or more, not {options.report_views}")
+    _check_kind(options)
     return LeavesRequest(
         capture=options.capture,
         output=options.output,
@@ -33,6 +39,8 @@ def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
         views=options.views,
         hold_back=_read_hold_back(options.hold_back),
         representations=read_representations(options.representation) if options.representation else None,
+        up=name_option(read_up, options.up),
+        unit=name_option(read_unit, options.unit),
         species=options.species,
         seed=options.seed or 0,
         report_views=options.report_views,
@@ -48,6 +56,22 @@ def _read_hold_back(every: int) -> int:
     except ValueError as error:
         raise FoliageError(f"--hold-back: {error}") from error
     return every
+
+
+def _check_kind(options: argparse.Namespace) -> None:
+    """FoliageError for options of photographs where the input is a cloud alone, and the other way round."""
+    is_cloud = names_cloud(options.capture)
+    of_photographs = {
+        "--depth": options.depth != LeavesRequest.depth,
+        "--views": options.views is not None,
+        "--method": options.method is not None,
+        "--plane-threshold": options.plane_threshold is not None,
+    }
+    of_clouds = {"--up": options.up != AUTO, "--unit": options.unit != AUTO}
+    for name, is_given in (of_photographs if is_cloud else of_clouds).items():
+        if is_given:
+            kind, other = ("a cloud alone", "photographs") if is_cloud else ("photographs", "a cloud alone")
+            raise FoliageError(f"{name} is for {other}, and {options.capture} is {kind}", f"leave {name} out")
 
 
 def read_leaves_settings(options: argparse.Namespace) -> LeavesSettings:

@@ -130,6 +130,7 @@ def write_leaves_report(
         texture=texture,
         withheld=report.withheld.rows() if report.withheld is not None else [],
         withheld_pictures=report.withheld.pictures() if report.withheld is not None else [],
+        cloud=(),
         left_out=left_out,
         views=[photograph for photograph, _ in written],
         seconds=list_seconds(report.seconds),

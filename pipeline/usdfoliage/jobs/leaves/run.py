@@ -69,6 +69,8 @@ class LeavesRequest:
     views: str | None = None  # None: all
     hold_back: int = 0  # of every so many photographs one makes nothing, and measures the asset; 0: of none
     representations: tuple[str, ...] | None = None  # None: as many as the number of leaves allows
+    up: str | None = None  # an axis of the cloud, where leaves are found in one alone; None: estimated
+    unit: str | None = None  # of such a cloud, of UNITS; None: read from the file
     species: str = ""
     seed: int = 0
     report_views: int = 12
@@ -466,8 +468,8 @@ def describe_settings(request: LeavesRequest) -> dict[str, str]:
         **{
             name: value
             for name, value in list_settings(request.settings).items()
-            # The number of threads changes nothing, and the other method was not used.
-            if not name.endswith("threads") and not name.startswith((f"{other}.", f"{other}_fit."))
+            # The number of threads changes nothing; the other method was not used, nor a cloud alone.
+            if not name.endswith("threads") and not name.startswith((f"{other}.", f"{other}_fit.", "cloud."))
         },
     }
 

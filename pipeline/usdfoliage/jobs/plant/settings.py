@@ -92,12 +92,20 @@ class BranchStageSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class LeafStageSettings(LeavesSettings):
-    """How single leaves are found in the photographs."""
+    """How single leaves are found in the photographs, or in a cloud alone."""
 
-    make: bool = True  # true searches single leaves in the photographs.
+    make: bool = True  # true searches single leaves in the photographs, or in a cloud alone.
     # given uses the maps of the capture's folder depth/; estimated uses those of the stage capture; auto uses given
     # maps where there are any.
     depth: LeafDepth = "auto"
+    # A cloud alone gives its own leaves where at least this many of those that are found are right, by the sum of their
+    # confidences. Range: 0 or more.
+    min_in_cloud: float = 20.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.min_in_cloud >= 0:
+            raise ValueError(f"min_in_cloud must be 0 or more, not {self.min_in_cloud:g}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,6 +24,7 @@ from usdfoliage.jobs.branches.run import BranchesRequest, find_branches, report_
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.crown.capture_input import PlantPoints
 from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_captured_crown, report_crown
+from usdfoliage.jobs.leaves.cloud_run import POINTS_FILE, find_cloud_leaves, report_cloud_leaves, write_points
 from usdfoliage.jobs.leaves.report import measure_rows
 from usdfoliage.jobs.leaves.run import LeavesRequest, encode_texture, find_capture_leaves, report_leaves
 from usdfoliage.jobs.leaves.settings import LeavesSettings
@@ -157,7 +158,9 @@ def remark_unknown_species(name: str) -> tuple[Remark, ...]:
 
 
 def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
-    """The leaves that photographs show, as a model; where none can be looked for, the plant has none."""
+    """The leaves that photographs or a cloud show, as a model; where none can be looked for, the plant has none."""
+    if not call.has(CLOUD):
+        return _find_in_cloud(call)
     settings = call.settings.leaves
     given = call.inputs.has_depth and settings.depth != "estimated" and call.inputs.has_cameras
     # Masks of the plant lie beside the depth that was found, and beside that which was given.
@@ -165,15 +168,11 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
     capture = call.request.capture if given and not isolated else plant_capture(call)
     if not given and settings.depth == "given":
         raise CaptureError(f"{capture} has depth but no cameras/ that it belongs to", "set leaves.depth to estimated")
-    values = {field.name: getattr(settings, field.name) for field in fields(LeavesSettings)}
-    chosen = set_everywhere(
-        set_everywhere(LeavesSettings(**values), "threads", call.threads), "seed", call.settings.seed
-    )
     request = LeavesRequest(
         capture=capture,
         output=call.out,
         name=call.request.name,
-        settings=chosen,
+        settings=_leaves_settings(call),
         hold_back=call.settings.plant.hold_back if given and not isolated else 0,
         depth=GIVEN_DEPTH if given and isolated else "depth",
         representations=("bezier",),
@@ -205,6 +204,55 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
     )
     write_summary(call.out, summary)
     return ()
+
+
+def _find_in_cloud(call: StageCall) -> tuple[ResultFile, ...]:
+    """The leaves that the cloud shows by itself, as a model; none where they are too few to stand for the plant's."""
+    request = LeavesRequest(
+        capture=call.request.capture,
+        output=call.out,
+        name=call.request.name,
+        settings=_leaves_settings(call),
+        representations=("bezier",),
+        species=call.settings.plant.species,
+        seed=call.settings.seed,
+        times=False,
+    )
+    try:
+        made = find_cloud_leaves(request, call.progress)
+    except FoliageError as error:
+        return _go_without(call, "leaves", error)
+    report = _report_folder(call)
+    remarks = list(made.remarks)
+    confidence = made.leaves.confidence
+    right, min_right = float(np.sum(confidence)) if confidence is not None else 0.0, call.settings.leaves.min_in_cloud
+    if len(made.leaves) and right >= min_right:
+        write_leaves_model(call.out / LEAVES_MODEL, made.model)
+        write_points(report / POINTS_FILE, made, call.threads)
+    else:
+        text = (
+            f"{len(made.leaves)} leaves were found in the cloud, of which some {right:.0f} are right and "
+            f"{min_right:g} are needed: the plant's leaves are not its own"
+        )
+        remedy = ("set ", Setting(name="leaves.min_in_cloud"), " lower to have them nevertheless")
+        remarks.append(remark("cloud-leaves-few", text, remedy=remedy))
+    written = report_cloud_leaves(report, request, made, remarks, made.seconds, ())
+    summary = StageSummary(
+        rows=measure_rows(made.leaves),
+        remarks=remarks,
+        pictures=_pictures_of(written),
+        detail=f"{REPORT_FOLDER}/index.html",
+    )
+    write_summary(call.out, summary)
+    return ()
+
+
+def _leaves_settings(call: StageCall) -> LeavesSettings:
+    """The settings of leaves as their job takes them."""
+    settings = call.settings.leaves
+    values = {field.name: getattr(settings, field.name) for field in fields(LeavesSettings)}
+    threaded = set_everywhere(LeavesSettings(**values), "threads", call.threads)
+    return set_everywhere(threaded, "seed", call.settings.seed)
 
 
 def make_crown(call: StageCall) -> tuple[ResultFile, ...]:

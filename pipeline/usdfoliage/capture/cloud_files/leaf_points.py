@@ -1,0 +1,55 @@
+"""The points of a cloud with the leaf that each is of, as a PLY file that anyone can open."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.files.atomic import whole_file
+
+_CHUNK = 1 << 18  # points that are packed at once
+_COMMENT = "comment leaf: number of the leaf that a point is of, -1 for none"
+
+
+def write_leaf_points(
+    path: Path,
+    parts: Callable[[], Iterator[NDArray[np.float64]]],
+    leaf_of: Callable[[NDArray[np.float64]], NDArray[np.int32]],
+    *,
+    single: bool,
+) -> int:
+    """Write points and leaves as binary little-endian PLY: x, y, z and the int leaf.
+
+    The points may be more than memory holds: they are gone through twice, once to count them.
+
+    Args:
+        path: The file, replaced when it exists; other than whole it does not appear.
+        parts: Gives the points, (N, 3) at a time, the same each time it is called.
+        leaf_of: Gives the leaf (N,) of each of a part's points; called once a part, in order.
+        single: Whether coordinates are written as float32, else as double.
+
+    Returns:
+        How many points were written.
+
+    Raises:
+        WriteError: The file cannot be written; what was there is unchanged.
+    """
+    total = sum(len(part) for part in parts())
+    kind, word = ("<f4", "float") if single else ("<f8", "double")
+    row = np.dtype([("x", kind), ("y", kind), ("z", kind), ("leaf", "<i4")])
+    header = ["ply", "format binary_little_endian 1.0", _COMMENT, f"element vertex {total}"]
+    header += [f"property {word} {axis}" for axis in "xyz"]
+    header += ["property int leaf", "end_header"]
+    with whole_file(path) as new, new.open("xb") as file:
+        file.write(("\n".join(header) + "\n").encode("ascii"))
+        for points in parts():
+            leaf = leaf_of(points)
+            for start in range(0, len(points), _CHUNK):
+                chunk = slice(start, start + _CHUNK)
+                packed = np.empty(len(points[chunk]), row)
+                for axis, name in enumerate("xyz"):
+                    packed[name] = points[chunk, axis]
+                packed["leaf"] = leaf[chunk]
+                file.write(packed.tobytes())
+    return total

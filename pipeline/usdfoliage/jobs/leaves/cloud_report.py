@@ -1,0 +1,126 @@
+"""The report of leaves found in a cloud alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.jobs.leaves.report import (
+    certainty_histograms,
+    certainty_rows,
+    draw_mean_leaf,
+    leaf_histograms,
+    measure_rows,
+)
+from usdfoliage.jobs.report.cloud_pictures import (
+    Direction,
+    bar_length,
+    draw_scale_bar,
+    draw_seen,
+    frame_points,
+    splat_points,
+)
+from usdfoliage.jobs.report.environment import render_template
+from usdfoliage.jobs.report.pictures import leaf_palette, write_picture
+from usdfoliage.jobs.report.table import ReportPicture, Row, WrittenReport, list_seconds
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.reconstruct_cloud import CloudReconstruction
+from usdfoliage.remarks import Remark, RenderSetting, list_sentences
+
+PICTURE_PX = 1000  # longest side of a picture of the cloud
+DRAWN_POINTS = 400_000
+SPLAT = 1.2  # side of a point's square, in distances between points
+NO_LEAF = (196, 192, 184)  # colour of points that are of no leaf
+_DIRECTIONS = (
+    Direction(name="front", right=np.eye(3)[0], up=np.eye(3)[1], towards=np.eye(3)[2]),
+    Direction(name="right", right=-np.eye(3)[2], up=np.eye(3)[1], towards=np.eye(3)[0]),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CloudLeavesReport:
+    """What the report has besides the reconstruction itself."""
+
+    name: str
+    cloud: str
+    generator: str
+    remarks: Sequence[Remark]  # what the reader should know first
+    render_setting: RenderSetting
+    settings: Mapping[str, str]
+    seconds: Mapping[str, float]
+    previews: Sequence[str]  # pictures of the asset, in the report's folder
+
+
+def write_cloud_leaves_report(
+    folder: Path,
+    report: CloudLeavesReport,
+    found: CloudReconstruction,
+    leaves: Leaves,
+    points_m: NDArray[np.float64],
+) -> WrittenReport:
+    """Write index.html and its pictures into folder, which exists.
+
+    Args:
+        folder: Of the report.
+        report: The rest of its content.
+        found: The leaves and which points are of them.
+        leaves: The same in the asset's frame.
+        points_m: (N, 3), the cloud in the asset's frame.
+    """
+    pictures = [
+        ReportPicture(file=file, caption=f"The cloud from the {name}, every leaf in a colour of its own; grey: no leaf")
+        for name, file in _draw_cloud(folder, points_m, found)
+    ]
+    drawn = [ReportPicture(file=file, caption="The asset, drawn by Storm") for file in report.previews]
+    share = float((found.leaf >= 0).mean()) if len(found.leaf) else 0.0
+    rows = [
+        Row(
+            name="points",
+            value=f"{len(points_m):,}",
+            remark=f"{100 * share:.0f} % of them of leaves; {1000 * found.segmentation.spacing_m:.2g} mm apart",
+        ),
+        *measure_rows(leaves),
+        *certainty_rows(found.certainty),
+    ]
+    page = render_template(
+        "leaves_report.html",
+        name=report.name,
+        capture=report.cloud,
+        generator=report.generator,
+        notes=list_sentences(report.remarks, report.render_setting),
+        count=f"{len(leaves):,}",
+        steps=found.steps,
+        measures=rows,
+        histograms=[*leaf_histograms(leaves), *certainty_histograms(found.certainty)],
+        mean_leaf=draw_mean_leaf(leaves) if len(leaves) else None,
+        texture=None,
+        cloud=[*pictures, *drawn],
+        left_out="",
+        views=[],
+        seconds=list_seconds(report.seconds),
+        settings=[Row(name=name, value=value) for name, value in report.settings.items()],
+    )
+    index = folder / "index.html"
+    index.write_text(page, encoding="utf-8")
+    return WrittenReport(page=index, pictures=tuple(pictures))
+
+
+def _draw_cloud(folder: Path, points_m: NDArray[np.float64], found: CloudReconstruction) -> list[tuple[str, str]]:
+    """Pictures of the cloud in the colours of its leaves; their directions and files."""
+    chosen = np.linspace(0, len(points_m) - 1, min(len(points_m), DRAWN_POINTS)).astype(np.int64)
+    drawn_m, leaf = points_m[chosen], found.leaf[chosen]
+    colors = np.concatenate([leaf_palette(len(found.leaves)), np.array([NO_LEAF], np.uint8)])[leaf]
+    windows = frame_points(drawn_m, _DIRECTIONS, PICTURE_PX, drawn_m[leaf >= 0])
+    bar_m = bar_length(windows)
+    width_m = SPLAT * found.segmentation.spacing_m * np.sqrt(len(points_m) / max(len(drawn_m), 1))
+    files = []
+    for direction, window in zip(_DIRECTIONS, windows, strict=True):
+        seen = splat_points(drawn_m, direction, window, np.full(len(drawn_m), width_m, np.float32))
+        picture = draw_seen(seen, colors)
+        draw_scale_bar(picture, bar_m, window.px_per_m)
+        file = f"cloud_{direction.name}.png"
+        write_picture(folder / file, picture)
+        files.append((direction.name, file))
+    return files

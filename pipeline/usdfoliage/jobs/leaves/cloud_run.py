@@ -1,0 +1,334 @@
+"""From a cloud alone to an asset of its leaves."""
+
+import logging
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage import __version__
+from usdfoliage.asset.leaf_representations import check_memory
+from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.branch.foliage.species import GENERIC, load_species
+from usdfoliage.capture.cloud_files.leaf_points import write_leaf_points
+from usdfoliage.capture.cloud_files.ply import fits_single
+from usdfoliage.capture.cloud_files.read import (
+    CloudInput,
+    CloudInputSettings,
+    find_cloud,
+    is_cloud_input,
+    iterate_points,
+    read_cloud_input,
+)
+from usdfoliage.capture.cloud_files.units import UNITS
+from usdfoliage.capture.cloud_files.up_axis import find_cloud_up
+from usdfoliage.errors import CaptureError, FoliageError, PreviewError
+from usdfoliage.files.hashing import digest_files
+from usdfoliage.geometry.color import decode_srgb
+from usdfoliage.geometry.up_turn import axis_vector, turn_to_y_up
+from usdfoliage.jobs.leaves.cloud_report import CloudLeavesReport, write_cloud_leaves_report
+from usdfoliage.jobs.leaves.report import measure_rows
+from usdfoliage.jobs.leaves.run import LeavesRequest, MadeLeaves, choose_representations, place_plant
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
+from usdfoliage.jobs.report.table import WrittenReport
+from usdfoliage.jobs.work.settings_file import list_settings
+from usdfoliage.leaf.change import move_leaves
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.model_file import LeavesModel
+from usdfoliage.leaf.reconstruct_cloud import CLOUD_STEPS, CloudReconstruction, reconstruct_cloud_leaves
+from usdfoliage.leaf.shape.jitter import spread_phases
+from usdfoliage.progress import StepProgress, progress_in_step
+from usdfoliage.remarks import Remark, Remedy, Setting, label_remarks, remark
+
+logger = logging.getLogger(__name__)
+
+POINTS_FILE = "points.ply"  # in the report: the cloud's points, with the leaf of each
+_SAME_PLACE = 1e-6  # of the cloud's extent, within which a point of the file is one that was used
+_PREVIEWS = (("front", "preview.png"), ("right", "preview_right.png"))
+_PREVIEW = PreviewSettings(width_px=720, height_px=720, complexity="medium", samples=2)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FoundCloudLeaves:
+    """The leaves of a cloud, before anything is written."""
+
+    source: CloudInput
+    found: CloudReconstruction
+    leaves: Leaves  # in the plant's frame
+    asset_from_source: NDArray[
+        np.float64
+    ]  # (4, 4), column vectors, from points of the source, in metres, to that frame
+    remarks: tuple[Remark, ...]
+    seconds: Mapping[str, float]  # by step
+
+    @property
+    def asset_from_capture(self) -> NDArray[np.float64]:
+        """(4, 4), column vectors, from the file's own coordinates and unit to the plant's frame."""
+        unit = self.source.metres_per_unit
+        own = np.diag([unit, unit, unit, 1.0])
+        own[:3, 3] = -self.source.origin_m
+        return np.asarray(self.asset_from_source @ own)
+
+    @property
+    def model(self) -> LeavesModel:
+        """What a later stage needs of them."""
+        color = self.leaves.color
+        plain = None if color is None or not len(color) else np.median(color, axis=0)
+        return LeavesModel(
+            leaves=self.leaves,
+            asset_from_capture=self.asset_from_capture,
+            plain_color=None if plain is None else (float(plain[0]), float(plain[1]), float(plain[2])),
+        )
+
+
+def names_cloud(path: Path) -> bool:
+    """Whether leaves are to be found in a cloud alone: a cloud's file, or a folder with a cloud and no photographs."""
+    if not path.is_dir():
+        return is_cloud_input(path)
+    if (path / "images").is_dir():
+        return False
+    try:
+        find_cloud(path)
+    except CaptureError:
+        return False
+    return True
+
+
+def find_cloud_leaves(request: LeavesRequest, progress: StepProgress | None = None) -> FoundCloudLeaves:
+    """Find the leaves of a cloud; nothing is written.
+
+    Raises:
+        FoliageError: The cloud is unusable.
+    """
+    start = time.perf_counter()
+    source = read_cloud_input(
+        request.capture,
+        CloudInputSettings(metres_per_unit=None if request.unit is None else UNITS[request.unit]),
+        progress_in_step("read", progress),
+    )
+    remarks = list(source.remarks)
+    axis, up_remarks = _find_up(source, request.up)
+    seconds = {"read": time.perf_counter() - start}
+    found = reconstruct_cloud_leaves(
+        source.points_m,
+        _linear_colors(source),
+        request.settings.cloud,
+        progress,
+        min_confidence=request.settings.min_confidence,
+        threads=request.settings.threads,
+    )
+    if not len(found.leaves):
+        logger.warning("no leaf was found (%s)", request.capture)
+    turn = np.eye(4)
+    turn[:3, :3] = turn_to_y_up(axis)
+    asset_from_source = place_plant(found.leaves, turn)
+    leaves = move_leaves(found.leaves, asset_from_source)
+    return FoundCloudLeaves(
+        source=source,
+        found=found,
+        leaves=replace(leaves, phase=spread_phases(len(leaves))),
+        asset_from_source=asset_from_source,
+        remarks=(*found.remarks, *remarks, *up_remarks),
+        seconds={**seconds, **found.seconds},
+    )
+
+
+def make_cloud_leaves_asset(request: LeavesRequest, progress: StepProgress | None = None) -> MadeLeaves:
+    """Find the leaves of a cloud and publish their asset; the old asset stays until the new one is whole.
+
+    Raises:
+        FoliageError: The cloud is unusable, or the output cannot be written; nothing was changed.
+    """
+    with publish_folder(request.output, force=request.force) as folder:
+        made = find_cloud_leaves(request, progress)
+        seconds = dict(made.seconds)
+        start = time.perf_counter()
+        if progress:
+            progress("asset", 0.0)
+        settings = LeafAssetSettings(representations=choose_representations(request, len(made.leaves)))
+        check_memory(len(made.leaves), settings)
+        interface = _write_asset(folder, request, made, settings)
+        report_folder = folder / "report"
+        report_folder.mkdir(exist_ok=True)
+        write_points(report_folder / POINTS_FILE, made, request.settings.threads)
+        seconds["asset"] = time.perf_counter() - start
+
+        start = time.perf_counter()
+        previews: list[str] = []
+        remarks = list(made.remarks)
+        if request.preview and len(made.leaves) and request.report_views:
+            views = [PreviewView(output=report_folder / file, direction=direction) for direction, file in _PREVIEWS]
+            try:
+                render_views(interface, views, _PREVIEW, progress_in_step("preview", progress))
+                previews = [file for _, file in _PREVIEWS]
+            except PreviewError as error:
+                remarks.append(remark_missing_pictures(error))
+            seconds["preview"] = time.perf_counter() - start
+        if progress:
+            progress("report", 0.0)
+        report_cloud_leaves(report_folder, request, made, remarks, seconds, previews)
+    return MadeLeaves(
+        asset=request.output / interface.name,
+        report=request.output / "report" / "index.html",
+        representations=settings.representations,
+        remarks=tuple(remarks),
+        steps=made.found.steps,
+        measures=measure_rows(made.leaves),
+    )
+
+
+def report_cloud_leaves(
+    folder: Path,
+    request: LeavesRequest,
+    made: FoundCloudLeaves,
+    remarks: Sequence[Remark],
+    seconds: Mapping[str, float],
+    previews: Sequence[str],
+) -> WrittenReport:
+    """Write the report of a cloud's leaves into an existing folder; previews are Storm's pictures in it."""
+    report = CloudLeavesReport(
+        name=request.name,
+        cloud=made.source.path.name,
+        generator=f"usdfoliage {__version__}",
+        remarks=remarks,
+        render_setting=request.render_setting,
+        settings=describe_cloud_settings(request),
+        seconds=seconds if request.times else {},
+        previews=previews,
+    )
+    turned_m = made.source.points_m @ made.asset_from_source[:3, :3].T + made.asset_from_source[:3, 3]
+    return write_cloud_leaves_report(folder, report, made.found, made.leaves, turned_m)
+
+
+def plan_cloud_leaves_asset(request: LeavesRequest) -> str:
+    """What make_cloud_leaves_asset would do, in lines, after reading the cloud; writes nothing."""
+    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    source = read_cloud_input(
+        request.capture, CloudInputSettings(metres_per_unit=None if request.unit is None else UNITS[request.unit])
+    )
+    _, up_remarks = _find_up(source, request.up)
+    steps = ["read", *CLOUD_STEPS, "asset", *(["preview"] if request.preview else [])]
+    colors = "with" if source.colors is not None else "without"
+    lines = [
+        f"cloud: {source.path}, {source.total:,} points {colors} colours, {source.metres_per_unit:g} m a unit",
+        *label_remarks([*source.remarks, *up_remarks], request.render_setting),
+        f"settings: {', '.join(f'{name} {value}' for name, value in describe_cloud_settings(request).items())}",
+        f"steps: {', '.join(steps)}",
+        would,
+    ]
+    return "\n".join(lines)
+
+
+def describe_cloud_settings(request: LeavesRequest) -> dict[str, str]:
+    """Every setting that decides the result, those of the command line by the names of their options."""
+    return {
+        "up": request.up or "auto",
+        "unit": request.unit or "auto",
+        "representation": " ".join(request.representations) if request.representations else "by the number of leaves",
+        "min_confidence": f"{request.settings.min_confidence:g}",
+        "seed": str(request.seed),
+        **{f"cloud.{name}": value for name, value in list_settings(request.settings.cloud).items()},
+    }
+
+
+def write_points(path: Path, made: FoundCloudLeaves, threads: int = 0) -> int:
+    """Write the points of the cloud's file, in its order and coordinates, with the leaf of each; returns how many.
+
+    Points that were not used, as they are not finite, are of no leaf; those that were thinned are of the leaf of the
+    nearest point that was kept.
+
+    Raises:
+        WriteError: The file cannot be written.
+    """
+    source, leaf = made.source, made.found.leaf
+
+    def parts() -> Iterator[NDArray[np.float64]]:
+        return iterate_points(source.path)
+
+    finite = sum(int(np.isfinite(part).all(axis=1).sum()) for part in parts())
+    if finite == len(leaf):
+        place = 0
+
+        def leaf_of(points: NDArray[np.float64]) -> NDArray[np.int32]:
+            nonlocal place
+            used = np.isfinite(points).all(axis=1)
+            count = int(used.sum())
+            labels = np.full(len(points), -1, np.int32)
+            labels[used] = leaf[place : place + count]
+            place += count
+            return labels
+    else:
+        tree = cKDTree(source.points_m)
+        thinned_m = (
+            np.inf
+            if finite > 2 * len(leaf) or any(r.code == "cloud-file-thinned" for r in source.remarks)
+            else (_SAME_PLACE * float(np.ptp(source.points_m, axis=0).max()))
+        )
+
+        def leaf_of(points: NDArray[np.float64]) -> NDArray[np.int32]:
+            used = np.isfinite(points).all(axis=1)
+            own_m = points[used] * source.metres_per_unit - source.origin_m
+            away_m, nearest = tree.query(own_m, distance_upper_bound=thinned_m, workers=threads or -1)
+            labels = np.full(len(points), -1, np.int32)
+            labels[used] = np.where(np.isfinite(away_m), np.append(leaf, -1)[nearest], -1)
+            return labels
+
+    coordinates = (source.points_m + source.origin_m) / source.metres_per_unit
+    return write_leaf_points(path, parts, leaf_of, single=fits_single(coordinates))
+
+
+def _find_up(source: CloudInput, given: str | None) -> tuple[NDArray[np.float64], list[Remark]]:
+    """The axis that is up, as it is given, stated or found, and a remark where it was found."""
+    if given is not None:
+        return axis_vector(given), []
+    up = find_cloud_up(source.points_m, source.stated_up, source.format_up)
+    is_stated = up.sure and source.stated_up is not None
+    remedy: Remedy = () if is_stated else ("give ", Setting(name="capture.toml:up_axis"), " if that is wrong")
+    return up.axis, [remark("cloud-up", up.how, remedy=remedy)]
+
+
+def _linear_colors(source: CloudInput) -> NDArray[np.float64] | None:
+    """(N, 3), linear Rec.709, NaN where a point is black, which is none; None of a cloud without colours."""
+    if source.colors is None:
+        return None
+    colors = np.asarray(decode_srgb(source.colors.astype(np.float64) / 255), np.float64)
+    colors[~source.colors.any(axis=1)] = np.nan
+    return colors
+
+
+def _write_asset(folder: Path, request: LeavesRequest, made: FoundCloudLeaves, settings: LeafAssetSettings) -> Path:
+    """Write the asset of leaves in its own frame into folder; returns its interface layer."""
+    model = made.model
+    provenance = Provenance(
+        species=request.species,
+        capture=made.source.path.resolve().name,
+        generator=f"usdfoliage {__version__}",
+        seed=request.seed,
+        settings=describe_cloud_settings(request),
+        input_sha256=digest_files([made.source.path]),
+    )
+    color = model.plain_color or _species_color(request.species)
+    return write_leaf_asset(
+        folder,
+        request.name,
+        made.leaves,
+        provenance,
+        settings,
+        appearance=LeafAppearance(color=color),
+        asset_from_capture=model.asset_from_capture,
+    )
+
+
+def _species_color(name: str) -> tuple[float, float, float]:
+    """Of the leaves of a species; of one that is not known, that of leaves in general."""
+    try:
+        return load_species(name or GENERIC).color
+    except FoliageError:
+        return load_species(GENERIC).color

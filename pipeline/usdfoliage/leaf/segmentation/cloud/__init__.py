@@ -1,0 +1,1 @@
+"""Which points of a cloud are which leaf, by form alone: no photographs, no stations."""
