@@ -238,7 +238,7 @@ def test_the_printed_plan_is_read_back_and_has_comments(run: Run, tmp_path: Path
         (["CAPTURE", "-o", "fern", "--jobs", "2", "--scheduler", "tcp://127.0.0.1:1"], "name one of them"),
         (["CAPTURE", "-o", "fern", "--plan", "absent.toml"], "absent.toml"),
         (["CAPTURE", "-o", "fern", "--seed", "-1"], "seed must be 0 or more"),
-        (["PLAN", "-o", "fern"], "neither a folder nor a point cloud"),
+        (["PLAN", "-o", "fern"], "neither a folder nor a video nor a point cloud"),
     ],
 )
 def test_impossible_arguments_are_reported_in_one_line(

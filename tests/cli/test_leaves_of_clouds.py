@@ -145,7 +145,7 @@ def test_options_of_clouds_are_refused_for_photographs(tmp_path, capsys):
     ("name", "content", "named"),
     [
         ("scan.ply", b"", "is empty (0 bytes)"),
-        ("scan.e57", b"ASTM-E57", "is E57, which is not read"),
+        ("scan.e57", b"ASTM-E57", "is no E57 file"),
         ("scan.xyz", b"1 2 3\n" * 60, "all 60 points of"),
         ("scan.xyz", b"nan nan nan\n" * 60, "has no usable point"),
         ("scan.xyz", b"0 0 0\n1 0 0\n", "50 are needed"),

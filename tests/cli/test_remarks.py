@@ -5,7 +5,7 @@ import argparse
 import pytest
 from usdfoliage.__main__ import build_parser
 from usdfoliage.capture.folder.settings import CaptureSettings
-from usdfoliage.cli.remarks import COMMANDS, print_remarks, render_for
+from usdfoliage.cli.remarks import COMMANDS, LEAVES_OF_A_CLOUD, print_remarks, render_for
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.remarks import Argument, Remark, Setting
@@ -20,7 +20,7 @@ def options_of(command: str) -> dict[str, argparse.Action]:
 @pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_every_option_is_one_of_the_command_and_every_setting_one_of_a_build(command: str) -> None:
     own = COMMANDS[command]
-    options = options_of(command)
+    options = options_of("leaves" if command == LEAVES_OF_A_CLOUD else command)
     settings = {*list_settings(BuildSettings()), *(f"capture.toml:{name}" for name in CaptureSettings.__annotations__)}
     assert set(own.options.values()) <= set(options)
     assert set(own.options) <= settings
@@ -66,6 +66,7 @@ def test_every_option_is_one_of_the_command_and_every_setting_one_of_a_build(com
             Setting(name="capture.toml:metres_per_unit", value="0.001"),
             "metres_per_unit = 0.001 in capture.toml",
         ),
+        (LEAVES_OF_A_CLOUD, Setting(name="capture.toml:metres_per_unit", value="0.001"), "--unit mm"),
     ],
 )
 def test_a_setting_is_written_as_it_is_set(command: str, setting: Setting | Argument, text: str) -> None:

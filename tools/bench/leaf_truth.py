@@ -213,15 +213,15 @@ def nearest_distances(true: TrueLeaves, leaves: Leaves) -> Array:
     found = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf())
     thin = [surface[::5] for surface in true.surface_m]
     trees, centers = [cKDTree(surface) for surface in thin], cKDTree(true.surface_m.mean(axis=1))
-    least = np.full(len(leaves), APART)
+    nearest = np.full(len(leaves), APART)
     for number, surface in enumerate(found):
         own = cKDTree(surface)
         for other in centers.query_ball_point(surface.mean(axis=0), 0.5 * float(true.length_m.max())):
             there_m = trees[other].query(surface)[0].mean()
-            if there_m < 2 * least[number] * true.length_m[other]:
+            if there_m < 2 * nearest[number] * true.length_m[other]:
                 both_m = (there_m + own.query(thin[other])[0].mean()) / 2
-                least[number] = min(least[number], both_m / true.length_m[other])
-    return least
+                nearest[number] = min(nearest[number], both_m / true.length_m[other])
+    return nearest
 
 
 def score_leaves(

@@ -29,7 +29,7 @@ SHOOT_HEIGHT = 5.0  # about, in leaf lengths
 PETIOLE, PETIOLE_RADIUS, TWIG_RADIUS = 0.14, 0.011, (0.034, 0.012)  # in leaf lengths
 APART = 0.03  # leaves that come nearer to each other, in leaf lengths, do not both stand
 SIDES = 6  # of a tube
-SIZES = (0.35, 1.8)  # of the usual length, between which leaves of other sizes lie
+SIZES = (0.35, 1.8)  # of the typical length, between which leaves of other sizes lie
 GREEN = (0.05, 0.125, 0.025)  # linear
 MESH = LeafMeshSettings(across=8, along=16, silhouette=32)
 FOCAL = 0.95  # in picture widths

@@ -123,6 +123,7 @@ def _list_unbuilt(plant: "LibraryPlant") -> dict[str, object]:
             verdict=plant.state,
             error=plant.sentence(render_for("batch")),
             errors=0,
+            withheld=None,
             seconds={},
         ),
     }

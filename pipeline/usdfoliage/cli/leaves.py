@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.options.leaves import read_leaves_request, read_leaves_settings
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.cli.remarks import print_remarks
+    from usdfoliage.cli.remarks import LEAVES_OF_A_CLOUD, print_remarks
     from usdfoliage.jobs.leaves.cloud_run import make_cloud_leaves_asset, names_cloud, plan_cloud_leaves_asset
     from usdfoliage.jobs.leaves.run import make_leaves_asset, plan_leaves_asset
     from usdfoliage.jobs.work.settings_file import format_settings
@@ -108,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
             )
         )
         return 0
-    print_remarks(made.remarks, "leaves")
+    print_remarks(made.remarks, LEAVES_OF_A_CLOUD if is_cloud else "leaves")
     for step in made.steps:
         print(f"{step.name}: {step.count:,}")
     for row in made.measures:

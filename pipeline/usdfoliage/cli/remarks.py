@@ -16,6 +16,7 @@ class CommandOptions:
     table: str = ""  # whose settings are the keys of the file that --settings takes; "": there is no such file
 
 
+LEAVES_OF_A_CLOUD = "leaves of a cloud"  # the command leaves, where its input is a cloud alone
 _OF_A_CLOUD = {"capture.toml:metres_per_unit": "--unit", "capture.toml:up_axis": "--up", "branches.roots": "--roots"}
 
 _UNITS = {"": "m|cm|mm|ft", "1": "m", "0.01": "cm", "0.001": "mm", "0.3048": "ft"}
@@ -65,7 +66,6 @@ COMMANDS: Mapping[str, CommandOptions] = {
     ),
     "leaves": CommandOptions(
         options={
-            **{name: option for name, option in _OF_A_CLOUD.items() if name != "branches.roots"},
             "leaves.depth": "--depth",
             "leaves.method": "--method",
             "leaves.min_confidence": "--min-confidence",
@@ -74,7 +74,18 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "plant.representations": "--representation",
             "seed": "--seed",
         },
-        values={"leaves.depth": {"estimated": "sweep"}, "capture.toml:metres_per_unit": _UNITS},
+        values={"leaves.depth": {"estimated": "sweep"}},
+        table="leaves",
+    ),
+    LEAVES_OF_A_CLOUD: CommandOptions(
+        options={
+            **{name: option for name, option in _OF_A_CLOUD.items() if name != "branches.roots"},
+            "leaves.min_confidence": "--min-confidence",
+            "plant.species": "--species",
+            "plant.representations": "--representation",
+            "seed": "--seed",
+        },
+        values={"capture.toml:metres_per_unit": _UNITS},
         table="leaves",
     ),
     "bake": CommandOptions(arguments={"source": "--from"}),

@@ -9,7 +9,7 @@ from usdfoliage.asset.leaf_representations import read_representations
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.capture.folder.hold_back import check_hold_back
 from usdfoliage.cli.options.leaf_commands import name_option
-from usdfoliage.cli.remarks import render_for
+from usdfoliage.cli.remarks import LEAVES_OF_A_CLOUD, render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.leaves.cloud_run import names_cloud
 from usdfoliage.jobs.leaves.run import LeavesRequest
@@ -46,7 +46,7 @@ def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
         report_views=options.report_views,
         preview=not options.no_preview,
         force=options.force,
-        render_setting=render_for("leaves"),
+        render_setting=render_for(LEAVES_OF_A_CLOUD if names_cloud(options.capture) else "leaves"),
     )
 
 

@@ -96,6 +96,8 @@ def write_cloud_leaves_report(
         histograms=[*leaf_histograms(leaves), *certainty_histograms(found.certainty)],
         mean_leaf=draw_mean_leaf(leaves) if len(leaves) else None,
         texture=None,
+        withheld=[],
+        withheld_pictures=[],
         cloud=[*pictures, *drawn],
         left_out="",
         views=[],

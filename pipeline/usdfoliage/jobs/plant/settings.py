@@ -71,7 +71,7 @@ class BranchStageSettings:
     # on: the cloud has leaves, which tracing leaves out; off: it has none; auto decides by the cloud.
     cloud_leaves: CloudLeaves = "auto"
     # true traces stems that are lines in the photographs, where the cloud shows few round branches, as of a herb.
-    photographs: bool = True
+    photographs: bool = False
     # Branches are traced through this many points of the cloud at most. Range: 50 or more.
     max_points: int = PlantCloudRequest.max_points
 

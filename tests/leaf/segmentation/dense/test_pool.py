@@ -12,7 +12,7 @@ from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.segmentation.dense.choice import ProposalPool, choose_leaves, measure_pool
 from usdfoliage.leaf.segmentation.dense.leafness import measure_median_leaf, prior_distance
 from usdfoliage.leaf.segmentation.dense.pool import (
-    ALIKE,
+    AGREE,
     OFFSET,
     WEIGHTS,
     ProposalFacts,
@@ -61,7 +61,7 @@ def test_what_speaks_against_a_leaf_lowers_it(name):
 
 
 def test_leaves_agree_as_far_as_they_are_near():
-    aside_m = ALIKE * LENGTH_M
+    aside_m = AGREE * LENGTH_M
     leaves = flat_leaves([(0, 0, 0), (0, 0, aside_m), (1, 0, 0)], LENGTH_M)
     once = np.exp(-0.5)
     assert count_agreeing(leaves, LENGTH_M) == pytest.approx([once, once, 0])
@@ -80,7 +80,7 @@ def test_the_same_leaf_from_its_other_end_agrees():
         parameters=np.concatenate([leaves.parameters[:1], exchange_ends(leaves.parameters[1:])]),
         orientation=np.array([[0.0, 0, 0, 1], half_turn]),
     )
-    assert count_agreeing(turned, LENGTH_M) == pytest.approx(2 * [np.exp(-0.5 * (0.02 / ALIKE) ** 2)], rel=1e-6)
+    assert count_agreeing(turned, LENGTH_M) == pytest.approx(2 * [np.exp(-0.5 * (0.02 / AGREE) ** 2)], rel=1e-6)
 
 
 @settings(deadline=None, max_examples=25)

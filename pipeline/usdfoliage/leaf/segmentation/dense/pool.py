@@ -44,7 +44,7 @@ WEIGHTS: Mapping[str, float] = {
 }
 
 AROUND = 0.15  # median leaf lengths between the middles of proposals that may agree
-ALIKE = 0.08  # median leaf lengths of mean distance, at which two proposals agree to 1/sqrt(e)
+AGREE = 0.08  # median leaf lengths of mean distance, at which two proposals agree to 1/sqrt(e)
 SAME = 0.012  # the same below which one proposal is but a copy of the other
 _COLUMNS, _ROWS = 5, 7  # places of a leaf at which proposals are compared
 _LARGE = 1.5  # median areas, from which on a leaf counts as large as that
@@ -150,7 +150,7 @@ def count_agreeing(leaves: Leaves, median_m: float) -> NDArray[np.float64]:
         for across in (1, -1)
     ]
     apart = np.min(distances, axis=0) / median_m if len(pairs) else np.zeros(0)
-    agree = np.exp(-0.5 * np.square(apart / ALIKE)) * (apart > SAME)
+    agree = np.exp(-0.5 * np.square(apart / AGREE)) * (apart > SAME)
     for side in (0, 1):
         count += np.bincount(pairs[:, side], agree, minlength=len(leaves))
     return count
