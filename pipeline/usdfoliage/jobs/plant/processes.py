@@ -4,12 +4,32 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from typing import ParamSpec, TypeVar
 
 from usdfoliage.jobs.plant.executors import Workers
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+_INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class _Processes(ProcessPoolExecutor):
+    """Processes whose start an interrupt waits for.
+
+    A task that is given may start a process. An interrupt between its start and the moment when it hears what to
+    do leaves it with nothing, and it dies with a traceback of its own.
+    """
+
+    def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)
+        try:
+            return super().submit(fn, *args, **kwargs)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -20,10 +40,10 @@ def open_processes(jobs: int) -> Iterator[Workers]:
     """
     context = multiprocessing.get_context("spawn")
     end_signal, end = context.Pipe(duplex=False)
-    opened: list[ProcessPoolExecutor] = []
+    opened: list[_Processes] = []
 
     def open_executor() -> ProcessPoolExecutor:
-        opened.append(ProcessPoolExecutor(jobs, mp_context=context, initializer=_follow, initargs=(end_signal,)))
+        opened.append(_Processes(jobs, mp_context=context, initializer=_follow, initargs=(end_signal,)))
         return opened[-1]
 
     try:
@@ -49,6 +69,7 @@ def _follow(end_signal: Connection) -> None:
     A worker of concurrent.futures whose parent is killed would wait for work for ever.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)  # a process begins with what was blocked at its start
 
     def end() -> None:
         try:

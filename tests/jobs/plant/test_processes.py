@@ -1,0 +1,40 @@
+"""Processes of this machine that are interrupted while they start."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+SCRIPT = """
+import os
+import signal
+from multiprocessing import util
+
+from usdfoliage.cli.interrupts import handle_interrupts
+from usdfoliage.jobs.plant.processes import open_processes
+
+spawn = util.spawnv_passfds
+
+def spawn_and_interrupt(path, args, passed):
+    pid = spawn(path, args, passed)
+    os.kill(os.getpid(), signal.SIGTERM)
+    return pid
+
+if __name__ == "__main__":
+    handle_interrupts()
+    with open_processes(1) as workers:  # the tracker of resources starts with its pipe
+        executor = workers.open_executor()
+        util.spawnv_passfds = spawn_and_interrupt
+        try:
+            executor.submit(os.getpid)
+            print("no interrupt came")
+        except KeyboardInterrupt:
+            print("interrupted")
+"""
+
+
+def test_an_interrupt_waits_until_a_process_has_started(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    ended = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60, check=True)
+    assert ended.stdout.strip() == "interrupted"
+    assert "Traceback" not in ended.stderr
