@@ -565,6 +565,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Look at the stems. Nearer photographs show more of them.",
             ),
+            "leaves-turned-to-stems": RemarkKind(
+                severity="info",
+                meaning="Stems lead to ends of leaves that were taken for apices. These leaves are turned end for end.",
+                action="Nothing.",
+            ),
             "stems-apart-left-out": RemarkKind(
                 severity="info",
                 meaning=(

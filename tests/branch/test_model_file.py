@@ -63,12 +63,15 @@ def test_a_traced_cloud_comes_back(tmp_path, colored):
         plant_from_capture=np.diag([2.0, 2, 2, 1]),
         skeleton=fork(),
         lost=np.array([1], np.int32),
+        of_photographs=colored,
+        turned=np.array([2, 5], np.int32),
     )
     found = check_model_file(tmp_path, plant, write_traced_plant, read_traced_plant, "points_m")
     assert_same_skeleton(found.skeleton, fork())
     assert found.is_leafless
     assert not replace(found, knows_leaves=False).is_leafless
-    for name in ("points_m", "wood", "plant_from_capture", "lost"):
+    assert found.of_photographs == colored
+    for name in ("points_m", "wood", "plant_from_capture", "lost", "turned"):
         assert np.array_equal(getattr(found, name), getattr(plant, name)), name
     assert (found.colors is None) != colored
     assert not colored or np.array_equal(found.colors, plant.colors)

@@ -93,11 +93,14 @@ def test_a_capture_becomes_a_whole_plant(built: Path) -> None:
     asset = built / "assets" / "fern"
     stage = Usd.Stage.Open(str(asset / "fern.usda"))
     root = stage.GetDefaultPrim()
-    assert root.GetVariantSets().GetNames() == ["lod", "representation"]
+    assert root.GetVariantSets().GetNames() == ["lod", "representation", "branches"]
     assert set(root.GetVariantSet("lod").GetVariantNames()) == {"leaves", "both", "crown", "auto"}
     assert set(root.GetVariantSet("representation").GetVariantNames()) == {"bezier", "nurbs", "subdiv", "mesh"}
     leaves = stage.GetPrimAtPath("/fern/geo/render/Leaves")
     assert len(leaves.GetAttribute("positions").Get()) >= 10  # of 20
+    assert set(leaves.GetAttribute("primvars:leaf:origin").Get()) <= {0, 1}  # none of the species
+    stems = stage.GetPrimAtPath("/fern/geo/render/Skeleton") or stage.GetPrimAtPath("/fern/geo/guide/Skeleton")
+    assert stems.IsValid()  # one twig stands bare
     root.GetVariantSet("lod").SetVariantSelection("crown")
     assert stage.GetPrimAtPath("/fern/geo/proxy/Crown").IsValid()
 

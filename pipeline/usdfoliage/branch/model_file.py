@@ -16,7 +16,8 @@ from usdfoliage.files.npz import read_arrays, reading_model, write_model
 
 LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
 _CAGE = ("points_m", "faces", "st_m", "face_st", "curve", "order", "fork_faces", "fork_counts", "fork_curve")
-_CLOUD = ("points_m", "wood", "plant_from_capture", "lost")
+_CLOUD = ("points_m", "wood", "plant_from_capture", "lost", "turned")
+_FLAGS = ("knows_leaves", "of_photographs")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,6 +41,9 @@ class TracedPlant:
     plant_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
     skeleton: Skeleton
     lost: NDArray[np.int32]  # branches that the surface lacks
+    of_photographs: bool = False  # whether stems are lines in photographs, which the cloud does not show
+    # Leaves that were found to which stems lead by what was taken for their apex.
+    turned: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
 
     @property
     def is_leafless(self) -> bool:
@@ -93,7 +97,7 @@ def write_traced_plant(path: Path, traced: TracedPlant) -> None:
         WriteError: It cannot be written.
     """
     arrays = {name: np.asarray(getattr(traced, name)) for name in _CLOUD}
-    arrays["knows_leaves"] = np.array(traced.knows_leaves)
+    arrays |= {name: np.array(getattr(traced, name)) for name in _FLAGS}
     arrays["colors"] = np.zeros((0, 3), np.float32) if traced.colors is None else traced.colors.astype(np.float32)
     write_model(path, arrays | _pack_skeleton(traced.skeleton))
 
@@ -111,9 +115,15 @@ def read_traced_plant(path: Path) -> TracedPlant:
         wrong = [name for name, shape in expected.items() if arrays[name].shape != shape]
         if wrong or arrays["colors"].shape not in ((0, 3), (count, 3)):
             raise ValueError(f"{', '.join(wrong) or 'colors'} has the shape of no cloud")
+        knows_leaves, of_photographs = (bool(arrays[name]) for name in _FLAGS)
         return TracedPlant(
-            **{name: arrays[name] for name in _CLOUD},
-            knows_leaves=bool(arrays["knows_leaves"]),
+            points_m=arrays["points_m"],
+            wood=arrays["wood"],
+            plant_from_capture=arrays["plant_from_capture"],
+            lost=arrays["lost"],
+            turned=arrays["turned"],
+            knows_leaves=knows_leaves,
+            of_photographs=of_photographs,
             colors=arrays["colors"].astype(np.float64) if len(arrays["colors"]) else None,
             skeleton=_unpack_skeleton(arrays),
         )

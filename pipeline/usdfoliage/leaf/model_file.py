@@ -30,6 +30,7 @@ class LeavesModel:
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates to that frame
     plain_color: Color | None = None  # linear Rec.709, the median; None where no leaf has a colour
     texture_color: Color | None = None  # likewise, the mean of the average leaf's picture; None without a picture
+    certainty: NDArray[np.float64] | None = None  # (N,), 0.5 to 1, the probability that the base is the base
 
 
 def write_leaves_model(path: Path, model: LeavesModel) -> None:
@@ -49,6 +50,8 @@ def write_leaves_model(path: Path, model: LeavesModel) -> None:
         color = getattr(model, name)
         if color is not None:
             arrays[name] = np.asarray(color, np.float32)
+    if model.certainty is not None:
+        arrays["certainty"] = np.asarray(model.certainty, np.float32)
     arrays["asset_from_capture"] = np.asarray(model.asset_from_capture, np.float64)
     write_model(path, arrays)
 
@@ -70,7 +73,10 @@ def read_leaves_model(path: Path) -> LeavesModel:
         if matrix.shape != (4, 4):
             raise ValueError(f"asset_from_capture must be (4, 4), not {matrix.shape}")
         colors = {name: _read_color(arrays[name]) for name in _COLORS if name in arrays}
-    return LeavesModel(leaves=leaves, asset_from_capture=matrix, **colors)
+        certainty = arrays["certainty"].astype(np.float64) if "certainty" in arrays else None
+        if certainty is not None and certainty.shape != (len(leaves),):
+            raise ValueError(f"certainty must be ({len(leaves)},), not {certainty.shape}")
+    return LeavesModel(leaves=leaves, asset_from_capture=matrix, certainty=certainty, **colors)
 
 
 def _read_color(color: NDArray[Any]) -> Color:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from usdfoliage.branch.photographs.joining import JoinedStems, JoinSettings, join_stems
+from usdfoliage.branch.photographs.joining import JoinedStems, JoinSettings, find_turned, join_stems
 from usdfoliage.branch.photographs.stem_points import StemPoints
 
 FOOTPRINT_M = 0.0005
@@ -108,3 +108,24 @@ def test_nothing_gives_no_skeleton():
     assert join_stems(places_on(STEM, odds=-3.0), NO_LEAVES, 0.0) is None
     with pytest.raises(ValueError, match="gap"):
         JoinSettings(gap=0)
+
+
+def test_a_leaf_hangs_on_the_stem_by_the_end_that_is_at_it_unless_the_other_is_certain():
+    stem = places_on(((0.0, 0.0, 0.0), (0.0, 0.3, 0.0)))
+    near_m, far_m = np.array([[0.01, 0.2, 0.0]]), np.array([[0.08, 0.22, 0.0]])
+    for certainty, turned in ((0.5, True), (0.6, True), (0.99, False)):
+        assert find_turned(stem, far_m, near_m, np.array([certainty]), 0.0) == [turned]
+        assert not find_turned(stem, near_m, far_m, np.array([certainty]), 0.0).any()
+    joined = join_stems(stem, far_m, 0.0, apices_m=near_m)
+    assert joined is not None
+    assert joined.turned.tolist() == [True]
+    assert np.linalg.norm(joined.skeleton.points_m - near_m, axis=1).min() < 1e-6
+    assert np.linalg.norm(joined.skeleton.points_m - far_m, axis=1).min() > 0.05
+
+
+def test_scraps_of_lines_among_leaves_make_no_stems():
+    rng = np.random.default_rng(2)
+    starts_m = rng.uniform((-0.1, 0.0, -0.1), (0.1, 0.3, 0.1), (30, 3))
+    scraps = places_on(*((start, start + rng.normal(0, 0.004, 3)) for start in starts_m))
+    assert join_stems(scraps, starts_m, 0.0) is None
+    assert join_stems(places_on(STEM), starts_m, 0.0) is not None

@@ -64,7 +64,12 @@ def test_a_leafy_picture_without_stems_gives_no_stems():
     views = [draw_view(camera, leaves=leaves) for camera in ring_of_cameras(8)]
     assert reconstruct_stems(views, BOX_M, FoundLeafPlaces.none()) is None
     # Nor do the leaves that were found among them.
-    found = FoundLeafPlaces(bases_m=np.array([leaf[0] for leaf in leaves]), blades_m=np.concatenate(leaves))
+    found = FoundLeafPlaces(
+        bases_m=np.array([leaf[0] for leaf in leaves]),
+        apices_m=np.array([leaf[20] for leaf in leaves]),
+        certainty=np.full(len(leaves), 0.5),
+        blades_m=np.concatenate(leaves),
+    )
     assert reconstruct_stems(views, BOX_M, found) is None
 
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
+from scipy.special import logit
 
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.photographs.stem_points import StemPoints
@@ -32,6 +33,9 @@ logger = logging.getLogger(__name__)
 
 _NEAR = 0.05  # of the longest gap: of nearer places directions are not certain
 _TURNS = 5  # of leaving out roots that carry no stem
+_CLEAREST = 0.4  # logarithm of two costs, beyond which their difference does not count
+_UNREACHED = 1e9  # metres, the cost of what no path leads to
+_SUREST = 0.999  # certainty of a leaf's base, beyond which more does not count
 _BASE_SINE = 0.3  # square of the sine of the angle between a link and a leaf's base, whose direction is not known
 
 
@@ -53,9 +57,15 @@ class JoinSettings:
     base: float = 0.2  # What speaks for the base of a leaf, likewise. Range: 0 or more.
     missing: float = 0.3  # What speaks against a gap, for its length. Range: 0 or more.
     twig: float = 0.02  # A branch is at least this long. Range: 0 or more.
-    # Photographs must show at least this share of the length of all stems, or there are none. Range: 0 to 1.
-    min_visible: float = 0.12
+    unbroken: float = (
+        0.05  # A stem is seen where photographs show at least this length of it unbroken. Range: 0 or more.
+    )
+    # Photographs must show stems of at least this length together, or there are none. Range: 0 or more.
+    min_visible: float = 0.3
     stiffness: float = 4.0  # Of axes, against the distance that places are moved. Range: 0 or more.
+    # The logarithm of the odds that a leaf's base is the end to which the way from the soil costs less is this multiple
+    # of the logarithm of how much less. Range: 0 or more.
+    end: float = 5.0
 
     def __post_init__(self) -> None:
         if not (self.longest_gap > 0 and self.gap > 0):
@@ -71,6 +81,9 @@ class JoinSettings:
             self.base,
             self.missing,
             self.twig,
+            self.end,
+            self.unbroken,
+            self.min_visible,
         )
         if min(rest) < 0:
             raise ValueError(f"costs and lengths must not be below 0, not {self}")
@@ -91,6 +104,7 @@ class JoinedStems:
     skeleton: Skeleton
     joined: NDArray[np.bool_]  # (S,), places on stems that are on it
     leaf: NDArray[np.int64]  # (L,), vertex of the skeleton at which each leaf begins, -1 where none leads to it
+    turned: NDArray[np.bool_]  # (L,), leaves of which what was taken for the apex is the base
     apart: tuple["StemPiece", ...]  # that look like stems and are not joined to the rest, the longest first
 
 
@@ -99,6 +113,9 @@ def join_stems(
     bases_m: NDArray[np.float64],
     soil_m: float,
     settings: JoinSettings = JoinSettings(),
+    *,
+    apices_m: NDArray[np.float64] | None = None,
+    certainty: NDArray[np.float64] | None = None,
 ) -> JoinedStems | None:
     """One skeleton of a plant's stems; None where nothing speaks for any.
 
@@ -107,10 +124,17 @@ def join_stems(
         bases_m: (L, 3), where leaves begin.
         soil_m: Height of the soil.
         settings: How they are joined.
+        apices_m: (L, 3), the other ends of leaves, where it is not certain which end is the base.
+        certainty: (L,), 0.5 to 1, the probability that the base is the base; 0.5 by default.
     """
     count, leaves = len(stems), len(bases_m)
     if not count:
         return None
+    turned = np.zeros(leaves, bool)
+    if apices_m is not None and leaves:
+        sure = np.full(leaves, 0.5) if certainty is None else certainty
+        turned = find_turned(stems, bases_m, apices_m, sure, soil_m, settings)
+        bases_m = np.where(turned[:, None], apices_m, bases_m)
     places_m = np.concatenate([stems.points_m, bases_m])
     height_m = float(places_m[:, 1].max()) - soil_m
     if not height_m > 0:
@@ -120,7 +144,7 @@ def join_stems(
     apart_m = 3 * stems.footprint_m
     may_root = np.ones(len(places_m), bool)
     for _ in range(_TURNS):
-        parent = _cheapest_parents(places_m, along, odds, count, soil_m, height_m, may_root, settings)
+        parent, _ = _cheapest_paths(places_m, along, odds, count, soil_m, height_m, may_root, settings)
         step_m = step_lengths(places_m, parent)
         root = parent < 0
         step_m[root] = np.maximum(places_m[root, 1] - soil_m, 0)
@@ -137,15 +161,45 @@ def join_stems(
         may_root &= ~_of_roots(tree, low)  # what it carries is of another stem
     if not kept.any():
         return None
-    # Bases of leaves alone make no stems: what joins them would be guessed.
-    visible_m = step_m[kept & (step_m <= 2 * apart_m) & (odds > 0)].sum()
-    logger.info("%.0f %% of the length of stems is shown by photographs", 100 * visible_m / step_m[kept].sum())
-    if visible_m < settings.min_visible * step_m[kept].sum():
+    # Bases of leaves, and scraps of their edges, make no stems: what joins them would be guessed. But where stems are
+    # seen from the soil up, what leads from there to the leaves may be hidden for the most part.
+    visible = kept & (parent >= 0) & (step_m <= 2 * apart_m) & (odds > 0)
+    runs_m = _run_lengths(parent, visible, step_m)
+    visible_m = float(runs_m[runs_m >= settings.unbroken * height_m].sum())
+    logger.info("photographs show %.0f %% of the length of stems unbroken", 100 * visible_m / step_m[kept].sum())
+    if visible_m < settings.min_visible * height_m:
         return None
-    return _as_joined(places_m, parent, kept, stems, count, soil_m, height_m, settings)
+    return _as_joined(places_m, parent, kept, stems, count, turned, soil_m, height_m, settings)
 
 
-def _cheapest_parents(
+def find_turned(
+    stems: StemPoints,
+    bases_m: NDArray[np.float64],
+    apices_m: NDArray[np.float64],
+    certainty: NDArray[np.float64],
+    soil_m: float,
+    settings: JoinSettings = JoinSettings(),
+) -> NDArray[np.bool_]:
+    """(L,) leaves to which a stem leads by what was taken for their apex; arguments as join_stems takes them.
+
+    The cheapest paths from the soil to either end are compared: the base is the end at a stem. That is a sign like
+    those that leaves were turned by before, and counts together with how certain these were.
+    """
+    count, leaves = len(stems), len(bases_m)
+    places_m = np.concatenate([stems.points_m, bases_m, apices_m])
+    height_m = float(places_m[:, 1].max()) - soil_m
+    if not height_m > 0:
+        return np.zeros(leaves, bool)
+    along = np.concatenate([stems.along, np.zeros((2 * leaves, 3))])
+    odds = np.concatenate([np.clip(stems.odds, -3, 2), np.zeros(2 * leaves)])
+    may_root = np.ones(len(places_m), bool)
+    _, cost = _cheapest_paths(places_m, along, odds, count, soil_m, height_m, may_root, settings, leaves_end_paths=True)
+    base, apex = np.split(np.minimum(cost[count:], _UNREACHED), 2)
+    less = np.log(base / apex)  # above 0 where the apex is nearer
+    return np.asarray(settings.end * np.clip(less, -_CLEAREST, _CLEAREST) > logit(np.clip(certainty, 0.5, _SUREST)))
+
+
+def _cheapest_paths(
     places_m: NDArray[np.float64],
     along: NDArray[np.float64],
     odds: NDArray[np.float64],
@@ -154,11 +208,20 @@ def _cheapest_parents(
     height_m: float,
     may_root: NDArray[np.bool_],
     settings: JoinSettings,
-) -> NDArray[np.int32]:
-    """(N,) place before each one on the cheapest path from the soil; -1 where the soil is."""
+    *,
+    leaves_end_paths: bool = False,
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """(N,) place before each one on the cheapest path from the soil, -1 where the soil is; (N,) what the paths cost.
+
+    Args:
+        leaves_end_paths: No path goes on from the end of a leaf.
+    """
     whole = len(places_m)
     longest_m, gap_m = settings.longest_gap * height_m, settings.gap * height_m
     one, other = cKDTree(places_m).query_pairs(longest_m, output_type="ndarray").T
+    if leaves_end_paths:
+        between = (one < count) | (other < count)
+        one, other = one[between], other[between]
     offset_m = places_m[other] - places_m[one]
     length_m = np.maximum(np.linalg.norm(offset_m, axis=1), 1e-9)
     sines = []
@@ -172,6 +235,8 @@ def _cheapest_parents(
     # Stems rise from the soil: who comes to one by its tip, and leads down along it, has come by a leaf.
     rise = offset_m[:, 1] / length_m
     outwards, back = (cost * (1 + settings.fall * np.square(np.maximum(-sign * rise, 0))) for sign in (1, -1))
+    if leaves_end_paths:
+        outwards, back = np.where(one < count, outwards, np.inf), np.where(other < count, back, np.inf)
     above_m = places_m[:, 1] - soil_m
     low = np.flatnonzero((above_m < settings.highest_root * height_m) & (np.arange(whole) < count) & may_root)
     down_m = np.maximum(above_m[low], 1e-3 * height_m)
@@ -187,12 +252,12 @@ def _cheapest_parents(
         ),
         shape=(whole + 1, whole + 1),
     ).tocsr()
-    _, before, _ = dijkstra(
+    total, before, _ = dijkstra(
         csr_array(costs), directed=True, indices=np.array([whole]), min_only=True, return_predecessors=True
     )
     before = before[:whole]
     # What no path leads to is a root by itself, and kept where it is worth it: never, as a root is dear.
-    return np.where((before < 0) | (before == whole), -1, before).astype(np.int32)
+    return np.where((before < 0) | (before == whole), -1, before).astype(np.int32), total[:whole]
 
 
 def _best_part(tree: RootedTree, gain: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -202,6 +267,16 @@ def _best_part(tree: RootedTree, gain: NDArray[np.float64]) -> NDArray[np.bool_]
     for level in reversed(tree.levels[1:]):
         np.add.at(worth, tree.parent[level], np.maximum(worth[level], 0))
     return np.asarray(kept & _of_roots(tree, worth > 0))
+
+
+def _run_lengths(
+    parent: NDArray[np.int32], visible: NDArray[np.bool_], step_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(R,) metres of each part of the tree that hangs together by visible steps from places (N,) to their parents."""
+    child = np.flatnonzero(visible)
+    links = coo_array((np.ones(len(child)), (child, parent[child])), shape=(len(parent), len(parent)))
+    _, run = connected_components(csr_array(links), directed=False)
+    return np.asarray(np.bincount(run[child], step_m[child]), np.float64)
 
 
 def _highest(tree: RootedTree, height_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -226,6 +301,7 @@ def _as_joined(
     kept: NDArray[np.bool_],
     stems: StemPoints,
     count: int,
+    turned: NDArray[np.bool_],
     soil_m: float,
     height_m: float,
     settings: JoinSettings,
@@ -276,7 +352,7 @@ def _as_joined(
         near = away_m < 0.02 * height_m
         leaf[at[near] - count] = nearest[near]
     apart = _find_apart(stems, joined, settings.twig * height_m, skeleton)
-    return JoinedStems(skeleton=skeleton, joined=joined, leaf=leaf, apart=apart)
+    return JoinedStems(skeleton=skeleton, joined=joined, leaf=leaf, turned=turned, apart=apart)
 
 
 def _find_apart(

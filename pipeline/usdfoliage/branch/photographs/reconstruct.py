@@ -48,11 +48,14 @@ class FoundLeafPlaces:
     """Leaves that were found before, as stems are joined to them; in the world of the views."""
 
     bases_m: NDArray[np.float64]  # (L, 3)
-    blades_m: NDArray[np.float64]  # (B, 3), places on their blades, without what is near their bases
+    apices_m: NDArray[np.float64]  # (L, 3)
+    certainty: NDArray[np.float64]  # (L,), 0.5 to 1, the probability that the base is the base
+    blades_m: NDArray[np.float64]  # (B, 3), places on their blades, without what is near their ends
 
     @classmethod
     def none(cls) -> "FoundLeafPlaces":
-        return cls(bases_m=np.zeros((0, 3)), blades_m=np.zeros((0, 3)))
+        nowhere = np.zeros((0, 3))
+        return cls(bases_m=nowhere, apices_m=nowhere, certainty=np.zeros(0), blades_m=nowhere)
 
 
 def reconstruct_stems(
@@ -79,7 +82,14 @@ def reconstruct_stems(
         reach_m = settings.on_leaf * stems.footprint_m
         away_m = cKDTree(leaves.blades_m).query(stems.points_m, distance_upper_bound=reach_m)[0]
         stems = stems.with_odds(np.where(away_m < reach_m, _OF_LEAF, stems.odds))
-    joined = join_stems(stems, leaves.bases_m, float(box_m[0, 1]), settings.join)
+    joined = join_stems(
+        stems,
+        leaves.bases_m,
+        float(box_m[0, 1]),
+        settings.join,
+        apices_m=leaves.apices_m,
+        certainty=leaves.certainty,
+    )
     if progress is not None:
         progress("stems", 1.0)
     return joined

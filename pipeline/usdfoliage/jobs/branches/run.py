@@ -37,7 +37,7 @@ from usdfoliage.jobs.branches.foliage import (
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_leaves
 from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
-from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
+from usdfoliage.jobs.branches.tracing import FindStems, KnownStems, trace_cloud
 from usdfoliage.jobs.branches.warnings import check_surface
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.table import Row, WrittenReport
@@ -97,6 +97,7 @@ class FoundBranches:
     bark: BranchAssetSettings
     remarks: tuple[Remark, ...]
     rows: tuple[Row, ...]
+    stems: KnownStems | None = None  # that were taken in place of those of the cloud
 
     @property
     def lost(self) -> tuple[int, ...]:
@@ -165,6 +166,7 @@ def find_branches(
         bark=bark,
         remarks=remarks,
         rows=(*rows, *made.rows),
+        stems=found.stems,
     )
 
 

@@ -1,7 +1,7 @@
 """Tracing the branches of a cloud on disk, finely first; where that shows no stems, coarsely."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ class TracedCloud:
     plant: PlantCloud
     traced: TracedBranches
     remarks: tuple[Remark, ...]
+    stems: "KnownStems | None" = None  # that were taken in place of those of the cloud
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,6 +44,9 @@ class KnownStems:
     skeleton: Skeleton
     own_from_cloud: NDArray[np.float64]  # (4, 4) for column vectors: from the cloud's coordinates to the skeleton's
     remarks: tuple[Remark, ...] = ()
+    turned: NDArray[np.int32] = field(
+        default_factory=lambda: np.zeros(0, np.int32)
+    )  # leaves that it leads to by the apex
 
 
 FindStems = Callable[[float], KnownStems | None]
@@ -139,7 +143,7 @@ def _with_stems(found: TracedCloud, stems: KnownStems) -> TracedCloud:
         wood=wood,
         knows_leaves=True,
     )
-    return TracedCloud(plant=plant, traced=traced, remarks=(*found.remarks, *stems.remarks))
+    return TracedCloud(plant=plant, traced=traced, remarks=(*found.remarks, *stems.remarks), stems=stems)
 
 
 def _trace(

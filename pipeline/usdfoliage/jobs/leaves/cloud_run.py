@@ -84,6 +84,7 @@ class FoundCloudLeaves:
         return LeavesModel(
             leaves=self.leaves,
             asset_from_capture=self.asset_from_capture,
+            certainty=self.found.certainty,
             plain_color=None if plain is None else (float(plain[0]), float(plain[1]), float(plain[2])),
         )
 

@@ -130,6 +130,7 @@ class FoundLeaves:
         return LeavesModel(
             leaves=self.leaves,
             asset_from_capture=self.asset_from_capture,
+            certainty=self.found.certainty,
             plain_color=_three(np.median(color, axis=0)) if color is not None and len(color) else None,
             texture_color=median_color(texture) if texture is not None else None,
         )

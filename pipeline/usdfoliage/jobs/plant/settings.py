@@ -71,7 +71,7 @@ class BranchStageSettings:
     # on: the cloud has leaves, which tracing leaves out; off: it has none; auto decides by the cloud.
     cloud_leaves: CloudLeaves = "auto"
     # true traces stems that are lines in the photographs, where the cloud shows few round branches, as of a herb.
-    photographs: bool = False
+    photographs: bool = True
     # Branches are traced through this many points of the cloud at most. Range: 50 or more.
     max_points: int = PlantCloudRequest.max_points
 
@@ -115,7 +115,7 @@ class FoliageSettings:
     # captured keeps the leaves that were found; filled adds others like them wherever the cloud has more leaves;
     # drawn puts leaves drawn from the found ones on the twigs; species puts leaves of the species on the twigs. auto
     # takes captured where they cover the plant, else filled where leaves are recognised in the cloud, else drawn or
-    # species.
+    # species. Where few leaves were found and stems are of photographs, auto takes captured.
     kind: FoliageKind = "auto"
     # auto adds no leaves where the captured ones cover at least this share of the cloud's leaves. Range: 0 to 1.
     min_cover: float = 0.85

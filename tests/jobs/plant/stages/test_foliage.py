@@ -116,6 +116,37 @@ def test_else_the_cloud_or_the_twigs_carry_them(count: int, confidence: float, a
     assert chosen.remarks
 
 
+def test_few_leaves_that_cover_the_plant_or_hang_on_stems_of_photographs_are_kept() -> None:
+    few = sure_leaves(8)
+    assert kind_of(captured(few), traced(points_on(few))) == "captured"
+    elsewhere = traced(points_on(few) + 10)
+    assert kind_of(captured(few), elsewhere) == "species"
+    assert kind_of(captured(few), replace(elsewhere, of_photographs=True)) == "captured"
+    assert kind_of(None, replace(elsewhere, of_photographs=True)) == "species"
+
+
+def test_a_wall_behind_a_plant_with_stems_of_photographs_is_not_of_its_leaves() -> None:
+    leaves = sure_leaves()
+    on_m = points_on(leaves)
+    wall_m = np.column_stack([np.random.default_rng(1).uniform(0, 3, (4 * len(on_m), 2)), np.full(4 * len(on_m), -5.0)])
+    plant = traced(np.concatenate([on_m, wall_m]))
+    green = (np.arange(len(plant.points_m)) >= 200) & (np.arange(len(plant.points_m)) < 200 + len(on_m))
+    colors = np.where(green[:, None], (60.0, 160.0, 40.0), (120.0, 120.0, 120.0))
+    walled = replace(plant, colors=colors, of_photographs=True)
+    assert kind_of(captured(leaves), walled) == "captured"
+    assert kind_of(captured(leaves), replace(walled, of_photographs=False)) == "filled"
+
+
+def test_a_leaf_that_a_stem_leads_to_by_its_apex_is_turned() -> None:
+    leaves = sure_leaves()
+    plant = replace(traced(points_on(leaves)), turned=np.array([3], np.int32))
+    chosen = choose_foliage(captured(leaves), plant, BuildSettings(), FRAME)
+    assert chosen.leaves is not None
+    apex_m = leaves.asset_from_leaf()[3] @ (0, 1, 0, 1)
+    np.testing.assert_allclose(chosen.leaves.leaves.base_m[3], apex_m[:3])
+    np.testing.assert_array_equal(np.delete(chosen.leaves.leaves.base_m, 3, 0), np.delete(leaves.base_m, 3, 0))
+
+
 def test_guessed_leaves_are_no_model_for_more() -> None:
     leaves = sure_leaves()
     confidence = np.where(np.arange(40) % 2, 0.1, 0.4)

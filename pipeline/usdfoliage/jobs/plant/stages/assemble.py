@@ -20,7 +20,7 @@ from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.pictures import draw_thumbnail
 from usdfoliage.jobs.plant.settings import STAGE_SETTINGS
-from usdfoliage.jobs.plant.stages.foliage import choose_foliage, leaf_cover
+from usdfoliage.jobs.plant.stages.foliage import ChosenFoliage, choose_foliage, leaf_cover, near_leaves
 from usdfoliage.jobs.plant.stages.isolate import plant_capture
 from usdfoliage.jobs.plant.stages.models import (
     CapturedLeaves,
@@ -67,7 +67,9 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     if traced is None and chosen.leaves is not None and call.has(CLOUD):
         cover = _cover(call, chosen.leaves.leaves, plant_from_capture)
     few = cover is not None and cover < _FEW
-    reached = 1.0 if traced is None else _reached(traced, chosen.leaves.leaves if chosen.leaves is not None else None)
+    reached = 1.0 if traced is None else _reached(traced, chosen)
+    # Stems of photographs are seen where the cloud shows none, so that it is no measure for them.
+    little = reached < (_FEW if traced is not None and traced.of_photographs else _REACHED)
     if branches is None and chosen.leaves is None and crown is None:
         why, remedy = _why_none(call)
         text = f"neither branches nor leaves nor a crown could be made of {call.request.capture}. {why}"
@@ -89,7 +91,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             "are too small in the photographs, or these show something else"
         )
         remarks.append(remark("leaves-cover-little", text))
-    if reached < _REACHED:
+    if little:
         instead = "; the lod crown is shown" if crown is not None else ""
         text = (
             f"branches and leaves reach {reached:.0%} of the cloud{instead}; its points are too far apart for "
@@ -128,7 +130,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             settings=PlantAssetSettings(
                 crown_mesh_size=call.settings.crown.mesh_size,
                 version=call.settings.plant.version,
-                lod="crown" if few or reached < _REACHED else None,
+                lod="crown" if few or little else None,
             ),
             thumbnail=draw,
         )
@@ -174,18 +176,22 @@ def _cover(call: StageCall, leaves: Leaves, plant_from_capture: NDArray[np.float
     return leaf_cover(cloud.points_m[some] @ plant_from_capture[:3, :3].T + plant_from_capture[:3, 3], leaves)
 
 
-def _reached(traced: TracedPlant, leaves: Leaves | None) -> float:
+def _reached(traced: TracedPlant, chosen: ChosenFoliage) -> float:
     """Which share of the plant's points lies near its branches and leaves."""
     some = np.linspace(0, len(traced.points_m) - 1, min(len(traced.points_m), _MAX_POINTS)).astype(np.int64)
     points_m = traced.points_m[some]
     if not len(points_m):
         return 1.0
+    leaves = None if chosen.leaves is None else chosen.leaves.leaves
     ends_m = traced.skeleton.points_m
     joined = np.flatnonzero(np.diff(traced.skeleton.curve) == 0)  # to the next point
     between_m = [ends_m[joined] + share * (ends_m[joined + 1] - ends_m[joined]) for share in _BETWEEN]
     drawn_m = np.concatenate([ends_m, *between_m, *([leaves.base_m] if leaves is not None else [])])
     away_m = np.asarray(cKDTree(drawn_m).query(points_m)[0])
-    return float((away_m <= _NEAR * float(np.ptp(points_m[:, 1]))).mean())
+    reached = away_m <= _NEAR * float(np.ptp(points_m[:, 1]))
+    if leaves is not None and chosen.kind in ("captured", "filled"):  # few and large, they reach far from their bases
+        reached |= near_leaves(points_m, leaves)
+    return float(reached.mean())
 
 
 def plant_frame(

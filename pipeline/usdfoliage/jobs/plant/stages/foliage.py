@@ -22,11 +22,13 @@ from usdfoliage.jobs.branches.foliage import (
 )
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.stages.leaves_on_stems import lie_along_stems
-from usdfoliage.jobs.plant.stages.models import CapturedLeaves
+from usdfoliage.jobs.plant.stages.models import CapturedLeaves, leafy_points
 from usdfoliage.jobs.plant.stages.parts import known_species
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.fill import FillSettings, fill_places
+from usdfoliage.leaf.fit.flip import flip_leaves
+from usdfoliage.leaf.fit.silhouette_order import order_silhouettes
 from usdfoliage.leaf.model import LeafOrigin, Leaves
 from usdfoliage.leaf.shape.edits import slim_leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
@@ -67,6 +69,9 @@ def choose_foliage(
     if captured is not None:
         moved = plant_from_capture @ np.linalg.inv(captured.own_from_capture)
         placed = move_leaves(captured.fitted.leaves, moved)
+    if placed is not None and traced is not None and len(traced.turned):
+        by_apex = np.isin(np.arange(len(placed)), traced.turned)
+        placed = order_silhouettes(flip_leaves(placed, by_apex))
     if placed is not None and traced is not None:
         on_stems = lie_along_stems(placed, traced.skeleton)
         if on_stems.any():
@@ -125,14 +130,14 @@ def _fill(
     remarks: list[Remark],
 ) -> ChosenFoliage:
     """The leaves that were found, and wherever the cloud has leaves besides, others like the surest of them."""
-    if captured is None or placed is None or traced is None or not (~traced.wood).any():
+    if captured is None or placed is None or traced is None or not leafy_points(traced).any():
         raise FoliageError(
             "foliage.kind is filled: that needs leaves that were found, and a cloud that shows which points are leaves"
         )
     rng = np.random.default_rng(settings.seed)
     sure = _surest(placed)
     length_m = settings.foliage.leaf_length_m or float(np.median(sure.length_m))
-    leafy_m = traced.points_m[~traced.wood]
+    leafy_m = traced.points_m[leafy_points(traced)]
     bare_m = leafy_m[~near_leaves(leafy_m, placed)]
     max_added = max(settings.foliage.max_leaves - len(placed), 1)
     settings_of_fill = FillSettings(max_leaves=max_added)
@@ -219,20 +224,26 @@ def _choose(placed: Leaves | None, traced: TracedPlant | None, settings: BuildSe
         if placed is None:
             return "none", "the plant has neither branches nor leaves that could be found"
         return "captured", "leaves are where they were found: there are no branches to put others on"
-    leafy_m = traced.points_m[~traced.wood]
+    leafy_m = traced.points_m[leafy_points(traced)]
     share = len(leafy_m) / max(len(traced.points_m), 1)
     has_leaves = not traced.is_leafless
     if not has_leaves:
         return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
     found = 0 if placed is None else len(placed)
-    if placed is not None and found >= settings.foliage.min_drawn:
-        if not (len(leafy_m) and traced.knows_leaves):
+    if placed is not None and found:
+        few = found < settings.foliage.min_drawn
+        if len(leafy_m) and traced.knows_leaves:
+            cover = leaf_cover(leafy_m, placed)
+            text = f"{found} leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
+            if cover >= settings.foliage.min_cover:
+                return "captured", f"{text}: they are where they were found"
+            if not few:
+                return "filled", f"{text}: others like them are where the cloud has leaves besides"
+        if traced.of_photographs:
+            # A herb has few leaves and few twigs: others on these would look like leaves that someone saw.
+            return "captured", f"{found} leaves were found, and the stems lead to them: they are where they were found"
+        if not few:
             return "drawn", f"the cloud does not show where leaves are: they are on the twigs, drawn from {found}"
-        cover = leaf_cover(leafy_m, placed)
-        text = f"{found} leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
-        if cover >= settings.foliage.min_cover:
-            return "captured", f"{text}: they are where they were found"
-        return "filled", f"{text}: others like them are where the cloud has leaves besides"
     what = f"{found} leaves were found, too few to draw from" if found else "no leaf was found"
     return "species", f"{what}: the leaves are on the twigs, of {settings.plant.species or 'no species in particular'}"
 

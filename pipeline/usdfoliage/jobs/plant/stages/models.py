@@ -10,6 +10,7 @@ from usdfoliage.asset.parts.branch_part import BranchAssetSettings, PlantBranche
 from usdfoliage.asset.parts.branches import SkeletonPrim
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, read_branches_model, read_traced_plant
+from usdfoliage.crown.leaf_colors import find_green_points
 from usdfoliage.crown.model_file import MadeCrown, read_crown_model
 from usdfoliage.jobs.branches.foliage import FittedLeaves
 from usdfoliage.leaf.model_file import LeavesModel, read_leaves_model
@@ -29,6 +30,7 @@ class CapturedLeaves:
 
     fitted: FittedLeaves
     own_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
+    certainty: NDArray[np.float64] | None = None  # (N,), 0.5 to 1, the probability that the base is the base
 
 
 def read_captured_leaves(folder: Path) -> CapturedLeaves | None:
@@ -43,7 +45,7 @@ def read_captured_leaves(folder: Path) -> CapturedLeaves | None:
     if not len(model.leaves):
         return None
     fitted = FittedLeaves(leaves=model.leaves, edits=NEUTRAL, appearance=appearance_of(model, folder))
-    return CapturedLeaves(fitted=fitted, own_from_capture=model.asset_from_capture)
+    return CapturedLeaves(fitted=fitted, own_from_capture=model.asset_from_capture, certainty=model.certainty)
 
 
 def appearance_of(model: LeavesModel, folder: Path) -> LeafAppearance:
@@ -72,6 +74,20 @@ def read_traced(folder: Path) -> TracedPlant | None:
     """
     path = folder / PLANT_POINTS
     return read_traced_plant(path) if path.is_file() else None
+
+
+def leafy_points(traced: TracedPlant) -> NDArray[np.bool_]:
+    """(N,), which points of the cloud are of leaves, as far as that is known.
+
+    Where stems are of photographs, the cloud was not divided: what is not on a stem may be of a wall as well, and
+    points that are not green are left out, where green ones can be distinguished.
+    """
+    leafy = ~traced.wood
+    if traced.of_photographs and traced.colors is not None:
+        green = find_green_points(traced.points_m, traced.colors)
+        if green is not None:
+            leafy &= green
+    return leafy
 
 
 def read_plant_branches(folder: Path) -> PlantBranches | None:

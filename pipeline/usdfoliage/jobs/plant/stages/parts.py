@@ -37,6 +37,7 @@ from usdfoliage.jobs.plant.stages.models import (
     LEAVES_MODEL,
     PLANT_POINTS,
     REPORT_FOLDER,
+    leafy_points,
     read_leaf_frame,
     read_traced,
 )
@@ -121,6 +122,8 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             plant_from_capture=found.plant.asset_from_cloud,
             skeleton=found.drawn.skeleton,
             lost=np.array(found.lost, np.int32),
+            of_photographs=found.stems is not None,
+            turned=np.zeros(0, np.int32) if found.stems is None else found.stems.turned,
         ),
     )
     remarks = list(found.remarks)
@@ -267,7 +270,7 @@ def make_crown(call: StageCall) -> tuple[ResultFile, ...]:
     if traced is not None:
         plant = PlantPoints(
             points_m=traced.points_m,
-            foliage=~traced.wood if traced.knows_leaves and not traced.wood.all() else None,
+            foliage=leafy_points(traced) if traced.knows_leaves and not traced.wood.all() else None,
             colors=traced.colors,
             asset_from_capture=traced.plant_from_capture,
         )

@@ -27,7 +27,7 @@ _BESIDE = 0.03  # of the plant's larger side, that its box is wider
 _ACROSS, _ALONG = 9, 17  # places at which a blade is known
 _THICKER = 1.5  # times the widest line, that single stems of a herb are thicker
 _DESCRIBED = 8  # pieces that are described one by one
-_OF_BASE = 0.15  # of a leaf's length, up to which a line on it may be its petiole
+_OF_BASE = 0.15  # of a leaf's length from either end, up to which a line on it may be its petiole
 
 
 def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownStems | None:
@@ -58,7 +58,7 @@ def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownSt
     leaves = FoundLeafPlaces.none()
     if captured is not None:
         moved = capture.asset_from_capture @ np.linalg.inv(captured.own_from_capture)
-        leaves = leaf_places(move_leaves(captured.fitted.leaves, moved))
+        leaves = leaf_places(move_leaves(captured.fitted.leaves, moved), captured.certainty)
     joined = reconstruct_stems(views, box_m, leaves, settings, call.progress, threads=call.threads)
     if joined is None:
         return None
@@ -66,6 +66,7 @@ def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownSt
         skeleton=joined.skeleton,
         own_from_cloud=capture.asset_from_capture,
         remarks=describe_stems(joined, len(leaves.bases_m)),
+        turned=np.flatnonzero(joined.turned).astype(np.int32),
     )
 
 
@@ -76,6 +77,9 @@ def describe_stems(joined: JoinedStems, leaves: int) -> tuple[Remark, ...]:
     led_to = f", which lead to {int((joined.leaf >= 0).sum())} of {leaves} leaves that were found" if leaves else ""
     text = f"stems are lines in the photographs: {len(skeleton)} branches, from the soil at {roots} places{led_to}"
     remarks = [remark("stems-of-photographs", text)]
+    if joined.turned.any():
+        text = f"{int(joined.turned.sum())} of {leaves} leaves are turned end for end: a stem leads to their other end"
+        remarks.append(remark("leaves-turned-to-stems", text))
     if joined.apart:
         described = "; ".join(
             f"{1000 * part.length_m:.0f} mm long at ({', '.join(f'{c:.3f}' for c in part.middle_m)})"
@@ -117,8 +121,13 @@ def plant_box(points_m: NDArray[np.float64], stand_m: float | None) -> NDArray[n
     return box_m if (box_m[1] > box_m[0]).all() else None
 
 
-def leaf_places(leaves: Leaves) -> FoundLeafPlaces:
-    """Where leaves begin, and where their blades are."""
-    places = grid_places(np.linspace(-1, 1, _ACROSS), np.linspace(_OF_BASE, 1, _ALONG))
+def leaf_places(leaves: Leaves, certainty: NDArray[np.float64] | None) -> FoundLeafPlaces:
+    """Where leaves begin and end, and where their blades are; certainty (L,) that the base is the base, if known."""
+    places = grid_places(np.linspace(-1, 1, _ACROSS), np.linspace(_OF_BASE, 1 - _OF_BASE, _ALONG))
     blades_m = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
-    return FoundLeafPlaces(bases_m=leaves.base_m, blades_m=blades_m)
+    return FoundLeafPlaces(
+        bases_m=leaves.base_m,
+        apices_m=leaves.asset_from_leaf()[:, :3] @ (0.0, 1.0, 0.0, 1.0),
+        certainty=np.full(len(leaves), 0.5) if certainty is None else certainty,
+        blades_m=blades_m,
+    )
