@@ -55,6 +55,26 @@ def test_where_all_has_one_colour_every_factor_is_1():
     assert (judge([painted([GREEN] * 14, ground=GREEN)]) == 1).all()
 
 
+def test_a_colour_that_is_rare_everywhere_is_not_that_of_a_leaf():
+    leaves = flat_leaves([(-0.11 + 0.02 * (k % 12), -0.08 + 0.04 * (k // 12), 1.0) for k in range(48)], 0.03, 0.3)
+    cam = camera(width=260, height=180, x=0.0)
+    rays = cam.rays()
+    srgb = np.empty((*rays.shape[:2], 3), float)
+    srgb[:] = (20, 20, 20)  # a dark room
+    red, soil = {3, 17, 29, 40}, {8}
+    for leaf, base in enumerate(leaves.base_m):
+        inside = (np.square((rays[..., :2] - base[:2] - (0, 0.015)) / (0.006, 0.017)).sum(axis=-1)) < 1
+        srgb[inside] = (190, 50, 50) if leaf in red else GREEN
+        if leaf in soil:  # a bit of this, a bit of that, each of which is rare
+            srgb[inside] = np.random.default_rng(1).uniform((70, 20, 0), (200, 110, 150), (int(inside.sum()), 3))
+    view = View(name="room.png", camera=cam, srgb=srgb.astype(np.uint8), depth_m=np.ones(rays.shape[:2], np.float32))
+    # The bit of soil is no worse by its shape, but one of 48, while four leaves are red.
+    quality = np.where(np.arange(48) == 8, 0.6, np.where(np.isin(np.arange(48), [3, 17]), 0.9, 0.7))
+    factor = judge([view], leaves, quality)
+    assert factor[8] < 0.05
+    assert (np.delete(factor, 8) > 0.95).all()
+
+
 def test_light_and_shadow_do_not_matter():
     dark = tuple(round(0.6 * channel) for channel in GREEN)
     colors = [dark if leaf % 3 == 0 else GREEN for leaf in range(14)]

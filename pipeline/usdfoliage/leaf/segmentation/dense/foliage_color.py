@@ -12,6 +12,10 @@ from usdfoliage.leaf.segmentation.dense.evidence import Evidence
 
 BINS, STEP = 32, 3  # of a* and b*, and their width in 8-bit units
 FLOOR = 1e-4  # probability of a bin that nobody has
+SUREST, FEWEST = 0.9, 20  # quantile of trust from which leaves show which colours leaves have, and their least number
+SHOWN = 0.1  # of a leaf's pixels that have a colour, up to a step off, from which on the leaf has it
+COMMON = 0.03  # share of the surest leaves that have a colour, from which on leaves have it
+STRANGE = (0.2, 0.6)  # share of a leaf's pixels of such colours, at which it has no trust, and from which on all
 NEUTRAL, SPAN = -0.6, 0.5  # log ratio at which a leaf has no trust, and up to where trust rises to 1
 
 
@@ -36,6 +40,9 @@ def judge_colors(
     threads: int = 0,
 ) -> NDArray[np.float64]:
     """(N,), 0 to 1: whether each leaf has the colours of the best ones. Where all has one colour all are 1.
+
+    That a colour is rare in the photographs does not make it a leaf's: bits of soil between leaves are rare too. So
+    leaves of colours that hardly one of the surest leaves has are not trusted either.
 
     Args:
         indices: What index_colors gives.
@@ -72,7 +79,25 @@ def judge_colors(
         mean = np.bincount(leaves, np.clip(ratio, -3, 3)[colors], minlength=count) / total
         factor = np.clip((mean - NEUTRAL) / SPAN, 0.02, 1.0)
         trust, share = quality * factor, 0.6
-    return np.asarray(factor)
+    known = np.bincount(leaves, _common_colors(leaves, colors, trust)[colors], minlength=count) / total
+    known[np.bincount(leaves, minlength=count) == 0] = 1.0
+    none, whole_share = STRANGE
+    return np.asarray(factor * np.clip((known - none) / (whole_share - none), 0.02, 1.0))
+
+
+def _common_colors(
+    leaves: NDArray[np.intp], colors: NDArray[np.int32], trust: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(BINS * BINS,), 0 to 1, which colours the surest leaves have, by the leaf and the colour of each pixel (P,)."""
+    surest = np.argsort(-trust, kind="stable")[: max(FEWEST, round((1 - SUREST) * len(trust)))]
+    number = np.full(len(trust), -1)
+    number[surest] = np.arange(len(surest))
+    counted = number[leaves] >= 0
+    bins = number[leaves[counted]] * BINS * BINS + colors[counted]
+    pixels = np.bincount(bins, minlength=len(surest) * BINS * BINS).reshape(-1, BINS, BINS).astype(np.float32)
+    pixels /= np.maximum(pixels.sum(axis=(1, 2), keepdims=True), 1)
+    has = np.stack([cv2.boxFilter(one, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT) for one in pixels])
+    return np.asarray(np.clip((has > SHOWN).mean(axis=0).ravel() / COMMON, 0, 1))
 
 
 def _smooth(histogram: NDArray[np.number]) -> NDArray[np.float64]:
