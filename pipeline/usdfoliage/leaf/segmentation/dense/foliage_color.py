@@ -13,7 +13,7 @@ from usdfoliage.leaf.segmentation.dense.evidence import Evidence
 BINS, STEP = 32, 3  # of a* and b*, and their width in 8-bit units
 FLOOR = 1e-4  # probability of a bin that nobody has
 SUREST, FEWEST = 0.9, 20  # quantile of trust from which leaves show which colours leaves have, and their least number
-SHOWN = 0.1  # of a leaf's pixels that have a colour, up to a step off, from which on the leaf has it
+HAS = 0.1  # of a leaf's pixels that have a colour, up to a step off, from which on the leaf has it
 COMMON = 0.03  # share of the surest leaves that have a colour, from which on leaves have it
 STRANGE = (0.2, 0.6)  # share of a leaf's pixels of such colours, at which it has no trust, and from which on all
 NEUTRAL, SPAN = -0.6, 0.5  # log ratio at which a leaf has no trust, and up to where trust rises to 1
@@ -97,7 +97,7 @@ def _common_colors(
     pixels = np.bincount(bins, minlength=len(surest) * BINS * BINS).reshape(-1, BINS, BINS).astype(np.float32)
     pixels /= np.maximum(pixels.sum(axis=(1, 2), keepdims=True), 1)
     has = np.stack([cv2.boxFilter(one, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT) for one in pixels])
-    return np.asarray(np.clip((has > SHOWN).mean(axis=0).ravel() / COMMON, 0, 1))
+    return np.asarray(np.clip((has > HAS).mean(axis=0).ravel() / COMMON, 0, 1))
 
 
 def _smooth(histogram: NDArray[np.number]) -> NDArray[np.float64]:
