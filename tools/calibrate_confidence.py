@@ -1,15 +1,13 @@
 #!/usr/bin/env python3
 """How far the confidence of leaves can be trusted, and the weights that make it so.
 
-usage: tools/calibrate_confidence.py [CAPTURE ...] [--depths estimated depth depth_noisy] [--fit-pool] [--fit]
+usage: tools/calibrate_confidence.py [CAPTURE ...] [--depths estimated depth depth_noisy] [--fit]
 
 Of every capture with truth/leaves.npz, leaves are found by the method dense with each kind of depth that it has;
 `estimated` is depth of the photographs alone, without isolation. Printed are the expected calibration error (how far
 the share of right leaves is off the confidence, in ten bins), and the probability that a right leaf has more confidence
-than a wrong one. With --fit the weights of leaf/confidence.py are learned of all these leaves, and printed with what
-they reach. With --fit-pool those of leaf/segmentation/dense/pool.py are learned of all proposals and printed, and
-nothing else is done; put them there before you learn the others. Without captures some are made: other seeds, species
-and light than those of the tests.
+than a wrong one. With --fit the weights of leaf/segmentation/dense/pool.py are learned of all proposals and printed,
+with what they reach on these. Without captures some are made: other seeds, species and light than those of the tests.
 """
 
 import argparse
@@ -26,8 +24,7 @@ from usdfoliage.capture.folder.read import read_capture, read_views, without_dep
 from usdfoliage.capture.mvs.rounds import estimate_depths
 from usdfoliage.capture.mvs.upsampling import enlarge_depth
 from usdfoliage.capture.view import View
-from usdfoliage.leaf.confidence import WEIGHTS, ConfidenceFacts, rate_leaves
-from usdfoliage.leaf.reconstruct import ReconstructionSettings, reconstruct_leaves
+from usdfoliage.leaf.reconstruct import reconstruct_leaves
 from usdfoliage.leaf.segmentation.dense.choice import measure_pool
 from usdfoliage.leaf.segmentation.dense.pool import ProposalFacts, rate_proposals
 from usdfoliage.leaf.segmentation.dense.segment import propose_in_passes
@@ -91,18 +88,17 @@ def views_with(capture: Path, depth: str) -> list[View]:
     ]
 
 
-def rated_leaves(captures: list[Path], depths: list[str]) -> Iterator[tuple[str, ConfidenceFacts, NDArray[np.bool_]]]:
-    """What the leaves of each capture are rated by, and which of them are right."""
+def rated_leaves(captures: list[Path], depths: list[str]) -> Iterator[tuple[str, Array, NDArray[np.bool_]]]:
+    """The confidence of the leaves that are found in each capture, and which of them are right."""
     for capture in captures:
         truth = read_true_leaves(capture)
         for depth in depths:
             views = views_with(capture, depth)
-            settings = ReconstructionSettings(min_confidence=0.0, min_probability=0.0)
-            made = reconstruct_leaves(views, settings) if views else None
-            if made is not None and made.facts is not None:
-                right = np.zeros(len(made.leaves), bool)
-                right[match_leaves(truth, made.leaves).found] = True
-                yield f"{capture.name} {depth}", made.facts, right
+            leaves = reconstruct_leaves(views).leaves if views else None
+            if leaves is not None and leaves.confidence is not None and len(leaves):
+                right = np.zeros(len(leaves), bool)
+                right[match_leaves(truth, leaves).found] = True
+                yield f"{capture.name} {depth}", leaves.confidence, right
 
 
 def rated_proposals(captures: list[Path], depths: list[str]) -> Iterator[tuple[str, ProposalFacts, NDArray[np.bool_]]]:
@@ -121,7 +117,7 @@ def rated_proposals(captures: list[Path], depths: list[str]) -> Iterator[tuple[s
 
 
 def learn_weights(
-    facts: Sequence[ConfidenceFacts] | Sequence[ProposalFacts],
+    facts: Sequence[ProposalFacts],
     right: NDArray[np.bool_],
     names: Sequence[str],
     share: Array | None = None,
@@ -174,28 +170,19 @@ def main() -> int:
     parser.add_argument("captures", metavar="CAPTURE", type=Path, nargs="*")
     parser.add_argument("--depths", nargs="+", choices=DEPTHS, default=list(DEPTHS))
     parser.add_argument("--fit", action="store_true")
-    parser.add_argument("--fit-pool", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         captures = options.captures or make_captures(Path(folder))
-        if options.fit_pool:
+        if options.fit:
             fit_pool(captures, options.depths)
             return 0
         found = list(rated_leaves(captures, options.depths))
     if not found:
         parser.error("no leaf was found in any capture")
-    weights: list[tuple[float, dict[str, float]] | None] = [None]
-    if options.fit:
-        right = np.concatenate([yes for *_, yes in found])
-        offset, learned = learn_weights([facts for _, facts, _ in found], right, tuple(WEIGHTS))
-        print(f"offset {offset:.2f}, " + ", ".join(f"{name} {weight:.2f}" for name, weight in learned.items()))
-        weights.append((offset, learned))
-    for chosen in weights:
-        print("as it is" if chosen is None else "as learned", "| leaves | right | confidence | error | ranking")
-        for name, facts, yes in found:
-            confidence = rate_leaves(facts) if chosen is None else rate_leaves(facts, *chosen)
-            error, rank = calibration_error(confidence, yes), ranking(confidence, yes)
-            print(f"{name} | {len(yes)} | {yes.mean():.3f} | {confidence.mean():.3f} | {error:.3f} | {rank:.3f}")
+    print("capture | leaves | right | confidence | error | ranking")
+    for name, confidence, yes in found:
+        error, rank = calibration_error(confidence, yes), ranking(confidence, yes)
+        print(f"{name} | {len(yes)} | {yes.mean():.3f} | {confidence.mean():.3f} | {error:.3f} | {rank:.3f}")
     return 0
 
 

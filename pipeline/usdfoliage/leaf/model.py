@@ -36,7 +36,7 @@ class Leaves:
         length_m: (N,), metres, above 0.
         phase: (N,), where on the jitter's wave each leaf begins, in cycles (leaf.shape.jitter.spread_phases).
         color: (N, 3), linear Rec.709. None where all leaves share one colour.
-        confidence: (N,), 0 to 1, the probability that it is right (leaf.confidence). None where it is unknown.
+        confidence: (N,), 0 to 1, the probability that it is right. None where it is unknown.
         residual_m: (N,), metres, root mean square distance of the captured points from it. None where it is unknown.
         view: (N,), number of the photograph, -1 for none. None where it is unknown.
         origin: (N,), where each leaf comes from, by the numbers of LeafOrigin. None where it is unknown.

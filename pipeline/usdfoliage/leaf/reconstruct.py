@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
-from usdfoliage.leaf.confidence import ConfidenceFacts, find_facts, rate_leaves
 from usdfoliage.leaf.fit.alternating import AlternatingFitSettings, fit_leaves_alternating
 from usdfoliage.leaf.fit.flip import flip_leaves
 from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.silhouette_order import order_silhouettes
-from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface, rate_form
+from usdfoliage.leaf.fit.surface import MIN_SINGLE, SurfaceFitSettings, fit_leaves_to_surface
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
 from usdfoliage.leaf.photographs.base_and_apex import DirectionSettings, distinguish_base_from_apex
@@ -32,7 +31,9 @@ STEPS = ("segmentation", "fit", "direction", "colours", "texture")
 
 LOW_CONFIDENCE = 0.3  # as the median of all leaves: most of them are guessed
 ROUND = 0.75  # width by length from which the longest extent of a leaf is no sure sign of its axis
-LOBED = 0.7  # share of its edge on the silhouette, below which most leaves of a set are not of one lobe
+# Shares of its edge on the silhouette: below the second most leaves of a set are not of one lobe, at the first surely.
+# Depth of photographs is coarse where leaves end: the medians of leaves of one lobe are then 0.55 to 0.75.
+LOBED = (0.3, 0.5)
 SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one silhouette describe
 
 
@@ -43,8 +44,6 @@ class ReconstructionSettings:
     # dense finds leaves with the project's method; paper runs the published one for comparison.
     method: Literal["dense", "paper"] = "dense"
     min_confidence: float = 0.0  # Leaves of lower confidence are dropped. Range: 0 to 1.
-    # Leaves of the method dense that are right with a lower probability are dropped. Range: 0 to 1.
-    min_probability: float = 0.25
     threads: int = 0  # At most this many threads work; 0 is one per core. The result is the same. Range: 0 or more.
     dense: DenseSegmentationSettings = field(default_factory=DenseSegmentationSettings)
     dense_fit: SurfaceFitSettings = field(default_factory=SurfaceFitSettings)
@@ -59,8 +58,6 @@ class ReconstructionSettings:
             raise ValueError(f"method must be one of {', '.join(METHODS)}, not {self.method}")
         if not 0 <= self.min_confidence <= 1:
             raise ValueError(f"min_confidence must be from 0 to 1, not {self.min_confidence}")
-        if not 0 <= self.min_probability <= 1:
-            raise ValueError(f"min_probability must be from 0 to 1, not {self.min_probability}")
         if self.threads < 0:
             raise ValueError(f"threads must be 0, for all cores, or more, not {self.threads}")
 
@@ -71,7 +68,6 @@ class Reconstruction:
 
     leaves: Leaves  # N, in the world of the views, with color, confidence, residual_m and view
     source: NDArray[np.int64]  # (N,), the number of each in segmentation.leaves
-    facts: ConfidenceFacts | None  # that confidence was computed of; None where it is that of the method paper
     certainty: NDArray[np.float64]  # (N,), that its base is not its apex: 0.5 nothing is known to 1
     segmentation: Segmentation
     texture: AverageTexture | None  # None without leaves
@@ -123,15 +119,13 @@ def reconstruct_leaves(
     with step("direction"):
         direction = distinguish_base_from_apex(fitted.leaves, views, settings.direction, threads=settings.threads)
         leaves = order_silhouettes(flip_leaves(fitted.leaves, direction.flip))
-        facts = None
         if settings.method == "dense" and len(leaves):
-            score = segmentation.leaves.confidence[fitted.source] * rate_form(
-                leaves.parameters, fitted.outlined, settings.dense_fit
+            # Of the proposal that was chosen: measures of the fit alone distinguish right leaves from wrong ones less.
+            probability = segmentation.leaves.confidence[fitted.source]
+            leaves = replace(
+                leaves, confidence=probability * rate_forms(leaves.parameters, fitted.outlined, settings.dense_fit)
             )
-            facts = find_facts(leaves, score, views, settings.dense.outlines, threads=settings.threads)
-            leaves = replace(leaves, confidence=rate_leaves(facts))
-    calibrated = settings.method == "dense"
-    sound, dropped = choose_sound(leaves, max(settings.min_confidence, settings.min_probability if calibrated else 0.0))
+    sound, dropped = choose_sound(leaves, settings.min_confidence)
     leaves = leaves.take(sound)
     with step("colours"):
         leaves = replace(leaves, color=sample_leaf_colors(leaves, views, settings.colors).color)
@@ -142,7 +136,6 @@ def reconstruct_leaves(
     return Reconstruction(
         leaves=leaves,
         source=fitted.source[sound],
-        facts=None if facts is None else facts.take(sound),
         certainty=direction.certainty[sound],
         segmentation=segmentation,
         texture=texture,
@@ -152,6 +145,23 @@ def reconstruct_leaves(
         ),
         seconds=seconds,
     )
+
+
+def rate_forms(
+    parameters: NDArray[np.float64], outlined: NDArray[np.float64] | None, settings: SurfaceFitSettings
+) -> NDArray[np.float64]:
+    """(N,), 0 to 1: whether leaves (N, 7, 3) of one set are of one lobe, and no blades of grass.
+
+    Args:
+        outlined: (N,), the share of each leaf's edge that lies on its silhouette; None where that is not known.
+        settings: From which width on a leaf is no blade.
+    """
+    if not len(parameters):
+        return np.zeros(0)
+    wide = np.square(np.minimum(1.0, leaf_width(parameters) / settings.narrow))
+    low, high = LOBED
+    single = 1.0 if outlined is None else np.clip((np.median(outlined) - low) / (high - low), MIN_SINGLE, 1.0)
+    return np.asarray(wide * single)
 
 
 def choose_sound(leaves: Leaves, min_confidence: float) -> tuple[NDArray[np.bool_], dict[str, int]]:
@@ -237,7 +247,7 @@ def describe_leaves(
     low = describe_low_confidence(leaves)
     if low:
         remarks.append(remark("leaves-guessed", low))
-    lobed = outlined is not None and float(np.median(outlined)) < LOBED
+    lobed = outlined is not None and float(np.median(outlined)) < LOBED[1]
     if lobed:
         text = (
             "the edges of most leaves lie off every single silhouette; leaves seem to be lobed, toothed or of several "

@@ -25,7 +25,7 @@ from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSetting
 
 from tests.support.leaves.captures import known_foliage
 from tests.support.leaves.proposals import evidence_of, flat_leaves, proposed
-from tools.calibrate_confidence import ranking
+from tools.calibrate_confidence import PROPOSAL_FACTS, calibration_error, learn_weights, ranking
 
 LENGTH_M = 0.1
 CHOSEN = DenseSegmentationSettings()
@@ -152,3 +152,20 @@ def test_the_distance_from_a_prior_is_none_at_its_mean_in_any_version():
     prior = generic_prior(LENGTH_M, 0.4)
     means, _ = prior.versions()
     assert prior_distance(means, prior) == pytest.approx(np.zeros(4), abs=1e-9)
+
+
+def test_learned_weights_make_probability_the_share_that_is_right():
+    rng = np.random.default_rng(4)
+    facts = ProposalFacts(**{name: rng.normal(size=4000) for name in PROPOSAL_FACTS})
+    probability = rate_proposals(facts, 0.3, dict.fromkeys(PROPOSAL_FACTS, 0.5))
+    right = rng.random(4000) < probability
+    learned = rate_proposals(facts, *learn_weights([facts], right, PROPOSAL_FACTS))
+    assert calibration_error(learned, right) < 0.04
+    assert np.abs(learned - probability).mean() < 0.04
+
+
+def test_the_calibration_error_is_known_for_constant_probability():
+    right = np.arange(100) < 70
+    assert calibration_error(np.full(100, 0.9), right) == pytest.approx(0.2)
+    assert ranking(np.linspace(1, 0, 100), right) == 1
+    assert np.isnan(ranking(np.ones(3), np.ones(3, bool)))
