@@ -129,3 +129,11 @@ def test_scraps_of_lines_among_leaves_make_no_stems():
     scraps = places_on(*((start, start + rng.normal(0, 0.004, 3)) for start in starts_m))
     assert join_stems(scraps, starts_m, 0.0) is None
     assert join_stems(places_on(STEM), starts_m, 0.0) is not None
+
+
+def test_what_is_high_above_the_soil_and_hardly_seen_gets_no_stem_of_its_own():
+    stem = places_on(((0.0, 0.0, 0.0), (0.0, 0.3, 0.0)))
+    scrap = places_on(((0.06, 0.125, 0.0), (0.06, 0.132, 0.0)))  # of the border of a leaf, whose petiole is hidden
+    joined = join_stems(both(stem, scrap), np.array([[0.06, 0.14, 0.0]]), 0.0)
+    assert joined is not None
+    assert (joined.skeleton.parent_curve < 0).sum() == 1

@@ -32,6 +32,7 @@ from usdfoliage.geometry.point_cells import touching_parts
 logger = logging.getLogger(__name__)
 
 _NEAR = 0.05  # of the longest gap: of nearer places directions are not certain
+_TOUCHING = 4.0  # footprints between places of one piece of a stem
 _TURNS = 5  # of leaving out roots that carry no stem
 _CLEAREST = 0.4  # logarithm of two costs, beyond which their difference does not count
 _UNREACHED = 1e9  # metres, the cost of what no path leads to
@@ -51,6 +52,7 @@ class JoinSettings:
     # A stem that is hidden down to the soil costs, for each gap that it is long, so much more. Range: 0 or more.
     hidden: float = 0.5
     sure: float = 0.4  # Each unit of the logarithm of the odds makes a link cheaper by e to this. Range: 0 or more.
+    low: float = 0.15  # A place on a stem up to this height goes on to the soil. Range: 0 to 1.
     highest_root: float = 0.5  # A stem that is seen from up to this height on goes on to the soil. Range: 0 to 1.
     stem: float = 0.4  # A stem that springs from the soil reaches at least this height. Range: 0 to 1.
     root: float = 0.04  # What speaks against a root: a stem of this length of even odds. Range: 0 or more.
@@ -142,15 +144,18 @@ def join_stems(
     along = np.concatenate([stems.along, np.zeros((leaves, 3))])
     odds = np.concatenate([np.clip(stems.odds, -3, 2), np.zeros(leaves)])
     apart_m = 3 * stems.footprint_m
-    may_root = np.ones(len(places_m), bool)
+    may_root = np.zeros(len(places_m), bool)
+    above_m = stems.points_m[:, 1] - soil_m
+    may_root[:count] = _on_clear_stems(stems, settings.unbroken * height_m) | (above_m < settings.low * height_m)
     for _ in range(_TURNS):
-        parent, _ = _cheapest_paths(places_m, along, odds, count, soil_m, height_m, may_root, settings)
+        parent, cost = _cheapest_paths(places_m, along, odds, count, soil_m, height_m, may_root, settings)
         step_m = step_lengths(places_m, parent)
         root = parent < 0
         step_m[root] = np.maximum(places_m[root, 1] - soil_m, 0)
         gain = odds * np.minimum(step_m, apart_m) - settings.missing * np.maximum(step_m - 2 * apart_m, 0)
         gain[count:] += settings.base * height_m
         gain[root] -= settings.root * height_m
+        gain[~np.isfinite(cost)] = -_UNREACHED
         tree = RootedTree(parent)
         kept = _best_part(tree, gain)
         low = (
@@ -213,6 +218,8 @@ def _cheapest_paths(
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """(N,) place before each one on the cheapest path from the soil, -1 where the soil is; (N,) what the paths cost.
 
+    What no path leads to costs infinitely much, and has nothing before it.
+
     Args:
         leaves_end_paths: No path goes on from the end of a leaf.
     """
@@ -256,7 +263,6 @@ def _cheapest_paths(
         csr_array(costs), directed=True, indices=np.array([whole]), min_only=True, return_predecessors=True
     )
     before = before[:whole]
-    # What no path leads to is a root by itself, and kept where it is worth it: never, as a root is dear.
     return np.where((before < 0) | (before == whole), -1, before).astype(np.int32), total[:whole]
 
 
@@ -267,6 +273,27 @@ def _best_part(tree: RootedTree, gain: NDArray[np.float64]) -> NDArray[np.bool_]
     for level in reversed(tree.levels[1:]):
         np.add.at(worth, tree.parent[level], np.maximum(worth[level], 0))
     return np.asarray(kept & _of_roots(tree, worth > 0))
+
+
+def _on_clear_stems(stems: StemPoints, min_m: float) -> NDArray[np.bool_]:
+    """(S,) places on stems that photographs show unbroken for so many metres; all, where there are none.
+
+    Of what is high above the soil, these alone go on to it: a leaf whose petiole is hidden would hang on a stem
+    of its own otherwise, straight down.
+    """
+    clear = np.flatnonzero(stems.odds > 0)
+    if not len(clear):
+        return np.ones(len(stems), bool)
+    points_m = stems.points_m[clear]
+    piece = touching_parts(points_m, _TOUCHING * stems.footprint_m)
+    count = int(piece.max()) + 1
+    low_m, high_m = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low_m, piece, points_m)
+    np.maximum.at(high_m, piece, points_m)
+    long = np.linalg.norm(high_m - low_m, axis=1) >= min_m
+    on = np.zeros(len(stems), bool)
+    on[clear] = long[piece]
+    return on if on.any() else np.ones(len(stems), bool)
 
 
 def _run_lengths(
@@ -362,7 +389,7 @@ def _find_apart(
     left = stems.take(~joined & (stems.odds > 0))
     if not len(left):
         return ()
-    reach_m = 4 * stems.footprint_m
+    reach_m = _TOUCHING * stems.footprint_m
     piece = touching_parts(left.points_m, reach_m)
     away_m = np.asarray(cKDTree(skeleton.points_m).query(left.points_m)[0])
     found = []
