@@ -51,7 +51,7 @@ class JoinSettings:
     fall: float = 3.0  # A link that leads straight down costs so much more. Range: 0 or more.
     # A stem that is hidden down to the soil costs, for each gap that it is long, so much more. Range: 0 or more.
     hidden: float = 0.5
-    sure: float = 0.4  # Each unit of the logarithm of the odds makes a link cheaper by e to this. Range: 0 or more.
+    sure: float = 0.3  # Each unit of the logarithm of the odds makes a link cheaper by e to this. Range: 0 or more.
     low: float = 0.15  # A place on a stem up to this height goes on to the soil. Range: 0 to 1.
     highest_root: float = 0.5  # A stem that is seen from up to this height on goes on to the soil. Range: 0 to 1.
     stem: float = 0.4  # A stem that springs from the soil reaches at least this height. Range: 0 to 1.

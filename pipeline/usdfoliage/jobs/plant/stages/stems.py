@@ -27,7 +27,8 @@ _BESIDE = 0.03  # of the plant's larger side, that its box is wider
 _ACROSS, _ALONG = 9, 17  # places at which a blade is known
 _THICKER = 1.5  # times the widest line, that single stems of a herb are thicker
 _DESCRIBED = 8  # pieces that are described one by one
-_OF_BASE = 0.15  # of a leaf's length from either end, up to which a line on it may be its petiole
+_OF_BASE = 0.15  # of a leaf's length from its base, up to which a line on it may be its petiole
+_SURE = 0.8  # certainty of a base, below which the petiole may be at the other end
 
 
 def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownStems | None:
@@ -123,11 +124,15 @@ def plant_box(points_m: NDArray[np.float64], stand_m: float | None) -> NDArray[n
 
 def leaf_places(leaves: Leaves, certainty: NDArray[np.float64] | None) -> FoundLeafPlaces:
     """Where leaves begin and end, and where their blades are; certainty (L,) that the base is the base, if known."""
-    places = grid_places(np.linspace(-1, 1, _ACROSS), np.linspace(_OF_BASE, 1 - _OF_BASE, _ALONG))
-    blades_m = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf()).reshape(-1, 3)
+    known = np.full(len(leaves), 0.5) if certainty is None else certainty
+    blades_m = []
+    for leaf_set, end in ((known >= _SURE, 1.0), (known < _SURE, 1 - _OF_BASE)):
+        own = leaves.take(leaf_set)
+        places = grid_places(np.linspace(-1, 1, _ACROSS), np.linspace(_OF_BASE, end, _ALONG))
+        blades_m.append(evaluate_points(own.parameters, places, placements=own.asset_from_leaf()).reshape(-1, 3))
     return FoundLeafPlaces(
         bases_m=leaves.base_m,
         apices_m=leaves.asset_from_leaf()[:, :3] @ (0.0, 1.0, 0.0, 1.0),
-        certainty=np.full(len(leaves), 0.5) if certainty is None else certainty,
-        blades_m=blades_m,
+        certainty=known,
+        blades_m=np.concatenate(blades_m),
     )
