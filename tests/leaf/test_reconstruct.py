@@ -172,3 +172,12 @@ def test_settings_that_cannot_be(wrong):
 def test_no_views_are_a_wrong_argument():
     with pytest.raises(ValueError, match="no views"):
         reconstruct_leaves([])
+
+
+def test_a_few_brown_pieces_among_green_leaves_are_no_leaves_but_a_plant_may_have_red_ones():
+    green, brown = (0.1, 0.3, 0.05), (0.2, 0.12, 0.06)
+    few = np.array([green] * 19 + [brown])
+    assert reconstruct.find_green_leaves(few).tolist() == [True] * 19 + [False]
+    assert reconstruct.find_green_leaves(np.array([green] * 8 + [brown] * 2)).all()
+    assert reconstruct.find_green_leaves(np.array([brown] * 5)).all()
+    assert reconstruct.find_green_leaves(np.zeros((0, 3))).shape == (0,)

@@ -34,6 +34,7 @@ ROUND = 0.75  # width by length from which the longest extent of a leaf is no su
 # Shares of its edge on the silhouette: below the second most leaves of a set are not of one lobe, at the first surely.
 # Depth of photographs is coarse where leaves end: the medians of leaves of one lobe are then 0.55 to 0.75.
 LOBED = (0.3, 0.5)
+FEW_OTHERS = 0.1  # share of leaves that are not green, up to which they are none where all others are green
 SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one silhouette describe
 
 
@@ -126,25 +127,41 @@ def reconstruct_leaves(
                 leaves, confidence=probability * rate_forms(leaves.parameters, fitted.outlined, settings.dense_fit)
             )
     sound, dropped = choose_sound(leaves, settings.min_confidence)
-    leaves = leaves.take(sound)
+    kept = np.flatnonzero(sound)
+    leaves = leaves.take(kept)
     with step("colours"):
         leaves = replace(leaves, color=sample_leaf_colors(leaves, views, settings.colors).color)
+    if settings.method == "dense" and leaves.color is not None:
+        green = find_green_leaves(leaves.color)
+        if not green.all():
+            dropped = {**dropped, "of another colour than all others": int(np.count_nonzero(~green))}
+            leaves, kept = leaves.take(green), kept[green]
     with step("texture"):
         texture = (
             average_leaf_texture(leaves, views, settings.texture, threads=settings.threads) if len(leaves) else None
         )
     return Reconstruction(
         leaves=leaves,
-        source=fitted.source[sound],
-        certainty=direction.certainty[sound],
+        source=fitted.source[kept],
+        certainty=direction.certainty[kept],
         segmentation=segmentation,
         texture=texture,
         steps=_count_steps(segmentation, fitted, leaves, dropped),
         remarks=describe_leaves(
-            leaves, views, segmentation, outlined=None if fitted.outlined is None else fitted.outlined[sound]
+            leaves, views, segmentation, outlined=None if fitted.outlined is None else fitted.outlined[kept]
         ),
         seconds=seconds,
     )
+
+
+def find_green_leaves(color: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) leaves to be kept by their colours (N, 3), linear: all but a few that are not green among green ones.
+
+    Bits of soil and dead leaves on it are as wide and as flat as leaves are. Where more than a tenth is not green, the
+    plant has such leaves.
+    """
+    green = 2 * color[:, 1] > color[:, 0] + color[:, 2]
+    return green if np.count_nonzero(~green) <= FEW_OTHERS * len(green) else np.ones(len(green), bool)
 
 
 def rate_forms(
