@@ -18,7 +18,7 @@ from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.capture.folder.hold_back import choose_withheld
 from usdfoliage.capture.folder.listing import IMAGES, counted, files_below, is_picture, named
 from usdfoliage.capture.folder.read import Capture, CaptureViews, read_view, read_views, without_depth
-from usdfoliage.capture.mvs.plane_sweep import sweep_depths
+from usdfoliage.capture.mvs.view_depths import estimate_view_depths
 from usdfoliage.capture.poses.given_frame import read_upright_capture
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError, PreviewError
@@ -26,7 +26,7 @@ from usdfoliage.files.hashing import digest_files
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.leaves.report import LeavesReport, measure_rows, write_leaves_report
-from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 from usdfoliage.jobs.preview.pictures import (
     PreviewSettings,
     PreviewView,
@@ -51,7 +51,7 @@ from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, 
 
 logger = logging.getLogger(__name__)
 
-AUTO, SWEEP = "auto", "sweep"  # words for depth that name no folder
+AUTO, ESTIMATED = "auto", "estimated"  # words for depth that name no folder
 DEFAULT_DEPTH = "depth"
 _TEXTURE = "leaf.png"  # the average leaf, before the asset has its copy
 PREVIEW_PX = 640  # longer side of Storm's pictures, which take more time than all the rest of a report
@@ -64,7 +64,7 @@ class LeavesRequest:
     capture: Path
     output: Path
     name: str
-    settings: LeavesSettings
+    settings: LeavesRunSettings
     depth: str = "auto"
     views: str | None = None  # None: all
     hold_back: int = 0  # of every so many photographs one makes nothing, and measures the asset; 0: of none
@@ -101,6 +101,7 @@ class LeavesInput:
     views: Sequence[View]
     numbers: NDArray[np.int32]  # of each view among all posed photographs of the capture
     remarks: tuple[Remark, ...]
+    estimated: bool = False  # whether depth was computed from the photographs
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -230,7 +231,7 @@ def report_leaves(
         generator=f"usdfoliage {__version__}",
         remarks=remarks,
         render_setting=request.render_setting,
-        settings=describe_settings(request),
+        settings=describe_settings(request, estimated=made.given.estimated),
         seconds=seconds if request.times else {},
         drawn=choose_evenly(len(made.given.views), request.report_views),
         numbers=made.given.numbers.tolist(),
@@ -248,17 +249,25 @@ def plan_leaves_asset(request: LeavesRequest) -> str:
     first = read_view(capture, 0).camera
     depths = sum(view.depth is not None for view in capture.views)
     masks = sum(view.mask is not None for view in capture.views)
-    swept = request.depth == SWEEP or (request.depth == AUTO and not depths)
-    steps = ["capture", *(["sweep"] if swept else []), *STEPS, "asset", *(["preview"] if request.preview else [])]
+    estimated = request.depth == ESTIMATED or (request.depth == AUTO and not depths)
+    depth = request.settings.capture.depth
+    source = (
+        f"from the photographs, at {depth.max_side_px} px at most, in {len(depth.rounds)} rounds, each with "
+        f"{depth.sources} others at most"
+        if estimated
+        else f"of {depths} of them"
+    )
+    steps = ["capture", *(["depth"] if estimated else []), *STEPS, "asset", *(["preview"] if request.preview else [])]
     withheld = _withheld(request)
     noted = [f"withheld: {named(withheld)}"] if withheld else []
+    described = describe_settings(request, estimated=estimated)
     lines = [
         f"capture: {request.capture}, {len(capture.views)} photographs, the first {first.width_px} x "
         f"{first.height_px} px",
-        f"depth: {'from the photographs' if swept else f'of {depths} of them'}; masks: of {masks}",
+        f"depth: {source}; masks: of {masks}",
         *noted,
         *label_remarks(capture.remarks, request.render_setting),
-        f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+        f"settings: {', '.join(f'{name} {value}' for name, value in described.items())}",
         f"steps: {', '.join(steps)}",
         would,
     ]
@@ -271,7 +280,7 @@ def find_capture(request: LeavesRequest) -> Capture:
     Raises:
         CaptureError: There are none.
     """
-    folder = DEFAULT_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
+    folder = DEFAULT_DEPTH if request.depth in (AUTO, ESTIMATED) else request.depth
     capture = read_upright_capture(request.capture, depth=folder, views=request.views).capture
     withheld = _withheld(request)
     left = tuple(view for view in capture.views if view.name not in withheld)
@@ -293,7 +302,7 @@ def _withheld(request: LeavesRequest) -> tuple[str, ...]:
 def _measure(interface: Path, request: LeavesRequest, folder: Path, progress: StepProgress | None) -> MeasuredAsset:
     """The asset against the photographs that are withheld; CaptureError where none of them has a camera."""
     withheld = _withheld(request)
-    folder_of_depth = DEFAULT_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
+    folder_of_depth = DEFAULT_DEPTH if request.depth in (AUTO, ESTIMATED) else request.depth
     capture = without_depth(read_upright_capture(request.capture, depth=folder_of_depth).capture)
     views = tuple(view for view in capture.views if view.name in withheld)
     if not views:
@@ -318,39 +327,47 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
     Depth maps that hold nothing are not replaced unasked: whoever gave them should hear of it.
 
     Raises:
-        CaptureError: see read_capture, read_views and sweep_depths.
+        CaptureError: see read_capture, read_views and estimate_view_depths.
     """
     capture = find_capture(request)
-    if request.depth == SWEEP:
+    if request.depth == ESTIMATED:
         capture = without_depth(capture)
     has_maps = any(view.depth is not None for view in capture.views)
     read = _read_what_can_be(capture, request, progress_in_step("capture", progress))
     views, remarks = list(read.views), [*capture.remarks, *read.remarks]
-    if request.depth != SWEEP and has_maps and not any(view.has_depth for view in views):
+    if request.depth != ESTIMATED and has_maps and not any(view.has_depth for view in views):
         remedy = (Setting(name="leaves.depth", value='"estimated"'), " computes it from the photographs")
         remarks.append(remark("depth-maps-empty", "the depth maps hold no depth that can be used", remedy=remedy))
-    if request.depth == SWEEP or (request.depth == AUTO and not has_maps):
+    estimated = request.depth == ESTIMATED or (request.depth == AUTO and not has_maps)
+    if estimated:
         if len(views) < 2:
             raise CaptureError(
                 f"{request.capture} has no depth for the one photograph that is used, and it takes two to compute it",
                 "give depth maps, or more photographs",
             )
         try:
-            swept = sweep_depths(views, capture.points_m, request.settings.sweep, progress_in_step("sweep", progress))
+            found = estimate_view_depths(
+                views,
+                capture.up,
+                capture.points_m,
+                request.settings.capture,
+                progress_in_step("depth", progress),
+                threads=request.settings.threads,
+            )
         except CaptureError as error:
             raise CaptureError(
                 f"depth cannot be computed from the photographs: {error.text}",
-                f"put depth maps into {request.capture / DEFAULT_DEPTH}, or give photographs that overlap",
+                (*error.remedy, f"; or put depth maps into {request.capture / DEFAULT_DEPTH}"),
             ) from error
-        views = [replace(view, depth_m=depth_m) for view, depth_m in zip(views, swept.depths_m, strict=True)]
-        remarks += swept.remarks
-        text = "depth was computed from the photographs; it is coarse, and so are the leaves"
-        remarks.append(remark("depth-swept", text))
+        views = list(found.views)
+        remarks += found.remarks
+        text = "depth was computed from the photographs"
+        remarks.append(remark("depth-estimated", text))
     is_whole = request.views is None and not request.hold_back
     everything = capture if is_whole else find_capture(replace(request, views=None, hold_back=0))
     places = {view.name: number for number, view in enumerate(everything.views)}
     numbers = np.array([places[view.name] for view in views], np.int32)
-    return LeavesInput(capture=capture, views=views, numbers=numbers, remarks=tuple(remarks))
+    return LeavesInput(capture=capture, views=views, numbers=numbers, remarks=tuple(remarks), estimated=estimated)
 
 
 def _read_what_can_be(capture: Capture, request: LeavesRequest, progress: Progress | None) -> CaptureViews:
@@ -398,7 +415,7 @@ def write_asset(folder: Path, request: LeavesRequest, made: FoundLeaves, setting
         capture=capture.folder.resolve().name,
         generator=f"usdfoliage {__version__}",
         seed=request.seed,
-        settings=describe_settings(request),
+        settings=describe_settings(request, estimated=made.given.estimated),
         input_sha256=digest_files(list_inputs(capture)),
     )
     appearance = LeafAppearance() if model.plain_color is None else LeafAppearance(color=model.plain_color)
@@ -456,8 +473,14 @@ def draw_previews(
     return dict(zip(drawn, files, strict=True))
 
 
-def describe_settings(request: LeavesRequest) -> dict[str, str]:
-    """Every setting that decides the result, those of the command line by the names of their options."""
+def describe_settings(request: LeavesRequest, *, estimated: bool) -> dict[str, str]:
+    """Every setting that decides the result, those of the command line by the names of their options.
+
+    Args:
+        request: What was asked for.
+        estimated: Whether depth is computed from the photographs.
+    """
+    unused = ("cloud.",) if estimated else ("cloud.", "capture.")
     other = "paper" if request.settings.method == "dense" else "dense"
     return {
         "depth": request.depth,
@@ -468,8 +491,8 @@ def describe_settings(request: LeavesRequest) -> dict[str, str]:
         **{
             name: value
             for name, value in list_settings(request.settings).items()
-            # The number of threads changes nothing; the other method was not used, nor a cloud alone.
-            if not name.endswith("threads") and not name.startswith((f"{other}.", f"{other}_fit.", "cloud."))
+            # The number of threads changes nothing; the other method was not used, nor is there a cloud alone.
+            if not name.endswith("threads") and not name.startswith((f"{other}.", f"{other}_fit.", *unused))
         },
     }
 

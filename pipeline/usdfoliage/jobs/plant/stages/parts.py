@@ -27,7 +27,7 @@ from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_capture
 from usdfoliage.jobs.leaves.cloud_run import POINTS_FILE, find_cloud_leaves, report_cloud_leaves, write_points
 from usdfoliage.jobs.leaves.report import measure_rows
 from usdfoliage.jobs.leaves.run import LeavesRequest, encode_texture, find_capture_leaves, report_leaves
-from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.leaves.settings import LeavesRunSettings, LeavesSettings
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.stages.isolate import GIVEN_DEPTH, is_floorless, plant_capture
 from usdfoliage.jobs.plant.stages.models import (
@@ -247,11 +247,11 @@ def _find_in_cloud(call: StageCall) -> tuple[ResultFile, ...]:
     return ()
 
 
-def _leaves_settings(call: StageCall) -> LeavesSettings:
+def _leaves_settings(call: StageCall) -> LeavesRunSettings:
     """The settings of leaves as their job takes them."""
     settings = call.settings.leaves
     values = {field.name: getattr(settings, field.name) for field in fields(LeavesSettings)}
-    threaded = set_everywhere(LeavesSettings(**values), "threads", call.threads)
+    threaded = set_everywhere(LeavesRunSettings(**values), "threads", call.threads)
     return set_everywhere(threaded, "seed", call.settings.seed)
 
 
