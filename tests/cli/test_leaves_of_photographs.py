@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from usdfoliage.jobs.leaves.run import ESTIMATED, LeavesRequest, read_leaves_input
+from usdfoliage.jobs.leaves.request import LeavesRequest
+from usdfoliage.jobs.leaves.run import ESTIMATED, read_leaves_input
 from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 from usdfoliage.jobs.work.settings_file import read_settings_file
 

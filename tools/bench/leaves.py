@@ -131,7 +131,8 @@ class StageClock:
 
 def make_asset(case: Case, output: Path, progress: Callable[[str, float], None]) -> None:
     """Write what the product makes of a case's capture as an asset, output."""
-    from usdfoliage.jobs.leaves.run import LeavesRequest, make_leaves_asset
+    from usdfoliage.jobs.leaves.request import LeavesRequest
+    from usdfoliage.jobs.leaves.run import make_leaves_asset
     from usdfoliage.jobs.leaves.settings import LeavesRunSettings
     from usdfoliage.jobs.work.settings_file import set_everywhere
 

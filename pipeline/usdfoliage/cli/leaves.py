@@ -31,7 +31,8 @@ from usdfoliage.cli.options.setting_help import describe_setting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from usdfoliage.jobs.leaves.run import AUTO, DEFAULT_DEPTH, ESTIMATED, LeavesRequest
+    from usdfoliage.jobs.leaves.request import LeavesRequest
+    from usdfoliage.jobs.leaves.run import AUTO, DEFAULT_DEPTH, ESTIMATED
     from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 
     settings = LeavesRunSettings()

@@ -13,7 +13,8 @@ from usdfoliage.cli.options.leaf_commands import name_option
 from usdfoliage.cli.remarks import LEAVES_OF_A_CLOUD, render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.leaves.cloud_run import names_cloud
-from usdfoliage.jobs.leaves.run import ESTIMATED, LeavesRequest
+from usdfoliage.jobs.leaves.request import LeavesRequest
+from usdfoliage.jobs.leaves.run import ESTIMATED
 from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 from usdfoliage.jobs.plant_cloud import read_unit, read_up
 from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file, set_everywhere
