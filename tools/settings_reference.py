@@ -32,6 +32,7 @@ A table of the file is a stage, and a table within it a step of that stage: `[ca
 `"auto"` leaves the choice to the data. A name that does not exist, a wrong type and a value out of range are errors
 that name the setting and the file. A changed setting does again only the stages that depend on it. `usdfoliage capture`
 and `usdfoliage leaves` have the same tables, without the name of the stage, in `--print-settings` and `--settings`.
+`usdfoliage leaves` also has `[capture.depth]`, `[capture.sky]` and `capture.mask`, for photographs without depth.
 
 Few are worth changing for one plant: `plant.species`, `branches.roots`, `branches.cloud_leaves`, `foliage.kind`,
 `capture.pose_estimation.focal_px`, `capture.depth.max_side_px`, and `make` of a stage that is not wanted.

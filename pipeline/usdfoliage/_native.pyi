@@ -330,64 +330,6 @@ def map_leaf_points(
         weights: (scanlines, 2), right half and left half.
     """
 
-class SweepCostSettings:
-    """How a photograph is compared with others."""
-
-    window_px: int  # radius of the census window
-    tolerance_64ths: int  # of 16320: differences of brightness up to here are none
-    best_share: float  # of the other photographs at each pixel, so many with the lowest cost count
-
-    def __init__(self, *, window_px: int, tolerance_64ths: int, best_share: float) -> None: ...
-
-def sweep_cost(
-    photo: NDArray[np.int16],
-    others: list[NDArray[np.int16]],
-    *,
-    homographies: NDArray[np.float64],
-    settings: SweepCostSettings,
-    threads: int,
-) -> NDArray[np.uint8]:
-    """Census cost (H, W, planes), at most 127, of a photograph's pixels on every plane.
-
-    Args:
-        photo: (H, W) brightness in [0, 16320].
-        others: Brightness of the photographs that are warped onto it, of any size.
-        homographies: (others, planes, 3, 3), their pixel indices from the photograph's.
-        settings: How it is compared.
-        threads: At most so many, 0 for one per core.
-    """
-
-class SemiglobalSettings:
-    """What a change of plane between neighbours costs."""
-
-    small_step_cost: int  # of one plane
-    large_step_cost: int  # of more, where the photograph is even; below 8000
-    edge_64ths: float  # of 16320: difference of brightness that halves it
-
-    def __init__(self, *, small_step_cost: int, large_step_cost: int, edge_64ths: float) -> None: ...
-
-class PlanePicks:
-    """The plane of each pixel."""
-
-    @property
-    def plane(self) -> NDArray[np.float32]:
-        """(H, W), between planes."""
-    @property
-    def uniqueness(self) -> NDArray[np.float32]:
-        """(H, W) in [0, 1], how far it differs from others."""
-
-def pick_planes(
-    cost: NDArray[np.uint8], photo: NDArray[np.int16], *, settings: SemiglobalSettings, threads: int
-) -> PlanePicks:
-    """The plane of each pixel by semiglobal matching.
-
-    Args:
-        cost: (H, W, planes), as sweep_cost gives it.
-        photo: (H, W) brightness in [0, 16320].
-        settings: What steps cost.
-        threads: At most so many, 0 for one per core.
-    """
-
 class SurfacePoints:
     """Points of N leaves, leaf after leaf."""
 

@@ -686,10 +686,10 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="There is one photograph. What it does not show is unknown.",
                 action="Take photographs from other sides.",
             ),
-            "depth-swept": RemarkKind(
+            "depth-estimated": RemarkKind(
                 severity="info",
-                meaning="Depth was computed from the photographs in a quick way. It is coarse.",
-                action="Nothing, or run `usdfoliage capture` first.",
+                meaning="The capture has no depth maps, or they were not asked for. Depth was computed.",
+                action="Nothing. Maps of a scanner, if you have them, give more leaves.",
             ),
             "leaves-guessed": RemarkKind(
                 severity="info",

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.cli import leaves as command
-from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 from usdfoliage.jobs.work.settings_file import format_settings
 from usdfoliage.leaf import reconstruct
 
@@ -241,8 +241,10 @@ def test_without_depth_it_is_computed_from_the_photographs(written, tmp_path, ca
     capture = tmp_path / "bare"
     shutil.copytree(written, capture, ignore=shutil.ignore_patterns("depth*", "truth"))
     lines = printed(capsys, *words(capture, tmp_path / "a", "--dry-run"))
-    assert lines[1] == "depth: from the photographs; masks: of 0"
-    assert any(line.startswith("steps: capture, sweep, segmentation") for line in lines)
+    assert lines[1].startswith(
+        "depth: from the photographs, at 1200 px at most, in 5 rounds, each with 9 others at most"
+    )
+    assert any(line.startswith("steps: capture, depth, segmentation") for line in lines)
     assert "it takes two to compute it" in refused(capsys, *words(capture, tmp_path / "a", "--views", 0))
 
 
@@ -262,9 +264,9 @@ def test_depth_maps_that_hold_nothing_are_not_replaced_unasked(written, tmp_path
     for path in (capture / "depth").iterdir():
         write_depth(path, np.full((height_px, 480), np.nan if depth == "not finite" else 0, np.float32))
     lines = printed(capsys, *words(capture, tmp_path / "a"))
-    assert [line[:9] for line in lines if "--depth sweep computes it" in line] == ["warning: "]
+    assert [line[:9] for line in lines if "--depth estimated computes it" in line] == ["warning: "]
     assert len(read(tmp_path / "a").leaves) == 0
-    assert "--depth sweep computes it" in (tmp_path / "a" / "report" / "index.html").read_text()
+    assert "--depth estimated computes it" in (tmp_path / "a" / "report" / "index.html").read_text()
 
 
 def test_depth_in_another_unit_is_a_warning(written, tmp_path, capsys):
@@ -279,7 +281,7 @@ def test_depth_in_another_unit_is_a_warning(written, tmp_path, capsys):
 class TestSettings:
     def test_printed_settings_are_settings(self, tmp_path, capsys, written):
         text = "\n".join(printed(capsys, "leaves", "--print-settings"))
-        assert text.strip() == format_settings(LeavesSettings()).strip()
+        assert text.strip() == format_settings(LeavesRunSettings()).strip()
         (tmp_path / "all of them.toml").write_text(text)
         again = printed(capsys, "leaves", "--print-settings", "--settings", tmp_path / "all of them.toml")
         assert "\n".join(again) == text
@@ -333,8 +335,8 @@ class TestSettings:
         parser = argparse.ArgumentParser()
         command.add_arguments(parser)
         help_text = " ".join(parser.format_help().split())
-        assert f"The default is {LeavesSettings().method}." in help_text
-        assert f"from 0 to 1; the default is {LeavesSettings().min_confidence:g}." in help_text
+        assert f"The default is {LeavesRunSettings().method}." in help_text
+        assert f"from 0 to 1; the default is {LeavesRunSettings().min_confidence:g}." in help_text
         assert "in metres, above 0; the default is auto." in help_text
         for name in ("method", "min_confidence", "plane_threshold", "seed", "threads"):
             assert parser.get_default(name) is None, name  # the settings' own

@@ -124,7 +124,7 @@ def test_noise_gives_an_asset_without_leaves_and_a_warning(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (("--depth", "sweep"), "--depth is for photographs"),
+        (("--depth", "estimated"), "--depth is for photographs"),
         (("--views", "0:3"), "--views is for photographs"),
         (("--method", "paper"), "--method is for photographs"),
         (("--up", "W"), "--up must be auto or one of X, Y, Z"),

@@ -33,7 +33,7 @@ from usdfoliage.capture.cloud.visibility import VisibilitySettings, drop_seen_th
 from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.capture.folder.read import Capture, read_capture, read_view
 from usdfoliage.capture.mvs.agreement import AgreementSettings, DepthEstimate
-from usdfoliage.capture.mvs.patch_match import MatchedPlanes
+from usdfoliage.capture.mvs.packed_planes import PackedPlanes, reader_of_planes
 from usdfoliage.capture.mvs.rounds import MvsSettings, Round, finish_depth, match_views, plan_depths
 from usdfoliage.capture.mvs.upsampling import enlarge_depth
 from usdfoliage.capture.view import View
@@ -196,7 +196,7 @@ class Matched:
     """What variants that differ after matching alone have in common."""
 
     views: Sequence[View]
-    planes: Sequence[MatchedPlanes | None]
+    planes: Sequence[PackedPlanes | None]
     cpu_s: float
     wall_s: float
 
@@ -218,9 +218,10 @@ def run(matched: Matched, variant: Variant, truth: Truth, save: Path | None) -> 
     """Scores and processor seconds a view of one variant."""
     start, wall = cpu_seconds(), time.perf_counter()
     views, planes = matched.views, matched.planes
-    plan = plan_depths([view.camera for view in views], None, variant.depth)
+    cameras = [view.camera for view in views]
+    plan, read_planes = plan_depths(cameras, None, variant.depth), reader_of_planes(planes, cameras)
     found = {
-        view.name: finish_depth(index, plan, views.__getitem__, planes.__getitem__, variant.depth)
+        view.name: finish_depth(index, plan, views.__getitem__, read_planes, variant.depth)
         for index, view in enumerate(views)
         if planes[index] is not None
     }

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Leaves out of captures, measured against the true ones: what is found, how near it is, how long it takes.
 
-usage: tools/bench/leaves.py [--captures FOLDER …] [--depths depth depth_noisy] [--methods dense paper]
+usage: tools/bench/leaves.py [--captures FOLDER …] [--depths depth depth_noisy estimated] [--methods dense paper]
        tools/bench/leaves.py --scales      the capture in a tenth and ten times its size gives the same leaves
        tools/bench/leaves.py --scaling     cost at 1, 4 and 16 times as many leaves and views
 
@@ -38,6 +38,7 @@ from tools.synthetic_foliage import CaptureSettings, make_capture, write_capture
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SHARED_CAPTURE = Path("synthetic") / "dense_foliage"
 DEPTHS, METHODS = ("depth", "depth_noisy"), ("dense", "paper")
+ESTIMATED = "estimated"  # depth that usdfoliage leaves computes from the photographs
 
 LIMIT_PIXELS = 10 * 1200 * 900  # of all views, that MAX_SECONDS is for
 MAX_SECONDS, MAX_GIB = 60.0, 3.0
@@ -130,11 +131,12 @@ class StageClock:
 
 def make_asset(case: Case, output: Path, progress: Callable[[str, float], None]) -> None:
     """Write what the product makes of a case's capture as an asset, output."""
-    from usdfoliage.jobs.leaves.run import LeavesRequest, make_leaves_asset
-    from usdfoliage.jobs.leaves.settings import LeavesSettings
+    from usdfoliage.jobs.leaves.request import LeavesRequest
+    from usdfoliage.jobs.leaves.run import make_leaves_asset
+    from usdfoliage.jobs.leaves.settings import LeavesRunSettings
     from usdfoliage.jobs.work.settings_file import set_everywhere
 
-    settings = set_everywhere(LeavesSettings(method=case.method), "threads", case.threads)
+    settings = set_everywhere(LeavesRunSettings(method=case.method), "threads", case.threads)
     request = LeavesRequest(
         capture=case.capture, output=output, name="leaves", settings=settings, depth=case.depth, preview=False
     )
@@ -257,7 +259,7 @@ def bench_captures(captures: Sequence[Path], options: argparse.Namespace) -> lis
         for capture in captures
         for depth in options.depths
         for method in options.methods
-        if (capture / depth).is_dir()
+        if depth == ESTIMATED or (capture / depth).is_dir()
     ]
     if not cases:
         sys.exit(f"error: no capture has {' or '.join(options.depths)}")
@@ -354,7 +356,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--captures", type=Path, nargs="+", metavar="FOLDER", help="with truth/ and exact depth/")
     parser.add_argument("--data", type=Path, default=DATA, help="where the shared capture is looked for")
-    parser.add_argument("--depths", nargs="+", default=list(DEPTHS), help="folders of depth")
+    parser.add_argument("--depths", nargs="+", default=list(DEPTHS), help=f"folders; {ESTIMATED}: of photographs alone")
     parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=METHODS)
     parser.add_argument("--scales", action="store_true", help="compare the first capture with itself in other sizes")
     parser.add_argument("--scaling", action="store_true", help="print the cost of more leaves and views")

@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 from usdfoliage.__main__ import main
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
-from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.work.settings_file import format_settings
 
@@ -87,7 +87,7 @@ def make_seeds(folder: Path) -> None:
     (folder / "toml").mkdir()
     (folder / "toml" / "species.toml").write_text(SPECIES)
     (folder / "toml" / "profile.toml").write_text(PROFILE)
-    (folder / "toml" / "leaves.toml").write_text(format_settings(LeavesSettings()))
+    (folder / "toml" / "leaves.toml").write_text(format_settings(LeavesRunSettings()))
     (folder / "toml" / "capture.toml").write_text(format_settings(CaptureRunSettings()))
     (folder / "toml" / "build.toml").write_text(format_settings(BuildSettings()))
     (folder / "library").mkdir()

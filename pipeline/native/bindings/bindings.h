@@ -14,7 +14,6 @@ void bind_enclosing_ellipse(nanobind::module_& m);
 void bind_leaf_fit(nanobind::module_& m);
 void bind_leaf_closest(nanobind::module_& m);
 void bind_leaf_surface_fit(nanobind::module_& m);
-void bind_plane_sweep(nanobind::module_& m);
 void bind_dense_segmentation(nanobind::module_& m);
 void bind_leaf_samples(nanobind::module_& m);
 void bind_pinhole(nanobind::module_& m);

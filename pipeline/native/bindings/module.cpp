@@ -16,7 +16,6 @@ NB_MODULE(_native, m) {
     bind_leaf_fit(m);
     bind_leaf_closest(m);
     bind_leaf_surface_fit(m);
-    bind_plane_sweep(m);
     bind_dense_segmentation(m);
     bind_leaf_samples(m);
     bind_pinhole(m);

@@ -31,10 +31,11 @@ from usdfoliage.cli.options.setting_help import describe_setting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from usdfoliage.jobs.leaves.run import AUTO, DEFAULT_DEPTH, SWEEP, LeavesRequest
-    from usdfoliage.jobs.leaves.settings import LeavesSettings
+    from usdfoliage.jobs.leaves.request import LeavesRequest
+    from usdfoliage.jobs.leaves.run import AUTO, DEFAULT_DEPTH, ESTIMATED
+    from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 
-    settings = LeavesSettings()
+    settings = LeavesRunSettings()
     files = parser.add_argument_group("input and output")
     files.add_argument(
         "capture",
@@ -54,8 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--depth",
         metavar="FOLDER",
         default=LeavesRequest.depth,
-        help=f"The depth maps are in this folder of CAPTURE; {SWEEP} computes depth from the photographs. The default "
-        f"is {AUTO}: the folder {DEFAULT_DEPTH} if it has any maps, or else {SWEEP}.",
+        help=f"The depth maps are in this folder of CAPTURE; {ESTIMATED} computes depth from the photographs, as a "
+        f"build does. The default is {AUTO}: the folder {DEFAULT_DEPTH} if it has any maps, or else {ESTIMATED}.",
     )
     add_hold_back(files)
     cloud = parser.add_argument_group("a cloud alone")

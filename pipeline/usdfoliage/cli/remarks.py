@@ -74,7 +74,6 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "plant.representations": "--representation",
             "seed": "--seed",
         },
-        values={"leaves.depth": {"estimated": "sweep"}},
         table="leaves",
     ),
     LEAVES_OF_A_CLOUD: CommandOptions(

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from usdfoliage.capture.mvs.packed_planes import pack_planes, reader_of_planes, unpack_planes
 from usdfoliage.capture.mvs.patch_match import MatchedPlanes
 from usdfoliage.capture.mvs.rounds import (
     MvsSettings,
@@ -55,7 +56,8 @@ def test_rounds_one_by_one_give_the_same(views, estimates):
     for number in range(len(ROUNDS)):
         before = tuple(planes)
         for index in reversed(range(len(views))):
-            planes[index] = match_round(number, index, plan, views.__getitem__, before.__getitem__, SETTINGS, threads=1)
+            matched = match_round(number, index, plan, views.__getitem__, before.__getitem__, SETTINGS, threads=1)
+            planes[index] = unpack_planes(pack_planes(matched), views[index].camera)
     found = finish_depth(2, plan, views.__getitem__, planes.__getitem__, SETTINGS, threads=1)
     assert np.array_equal(found.depth_m, estimates[2].depth_m)
     assert np.array_equal(found.normals, estimates[2].normals)
@@ -100,10 +102,10 @@ def test_wrong_settings(wrong):
 def test_surfaces_behind_the_plant_are_separated_from_it(views):
     near_points_m = POINTS_M * (1, 1, 0) + (0, 0, 1) * np.linspace(0.85, 1.05, len(POINTS_M))[:, None]
     plan = plan_depths([view.camera for view in views], near_points_m, SETTINGS)
-    planes = match_views(views, plan, SETTINGS)
+    read_planes = reader_of_planes(match_views(views, plan, SETTINGS), [view.camera for view in views])
     behind, before = (inside(10) & np.isclose(views[0].depth_m, depth_m) for depth_m in (1.4, 1.0))
-    assert np.mean(np.abs(planes[0].depth_m[behind] - 1.4) < 0.02) > 0.8
-    depth_m = finish_depth(0, plan, views.__getitem__, planes.__getitem__, SETTINGS).depth_m
+    assert np.mean(np.abs(read_planes(0).depth_m[behind] - 1.4) < 0.02) > 0.8
+    depth_m = finish_depth(0, plan, views.__getitem__, read_planes, SETTINGS).depth_m
     assert np.mean(depth_m[before] > 0) > 0.6
     assert np.mean(depth_m[behind] > 0) < 0.02
 

@@ -10,6 +10,13 @@ from scipy.spatial.transform import Rotation
 from usdfoliage.capture.view import View
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.leaves.page import (
+    certainty_histograms,
+    certainty_rows,
+    draw_mean_leaf,
+    leaf_histograms,
+    measure_rows,
+)
 from usdfoliage.jobs.leaves.pictures import (
     draw_candidates,
     draw_fitted,
@@ -19,18 +26,12 @@ from usdfoliage.jobs.leaves.pictures import (
     prepare_points,
     thin_points,
 )
-from usdfoliage.jobs.leaves.report import (
-    certainty_histograms,
-    certainty_rows,
-    draw_mean_leaf,
-    leaf_histograms,
-    measure_rows,
-)
-from usdfoliage.jobs.leaves.run import choose_evenly, encode_texture, finish_leaves, median_color, place_plant
-from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.leaves.run import encode_texture, finish_leaves, median_color, place_plant
+from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
 from usdfoliage.jobs.preview.recorder import find_interpreter
 from usdfoliage.jobs.report.pictures import leaf_palette, pick_pixels, shrink_camera, shrink_to, shrink_view
+from usdfoliage.jobs.report.table import choose_evenly
 from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.photographs.average_texture import AverageTexture
 from usdfoliage.leaf.points import LeafPoints, no_points
@@ -98,9 +99,9 @@ def test_a_texture_without_color_divides_nothing_by_zero():
 
 
 def test_a_setting_is_set_wherever_it_is():
-    changed = set_everywhere(LeavesSettings(), "threads", 3)
-    assert (changed.threads, changed.sweep.threads) == (3, 3)
-    assert set_everywhere(changed, "threads", 0) == LeavesSettings()
+    changed = set_everywhere(LeavesRunSettings(), "seed", 3)
+    assert (changed.capture.sky.seed, changed.capture.depth.seed) == (3, 3)
+    assert set_everywhere(changed, "seed", 0) == LeavesRunSettings()
     assert set_everywhere(changed, "no such setting", 7) == changed
 
 

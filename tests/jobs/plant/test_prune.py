@@ -94,6 +94,17 @@ def finish(request: BuildRequest, plan: BuildPlan, names: Iterator[str] | tuple[
             write_stamp(store, stamp)
 
 
+def lay_frames(request: BuildRequest, name: str, hours: float = 2.0) -> Path:
+    """Frames of a video that were taken, and last used so many hours ago."""
+    folder = request.store.folder / "views" / "frames" / name
+    folder.mkdir(parents=True)
+    for each in ("frame_00001.jpg", "frames.json"):
+        (folder / each).write_bytes(b"f" * 500)
+    for path in (folder / "frames.json", folder):
+        os.utime(path, (time.time() - 3600 * hours,) * 2)
+    return folder
+
+
 def built(request: BuildRequest, version: str, shared: str = "") -> BuildPlan:
     plan = plan_of(version, shared)
     note_build(request, plan)
@@ -389,3 +400,64 @@ def test_what_results_share_is_counted_once(request_of_shrub: BuildRequest) -> N
     before = {task.key: task.size_bytes for task in survey_work(request_of_shrub.work)}
     os.link(store.result(plan.tasks["cloud"].key) / "result.txt", store.result(old.tasks["cloud"].key) / "linked")
     assert {task.key: task.size_bytes for task in survey_work(request_of_shrub.work)} == before
+
+
+def test_frames_of_a_video_stay_where_the_latest_build_was_made_of_them(request_of_shrub: BuildRequest) -> None:
+    before, now = key_of("frames", "before"), key_of("frames", "now")
+    note_build(request_of_shrub, replace(plan_of("old"), frames=before))
+    note_build(request_of_shrub, replace(plan_of("new"), frames=now))
+    finish(request_of_shrub, plan_of("new"))
+    folders = [lay_frames(request_of_shrub, name) for name in (before, now)]
+    surveyed = {each.key: each for each in survey_work(request_of_shrub.work) if each.stage == "frames"}
+    assert (surveyed[before].state, surveyed[before].capture, surveyed[before].size_bytes) == ("not needed", "", 1000)
+    assert (surveyed[now].state, surveyed[now].capture) == ("needed", str(request_of_shrub.capture))
+    removed = prune_work(request_of_shrub.work)
+    assert [each.key for each in removed if each.stage == "frames"] == [before]
+    assert [folder.exists() for folder in folders] == [False, True]
+
+
+def test_frames_stay_for_another_plant_that_is_made_of_them(request_of_shrub: BuildRequest, tmp_path: Path) -> None:
+    shared = key_of("frames")
+    other = replace(request_of_shrub, output=tmp_path / "assets" / "other")
+    for request in (request_of_shrub, other):
+        note_build(request, replace(plan_of("1"), frames=shared))
+    finish(request_of_shrub, plan_of("1"), ("poses",))
+    note_build(request_of_shrub, plan_of("2"))  # of photographs now
+    folder = lay_frames(request_of_shrub, shared)
+    prune_work(request_of_shrub.work)
+    assert folder.is_dir()
+    note_build(other, plan_of("2"))
+    prune_work(request_of_shrub.work)
+    assert not folder.exists()
+
+
+def test_frames_that_were_just_used_stay_since_their_build_may_begin(request_of_shrub: BuildRequest) -> None:
+    built(request_of_shrub, "1")
+    folders = [lay_frames(request_of_shrub, key_of(str(hours)), hours) for hours in (0.5, 30.0, 72.0)]
+    assert prune_work(request_of_shrub.work, keep_days=2)[0].paths == (folders[2],)
+    prune_work(request_of_shrub.work)
+    assert [folder.exists() for folder in folders] == [True, False, False]
+
+
+def test_what_a_killed_run_took_of_a_video_is_removed(request_of_shrub: BuildRequest) -> None:
+    built(request_of_shrub, "1")
+    killed = lay_frames(request_of_shrub, f".{key_of('a')}.0123456789ab.new")
+    runs = lay_frames(request_of_shrub, f".{key_of('b')}.0123456789ab.new", hours=0.1)
+    strange = lay_frames(request_of_shrub, "of mine")
+    prune_work(request_of_shrub.work)
+    assert (killed.exists(), runs.exists(), strange.exists()) == (False, True, True)
+
+
+def test_frames_are_unclear_while_a_record_does_not_have_them(request_of_shrub: BuildRequest) -> None:
+    built(request_of_shrub, "1")
+    folder = lay_frames(request_of_shrub, key_of("frames"))
+    record = request_of_shrub.store.record(plant_key(request_of_shrub))
+    stored = json.loads(record.read_text())
+    del stored["frames"]
+    record.write_text(json.dumps(stored))
+    assert [each.state for each in survey_work(request_of_shrub.work) if each.stage == "frames"] == ["unclear"]
+    prune_work(request_of_shrub.work)
+    assert folder.is_dir()
+    built(request_of_shrub, "1")
+    prune_work(request_of_shrub.work)
+    assert not folder.exists()

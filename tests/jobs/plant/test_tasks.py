@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from usdfoliage.asset.resources import plugin_path_folders
 from usdfoliage.errors import CaptureError
+from usdfoliage.jobs.capture.video_frames import VideoFrames
 from usdfoliage.jobs.plant import outside_tools
 from usdfoliage.jobs.plant.farm_steps import list_steps
 from usdfoliage.jobs.plant.inputs import BuildInputs
@@ -35,6 +36,13 @@ def make_inputs(changed: str = "") -> BuildInputs:
         digests=digests,
         megapixels=2.0,
     )
+
+
+def test_a_plan_names_the_frames_that_its_photographs_are() -> None:
+    folder = Path("/work/views/frames") / ("0a" * 16)
+    taken = VideoFrames(video=Path("/captures/fern.mp4"), folder=folder, photos={}, remarks=())
+    assert plan_build(make_inputs(), BuildSettings(), "fern").frames == ""
+    assert plan_build(replace(make_inputs(), frames=taken), BuildSettings(), "fern").frames == folder.name
 
 
 def stages_that_change(first: BuildPlan, second: BuildPlan) -> set[str]:

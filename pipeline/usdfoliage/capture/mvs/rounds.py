@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.mvs.agreement import AgreementSettings, DepthEstimate, confirm_depth
+from usdfoliage.capture.mvs.depth_range import depth_range_m
+from usdfoliage.capture.mvs.packed_planes import PackedPlanes, pack_planes, reader_of_planes
 from usdfoliage.capture.mvs.patch_match import (
     MAX_SOURCES,
     MatchedPlanes,
@@ -22,7 +24,6 @@ from usdfoliage.capture.mvs.patch_match import (
     match_view,
     open_maps,
 )
-from usdfoliage.capture.mvs.plane_sweep import depth_range_m
 from usdfoliage.capture.mvs.segment_planes import SegmentSettings, fit_segment_planes, segment_photo
 from usdfoliage.capture.mvs.view_selection import ViewSelectionSettings, select_views
 from usdfoliage.capture.view import View
@@ -276,7 +277,7 @@ def match_views(
     progress: Progress | None = None,
     *,
     threads: int = 0,
-) -> list[MatchedPlanes | None]:
+) -> list[PackedPlanes | None]:
     """The planes of every view after all the rounds, everything in memory; None for views without sources.
 
     Args:
@@ -287,18 +288,20 @@ def match_views(
         threads: 0: one per core.
     """
     at_once, threads_each = share_cores(threads)
-    planes: list[MatchedPlanes | None] = [None] * len(views)
+    cameras = [view.camera for view in views]
+    planes: list[PackedPlanes | None] = [None] * len(views)
     done = 0
     for number in range(len(settings.rounds)):
-        before = tuple(planes)
+        read_before = reader_of_planes(tuple(planes), cameras)
 
         def match(
-            index: int, number: int = number, before: tuple[MatchedPlanes | None, ...] = before
-        ) -> MatchedPlanes | None:
+            index: int, number: int = number, read: Callable[[int], MatchedPlanes | None] = read_before
+        ) -> PackedPlanes | None:
             if not plan.sources[index]:
                 return None
-            read = views.__getitem__, before.__getitem__
-            return match_round(number, index, plan, *read, settings, threads=threads_each)
+            return pack_planes(
+                match_round(number, index, plan, views.__getitem__, read, settings, threads=threads_each)
+            )
 
         for index, matched in enumerate(map_threaded(match, range(len(views)), threads=at_once)):
             planes[index] = matched
@@ -328,10 +331,11 @@ def estimate_depths(
     Raises:
         CaptureError: No two views look at the same place from a usable angle.
     """
-    plan = plan_depths([view.camera for view in views], points_m, settings)
-    planes = match_views(views, plan, settings, progress, threads=threads)
+    cameras = [view.camera for view in views]
+    plan = plan_depths(cameras, points_m, settings)
+    read_planes = reader_of_planes(match_views(views, plan, settings, progress, threads=threads), cameras)
     return [
-        finish_depth(index, plan, views.__getitem__, planes.__getitem__, settings, threads=threads)
+        finish_depth(index, plan, views.__getitem__, read_planes, settings, threads=threads)
         if plan.sources[index]
         else None
         for index in range(len(views))

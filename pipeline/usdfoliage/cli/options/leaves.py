@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import logging
 
 import numpy as np
 
@@ -12,11 +13,16 @@ from usdfoliage.cli.options.leaf_commands import name_option
 from usdfoliage.cli.remarks import LEAVES_OF_A_CLOUD, render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.leaves.cloud_run import names_cloud
-from usdfoliage.jobs.leaves.run import LeavesRequest
-from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.leaves.request import LeavesRequest
+from usdfoliage.jobs.leaves.run import ESTIMATED
+from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 from usdfoliage.jobs.plant_cloud import read_unit, read_up
 from usdfoliage.jobs.work.settings_file import AUTO, read_settings_file, set_everywhere
 from usdfoliage.remarks import Setting
+
+logger = logging.getLogger(__name__)
+
+_OLD_ESTIMATED = "sweep"
 
 
 def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
@@ -35,7 +41,7 @@ def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
         output=options.output,
         name=asset_name(options.name or options.output.resolve().name),
         settings=read_leaves_settings(options),
-        depth=options.depth,
+        depth=_read_depth(options.depth),
         views=options.views,
         hold_back=_read_hold_back(options.hold_back),
         representations=read_representations(options.representation) if options.representation else None,
@@ -48,6 +54,14 @@ def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
         force=options.force,
         render_setting=render_for(LEAVES_OF_A_CLOUD if names_cloud(options.capture) else "leaves"),
     )
+
+
+def _read_depth(words: str) -> str:
+    """The word or folder of --depth; the old word for depth of photographs counts for one more version."""
+    if words != _OLD_ESTIMATED:
+        return words
+    logger.warning("--depth %s is called %s now, and the next version will not know the old word", words, ESTIMATED)
+    return ESTIMATED
 
 
 def _read_hold_back(every: int) -> int:
@@ -74,13 +88,13 @@ def _check_kind(options: argparse.Namespace) -> None:
             raise FoliageError(f"{name} is for {other}, and {options.capture} is {kind}", f"leave {name} out")
 
 
-def read_leaves_settings(options: argparse.Namespace) -> LeavesSettings:
+def read_leaves_settings(options: argparse.Namespace) -> LeavesRunSettings:
     """The settings of a command line: the defaults, then the file of --settings, then the options.
 
     Raises:
         FoliageError: A value cannot be, or the file cannot be used.
     """
-    settings = LeavesSettings()
+    settings = LeavesRunSettings()
     if options.settings is not None:
         settings = read_settings_file(options.settings, settings)
     if options.seed is not None and not 0 <= options.seed < 2**63:  # an asset records it as int64

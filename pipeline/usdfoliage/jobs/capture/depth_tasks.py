@@ -12,10 +12,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar, cast
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.capture.clear_sky import ClearSkySettings, elevations_deg, find_clear_sky
+from usdfoliage.capture.clear_sky import ClearSkySettings
 from usdfoliage.capture.cloud.fusion import SeenSurface
 from usdfoliage.capture.folder.listing import counted, named
 from usdfoliage.capture.folder.photo_set import find_blurred, measure_sharpness, remark_blurred, remark_unusable
@@ -23,8 +24,10 @@ from usdfoliage.capture.folder.read import Capture, CaptureView, merge_view_rema
 from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.capture.mvs.agreement import AgreementSettings, DepthEstimate
 from usdfoliage.capture.mvs.colmap_stereo import read_stereo_planes, run_stereo, write_stereo_workspace
+from usdfoliage.capture.mvs.packed_planes import PackedPlanes, pack_planes, unpack_planes
 from usdfoliage.capture.mvs.patch_match import MatchedPlanes, Picture
 from usdfoliage.capture.mvs.rounds import DepthPlan, MvsSettings, finish_depth, match_round, plan_depths
+from usdfoliage.capture.mvs.view_depths import view_to_match
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
@@ -209,19 +212,16 @@ def _picture_key(
 def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkySettings | None) -> Arrays:
     """What is kept of a photograph."""
     view, remarks = read_view_remarked(capture, index)
-    small = Picture.of(view, max_side_px, 0)
+    # A photograph whose mask cannot be read is taken whole: its sky may be what the mask would have shown.
+    small = view_to_match(view, max_side_px, sky if capture.views[index].mask is None else None, capture.up)
     stored: Arrays = {
         "srgb": small.srgb,
         "size": np.array([view.camera.width_px, view.camera.height_px]),
-        "sharpness": np.array(measure_sharpness(small.gray)),
+        "sharpness": np.array(measure_sharpness(cv2.cvtColor(small.srgb, cv2.COLOR_RGB2GRAY))),
         "remarks": np.array(json.dumps([replace(each, subject="").as_json() for each in remarks])),
     }
     if small.mask is not None:
-        stored["mask"] = small.mask > 0
-    elif sky is not None and capture.views[index].mask is None:
-        found = find_clear_sky(small.srgb, sky, elevation_deg=elevations_deg(small.camera, capture.up))
-        if found is not None:
-            stored["mask"] = ~found
+        stored["mask"] = small.mask
     return stored
 
 
@@ -459,17 +459,8 @@ def _remembering(read: Callable[[int], Stored]) -> Callable[[int], Stored]:
 
 
 def _write_planes(path: Path, matched: MatchedPlanes) -> None:
-    """Half the size: changes relative to the inverse depth are small numbers whose first digits are enough."""
-    inverse = matched.planes[..., :1]
-    slopes = np.divide(matched.planes[..., 1:], inverse, out=np.zeros_like(matched.planes[..., 1:]), where=inverse > 0)
-    write_result(
-        path,
-        {
-            "inverse": matched.planes[..., 0],
-            "slopes": slopes.astype(np.float16),
-            "cost": matched.cost.astype(np.float16),
-        },
-    )
+    packed = pack_planes(matched)
+    write_result(path, {"inverse": packed.inverse, "slopes": packed.slopes, "cost": packed.cost})
 
 
 def _read_planes(tasks: DepthTasks, number: int, index: int) -> MatchedPlanes | None:
@@ -477,12 +468,12 @@ def _read_planes(tasks: DepthTasks, number: int, index: int) -> MatchedPlanes | 
     if path is None:
         return None
     stored = _need(path)
-    inverse = cast(NDArray[np.float32], stored["inverse"])
-    planes = np.empty((*inverse.shape, 3), np.float32)
-    planes[..., 0] = inverse
-    planes[..., 1:] = stored["slopes"].astype(np.float32) * inverse[..., None]
-    camera = tasks.views[index].camera.resized(inverse.shape[1], inverse.shape[0])
-    return MatchedPlanes(camera=camera, planes=planes, cost=stored["cost"].astype(np.float32))
+    packed = PackedPlanes(
+        inverse=cast(NDArray[np.float32], stored["inverse"]),
+        slopes=cast(NDArray[np.float16], stored["slopes"]),
+        cost=cast(NDArray[np.float16], stored["cost"]),
+    )
+    return unpack_planes(packed, tasks.views[index].camera)
 
 
 def _write_estimate(path: Path, estimate: DepthEstimate) -> None:

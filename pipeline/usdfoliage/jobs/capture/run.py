@@ -17,6 +17,7 @@ from usdfoliage.capture.folder.listing import CAMERAS, counted, named
 from usdfoliage.capture.folder.photo_set import read_photo_set
 from usdfoliage.capture.folder.settings import read_capture_settings
 from usdfoliage.capture.mvs.colmap_stereo import check_cuda
+from usdfoliage.capture.mvs.view_depths import remark_alone
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.files.threads import share_cores
 from usdfoliage.jobs.capture.depth_tasks import (
@@ -379,8 +380,7 @@ def remark_tasks(tasks: DepthTasks, missing: int) -> list[Remark]:
     alone = [view.name for view, sources in zip(tasks.views, tasks.plan.sources, strict=True) if not sources]
     remarks = []
     if alone:
-        text = f"{named(alone)}: no other photograph shows the same from a usable angle, no depth"
-        remarks.append(remark("photographs-without-companion", text, subject=named(alone)))
+        remarks.append(remark_alone(alone))
     every = _count_tasks(tasks)
     if missing < every:
         text = f"{every - missing} of {every} tasks of depth were done by an earlier run"

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from usdfoliage.capture.clear_sky import ClearSkySettings
 from usdfoliage.capture.cloud.cleaning import CleaningSettings
 from usdfoliage.capture.cloud.fusion import CloudSettings
 from usdfoliage.capture.cloud.visibility import VisibilitySettings
 from usdfoliage.capture.mvs.rounds import MvsSettings, Quality, Round
+from usdfoliage.capture.mvs.view_depths import PhotographDepthSettings
 from usdfoliage.capture.poses.register import PoseEstimationSettings
 from usdfoliage.capture.poses.world_frame import WorldSettings
 from usdfoliage.capture.video.settings import VideoSettings
@@ -16,11 +16,10 @@ from usdfoliage.capture.video.settings import VideoSettings
 DenseChoice = Literal["own", "colmap"]
 PosesChoice = Literal["auto", "known", "estimate"]
 UncertainPoses = Literal["stop", "use"]
-MaskChoice = Literal["auto", "given", "none"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CaptureRunSettings:
+class CaptureRunSettings(PhotographDepthSettings):
     """Everything that decides the cloud of a capture."""
 
     video: VideoSettings = field(default_factory=VideoSettings)
@@ -31,15 +30,10 @@ class CaptureRunSettings:
     uncertain_poses: UncertainPoses = "stop"
     # own matches photographs with the project's PatchMatch; colmap runs that of COLMAP, which needs CUDA.
     dense: DenseChoice = "own"
-    # given uses the masks of the folder masks/ alone; auto also leaves out the sky where a photograph has no mask;
-    # none uses no mask.
-    mask: MaskChoice = "auto"
-    sky: ClearSkySettings = field(default_factory=ClearSkySettings)
     pose_estimation: PoseEstimationSettings = field(
         default_factory=PoseEstimationSettings
     )  # of poses that are estimated
     world: WorldSettings = field(default_factory=WorldSettings)  # likewise
-    depth: MvsSettings = field(default_factory=MvsSettings)
     cloud: CloudSettings = field(default_factory=CloudSettings)
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
     cleaning: CleaningSettings = field(default_factory=CleaningSettings)

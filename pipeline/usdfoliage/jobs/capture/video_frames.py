@@ -5,9 +5,11 @@ They appear whole or not at all, and another run with the same video and setting
 
 import json
 import logging
+import os
 import shutil
 import uuid
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -24,7 +26,7 @@ from usdfoliage.remarks import Remark, Setting, remark
 
 logger = logging.getLogger(__name__)
 
-_FACTS = "frames.json"  # beside the frames: what was taken
+FACTS = "frames.json"  # beside the frames: what was taken
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +93,7 @@ def lay_frames(
         new = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:12]}.new")
         try:
             taken = take_frames(video, new, settings, progress)
-            (new / _FACTS).write_text(json.dumps(asdict(taken)), encoding="utf-8")
+            (new / FACTS).write_text(json.dumps(asdict(taken)), encoding="utf-8")
             shutil.rmtree(folder, ignore_errors=True)  # what is there is damaged
             try:
                 new.rename(folder)
@@ -102,6 +104,9 @@ def lay_frames(
             raise describe_unwritten(folder, error) from error
         finally:
             shutil.rmtree(new, ignore_errors=True)
+    else:
+        with suppress(OSError):  # of another user, or read-only
+            os.utime(folder / FACTS)  # when it was last used
     return VideoFrames(
         video=video,
         folder=folder,
@@ -113,7 +118,7 @@ def lay_frames(
 def _read_taken(folder: Path) -> TakenFrames | None:
     """What was taken, where all of it is there."""
     try:
-        stored = read_json(folder / _FACTS)
+        stored = read_json(folder / FACTS)
         taken = TakenFrames(**{**stored, "names": tuple(stored["names"])})
     except (FileNotFoundError, NotADirectoryError):
         return None

@@ -1,19 +1,12 @@
 """The report of leaves found in a cloud alone."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.jobs.leaves.report import (
-    certainty_histograms,
-    certainty_rows,
-    draw_mean_leaf,
-    leaf_histograms,
-    measure_rows,
-)
+from usdfoliage.jobs.leaves.page import PageContent, ReportFrame, write_leaves_page
 from usdfoliage.jobs.report.cloud_pictures import (
     Direction,
     bar_length,
@@ -22,12 +15,10 @@ from usdfoliage.jobs.report.cloud_pictures import (
     frame_points,
     splat_points,
 )
-from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import leaf_palette, write_picture
-from usdfoliage.jobs.report.table import ReportPicture, Row, WrittenReport, list_seconds
+from usdfoliage.jobs.report.table import ReportPicture, Row, WrittenReport
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.reconstruct_cloud import CloudReconstruction
-from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
 PICTURE_PX = 1000  # longest side of a picture of the cloud
 DRAWN_POINTS = 400_000
@@ -39,41 +30,29 @@ _DIRECTIONS = (
 )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CloudLeavesReport:
-    """What the report has besides the reconstruction itself."""
-
-    name: str
-    cloud: str
-    generator: str
-    remarks: Sequence[Remark]  # what the reader should know first
-    render_setting: RenderSetting
-    settings: Mapping[str, str]
-    seconds: Mapping[str, float]
-    previews: Sequence[str]  # pictures of the asset, in the report's folder
-
-
 def write_cloud_leaves_report(
     folder: Path,
-    report: CloudLeavesReport,
+    frame: ReportFrame,
     found: CloudReconstruction,
     leaves: Leaves,
     points_m: NDArray[np.float64],
+    previews: Sequence[str] = (),
 ) -> WrittenReport:
     """Write index.html and its pictures into folder, which exists.
 
     Args:
         folder: Of the report.
-        report: The rest of its content.
+        frame: What it states of the run.
         found: The leaves and which points are of them.
         leaves: The same in the asset's frame.
         points_m: (N, 3), the cloud in the asset's frame.
+        previews: Pictures of the asset, in the folder.
     """
     pictures = [
         ReportPicture(file=file, caption=f"The cloud from the {name}, every leaf in a colour of its own; grey: no leaf")
         for name, file in _draw_cloud(folder, points_m, found)
     ]
-    drawn = [ReportPicture(file=file, caption="The asset, drawn by Storm") for file in report.previews]
+    drawn = [ReportPicture(file=file, caption="The asset, drawn by Storm") for file in previews]
     share = float((found.leaf >= 0).mean()) if len(found.leaf) else 0.0
     rows = [
         Row(
@@ -81,31 +60,9 @@ def write_cloud_leaves_report(
             value=f"{len(points_m):,}",
             remark=f"{100 * share:.0f} % of them of leaves; {1000 * found.segmentation.spacing_m:.2g} mm apart",
         ),
-        *measure_rows(leaves),
-        *certainty_rows(found.certainty),
     ]
-    page = render_template(
-        "leaves_report.html",
-        name=report.name,
-        capture=report.cloud,
-        generator=report.generator,
-        notes=list_sentences(report.remarks, report.render_setting),
-        count=f"{len(leaves):,}",
-        steps=found.steps,
-        measures=rows,
-        histograms=[*leaf_histograms(leaves), *certainty_histograms(found.certainty)],
-        mean_leaf=draw_mean_leaf(leaves) if len(leaves) else None,
-        texture=None,
-        withheld=[],
-        withheld_pictures=[],
-        cloud=[*pictures, *drawn],
-        left_out="",
-        views=[],
-        seconds=list_seconds(report.seconds),
-        settings=[Row(name=name, value=value) for name, value in report.settings.items()],
-    )
-    index = folder / "index.html"
-    index.write_text(page, encoding="utf-8")
+    content = PageContent(rows=rows, cloud=[*pictures, *drawn])
+    index = write_leaves_page(folder, frame, leaves, found.certainty, found.steps, content)
     return WrittenReport(page=index, pictures=tuple(pictures))
 
 

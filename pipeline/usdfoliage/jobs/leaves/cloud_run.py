@@ -10,12 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage import __version__
-from usdfoliage.asset.leaf_representations import check_memory
-from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
-from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.asset.publish import plan_folder
 from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.capture.cloud_files.leaf_points import write_leaf_points
 from usdfoliage.capture.cloud_files.ply import fits_single
@@ -29,20 +25,29 @@ from usdfoliage.capture.cloud_files.read import (
 )
 from usdfoliage.capture.cloud_files.units import UNITS
 from usdfoliage.capture.cloud_files.up_axis import find_cloud_up
-from usdfoliage.errors import CaptureError, FoliageError, PreviewError
-from usdfoliage.files.hashing import digest_files
+from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.up_turn import axis_vector, turn_to_y_up
-from usdfoliage.jobs.leaves.cloud_report import CloudLeavesReport, write_cloud_leaves_report
-from usdfoliage.jobs.leaves.report import measure_rows
-from usdfoliage.jobs.leaves.run import LeavesRequest, MadeLeaves, choose_representations, place_plant
-from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
+from usdfoliage.jobs.leaves.cloud_report import write_cloud_leaves_report
+from usdfoliage.jobs.leaves.publish import (
+    REPORT,
+    LeavesSource,
+    MadeLeaves,
+    RunFacts,
+    frame_report,
+    publish_leaves,
+    write_found_asset,
+)
+from usdfoliage.jobs.leaves.request import LeavesRequest
+from usdfoliage.jobs.leaves.run import place_plant
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView
 from usdfoliage.jobs.report.table import WrittenReport
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.model_file import LeavesModel
 from usdfoliage.leaf.reconstruct_cloud import CLOUD_STEPS, CloudReconstruction, reconstruct_cloud_leaves
+from usdfoliage.leaf.segmentation.model import Step
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, Remedy, Setting, label_remarks, remark
@@ -75,6 +80,10 @@ class FoundCloudLeaves:
         own = np.diag([unit, unit, unit, 1.0])
         own[:3, 3] = -self.source.origin_m
         return np.asarray(self.asset_from_source @ own)
+
+    @property
+    def steps(self) -> Sequence[Step]:
+        return self.found.steps
 
     @property
     def model(self) -> LeavesModel:
@@ -142,70 +151,21 @@ def find_cloud_leaves(request: LeavesRequest, progress: StepProgress | None = No
 
 
 def make_cloud_leaves_asset(request: LeavesRequest, progress: StepProgress | None = None) -> MadeLeaves:
-    """Find the leaves of a cloud and publish their asset; the old asset stays until the new one is whole.
-
-    Raises:
-        FoliageError: The cloud is unusable, or the output cannot be written; nothing was changed.
-    """
-    with publish_folder(request.output, force=request.force) as folder:
-        made = find_cloud_leaves(request, progress)
-        seconds = dict(made.seconds)
-        start = time.perf_counter()
-        if progress:
-            progress("asset", 0.0)
-        settings = LeafAssetSettings(representations=choose_representations(request, len(made.leaves)))
-        check_memory(len(made.leaves), settings)
-        interface = _write_asset(folder, request, made, settings)
-        report_folder = folder / "report"
-        report_folder.mkdir(exist_ok=True)
-        write_points(report_folder / POINTS_FILE, made, request.settings.threads)
-        seconds["asset"] = time.perf_counter() - start
-
-        start = time.perf_counter()
-        previews: list[str] = []
-        remarks = list(made.remarks)
-        if request.preview and len(made.leaves) and request.report_views:
-            views = [PreviewView(output=report_folder / file, direction=direction) for direction, file in _PREVIEWS]
-            try:
-                render_views(interface, views, _PREVIEW, progress_in_step("preview", progress))
-                previews = [file for _, file in _PREVIEWS]
-            except PreviewError as error:
-                remarks.append(remark_missing_pictures(error))
-            seconds["preview"] = time.perf_counter() - start
-        if progress:
-            progress("report", 0.0)
-        report_cloud_leaves(report_folder, request, made, remarks, seconds, previews)
-    return MadeLeaves(
-        asset=request.output / interface.name,
-        report=request.output / "report" / "index.html",
-        representations=settings.representations,
-        remarks=tuple(remarks),
-        steps=made.found.steps,
-        measures=measure_rows(made.leaves),
+    """Find the leaves of a cloud and publish their asset, as publish_leaves."""
+    source = LeavesSource(
+        find=find_cloud_leaves,
+        write_asset=_write_asset,
+        choose_previews=_choose_previews,
+        write_report=report_cloud_leaves,
     )
+    return publish_leaves(request, source, progress)
 
 
-def report_cloud_leaves(
-    folder: Path,
-    request: LeavesRequest,
-    made: FoundCloudLeaves,
-    remarks: Sequence[Remark],
-    seconds: Mapping[str, float],
-    previews: Sequence[str],
-) -> WrittenReport:
-    """Write the report of a cloud's leaves into an existing folder; previews are Storm's pictures in it."""
-    report = CloudLeavesReport(
-        name=request.name,
-        cloud=made.source.path.name,
-        generator=f"usdfoliage {__version__}",
-        remarks=remarks,
-        render_setting=request.render_setting,
-        settings=describe_cloud_settings(request),
-        seconds=seconds if request.times else {},
-        previews=previews,
-    )
+def report_cloud_leaves(folder: Path, request: LeavesRequest, made: FoundCloudLeaves, facts: RunFacts) -> WrittenReport:
+    """Write the report of a cloud's leaves into an existing folder."""
+    frame = frame_report(request, made.source.path.name, describe_cloud_settings(request), facts)
     turned_m = made.source.points_m @ made.asset_from_source[:3, :3].T + made.asset_from_source[:3, 3]
-    return write_cloud_leaves_report(folder, report, made.found, made.leaves, turned_m)
+    return write_cloud_leaves_report(folder, frame, made.found, made.leaves, turned_m, facts.previews)
 
 
 def plan_cloud_leaves_asset(request: LeavesRequest) -> str:
@@ -305,26 +265,27 @@ def _linear_colors(source: CloudInput) -> NDArray[np.float64] | None:
 
 
 def _write_asset(folder: Path, request: LeavesRequest, made: FoundCloudLeaves, settings: LeafAssetSettings) -> Path:
-    """Write the asset of leaves in its own frame into folder; returns its interface layer."""
-    model = made.model
-    provenance = Provenance(
-        species=request.species,
-        capture=made.source.path.resolve().name,
-        generator=f"usdfoliage {__version__}",
-        seed=request.seed,
-        settings=describe_cloud_settings(request),
-        input_sha256=digest_files([made.source.path]),
-    )
-    color = model.plain_color or _species_color(request.species)
-    return write_leaf_asset(
+    """The asset, and in its report the points of the cloud."""
+    interface = write_found_asset(
         folder,
-        request.name,
-        made.leaves,
-        provenance,
+        request,
+        made,
         settings,
-        appearance=LeafAppearance(color=color),
-        asset_from_capture=model.asset_from_capture,
+        LeafAppearance(color=made.model.plain_color or _species_color(request.species)),
+        source=made.source.path,
+        described=describe_cloud_settings(request),
+        inputs=[made.source.path],
     )
+    write_points(folder / REPORT / POINTS_FILE, made, request.settings.threads)
+    return interface
+
+
+def _choose_previews(
+    folder: Path, request: LeavesRequest, _made: FoundCloudLeaves
+) -> tuple[list[PreviewView], PreviewSettings]:
+    """The asset from two sides."""
+    pictures = _PREVIEWS if request.report_views else ()
+    return [PreviewView(output=folder / file, direction=direction) for direction, file in pictures], _PREVIEW
 
 
 def _species_color(name: str) -> tuple[float, float, float]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.view import View
 from usdfoliage.errors import AssetError
+from usdfoliage.jobs.leaves.page import PageContent, ReportFrame, TexturePicture, write_leaves_page
 from usdfoliage.jobs.leaves.pictures import (
     SURE,
     DrawnPoints,
@@ -21,71 +22,25 @@ from usdfoliage.jobs.leaves.pictures import (
     draw_superpixels,
     prepare_points,
 )
-from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import pick_pixels, shrink_view
-from usdfoliage.jobs.report.table import (
-    Histogram,
-    ReportPhotograph,
-    ReportPicture,
-    Row,
-    WrittenReport,
-    list_seconds,
-)
+from usdfoliage.jobs.report.table import ReportPhotograph, ReportPicture, WrittenReport
 from usdfoliage.jobs.withheld.measure import MeasuredAsset
-from usdfoliage.leaf.model import Leaves, mean_leaf
+from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.reconstruct import Reconstruction
-from usdfoliage.leaf.shape.measures import leaf_width
-from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
-from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
 PICTURE_PX = 900  # longer side of a picture
-BINS = 30
-MEAN_LEAF_PX = 320  # from base to apex
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeavesReport:
     """What the report has besides the reconstruction itself."""
 
-    name: str
-    capture: str
-    generator: str
-    remarks: Sequence[Remark]  # what the reader should know first
-    render_setting: RenderSetting
-    settings: Mapping[str, str]
-    seconds: Mapping[str, float]
+    frame: ReportFrame
     drawn: Sequence[int]  # which views are drawn
     numbers: Sequence[int]  # of each view, among the capture's photographs
     texture: str = ""  # file of the average leaf, as seen from the report's folder
     previews: Mapping[int, str] = field(default_factory=dict)  # view: picture of the asset, in the report's folder
     withheld: MeasuredAsset | None = None  # the asset against photographs that were withheld
-
-
-@dataclass(frozen=True, kw_only=True)
-class Line:
-    """A polyline of a drawing."""
-
-    points: str
-    color: str
-    width: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Drawing:
-    """Lines in a box (left, top, width, height) that is drawn width by height pixels large."""
-
-    box: str
-    width: int
-    height: int
-    lines: Sequence[Line]
-
-
-@dataclass(frozen=True, kw_only=True)
-class TexturePicture:
-    """The average leaf."""
-
-    file: str
-    caption: str
 
 
 def write_leaves_report(
@@ -116,106 +71,14 @@ def write_leaves_report(
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         written = list(pool.map(write_photograph, report.drawn))
-    page = render_template(
-        "leaves_report.html",
-        name=report.name,
-        capture=report.capture,
-        generator=report.generator,
-        notes=list_sentences(report.remarks, report.render_setting),
-        count=f"{len(leaves):,}",
-        steps=reconstruction.steps,
-        measures=[*measure_rows(leaves), *certainty_rows(reconstruction.certainty)],
-        histograms=[*leaf_histograms(leaves), *certainty_histograms(reconstruction.certainty)],
-        mean_leaf=draw_mean_leaf(leaves) if len(leaves) else None,
-        texture=texture,
-        withheld=report.withheld.rows() if report.withheld is not None else [],
-        withheld_pictures=report.withheld.pictures() if report.withheld is not None else [],
-        cloud=(),
-        left_out=left_out,
+    content = PageContent(
         views=[photograph for photograph, _ in written],
-        seconds=list_seconds(report.seconds),
-        settings=[Row(name=name, value=value) for name, value in report.settings.items()],
+        left_out=left_out,
+        texture=texture,
+        withheld=report.withheld,
     )
-    index = folder / "index.html"
-    index.write_text(page, encoding="utf-8")
+    index = write_leaves_page(folder, report.frame, leaves, reconstruction.certainty, reconstruction.steps, content)
     return WrittenReport(page=index, pictures=tuple(fitted for _, fitted in written))
-
-
-def measure_rows(leaves: Leaves) -> list[Row]:
-    """The figures of leaves, for report and terminal; none without leaves."""
-    if not len(leaves):
-        return []
-    rows = [Row(name="length", value=_spread_of_lengths(leaves.length_m), remark="median, from the 5th to the 95th %")]
-    rows.append(Row(name="width / length", value=_spread(leaf_width(leaves.parameters), "")))
-    if leaves.residual_m is not None:
-        rows.append(Row(name="residual", value=_spread_of_lengths(leaves.residual_m), remark="of the captured points"))
-        share = 100 * leaves.residual_m / leaves.length_m
-        rows.append(Row(name="residual / length", value=_spread(share, "%")))
-    if leaves.confidence is not None:
-        rows.append(Row(name="confidence", value=_spread(leaves.confidence, ""), remark="0 guessed to 1 seen whole"))
-    return rows
-
-
-def certainty_rows(certainty: NDArray[np.floating]) -> list[Row]:
-    """How sure it is which end of leaves (N,) is the base, in figures; none without leaves."""
-    if not len(certainty):
-        return []
-    guessed = int(np.count_nonzero(certainty < SURE))
-    remark = f"0.5 nothing is known to 1; {guessed:,} of {len(certainty):,} leaves are below {SURE:g}, a guess"
-    return [Row(name="certainty of base and apex", value=_spread(certainty, ""), remark=remark)]
-
-
-def certainty_histograms(certainty: NDArray[np.floating]) -> list[Histogram]:
-    """The same as bars."""
-    return [_histogram(certainty, "certainty of base and apex", 0.5, 1.0)] if len(certainty) else []
-
-
-def leaf_histograms(leaves: Leaves) -> list[Histogram]:
-    """What is shown of leaves as bars; none without leaves."""
-    if not len(leaves):
-        return []
-    histograms = [_histogram_of_lengths(leaves.length_m, "length")]
-    if leaves.residual_m is not None:
-        histograms.insert(
-            0, _histogram(100 * leaves.residual_m / leaves.length_m, "residual in % of the length", 0.0, None)
-        )
-        histograms.insert(0, _histogram_of_lengths(leaves.residual_m, "residual"))
-    if leaves.confidence is not None:
-        histograms.append(_histogram(leaves.confidence, "confidence", 0.0, 1.0))
-    return histograms
-
-
-def draw_mean_leaf(leaves: Leaves) -> Drawing:
-    """The mean leaf from above and, on the right, from its side."""
-    mean = mean_leaf(leaves.parameters)
-    v = np.linspace(0, 1, 49)
-    curves = [(0.0, "#8a5a2b", 1.5), (1 / 3, "#999", 0.7), (2 / 3, "#999", 0.7), (1.0, "#2e7d32", 2.0)]
-    above, aside = [], []
-    for across, color, width in curves:
-        for side in sorted({-across, across}):
-            points = evaluate_points(mean[None], grid_places(side, v))[0]
-            above.append((points[:, [0, 1]], color, width))
-            if side >= 0:
-                aside.append((points[:, [2, 1]], color, width))
-    reach = max(float(np.abs(places[:, 0]).max()) for places, _, _ in above)
-    heights = np.concatenate([places[:, 0] for places, _, _ in aside])
-    shift = reach + 0.15 - float(heights.min())
-    moved = above + [(places + np.array([shift, 0]), color, width) for places, color, width in aside]
-    everything = np.concatenate([places for places, _, _ in moved])
-    low, high = everything.min(axis=0) - 0.05, everything.max(axis=0) + 0.05
-    size = (high - low) * MEAN_LEAF_PX
-    lines = [
-        Line(
-            points=" ".join(
-                f"{x:.1f},{y:.1f}" for x, y in (places - (low[0], high[1])) * (MEAN_LEAF_PX, -MEAN_LEAF_PX)
-            ),
-            color=color,
-            width=width,
-        )
-        for places, color, width in moved
-    ]
-    width_px, height_px = (int(np.ceil(side)) for side in size)
-    return Drawing(box=f"0 0 {width_px} {height_px}", width=width_px, height=height_px, lines=lines)
 
 
 def _write_photograph(
@@ -286,33 +149,6 @@ def _write_photograph(
 
 def _own(leaves: Leaves, number: int) -> NDArray[np.bool_]:
     return np.zeros(len(leaves), np.bool_) if leaves.view is None else leaves.view == number
-
-
-def _spread(values: NDArray[np.floating], unit: str) -> str:
-    middle, low, high = np.percentile(values, (50, 5, 95))
-    return f"{middle:.3g} ({low:.3g} to {high:.3g}){f' {unit}' if unit else ''}"
-
-
-def _spread_of_lengths(lengths_m: NDArray[np.floating]) -> str:
-    factor, unit = _length_unit(float(np.percentile(lengths_m, 95)))
-    return _spread(lengths_m * factor, unit)
-
-
-def _length_unit(length_m: float) -> tuple[float, str]:
-    """How many of a unit are in a metre, and the unit in which so long a thing reads well."""
-    return (1000.0, "mm") if length_m < 0.9995 else (1.0, "m")  # from there on it would be printed as 1e+03 mm
-
-
-def _histogram_of_lengths(lengths_m: NDArray[np.floating], what: str) -> Histogram:
-    factor, unit = _length_unit(float(lengths_m.max()))
-    return _histogram(lengths_m * factor, f"{what} in {unit}", 0.0, None)
-
-
-def _histogram(values: NDArray[np.floating], title: str, low: float, high: float | None) -> Histogram:
-    top = float(values.max()) if high is None else high
-    top = top if top > low else low + 1.0
-    heights, _ = np.histogram(values, bins=BINS, range=(low, top))
-    return Histogram(title=title, low=f"{low:.3g}", high=f"{top:.3g}", heights=[int(height) for height in heights])
 
 
 def _write_jpeg(path: Path, picture: NDArray[np.uint8]) -> str:

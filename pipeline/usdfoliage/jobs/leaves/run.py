@@ -9,33 +9,30 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage import __version__
-from usdfoliage.asset.leaf_representations import check_memory, default_representations
-from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings, leaf_texture_file
-from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.asset.publish import plan_folder
 from usdfoliage.capture.folder.hold_back import choose_withheld
 from usdfoliage.capture.folder.listing import IMAGES, counted, files_below, is_picture, named
 from usdfoliage.capture.folder.read import Capture, CaptureViews, read_view, read_views, without_depth
-from usdfoliage.capture.mvs.plane_sweep import sweep_depths
+from usdfoliage.capture.mvs.view_depths import estimate_view_depths
 from usdfoliage.capture.poses.given_frame import read_upright_capture
 from usdfoliage.capture.view import View
-from usdfoliage.errors import CaptureError, PreviewError
-from usdfoliage.files.hashing import digest_files
+from usdfoliage.errors import CaptureError
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import encode_srgb
-from usdfoliage.jobs.leaves.report import LeavesReport, measure_rows, write_leaves_report
-from usdfoliage.jobs.leaves.settings import LeavesSettings
-from usdfoliage.jobs.preview.pictures import (
-    PreviewSettings,
-    PreviewView,
-    encode_png,
-    remark_missing_pictures,
-    render_views,
+from usdfoliage.jobs.leaves.publish import (
+    LeavesSource,
+    MadeLeaves,
+    RunFacts,
+    frame_report,
+    publish_leaves,
+    write_found_asset,
 )
+from usdfoliage.jobs.leaves.report import LeavesReport, write_leaves_report
+from usdfoliage.jobs.leaves.request import LeavesRequest
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, encode_png
 from usdfoliage.jobs.report.pictures import shrink_camera
-from usdfoliage.jobs.report.table import Row, WrittenReport, choose_evenly
+from usdfoliage.jobs.report.table import WrittenReport, choose_evenly
 from usdfoliage.jobs.withheld.measure import MeasuredAsset, measure_by_withheld
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.change import move_leaves
@@ -47,50 +44,14 @@ from usdfoliage.leaf.segmentation.model import Step
 from usdfoliage.leaf.shape.bounds import leaf_bounds_m
 from usdfoliage.leaf.shape.jitter import NO_JITTER, spread_phases
 from usdfoliage.progress import Progress, StepProgress, progress_in_step
-from usdfoliage.remarks import Remark, RenderSetting, Setting, as_plan_setting, label_remarks, remark
+from usdfoliage.remarks import Remark, Setting, label_remarks, remark
 
 logger = logging.getLogger(__name__)
 
-AUTO, SWEEP = "auto", "sweep"  # words for depth that name no folder
+AUTO, ESTIMATED = "auto", "estimated"  # words for depth that name no folder
 DEFAULT_DEPTH = "depth"
 _TEXTURE = "leaf.png"  # the average leaf, before the asset has its copy
 PREVIEW_PX = 640  # longer side of Storm's pictures, which take more time than all the rest of a report
-
-
-@dataclass(frozen=True, kw_only=True)
-class LeavesRequest:
-    """What the user asked for, checked."""
-
-    capture: Path
-    output: Path
-    name: str
-    settings: LeavesSettings
-    depth: str = "auto"
-    views: str | None = None  # None: all
-    hold_back: int = 0  # of every so many photographs one makes nothing, and measures the asset; 0: of none
-    representations: tuple[str, ...] | None = None  # None: as many as the number of leaves allows
-    up: str | None = None  # an axis of the cloud, where leaves are found in one alone; None: estimated
-    unit: str | None = None  # of such a cloud, of UNITS; None: read from the file
-    species: str = ""
-    seed: int = 0
-    report_views: int = 12
-    preview: bool = True
-    times: bool = True  # whether the report lists how long each step took
-    force: bool = False
-    render_setting: RenderSetting = as_plan_setting  # how the report writes settings
-
-
-@dataclass(frozen=True, kw_only=True)
-class MadeLeaves:
-    """What was written, and what the user should know of it."""
-
-    asset: Path
-    report: Path
-    representations: Sequence[str]
-    remarks: tuple[Remark, ...]
-    steps: Sequence[Step]
-    measures: Sequence[Row]
-    withheld: MeasuredAsset | None = None  # the asset against photographs that were withheld
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,6 +62,7 @@ class LeavesInput:
     views: Sequence[View]
     numbers: NDArray[np.int32]  # of each view among all posed photographs of the capture
     remarks: tuple[Remark, ...]
+    estimated: bool = False  # whether depth was computed from the photographs
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,6 +84,10 @@ class FoundLeaves:
     @property
     def remarks(self) -> tuple[Remark, ...]:
         return (*self.found.remarks, *self.given.remarks)
+
+    @property
+    def steps(self) -> Sequence[Step]:
+        return self.found.steps
 
     @property
     def model(self) -> LeavesModel:
@@ -155,63 +121,19 @@ def find_capture_leaves(request: LeavesRequest, progress: StepProgress | None = 
 
 
 def make_leaves_asset(request: LeavesRequest, progress: StepProgress | None = None) -> MadeLeaves:
-    """Find the leaves of a capture and publish their asset; the old asset stays until the new one is whole.
-
-    Raises:
-        FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
-    """
-    with publish_folder(request.output, force=request.force) as folder:
-        made = find_capture_leaves(request, progress)
-        seconds = dict(made.seconds)
-        start = time.perf_counter()
-        if progress:
-            progress("asset", 0.0)
-        settings = LeafAssetSettings(representations=choose_representations(request, len(made.leaves)))
-        check_memory(len(made.leaves), settings)
-        interface = write_asset(folder, request, made, settings)
-        seconds["asset"] = time.perf_counter() - start
-
-        start = time.perf_counter()
-        report_folder = folder / "report"
-        report_folder.mkdir(exist_ok=True)
-        drawn = choose_evenly(len(made.given.views), request.report_views)
-        previews: dict[int, str] = {}
-        remarks = list(made.remarks)
-        if request.preview and len(made.leaves) and drawn:
-            try:
-                previews = draw_previews(interface, report_folder, made.given, drawn, made.asset_from_world, progress)
-            except PreviewError as error:
-                remarks.append(remark_missing_pictures(error))
-            seconds["preview"] = time.perf_counter() - start
-        if progress:
-            progress("report", 0.0)
-        withheld = None
-        if request.hold_back:
-            withheld = _measure(interface, request, report_folder, progress)
-            remarks += withheld.remarks
-            seconds["withheld"] = time.perf_counter() - start - seconds.get("preview", 0.0)
-        picture = f"../{leaf_texture_file(request.name, _TEXTURE)}" if made.found.texture is not None else ""
-        report_leaves(report_folder, request, made, remarks, picture, seconds, previews, withheld)
-    return MadeLeaves(
-        asset=request.output / interface.name,
-        report=request.output / "report" / "index.html",
-        representations=settings.representations,
-        remarks=tuple(remarks),
-        steps=made.found.steps,
-        measures=measure_rows(made.leaves),
-        withheld=withheld,
+    """Find the leaves of a capture and publish their asset, as publish_leaves."""
+    source = LeavesSource(
+        find=find_capture_leaves,
+        write_asset=_write_asset,
+        choose_previews=_choose_previews,
+        write_report=_write_report,
+        measure=_measure,
     )
+    return publish_leaves(request, source, progress)
 
 
 def report_leaves(
-    folder: Path,
-    request: LeavesRequest,
-    made: FoundLeaves,
-    remarks: Sequence[Remark],
-    texture: str,
-    seconds: Mapping[str, float],
-    previews: Mapping[int, str],
-    withheld: MeasuredAsset | None = None,
+    folder: Path, request: LeavesRequest, made: FoundLeaves, facts: RunFacts, texture: str
 ) -> WrittenReport:
     """Write the report of leaves into an existing folder.
 
@@ -219,27 +141,80 @@ def report_leaves(
         folder: Of the report.
         request: What was asked for.
         made: The leaves.
-        remarks: On them.
+        facts: What happened to them; its previews are of the views that the report shows.
         texture: File of the average leaf, as seen from the folder; empty where there is none.
-        seconds: By step.
-        previews: Storm's pictures in the folder, by the number of their view.
-        withheld: The asset against photographs that were withheld, whose pictures are in the folder.
     """
+    drawn = choose_evenly(len(made.given.views), request.report_views)
     report = LeavesReport(
-        name=request.name,
-        capture=made.given.capture.name,
-        generator=f"usdfoliage {__version__}",
-        remarks=remarks,
-        render_setting=request.render_setting,
-        settings=describe_settings(request),
-        seconds=seconds if request.times else {},
-        drawn=choose_evenly(len(made.given.views), request.report_views),
+        frame=frame_report(
+            request, made.given.capture.name, describe_settings(request, estimated=made.given.estimated), facts
+        ),
+        drawn=drawn,
         numbers=made.given.numbers.tolist(),
         texture=texture,
-        previews=previews,
-        withheld=withheld,
+        previews=dict(zip(drawn, facts.previews, strict=True)) if facts.previews else {},
+        withheld=facts.withheld,
     )
     return write_leaves_report(folder, report, made.found, made.given.views, threads=request.settings.threads)
+
+
+def _write_asset(folder: Path, request: LeavesRequest, made: FoundLeaves, settings: LeafAssetSettings) -> Path:
+    capture, model = made.given.capture, made.model
+    appearance = LeafAppearance() if model.plain_color is None else LeafAppearance(color=model.plain_color)
+    with temporary_folder("leaf") as work:
+        if made.found.texture is not None:
+            texture = work / _TEXTURE
+            texture.write_bytes(encode_texture(made.found.texture))
+            appearance = replace(appearance, texture=texture, texture_color=model.texture_color)
+        return write_found_asset(
+            folder,
+            request,
+            made,
+            settings,
+            appearance,
+            source=capture.folder,
+            described=describe_settings(request, estimated=made.given.estimated),
+            inputs=list_inputs(capture),
+        )
+
+
+def _choose_previews(
+    folder: Path, request: LeavesRequest, made: FoundLeaves
+) -> tuple[list[PreviewView], PreviewSettings]:
+    """The asset from the cameras of the photographs that the report shows."""
+    given = made.given
+    drawn = choose_evenly(len(given.views), request.report_views)
+    cameras = [shrink_camera(given.views[number].camera, PREVIEW_PX, made.asset_from_world) for number in drawn]
+    files = [folder / f"view_{given.numbers[number]:03}_storm.png" for number in drawn]
+    views = [PreviewView(output=file, pinhole=camera) for file, camera in zip(files, cameras, strict=True)]
+    return views, PreviewSettings(samples=1)
+
+
+def _write_report(folder: Path, request: LeavesRequest, made: FoundLeaves, facts: RunFacts) -> WrittenReport:
+    texture = f"../{leaf_texture_file(request.name, _TEXTURE)}" if made.found.texture is not None else ""
+    return report_leaves(folder, request, made, facts, texture)
+
+
+def _measure(interface: Path, request: LeavesRequest, folder: Path, progress: Progress) -> MeasuredAsset:
+    """The asset against the photographs that are withheld; CaptureError where none of them has a camera."""
+    withheld = _withheld(request)
+    folder_of_depth = DEFAULT_DEPTH if request.depth in (AUTO, ESTIMATED) else request.depth
+    capture = without_depth(read_upright_capture(request.capture, depth=folder_of_depth).capture)
+    views = tuple(view for view in capture.views if view.name in withheld)
+    if not views:
+        raise CaptureError(
+            f"none of the photographs that are withheld ({named(withheld)}) has a camera",
+            ("withhold others with ", Setting(name="plant.hold_back")),
+        )
+    return measure_by_withheld(
+        interface,
+        replace(capture, views=views),
+        folder,
+        request.hold_back,
+        lost=[name for name in withheld if name not in {view.name for view in views}],
+        threads=request.settings.threads,
+        progress=progress,
+    )
 
 
 def plan_leaves_asset(request: LeavesRequest) -> str:
@@ -249,17 +224,25 @@ def plan_leaves_asset(request: LeavesRequest) -> str:
     first = read_view(capture, 0).camera
     depths = sum(view.depth is not None for view in capture.views)
     masks = sum(view.mask is not None for view in capture.views)
-    swept = request.depth == SWEEP or (request.depth == AUTO and not depths)
-    steps = ["capture", *(["sweep"] if swept else []), *STEPS, "asset", *(["preview"] if request.preview else [])]
+    estimated = request.depth == ESTIMATED or (request.depth == AUTO and not depths)
+    depth = request.settings.capture.depth
+    source = (
+        f"from the photographs, at {depth.max_side_px} px at most, in {len(depth.rounds)} rounds, each with "
+        f"{depth.sources} others at most"
+        if estimated
+        else f"of {depths} of them"
+    )
+    steps = ["capture", *(["depth"] if estimated else []), *STEPS, "asset", *(["preview"] if request.preview else [])]
     withheld = _withheld(request)
     noted = [f"withheld: {named(withheld)}"] if withheld else []
+    described = describe_settings(request, estimated=estimated)
     lines = [
         f"capture: {request.capture}, {len(capture.views)} photographs, the first {first.width_px} x "
         f"{first.height_px} px",
-        f"depth: {'from the photographs' if swept else f'of {depths} of them'}; masks: of {masks}",
+        f"depth: {source}; masks: of {masks}",
         *noted,
         *label_remarks(capture.remarks, request.render_setting),
-        f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+        f"settings: {', '.join(f'{name} {value}' for name, value in described.items())}",
         f"steps: {', '.join(steps)}",
         would,
     ]
@@ -272,7 +255,7 @@ def find_capture(request: LeavesRequest) -> Capture:
     Raises:
         CaptureError: There are none.
     """
-    folder = DEFAULT_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
+    folder = DEFAULT_DEPTH if request.depth in (AUTO, ESTIMATED) else request.depth
     capture = read_upright_capture(request.capture, depth=folder, views=request.views).capture
     withheld = _withheld(request)
     left = tuple(view for view in capture.views if view.name not in withheld)
@@ -291,67 +274,53 @@ def _withheld(request: LeavesRequest) -> tuple[str, ...]:
     return choose_withheld(photographs, request.hold_back)
 
 
-def _measure(interface: Path, request: LeavesRequest, folder: Path, progress: StepProgress | None) -> MeasuredAsset:
-    """The asset against the photographs that are withheld; CaptureError where none of them has a camera."""
-    withheld = _withheld(request)
-    folder_of_depth = DEFAULT_DEPTH if request.depth in (AUTO, SWEEP) else request.depth
-    capture = without_depth(read_upright_capture(request.capture, depth=folder_of_depth).capture)
-    views = tuple(view for view in capture.views if view.name in withheld)
-    if not views:
-        raise CaptureError(
-            f"none of the photographs that are withheld ({named(withheld)}) has a camera",
-            ("withhold others with ", Setting(name="plant.hold_back")),
-        )
-    return measure_by_withheld(
-        interface,
-        replace(capture, views=views),
-        folder,
-        request.hold_back,
-        lost=[name for name in withheld if name not in {view.name for view in views}],
-        threads=request.settings.threads,
-        progress=progress_in_step("withheld", progress),
-    )
-
-
 def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = None) -> LeavesInput:
     """Read the photographs asked for, with their depth; compute that where there is none.
 
     Depth maps that hold nothing are not replaced unasked: whoever gave them should hear of it.
 
     Raises:
-        CaptureError: see read_capture, read_views and sweep_depths.
+        CaptureError: see read_capture, read_views and estimate_view_depths.
     """
     capture = find_capture(request)
-    if request.depth == SWEEP:
+    if request.depth == ESTIMATED:
         capture = without_depth(capture)
     has_maps = any(view.depth is not None for view in capture.views)
     read = _read_what_can_be(capture, request, progress_in_step("capture", progress))
     views, remarks = list(read.views), [*capture.remarks, *read.remarks]
-    if request.depth != SWEEP and has_maps and not any(view.has_depth for view in views):
+    if request.depth != ESTIMATED and has_maps and not any(view.has_depth for view in views):
         remedy = (Setting(name="leaves.depth", value='"estimated"'), " computes it from the photographs")
         remarks.append(remark("depth-maps-empty", "the depth maps hold no depth that can be used", remedy=remedy))
-    if request.depth == SWEEP or (request.depth == AUTO and not has_maps):
+    estimated = request.depth == ESTIMATED or (request.depth == AUTO and not has_maps)
+    if estimated:
         if len(views) < 2:
             raise CaptureError(
                 f"{request.capture} has no depth for the one photograph that is used, and it takes two to compute it",
                 "give depth maps, or more photographs",
             )
         try:
-            swept = sweep_depths(views, capture.points_m, request.settings.sweep, progress_in_step("sweep", progress))
+            found = estimate_view_depths(
+                views,
+                capture.up,
+                capture.points_m,
+                request.settings.capture,
+                progress_in_step("depth", progress),
+                threads=request.settings.threads,
+            )
         except CaptureError as error:
             raise CaptureError(
                 f"depth cannot be computed from the photographs: {error.text}",
-                f"put depth maps into {request.capture / DEFAULT_DEPTH}, or give photographs that overlap",
+                (*error.remedy, f"; or put depth maps into {request.capture / DEFAULT_DEPTH}"),
             ) from error
-        views = [replace(view, depth_m=depth_m) for view, depth_m in zip(views, swept.depths_m, strict=True)]
-        remarks += swept.remarks
-        text = "depth was computed from the photographs; it is coarse, and so are the leaves"
-        remarks.append(remark("depth-swept", text))
+        views = list(found.views)
+        remarks += found.remarks
+        text = "depth was computed from the photographs"
+        remarks.append(remark("depth-estimated", text))
     is_whole = request.views is None and not request.hold_back
     everything = capture if is_whole else find_capture(replace(request, views=None, hold_back=0))
     places = {view.name: number for number, view in enumerate(everything.views)}
     numbers = np.array([places[view.name] for view in views], np.int32)
-    return LeavesInput(capture=capture, views=views, numbers=numbers, remarks=tuple(remarks))
+    return LeavesInput(capture=capture, views=views, numbers=numbers, remarks=tuple(remarks), estimated=estimated)
 
 
 def _read_what_can_be(capture: Capture, request: LeavesRequest, progress: Progress | None) -> CaptureViews:
@@ -384,41 +353,6 @@ def finish_leaves(leaves: Leaves, asset_from_world: NDArray[np.float64], numbers
     return replace(move_leaves(leaves, asset_from_world), view=view, phase=spread_phases(len(leaves)))
 
 
-def choose_representations(request: LeavesRequest, count: int) -> tuple[str, ...]:
-    """Those asked for; else all of them for as many leaves as anything opens."""
-    if request.representations is not None:
-        return request.representations
-    return default_representations(count)
-
-
-def write_asset(folder: Path, request: LeavesRequest, made: FoundLeaves, settings: LeafAssetSettings) -> Path:
-    """Write the asset of leaves in its own frame into folder; returns its interface layer."""
-    capture, model = made.given.capture, made.model
-    provenance = Provenance(
-        species=request.species,
-        capture=capture.folder.resolve().name,
-        generator=f"usdfoliage {__version__}",
-        seed=request.seed,
-        settings=describe_settings(request),
-        input_sha256=digest_files(list_inputs(capture)),
-    )
-    appearance = LeafAppearance() if model.plain_color is None else LeafAppearance(color=model.plain_color)
-    with temporary_folder("leaf") as work:
-        if made.found.texture is not None:
-            texture = work / _TEXTURE
-            texture.write_bytes(encode_texture(made.found.texture))
-            appearance = replace(appearance, texture=texture, texture_color=model.texture_color)
-        return write_leaf_asset(
-            folder,
-            request.name,
-            made.leaves,
-            provenance,
-            settings,
-            appearance=appearance,
-            asset_from_capture=model.asset_from_capture,
-        )
-
-
 def encode_texture(texture: AverageTexture) -> bytes:
     """A PNG of the average leaf, sRGB, with its opacity."""
     rgba = np.dstack([encode_srgb(texture.rgba[..., :3]), texture.rgba[..., 3]])
@@ -441,24 +375,14 @@ def list_inputs(capture: Capture) -> list[Path]:
     return sorted({*files, *cameras, *([toml] if toml.is_file() else [])})
 
 
-def draw_previews(
-    interface: Path,
-    folder: Path,
-    given: LeavesInput,
-    drawn: Sequence[int],
-    asset_from_world: NDArray[np.float64],
-    progress: StepProgress | None,
-) -> dict[int, str]:
-    """Pictures of the asset from the cameras of these views, by the view's number here; PreviewError without Storm."""
-    cameras = [shrink_camera(given.views[number].camera, PREVIEW_PX, asset_from_world) for number in drawn]
-    files = [f"view_{given.numbers[number]:03}_storm.png" for number in drawn]
-    views = [PreviewView(output=folder / file, pinhole=camera) for file, camera in zip(files, cameras, strict=True)]
-    render_views(interface, views, PreviewSettings(samples=1), progress_in_step("preview", progress))
-    return dict(zip(drawn, files, strict=True))
+def describe_settings(request: LeavesRequest, *, estimated: bool) -> dict[str, str]:
+    """Every setting that decides the result, those of the command line by the names of their options.
 
-
-def describe_settings(request: LeavesRequest) -> dict[str, str]:
-    """Every setting that decides the result, those of the command line by the names of their options."""
+    Args:
+        request: What was asked for.
+        estimated: Whether depth is computed from the photographs.
+    """
+    unused = ("cloud.",) if estimated else ("cloud.", "capture.")
     other = "paper" if request.settings.method == "dense" else "dense"
     return {
         "depth": request.depth,
@@ -469,8 +393,8 @@ def describe_settings(request: LeavesRequest) -> dict[str, str]:
         **{
             name: value
             for name, value in list_settings(request.settings).items()
-            # The number of threads changes nothing; the other method was not used, nor a cloud alone.
-            if not name.endswith("threads") and not name.startswith((f"{other}.", f"{other}_fit.", "cloud."))
+            # The number of threads changes nothing; the other method was not used, nor is there a cloud alone.
+            if not name.endswith("threads") and not name.startswith((f"{other}.", f"{other}_fit.", *unused))
         },
     }
 

@@ -1,12 +1,15 @@
 """What a work folder holds, and removing what the latest build of no plant needs.
 
 Needed is every task of the latest build, but matching whose depth is done: a round's planes are of use to the next
-round and to depth alone. What is removed is made again when a build asks for it. Nobody loses what is in use: a plant
-whose tasks run is left alone, as is a task that runs, and no build begins while this removes.
+round and to depth alone. Of the frames of videos those are needed that the latest build of a plant was made of,
+although its tasks have copies: each build reads them again. What is removed is made again when a build asks for it.
+Nobody loses what is in use: a plant whose tasks run is left alone, as is a task that runs, and no build begins while
+this removes.
 """
 
 import logging
 import os
+import re
 import shutil
 import time
 from collections.abc import Iterable, Iterator
@@ -17,6 +20,8 @@ from typing import Literal
 
 from usdfoliage.errors import FoliageError
 from usdfoliage.files.locks import is_locked
+from usdfoliage.jobs.capture.video_frames import FACTS
+from usdfoliage.jobs.plant.inputs import FRAMES
 from usdfoliage.jobs.plant.record import KEY, PRUNING, PlantRecord, PlantTask, plant_locks, read_records
 from usdfoliage.jobs.plant.store import Stamp, Store, find_finished, read_stamp, remove_leftovers, try_work_lock
 from usdfoliage.jobs.plant.tasks import MATCHING
@@ -24,15 +29,18 @@ from usdfoliage.jobs.plant.tasks import MATCHING
 logger = logging.getLogger(__name__)
 
 UNFINISHED = "unfinished"  # what a killed run left of a task
+FRAMES_STAGE = "frames"  # what the frames of a video count as; they are of no task
 _DAY_S = 86400.0
-_PARTS = ("tasks", "results", "scratch", "views", "builds")
+_BEGINNING_S = 3600.0  # frames are taken before it is noted that a build uses them
+_PARTS = ("tasks", "results", "scratch", "views", FRAMES, "builds")
+_NEW_FRAMES = re.compile(r"\.([0-9a-f]{32})\.[0-9a-f]+\.new")  # frames that are being taken, or a killed run left
 
 State = Literal["needed", "in use", "recent", "unclear", "not needed"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredTask:
-    """What one task has in the work folder."""
+    """What one task has in the work folder, or the frames of a video."""
 
     key: str
     capture: str  # of the plants that it was made for; empty where nobody knows
@@ -181,7 +189,50 @@ def _survey(store: Store, keep_days: float, free: dict[str, bool]) -> tuple[Stor
                 paths=tuple(own),
             )
         )
-    return tuple(stored)
+    frames = _survey_frames(store, records, keep_days, seen, is_unclear=is_unclear)
+    return (*stored, *sorted(frames, key=lambda each: each.state == "not needed"))
+
+
+def _survey_frames(
+    store: Store, records: tuple[PlantRecord, ...], keep_days: float, seen: set[tuple[int, int]], *, is_unclear: bool
+) -> Iterator[StoredTask]:
+    """Frames of videos that were taken, and what killed runs left of some.
+
+    A plant whose tasks run keeps those of its latest build, as every plant does.
+    """
+    captures: dict[str, dict[str, None]] = {}
+    for record in records:
+        captures.setdefault(record.frames or "", {})[record.capture] = None
+    is_unclear |= any(record.frames is None for record in records)
+    young_s = max(keep_days * _DAY_S, _BEGINNING_S)
+    for name in _folders(store.folder / FRAMES):
+        new = _NEW_FRAMES.fullmatch(name)
+        if new is None and not KEY.fullmatch(name):
+            continue
+        folder = store.folder / FRAMES / name
+        try:
+            used_s = max(path.lstat().st_mtime for path in (folder, folder / FACTS) if path.exists())
+        except (OSError, ValueError):  # it went meanwhile
+            continue
+        is_recent = time.time() - used_s < young_s
+        state: State = "recent" if is_recent else "unclear" if is_unclear and new is None else "not needed"
+        yield StoredTask(
+            key=name if new is None else new[1],
+            capture=", ".join(captures.get(name, ())),
+            stage=FRAMES_STAGE if new is None else UNFINISHED,
+            size_bytes=_size_bytes([folder], seen),
+            last_used_s=used_s,
+            state="needed" if name in captures else state,
+            paths=(folder,),
+        )
+
+
+def _folders(folder: Path) -> list[str]:
+    """Names of the folders in a folder, links left out; none where it is absent."""
+    try:
+        return sorted(entry.name for entry in os.scandir(folder) if entry.is_dir(follow_symlinks=False))
+    except OSError:
+        return []
 
 
 def _needed(store: Store, record: PlantRecord, stamps: dict[str, Stamp]) -> set[str]:

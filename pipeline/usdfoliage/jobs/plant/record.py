@@ -44,6 +44,7 @@ class PlantRecord:
     output: str
     tasks: tuple[PlantTask, ...]
     earlier: dict[str, str]  # stages by the keys of earlier builds' tasks, as far as there are results
+    frames: str | None = ""  # folder of the frames of its video; "": it has none; None: nobody knows
 
 
 def note_build(request: BuildRequest, plan: BuildPlan) -> None:
@@ -65,6 +66,7 @@ def note_build(request: BuildRequest, plan: BuildPlan) -> None:
                 {"key": task.key, "stage": task.stage, "needs": [plan.tasks[need].key for need in task.needs]}
                 for task in plan.tasks.values()
             ],
+            "frames": plan.frames,
             "earlier": {old: stage for old, stage in sorted(earlier.items()) if _is_left(store, old, now)},
         }
         data = json.dumps(record, indent=1).encode()
@@ -131,8 +133,14 @@ def _read_record(store: Store, key: str) -> PlantRecord:
         for task in record["tasks"]
     )
     earlier = {str(old): str(stage) for old, stage in record["earlier"].items()}
+    frames = record.get("frames")  # of a record that was written before it was noted, nobody knows
     return PlantRecord(
-        key=key, capture=str(record["capture"]), output=str(record["output"]), tasks=tasks, earlier=earlier
+        key=key,
+        capture=str(record["capture"]),
+        output=str(record["output"]),
+        tasks=tasks,
+        earlier=earlier,
+        frames=None if frames is None else str(frames),
     )
 
 

@@ -7,6 +7,7 @@
     results/KEY/       its files
     scratch/KEY/       what a task that was killed may go on from
     views/KEY/         pictures and depth that the tasks of one set of photographs share, each file by its own hash
+    views/frames/KEY/  photographs that were taken out of a video
     published/KEY.json which result was put where, and the digests of its files there
     digests/KEY.json   digests of input files, by path, size and time
     builds/KEY.json    the tasks of the latest build of a plant, and those of earlier ones: record.py

@@ -89,6 +89,7 @@ class BuildPlan:
 
     tasks: Mapping[str, Task]
     last: tuple[str, ...]  # tasks that are wanted for themselves
+    frames: str = ""  # the folder of them in the work folder, where the photographs are frames of a video
 
     def needed_by(self, name: str) -> Iterator[Task]:
         return (task for task in self.tasks.values() if name in task.needs)
@@ -245,7 +246,8 @@ def plan_build(
     report = add(REPORT, (profile, describe_validators()), everything, 20.0)
     stop_after = (*only, PART_ASSET)  # which there is for the parts among them alone
     last = tuple(task.name for task in tasks.values() if task.stage in stop_after) if only else (report,)
-    return BuildPlan(tasks=tasks, last=last)
+    frames_folder = "" if inputs.frames is None else inputs.frames.folder.name
+    return BuildPlan(tasks=tasks, last=last, frames=frames_folder)
 
 
 def find_wanted(plan: BuildPlan, store: Store, *, thorough: bool) -> tuple[dict[str, Task], dict[str, Stamp]]:

@@ -25,9 +25,11 @@ from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.crown.capture_input import PlantPoints
 from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_captured_crown, report_crown
 from usdfoliage.jobs.leaves.cloud_run import POINTS_FILE, find_cloud_leaves, report_cloud_leaves, write_points
-from usdfoliage.jobs.leaves.report import measure_rows
-from usdfoliage.jobs.leaves.run import LeavesRequest, encode_texture, find_capture_leaves, report_leaves
-from usdfoliage.jobs.leaves.settings import LeavesSettings
+from usdfoliage.jobs.leaves.page import measure_rows
+from usdfoliage.jobs.leaves.publish import RunFacts
+from usdfoliage.jobs.leaves.request import LeavesRequest
+from usdfoliage.jobs.leaves.run import encode_texture, find_capture_leaves, report_leaves
+from usdfoliage.jobs.leaves.settings import LeavesRunSettings, LeavesSettings
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.stages.isolate import GIVEN_DEPTH, is_floorless, plant_capture
 from usdfoliage.jobs.plant.stages.models import (
@@ -194,7 +196,7 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
         texture = AVERAGE_LEAF
         for folder in (call.out, report):
             (folder / texture).write_bytes(encode_texture(found.found.texture))
-    written = report_leaves(report, request, found, found.remarks, texture, found.seconds, {})
+    written = report_leaves(report, request, found, RunFacts(remarks=found.remarks, seconds=found.seconds), texture)
     write_leaves_model(call.out / LEAVES_MODEL, found.model)
     pictures = _pictures_of(written)
     if texture:
@@ -239,7 +241,7 @@ def _find_in_cloud(call: StageCall) -> tuple[ResultFile, ...]:
         )
         remedy = ("set ", Setting(name="leaves.min_in_cloud"), " lower to have them nevertheless")
         remarks.append(remark("cloud-leaves-few", text, remedy=remedy))
-    written = report_cloud_leaves(report, request, made, remarks, made.seconds, ())
+    written = report_cloud_leaves(report, request, made, RunFacts(remarks=remarks, seconds=made.seconds))
     summary = StageSummary(
         rows=measure_rows(made.leaves),
         remarks=remarks,
@@ -250,11 +252,11 @@ def _find_in_cloud(call: StageCall) -> tuple[ResultFile, ...]:
     return ()
 
 
-def _leaves_settings(call: StageCall) -> LeavesSettings:
+def _leaves_settings(call: StageCall) -> LeavesRunSettings:
     """The settings of leaves as their job takes them."""
     settings = call.settings.leaves
     values = {field.name: getattr(settings, field.name) for field in fields(LeavesSettings)}
-    threaded = set_everywhere(LeavesSettings(**values), "threads", call.threads)
+    threaded = set_everywhere(LeavesRunSettings(**values), "threads", call.threads)
     return set_everywhere(threaded, "seed", call.settings.seed)
 
 

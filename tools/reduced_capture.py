@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""A capture folder with coarse depth, from photographs and their cameras.
+"""A capture folder of smaller photographs with depth, from photographs and their cameras.
 
-usage: tools/plane_sweep_capture.py CAPTURE -o NEWCAPTURE [--cameras FOLDER] [--points PLY] [--width PX] …
+usage: tools/reduced_capture.py CAPTURE -o NEWCAPTURE [--cameras FOLDER] [--points PLY] [--width PX] …
 
 CAPTURE holds images/ and a COLMAP model. NEWCAPTURE gets the photographs without lens distortion, no wider than
---width, their cameras, masks where CAPTURE has some (or --green-mask), and depth/ by sweeping planes: what
-`usdfoliage leaves` takes.
+--width, their cameras, masks where CAPTURE has some (or --green-mask), and the depth/ that
+`usdfoliage leaves` would compute: for trying its settings many times.
 """
 
 import argparse
@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from usdfoliage.capture.folder.read import Capture, read_capture, read_view, read_views
-from usdfoliage.capture.mvs.plane_sweep import PlaneSweepSettings, sweep_depths
+from usdfoliage.capture.mvs.rounds import MvsSettings
+from usdfoliage.capture.mvs.view_depths import PhotographDepthSettings, estimate_view_depths
 from usdfoliage.capture.view import View
 from usdfoliage.errors import FoliageError
 from usdfoliage.geometry.pinhole import Pinhole
@@ -33,7 +34,7 @@ _PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uin
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    defaults = PlaneSweepSettings()
+    defaults = MvsSettings()
     parser.add_argument("capture", type=Path)
     parser.add_argument("-o", dest="out", type=Path, required=True, metavar="NEWCAPTURE", help="must not exist")
     parser.add_argument("--cameras", default="cameras", help="folder of the COLMAP model in CAPTURE")
@@ -44,14 +45,11 @@ def main() -> int:
     parser.add_argument("--green-mask", action="store_true", help="depth only where a photograph is green")
     parser.add_argument("--crop", action="store_true", help="cut photographs to what is around their masks")
     parser.add_argument("--max-side", type=int, default=defaults.max_side_px, help="size to match at")
-    parser.add_argument("--neighbors", type=int, default=defaults.neighbors, help="photographs matched with each")
-    parser.add_argument("--step-px", type=float, default=defaults.step_px, help="between planes")
+    parser.add_argument("--sources", type=int, default=defaults.sources, help="photographs matched with each")
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
 
-    settings = PlaneSweepSettings(
-        max_side_px=arguments.max_side, neighbors=arguments.neighbors, step_px=arguments.step_px
-    )
+    settings = PhotographDepthSettings(depth=MvsSettings(max_side_px=arguments.max_side, sources=arguments.sources))
     started = time.perf_counter()
     try:
         source = read_capture(arguments.capture, views=arguments.views, cameras=arguments.cameras)
@@ -71,15 +69,16 @@ def main() -> int:
         )
 
         capture = read_capture(arguments.out)
-        views = read_views(capture).views
-        swept = sweep_depths(views, capture.points_m, settings, progress=_report_progress)
+        views = estimate_view_depths(
+            read_views(capture).views, capture.up, capture.points_m, settings, progress=_report_progress
+        ).views
         (arguments.out / "depth").mkdir()
-        for view, depth_m in zip(views, swept.depths_m, strict=True):
-            write_depth(arguments.out / "depth" / f"{Path(view.name).stem}.exr", depth_m)
+        for view in views:
+            write_depth(arguments.out / "depth" / f"{Path(view.name).stem}.exr", view.depth_m)
     except FoliageError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    known = np.mean([np.mean(depth_m > 0) for depth_m in swept.depths_m])
+    known = np.mean([np.mean(view.depth_m > 0) for view in views])
     print(f"{arguments.out}: {len(views)} views, depth at {known:.0%} of pixels, {time.perf_counter() - started:.0f} s")
     return 0
 
@@ -133,7 +132,7 @@ def write_reduced(
     )
     (out / "capture.toml").write_text(
         f'name = "{source.name}"\nup_axis = "{source.settings.up_axis}"\nmetres_per_unit = {metres_per_unit!r}\n'
-        f'note = "depth by tools/plane_sweep_capture.py"\n'
+        f'note = "depth by tools/reduced_capture.py"\n'
     )
 
 
@@ -230,7 +229,7 @@ def _green(srgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 def _report_progress(done: int, total: int) -> None:
-    print(f"swept {done} of {total} views", file=sys.stderr)
+    print(f"matching: {done} of {total}", file=sys.stderr)
 
 
 if __name__ == "__main__":
