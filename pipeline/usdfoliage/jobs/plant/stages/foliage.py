@@ -77,7 +77,7 @@ def choose_foliage(
         if on_stems.any():
             text = f"{int(on_stems.sum())} of {len(placed)} leaves that were found lie along a stem, and are of it"
             remarks.append(remark("leaves-on-stems-left-out", text))
-            placed = placed.take(~on_stems)
+            placed = placed.take(~on_stems) if not on_stems.all() else None
     kind: str = wanted.kind
     if kind == "auto":
         kind, why = _choose(placed, traced, settings)
