@@ -13,7 +13,7 @@ from usdfoliage.leaf.fit.alternating import AlternatingFitSettings, fit_leaves_a
 from usdfoliage.leaf.fit.flip import flip_leaves
 from usdfoliage.leaf.fit.model import FittedLeaves
 from usdfoliage.leaf.fit.silhouette_order import order_silhouettes
-from usdfoliage.leaf.fit.surface import MIN_SINGLE, SurfaceFitSettings, fit_leaves_to_surface
+from usdfoliage.leaf.fit.surface import SurfaceFitSettings, fit_leaves_to_surface, rate_form
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
 from usdfoliage.leaf.photographs.base_and_apex import DirectionSettings, distinguish_base_from_apex
@@ -173,12 +173,9 @@ def rate_forms(
         outlined: (N,), the share of each leaf's edge that lies on its silhouette; None where that is not known.
         settings: From which width on a leaf is no blade.
     """
-    if not len(parameters):
-        return np.zeros(0)
-    wide = np.square(np.minimum(1.0, leaf_width(parameters) / settings.narrow))
-    low, high = LOBED
-    single = 1.0 if outlined is None else np.clip((np.median(outlined) - low) / (high - low), MIN_SINGLE, 1.0)
-    return np.asarray(wide * single)
+    if outlined is not None and len(outlined):
+        outlined = np.full(len(outlined), np.median(outlined))
+    return rate_form(parameters, outlined, replace(settings, lobed=LOBED))
 
 
 def choose_sound(leaves: Leaves, min_confidence: float) -> tuple[NDArray[np.bool_], dict[str, int]]:

@@ -39,7 +39,7 @@ def make_inputs(changed: str = "") -> BuildInputs:
 
 
 def test_a_plan_names_the_frames_that_its_photographs_are() -> None:
-    folder = Path("/work/views/frames") / ("0a" * 16)
+    folder = Path("/cache/views/frames") / ("0a" * 16)
     taken = VideoFrames(video=Path("/captures/fern.mp4"), folder=folder, photos={}, remarks=())
     assert plan_build(make_inputs(), BuildSettings(), "fern").frames == ""
     assert plan_build(replace(make_inputs(), frames=taken), BuildSettings(), "fern").frames == folder.name

@@ -59,9 +59,8 @@ class JoinSettings:
     base: float = 0.2  # What speaks for the base of a leaf, likewise. Range: 0 or more.
     missing: float = 0.3  # What speaks against a gap, for its length. Range: 0 or more.
     twig: float = 0.02  # A branch is at least this long. Range: 0 or more.
-    unbroken: float = (
-        0.05  # A stem is seen where photographs show at least this length of it unbroken. Range: 0 or more.
-    )
+    # A stem is seen where photographs show at least this length of it unbroken. Range: 0 or more.
+    unbroken: float = 0.05
     # Photographs must show stems of at least this length together, or there are none. Range: 0 or more.
     min_visible: float = 0.3
     stiffness: float = 4.0  # Of axes, against the distance that places are moved. Range: 0 or more.

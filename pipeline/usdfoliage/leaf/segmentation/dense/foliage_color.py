@@ -70,7 +70,8 @@ def judge_colors(
     leaf, color, histograms = zip(*map_threaded(sample_view, range(len(views)), threads=threads), strict=True)
     leaves, colors, whole = np.concatenate(leaf), np.concatenate(color), np.sum(histograms, axis=0)
     everywhere = _smooth(whole)
-    total = np.maximum(np.bincount(leaves, minlength=count), 1)
+    pixels = np.bincount(leaves, minlength=count)
+    total = np.maximum(pixels, 1)
     trust, share = quality, 0.75
     factor = np.ones(count)
     for _ in range(2):  # leaves that turn out to look like soil do not teach
@@ -80,7 +81,7 @@ def judge_colors(
         factor = np.clip((mean - NEUTRAL) / SPAN, 0.02, 1.0)
         trust, share = quality * factor, 0.6
     known = np.bincount(leaves, _common_colors(leaves, colors, trust)[colors], minlength=count) / total
-    known[np.bincount(leaves, minlength=count) == 0] = 1.0
+    known[pixels == 0] = 1.0
     none, whole_share = STRANGE
     return np.asarray(factor * np.clip((known - none) / (whole_share - none), 0.02, 1.0))
 
