@@ -7,6 +7,8 @@ from pathlib import Path
 SCRIPT = """
 import os
 import signal
+import threading
+import time
 from multiprocessing import util
 
 from usdfoliage.cli.interrupts import handle_interrupts
@@ -17,10 +19,13 @@ spawn = util.spawnv_passfds
 def spawn_and_interrupt(path, args, passed):
     pid = spawn(path, args, passed)
     os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(0.1)
     return pid
 
 if __name__ == "__main__":
     handle_interrupts()
+    ended = threading.Event()
+    threading.Thread(target=ended.wait, daemon=True).start()  # it takes the signals that the main thread blocks
     with open_processes(1) as workers:  # the tracker of resources starts with its pipe
         executor = workers.open_executor()
         util.spawnv_passfds = spawn_and_interrupt
@@ -29,6 +34,7 @@ if __name__ == "__main__":
             print("no interrupt came")
         except KeyboardInterrupt:
             print("interrupted")
+    ended.set()
 """
 
 

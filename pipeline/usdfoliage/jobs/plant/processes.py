@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from usdfoliage.jobs.plant.executors import Workers
 
@@ -21,15 +21,37 @@ class _Processes(ProcessPoolExecutor):
     """Processes whose start an interrupt waits for.
 
     A task that is given may start a process. An interrupt between its start and the moment when it hears what to
-    do leaves it with nothing, and it dies with a traceback of its own.
+    do, and when its executor watches it, leaves it with nothing, and it dies with a traceback of its own.
     """
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)
-        try:
+        with _let_interrupts_wait():
             return super().submit(fn, *args, **kwargs)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _let_interrupts_wait() -> Iterator[None]:
+    """Interrupts that come in the body are handled after it; processes that are started in it begin with them blocked.
+
+    To block them in this thread is not enough: the system then hands them to another thread (a library of numpy
+    has some), and Python runs their handlers in the main thread at once. So the handlers wait themselves.
+    """
+    if threading.current_thread() is not threading.main_thread():  # handlers run in the main thread alone
+        yield
+        return
+    came: list[int] = []
+    handlers: dict[int, Any] = {number: signal.getsignal(number) for number in _INTERRUPTS}
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)
+    try:
+        for number in _INTERRUPTS:
+            signal.signal(number, lambda number, _frame: came.append(number))
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)  # what was blocked comes here, and waits with the others
+        for put_back, handler in handlers.items():
+            signal.signal(put_back, handler)
+        for one in came:
+            signal.raise_signal(one)
 
 
 @contextmanager
