@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from usdfoliage.errors import FitError
 from usdfoliage.leaf.segmentation.cloud.settings import CloudSegmentationSettings
 from usdfoliage.leaf.segmentation.cloud.working_cloud import MIN_POINTS, prepare_cloud
 
@@ -59,3 +60,22 @@ def test_distances_and_not_metres_decide():
 def test_too_few_points_are_refused():
     with pytest.raises(ValueError, match=f"at least {MIN_POINTS}"):
         prepare_cloud(np.zeros((MIN_POINTS - 1, 3)))
+
+
+@pytest.mark.parametrize("max_points", [300_000, 500])
+def test_repeated_points_count_once(max_points):
+    settings = CloudSegmentationSettings(max_points=max_points)
+    points_m = level_square(800, 0.0002)
+    once = prepare_cloud(points_m, settings)
+    order = np.random.default_rng(0).permutation(np.repeat(np.arange(800), 20))
+    order = np.concatenate([np.arange(800), order])
+    repeated = prepare_cloud(points_m[order], settings)
+    np.testing.assert_array_equal(repeated.points_m, once.points_m)
+    np.testing.assert_array_equal(repeated.of_point, once.of_point[order])
+    assert repeated.spacing_m == once.spacing_m > 1e-6
+
+
+def test_points_in_hardly_any_different_places_are_refused():
+    points_m = np.repeat(level_square(MIN_POINTS - 1, 0.0), 50, axis=0)
+    with pytest.raises(FitError, match=f"550 points lie in {MIN_POINTS - 1} different places.*export"):
+        prepare_cloud(points_m, CloudSegmentationSettings(max_points=100))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.errors import FitError
 from usdfoliage.leaf.points import LeafPoints, no_points
 from usdfoliage.leaf.segmentation.cloud.forms import measure_regions
 from usdfoliage.leaf.segmentation.cloud.leafness import choose_regions, measure_median_size, rate_regions
@@ -57,7 +58,10 @@ def segment_cloud(
     report = progress or (lambda done, total: None)
     if len(points_m) < MIN_POINTS:
         return _find_none(len(points_m))
-    cloud = prepare_cloud(points_m, settings, threads=threads)
+    try:
+        cloud = prepare_cloud(points_m, settings, threads=threads)
+    except FitError:  # hardly any points are in different places, which are no leaf
+        return _find_none(len(points_m))
     report(1, 4)
     links = link_points(cloud, settings)
     tree = merge_points(len(cloud), links, settings.size_power)

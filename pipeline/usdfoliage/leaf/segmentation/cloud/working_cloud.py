@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage.errors import FitError
 from usdfoliage.geometry.point_cells import cell_means, number_cells
 from usdfoliage.leaf.segmentation.cloud.settings import CloudSegmentationSettings
 
@@ -33,7 +34,7 @@ class WorkingCloud:
     """W points, each the mean of some of the cloud's."""
 
     points_m: NDArray[np.float64]  # (W, 3)
-    of_point: NDArray[np.int64]  # (N,), which of them each point of the cloud belongs to
+    of_point: NDArray[np.int64]  # (N,), which of them each point of the cloud belongs to; repeated points to the same
     neighbours: NDArray[np.int64]  # (W, K), the nearest first, without the point itself
     distance_m: NDArray[np.float64]  # (W, K), of them
     normals: NDArray[np.float64]  # (W, 3), unit, either way round
@@ -71,14 +72,21 @@ def prepare_cloud(
 
     Raises:
         ValueError: There are fewer than MIN_POINTS points.
+        FitError: They lie in fewer places.
     """
     if len(points_m) < MIN_POINTS:
         raise ValueError(f"{len(points_m)} points, at least {MIN_POINTS} are needed")
     workers = threads or -1
-    thinned, of_point, cell_m = _thin_until_flat(points_m, workers)
+    places_m, of_place = _different_places(points_m)  # repeated points have no distance to each other, and no plane
+    if len(places_m) < MIN_POINTS:
+        raise FitError(
+            f"{len(points_m):,} points lie in {len(places_m)} different places, {MIN_POINTS} are needed",
+            "export the cloud again with all digits of its coordinates",
+        )
+    thinned, of_point, cell_m = _thin_until_flat(places_m, workers)
     while len(thinned) > settings.max_points:
-        cell_m = max(_GROWTH * cell_m, _spacing(points_m, workers))
-        thinned, of_point = _cells(points_m, cell_m)
+        cell_m = max(_GROWTH * cell_m, _spacing(places_m, workers))
+        thinned, of_point = _cells(places_m, cell_m)
 
     count = min(max(settings.plane_neighbours, settings.linked_neighbours, _AROUND), len(thinned) - 1)
     distance_m, nearest = _find_neighbours(thinned, count, workers)
@@ -86,7 +94,7 @@ def prepare_cloud(
     normals, straightness, thickness_m = _fit_planes(thinned, around)
     return WorkingCloud(
         points_m=thinned,
-        of_point=of_point,
+        of_point=of_point[of_place],
         neighbours=nearest[:, 1:],
         distance_m=distance_m[:, 1:],
         normals=normals,
@@ -95,6 +103,19 @@ def prepare_cloud(
         spacing_m=max(float(np.median(distance_m[:, min(_NEXT, count)])), 1e-12),
         cell_m=cell_m,
     )
+
+
+def _different_places(points_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The points (P, 3) without repeated ones, in their order, and the place of each point (N,) among them."""
+    order = np.lexsort(points_m.T)  # stable: of equal points the first one comes first
+    begins = np.append(True, (np.diff(points_m[order], axis=0) != 0).any(axis=1))
+    first = order[begins]
+    if len(first) == len(points_m):
+        return points_m, np.arange(len(points_m))
+    group = np.empty(len(points_m), np.int64)
+    group[order] = np.cumsum(begins) - 1
+    kept = np.sort(first)
+    return points_m[kept], np.searchsorted(kept, first)[group]
 
 
 def _cells(points_m: NDArray[np.float64], side_m: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
