@@ -182,3 +182,7 @@ def test_names_sort_by_time():
     assert name_frame(12.48) == "frame_00m12.480s.png"
     assert name_frame(61.0004) == "frame_01m01.000s.png"
     assert name_frame(59.9999) == "frame_01m00.000s.png"
+    times_s = [0.0, 59.9, 61.0, 99 * 60.0, 5999.9996, 6001.0, 599 * 60.0]
+    names = [name_frame(time_s, times_s[-1]) for time_s in times_s]
+    assert names == sorted(names)
+    assert names[1] == "frame_000m59.900s.png"

@@ -156,6 +156,11 @@ def test_photographs_that_cannot_be_read_are_left_out_until_none_is_left(written
     made = measure_by_withheld(asset, read_capture(capture), tmp_path, 3)
     assert [view.name for view in made.views] == ["1.png", "2.png"]
     assert [each.subject for each in made.remarks] == ["0.png"]
+    both = measure_by_withheld(asset, read_capture(capture), tmp_path, 3, lost=["8.png", "9.png"]).remarks
+    assert [each.subject for each in both] == ["8.png, 9.png", "0.png"]
+    assert both[0].text == "8.png, 9.png: withheld, but not compared: no camera was found"
+    assert both[1].text == made.remarks[0].text  # the reason is that of this photograph
+    assert "0.png" in both[1].text.partition("not compared: ")[2]
     for name in ("1.png", "2.png"):
         (capture / "images" / name).write_bytes(b"no picture")
     with pytest.raises(CaptureError, match="no photograph that was withheld can be read"):

@@ -76,7 +76,7 @@ def take_frames(
     total = int(surveyed.numbers[-1]) + 1
     names = []
     for number, frame in _read_numbers(video, frozenset(wanted)):
-        name = name_frame(wanted[number])
+        name = name_frame(wanted[number], float(surveyed.seconds[-1]))
         done, png = cv2.imencode(".png", _as_srgb(frame, color)[..., ::-1], _PNG)
         if not done:
             raise CaptureError(f"frame {number} of {video} cannot be written as PNG")
@@ -96,11 +96,11 @@ def take_frames(
     )
 
 
-def name_frame(seconds: float) -> str:
-    """The file of a frame, by its time: frame_00m12.480s.png."""
-    milliseconds = round(1000 * seconds)
-    minutes, rest = divmod(milliseconds, 60_000)
-    return f"frame_{minutes:02d}m{rest // 1000:02d}.{rest % 1000:03d}s.png"
+def name_frame(seconds: float, length_s: float = 0.0) -> str:
+    """The file of a frame, by its time: frame_00m12.480s.png. Names of one video, which is so long, sort by time."""
+    minutes, rest = divmod(round(1000 * seconds), 60_000)
+    digits = max(2, len(str(round(1000 * length_s) // 60_000)))
+    return f"frame_{minutes:0{digits}d}m{rest // 1000:02d}.{rest % 1000:03d}s.png"
 
 
 def survey_video(

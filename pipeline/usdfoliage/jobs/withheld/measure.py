@@ -270,9 +270,10 @@ def _seen_from_asset(camera: Pinhole, asset_from_world: NDArray[np.float64]) -> 
 
 
 def _remarks(lost: Sequence[str], unread: Sequence[tuple[str, CaptureError]]) -> tuple[Remark, ...]:
-    names = [*lost, *(name for name, _ in unread)]
-    if not names:
-        return ()
-    reason = "they have no camera" if not unread else unread[0][1].text
-    text = f"{named(names)}: withheld, but not compared: {reason}"
-    return (remark("withheld-not-compared", text, subject=named(names)),)
+    """One for all photographs without a camera, and one for each that cannot be read, with its own reason."""
+    reasons = [(named(lost), "no camera was found")] if lost else []
+    reasons += [(named([name]), error.text) for name, error in unread]
+    return tuple(
+        remark("withheld-not-compared", f"{names}: withheld, but not compared: {reason}", subject=names)
+        for names, reason in reasons
+    )
