@@ -135,6 +135,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="The mask cannot be read, has another size than its photograph, or is empty or full.",
                 action="Write it again, white on the plant, on the photograph's pixels.",
             ),
+            "masks-disagree": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Masks cut off parts of the plant that other photographs show within theirs. Leaves there are not "
+                    "found, or cut."
+                ),
+                action="See that each mask belongs to its photograph, and make it a few pixels wider than the plant.",
+            ),
             "mask-in-pieces": RemarkKind(
                 severity="info",
                 meaning="The mask of a crown has several components. The largest is taken.",
@@ -154,6 +162,16 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning="The crown reaches the edge of the picture and is cut there.",
                 action="Photograph the whole crown.",
+            ),
+            "plant-at-border": RemarkKind(
+                severity="info",
+                meaning="The plant is cut by the border of most photographs. What lies beyond it is missing.",
+                action="Nothing for a part of a plant, a hedge or a lawn. Otherwise step back.",
+            ),
+            "exposures-differ": RemarkKind(
+                severity="warning",
+                meaning="Photographs differ much in exposure. Fewer leaves are found, and colours are less certain.",
+                action="Photograph with manual exposure, the same for all.",
             ),
             "capture-keys-unknown": RemarkKind(
                 severity="info",
@@ -293,6 +311,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="warning",
                 meaning="No depth was found that other photographs confirm.",
                 action="Take more photographs beside them.",
+            ),
+            "plant-without-depth": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Photographs do not agree on much of what is green: leaves moved between them, or photographs are "
+                    "too far apart or blurred, or masks or poses are wrong. Fewer leaves are found."
+                ),
+                action="Photograph without wind, and from places that are nearer to each other. Check masks and poses.",
             ),
             "reprojection-errors-high": RemarkKind(
                 severity="warning",

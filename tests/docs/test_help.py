@@ -146,7 +146,7 @@ def test_only_the_named_command_gets_its_arguments():
 
 def test_help_of_a_setting_is_made_from_its_comment():
     assert describe_setting(LeavesSettings(), "min_confidence") == (
-        "Leaves of lower confidence are dropped. The value is from 0 to 1; the default is 0."
+        "The asset has the fitted leaves of at least this confidence. The value is from 0 to 1; the default is 0."
     )
     assert describe_setting(BuildSettings().branches, "internode_m").endswith(
         "The value is in metres, above 0; the default is auto."

@@ -163,6 +163,17 @@ def test_uncertain_leaves_are_reported(bed, changes, texts):
     assert all(words in each.text for words, each in zip(texts, remarks, strict=True))
 
 
+@pytest.mark.parametrize(("brightest", "expected"), [(1.5, []), (1.7, ["exposures-differ"])])
+def test_exposures_that_differ_much_are_reported(bed, brightest, expected):
+    gain = np.ones(len(bed.views))
+    gain[-1] = brightest
+    remarks = describe_leaves(bed.leaves, bed.views, reconstruct.find_nothing(bed.views), gain=gain)
+    assert [each.code for each in remarks] == expected
+    for each in remarks:
+        assert "1.7 times as bright" in each.text
+        assert bed.views[-1].name in each.subject
+
+
 @pytest.mark.parametrize("wrong", [{"method": "magic"}, {"min_confidence": 1.5}, {"min_confidence": float("nan")}])
 def test_settings_that_cannot_be(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):

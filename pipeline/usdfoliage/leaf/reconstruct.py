@@ -18,6 +18,7 @@ from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.photographs.average_texture import AverageTexture, AverageTextureSettings, average_leaf_texture
 from usdfoliage.leaf.photographs.base_and_apex import DirectionSettings, distinguish_base_from_apex
 from usdfoliage.leaf.photographs.colors import PhotoColorSettings, sample_leaf_colors
+from usdfoliage.leaf.photographs.lost_surroundings import lower_confidence
 from usdfoliage.leaf.segmentation.dense.segment import segment_dense
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings
 from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing, nonzero
@@ -34,6 +35,7 @@ ROUND = 0.75  # width by length from which the longest extent of a leaf is no su
 # Shares of its edge on the silhouette: below the second most leaves of a set are not of one lobe, at the first surely.
 # Depth of photographs is coarse where leaves end: the medians of leaves of one lobe are then 0.55 to 0.75.
 LOBED = (0.3, 0.5)
+EXPOSED = 1.6  # times as bright a photograph is as another one, from which depth is lost
 FEW_OTHERS = 0.1  # share of leaves that are not green, up to which they are none where all others are green
 SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one silhouette describe
 
@@ -121,17 +123,23 @@ def reconstruct_leaves(
     with step("direction"):
         direction = distinguish_base_from_apex(fitted.leaves, views, settings.direction, threads=settings.threads)
         leaves = order_silhouettes(flip_leaves(fitted.leaves, direction.flip))
+        moved = np.zeros(len(leaves), bool)
         if settings.method == "dense" and len(leaves):
             # Of the proposal that was chosen: measures of the fit alone distinguish right leaves from wrong ones less.
-            probability = segmentation.leaves.confidence[fitted.source]
+            proposed = segmentation.leaves.confidence[fitted.source]
+            probability = lower_confidence(leaves, proposed, views, threads=settings.threads)
+            moved = (probability < proposed) & (probability < settings.dense.min_confidence)
             leaves = replace(
                 leaves, confidence=probability * rate_forms(leaves.parameters, fitted.outlined, settings.dense_fit)
             )
     sound, dropped = choose_sound(leaves, settings.min_confidence)
+    dropped |= nonzero({"rough amid lost depth, as of a leaf that moved": int(np.count_nonzero(sound & moved))})
+    sound &= ~moved
     kept = np.flatnonzero(sound)
     leaves = leaves.take(kept)
     with step("colours"):
-        leaves = replace(leaves, color=sample_leaf_colors(leaves, views, settings.colors).color)
+        colors = sample_leaf_colors(leaves, views, settings.colors)
+        leaves = replace(leaves, color=colors.color)
     if settings.method == "dense" and leaves.color is not None:
         green = find_green_leaves(leaves.color)
         if not green.all():
@@ -149,7 +157,11 @@ def reconstruct_leaves(
         texture=texture,
         steps=_count_steps(segmentation, fitted, leaves, dropped),
         remarks=describe_leaves(
-            leaves, views, segmentation, outlined=None if fitted.outlined is None else fitted.outlined[kept]
+            leaves,
+            views,
+            segmentation,
+            outlined=None if fitted.outlined is None else fitted.outlined[kept],
+            gain=colors.gain,
         ),
         seconds=seconds,
     )
@@ -234,13 +246,22 @@ def describe_leaves(
     segmentation: Segmentation,
     *,
     outlined: NDArray[np.float64] | None = None,
+    gain: NDArray[np.float64] | None = None,
 ) -> list[Remark]:
     """What whoever uses the leaves should know.
 
     Args:
         outlined: (N,), the share of each leaf's edge that lies on its silhouette, if that was measured.
+        gain: (V,), by which each view is brighter than the median one, if that was measured.
     """
     remarks = []
+    if gain is not None and gain.max() > EXPOSED * gain.min():
+        darkest, brightest = views[int(gain.argmin())].name, views[int(gain.argmax())].name
+        text = (
+            f"exposures differ: the same leaves are {gain.max() / gain.min():.1f} times as bright in {brightest} as in "
+            f"{darkest}"
+        )
+        remarks.append(remark("exposures-differ", text, subject=f"{darkest}, {brightest}"))
     without = sum(not view.has_depth for view in views)
     if without == len(views):
         remarks.append(remark("no-view-with-depth", "no view has depth, and leaves are found in depth"))

@@ -17,6 +17,7 @@ from usdfoliage.capture.folder.read import Capture, CaptureViews, read_view, rea
 from usdfoliage.capture.mvs.view_depths import estimate_view_depths
 from usdfoliage.capture.poses.given_frame import read_upright_capture
 from usdfoliage.capture.view import View
+from usdfoliage.capture.view_check import check_views, refuse_inverted_masks
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import encode_srgb
@@ -280,7 +281,7 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
     Depth maps that hold nothing are not replaced unasked: whoever gave them should hear of it.
 
     Raises:
-        CaptureError: see read_capture, read_views and estimate_view_depths.
+        CaptureError: see read_capture, read_views, refuse_inverted_masks and estimate_view_depths.
     """
     capture = find_capture(request)
     if request.depth == ESTIMATED:
@@ -288,6 +289,8 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
     has_maps = any(view.depth is not None for view in capture.views)
     read = _read_what_can_be(capture, request, progress_in_step("capture", progress))
     views, remarks = list(read.views), [*capture.remarks, *read.remarks]
+    if request.settings.capture.mask != "none":
+        refuse_inverted_masks(views)
     if request.depth != ESTIMATED and has_maps and not any(view.has_depth for view in views):
         remedy = (Setting(name="leaves.depth", value='"estimated"'), " computes it from the photographs")
         remarks.append(remark("depth-maps-empty", "the depth maps hold no depth that can be used", remedy=remedy))
@@ -316,6 +319,7 @@ def read_leaves_input(request: LeavesRequest, progress: StepProgress | None = No
         remarks += found.remarks
         text = "depth was computed from the photographs"
         remarks.append(remark("depth-estimated", text))
+    remarks += check_views(views)
     is_whole = request.views is None and not request.hold_back
     everything = capture if is_whole else find_capture(replace(request, views=None, hold_back=0))
     places = {view.name: number for number, view in enumerate(everything.views)}
