@@ -760,6 +760,22 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="Leaves that were found are as slender as a stem, and lie along one. They are left out.",
                 action="Nothing: they are parts of the stem.",
             ),
+            "leaves-below-stems-left-out": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Leaves that were found lie below the foot of the stems and beside it, in another colour than the "
+                    "plant's leaves. They are left out; the remark has their places in the asset, in metres."
+                ),
+                action="Nothing: they are soil, or parts of a stem.",
+            ),
+            "leaves-not-joined": RemarkKind(
+                severity="info",
+                meaning=(
+                    "No stem leads to these leaves. Those more than two leaf lengths from stems and from leaves on "
+                    "them are left out; the others are kept. The remark has their places in the asset, in metres."
+                ),
+                action="Look at the leaves at these places. Photographs between the others show more of the stems.",
+            ),
             "leaves-filled-in": RemarkKind(
                 severity="info",
                 meaning="Leaves like those that were found stand where the cloud has leaves besides.",

@@ -47,6 +47,8 @@ class KnownStems:
     turned: NDArray[np.int32] = field(
         default_factory=lambda: np.zeros(0, np.int32)
     )  # leaves that it leads to by the apex
+    # Leaves that it does not lead to.
+    unjoined: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
 
 
 FindStems = Callable[[float], KnownStems | None]

@@ -98,8 +98,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             "branches, or it shows more than one plant"
         )
         remarks.append(remark("plant-reaches-little", text))
-    if captured is not None and chosen.kind in ("captured", "filled"):
-        low = describe_low_confidence(captured.fitted.leaves)
+    if chosen.found is not None and chosen.kind in ("captured", "filled"):
+        low = describe_low_confidence(chosen.found)
         if low:
             remarks.append(remark("plant-leaves-guessed", low))
     undrawn: list[Remark] = []

@@ -126,6 +126,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             lost=np.array(found.lost, np.int32),
             of_photographs=found.stems is not None,
             turned=np.zeros(0, np.int32) if found.stems is None else found.stems.turned,
+            unjoined=np.zeros(0, np.int32) if found.stems is None else found.stems.unjoined,
         ),
     )
     remarks = list(found.remarks)

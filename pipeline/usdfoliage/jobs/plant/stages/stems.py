@@ -68,6 +68,7 @@ def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownSt
         own_from_cloud=capture.asset_from_capture,
         remarks=describe_stems(joined, len(leaves.bases_m)),
         turned=np.flatnonzero(joined.turned).astype(np.int32),
+        unjoined=np.flatnonzero(joined.leaf < 0).astype(np.int32),
     )
 
 
