@@ -565,6 +565,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Look at the stems. Nearer photographs show more of them.",
             ),
+            "stems-not-looked-for": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "The photographs cannot be searched for stems, for the reason that the remark has. The branches "
+                    "are those that the cloud shows."
+                ),
+                action="Correct what the text names.",
+            ),
             "leaves-turned-to-stems": RemarkKind(
                 severity="info",
                 meaning="Stems lead to ends of leaves that were taken for apices. These leaves are turned end for end.",

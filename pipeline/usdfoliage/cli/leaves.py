@@ -1,10 +1,11 @@
-"""Find single leaves in photographs with depth or in a cloud alone, and write an asset.
+"""Find single leaves in photographs or in a cloud alone, and write an asset.
 
-CAPTURE is a folder with images/, cameras/ (a COLMAP model) and depth/ (float EXR, channel Z, metres). masks/ and
-capture.toml are optional. Or it is a point cloud (PLY, LAS, LAZ, or text with x y z on each line), or a folder with a
-cloud and no images/. Every leaf becomes a Bézier surface that stays editable. The asset also has the colours of the
-leaves, of photographs a picture of the average leaf, and a report that shows what was found. That of a cloud holds
-report/points.ply, the points of the cloud with the leaf of each.
+CAPTURE is a folder with images/ and cameras/ (a COLMAP model). depth/ (float EXR, channel Z, metres), masks/ and
+capture.toml are optional: depth that is not given is computed from the photographs. Or it is a point cloud (PLY, LAS,
+LAZ, E57, or text with x y z on each line), or a folder with a cloud and no images/. Every leaf becomes a Bézier
+surface that stays editable. The asset also has the colours of the leaves, of photographs a picture of the average
+leaf, and a report that shows what was found. That of a cloud holds report/points.ply, the points of the cloud with the
+leaf of each.
 
     usdfoliage leaves captures/shrub -o assets/shrub
     usdfoliage leaves scan.laz -o assets/shrub

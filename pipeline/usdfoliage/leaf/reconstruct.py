@@ -44,7 +44,8 @@ class ReconstructionSettings:
 
     # dense finds leaves with the project's method; paper runs the published one for comparison.
     method: Literal["dense", "paper"] = "dense"
-    min_confidence: float = 0.0  # Leaves of lower confidence are dropped. Range: 0 to 1.
+    # The asset has the fitted leaves of at least this confidence. Range: 0 to 1.
+    min_confidence: float = 0.0
     threads: int = 0  # At most this many threads work; 0 is one per core. The result is the same. Range: 0 or more.
     dense: DenseSegmentationSettings = field(default_factory=DenseSegmentationSettings)
     dense_fit: SurfaceFitSettings = field(default_factory=SurfaceFitSettings)

@@ -137,3 +137,22 @@ def test_what_is_high_above_the_soil_and_hardly_seen_gets_no_stem_of_its_own():
     joined = join_stems(both(stem, scrap), np.array([[0.06, 0.14, 0.0]]), 0.0)
     assert joined is not None
     assert (joined.skeleton.parent_curve < 0).sum() == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("low", 1.1),
+        ("low", -0.1),
+        ("stem", 1.5),
+        ("highest_root", float("nan")),
+        ("stiffness", -1.0),
+        ("min_visible", -0.1),
+        ("unbroken", float("nan")),
+        ("sure", float("inf")),
+        ("end", -1.0),
+    ],
+)
+def test_settings_that_cannot_be(name, value):
+    with pytest.raises(ValueError, match=f"{name} must be .*{value:g}"):
+        JoinSettings(**{name: value})

@@ -7,6 +7,7 @@ from usdfoliage.branch.photographs.distances import DistanceSettings, find_dista
 from usdfoliage.branch.photographs.lines import find_lines
 from usdfoliage.branch.photographs.reconstruct import FoundLeafPlaces, find_stem_points, reconstruct_stems
 from usdfoliage.branch.photographs.seen_lines import place_lines, ranges_in_box
+from usdfoliage.branch.photographs.stem_points import MergeSettings
 
 from tests.support.drawn_stems import camera_at, draw_view, ring_of_cameras
 
@@ -87,6 +88,18 @@ def test_a_stem_among_leaves_is_found_from_the_soil_up():
     assert stem_m[-1, 1] > 0.24
     assert cKDTree(axis_m).query(stem_m)[0].max() < 0.01
     assert skeleton.lengths_m[skeleton.order == 0].sum() > 0.6 * skeleton.lengths_m.sum()
+
+
+def test_without_photographs_there_are_no_stems():
+    assert reconstruct_stems([], BOX_M, FoundLeafPlaces.none()) is None
+    with pytest.raises(ValueError, match="one view or more"):
+        find_stem_points([], BOX_M)
+
+
+@pytest.mark.parametrize("value", [-0.1, 2.1, float("nan")])
+def test_sides_that_cannot_be(value):
+    with pytest.raises(ValueError, match="max_beside must be from 0 to 2"):
+        MergeSettings(max_beside=value)
 
 
 def test_rays_that_miss_the_box_have_no_range():

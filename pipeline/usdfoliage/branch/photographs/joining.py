@@ -71,23 +71,26 @@ class JoinSettings:
     def __post_init__(self) -> None:
         if not (self.longest_gap > 0 and self.gap > 0):
             raise ValueError(f"longest_gap and gap must be above 0, not {self.longest_gap:g} and {self.gap:g}")
-        rest = (
-            self.bend,
-            self.fork,
-            self.fall,
-            self.hidden,
-            self.sure,
-            self.highest_root,
-            self.root,
-            self.base,
-            self.missing,
-            self.twig,
-            self.end,
-            self.unbroken,
-            self.min_visible,
-        )
-        if min(rest) < 0:
-            raise ValueError(f"costs and lengths must not be below 0, not {self}")
+        for name in ("low", "highest_root", "stem"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name} must be from 0 to 1, not {getattr(self, name):g}")
+        for name in (
+            "bend",
+            "fork",
+            "fall",
+            "hidden",
+            "sure",
+            "root",
+            "base",
+            "missing",
+            "twig",
+            "unbroken",
+            "min_visible",
+            "stiffness",
+            "end",
+        ):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name):g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

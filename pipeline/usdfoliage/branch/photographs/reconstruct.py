@@ -77,6 +77,8 @@ def reconstruct_stems(
         progress: Called with what is done, and how far it is.
         threads: That work at a time; 0: one per core. The result is the same.
     """
+    if not views:
+        return None
     stems = find_stem_points(views, box_m, settings, progress, threads=threads)
     if len(leaves.blades_m) and len(stems):
         reach_m = settings.on_leaf * stems.footprint_m
@@ -103,7 +105,13 @@ def find_stem_points(
     *,
     threads: int = 0,
 ) -> StemPoints:
-    """Places on stems, by lines that several photographs show; arguments as reconstruct_stems takes them."""
+    """Places on stems, by lines that several photographs show; arguments as reconstruct_stems takes them.
+
+    Raises:
+        ValueError: There is no view.
+    """
+    if not views:
+        raise ValueError("stems are looked for in one view or more, not in 0")
     report = progress or (lambda name, share: None)
     seen: list[SeenLines] = []
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:

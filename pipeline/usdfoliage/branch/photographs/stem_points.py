@@ -26,6 +26,8 @@ class MergeSettings:
     def __post_init__(self) -> None:
         if not (self.reach > 0 and self.apart > 0 and self.min_lines >= 2 and 0 <= self.min_share <= 1):
             raise ValueError(f"reach and apart must be above 0, min_lines at least 2, min_share in [0, 1], not {self}")
+        if not 0 <= self.max_beside <= 2:
+            raise ValueError(f"max_beside must be from 0 to 2, not {self.max_beside:g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.asset.validation.studio_profile import default_profile
+from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.jobs.plant.inputs import BuildInputs, DigestBy, find_inputs
 from usdfoliage.jobs.plant.settings import BuildSettings
@@ -83,6 +84,11 @@ def inputs_of(request: BuildRequest, digest_by: DigestBy = "bytes", progress: Pr
 def digest_profile(request: BuildRequest) -> str:
     """Of the rules that the asset is validated by; CaptureError where they cannot be read."""
     return digest_file(request.profile or default_profile())
+
+
+def fails_now(error: FoliageError) -> bool:
+    """Whether an error is of here and now, as of a full disk, and would not be a result of the task's input."""
+    return isinstance(error, AssetError) or isinstance(error.__cause__, OSError)
 
 
 # A stage: fills the folder of its result, and returns which files elsewhere in the work folder belong to it too.

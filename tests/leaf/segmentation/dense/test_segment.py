@@ -365,6 +365,9 @@ def test_settings_that_make_no_sense_are_refused():
         for wrong in (-1.0, float("nan")):
             with pytest.raises(ValueError, match=name):
                 DenseSegmentationSettings(**{name: wrong})
+    for wrong in (-0.1, 1.1, float("nan")):
+        with pytest.raises(ValueError, match="min_confidence must be from 0 to 1"):
+            DenseSegmentationSettings(min_confidence=wrong)
     for name, value in {"min_quality": 1.5, "violation_weight": -1.0, "max_overlap": 0.0}.items():
         with pytest.raises(ValueError, match=name):
             PassSettings(**({"min_quality": 0.2, "violation_weight": 1.0, "max_overlap": 0.5} | {name: value}))

@@ -1,6 +1,7 @@
 """The tasks that turn a capture, or a cloud, into parts of a plant: branches, leaves, crown."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import partial
@@ -19,7 +20,7 @@ from usdfoliage.capture.folder.listing import MASKS
 from usdfoliage.crown.hull import HullSettings
 from usdfoliage.crown.model_file import write_crown_model
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
-from usdfoliage.errors import AssetError, CaptureError, FoliageError
+from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.branches.run import BranchesRequest, find_branches, report_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.crown.capture_input import PlantPoints
@@ -30,7 +31,7 @@ from usdfoliage.jobs.leaves.publish import RunFacts
 from usdfoliage.jobs.leaves.request import LeavesRequest
 from usdfoliage.jobs.leaves.run import encode_texture, find_capture_leaves, report_leaves
 from usdfoliage.jobs.leaves.settings import LeavesRunSettings, LeavesSettings
-from usdfoliage.jobs.plant.call import StageCall
+from usdfoliage.jobs.plant.call import StageCall, fails_now
 from usdfoliage.jobs.plant.stages.isolate import GIVEN_DEPTH, is_floorless, plant_capture
 from usdfoliage.jobs.plant.stages.models import (
     AVERAGE_LEAF,
@@ -43,7 +44,7 @@ from usdfoliage.jobs.plant.stages.models import (
     read_leaf_frame,
     read_traced,
 )
-from usdfoliage.jobs.plant.stages.stems import find_photographed_stems
+from usdfoliage.jobs.plant.stages.stems import try_photographed_stems
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
@@ -86,7 +87,8 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     seconds: dict[str, float] = {}
 
     by_photographs = call.has(CLOUD) and settings.photographs and not given_roots
-    stems_of_photographs = partial(find_photographed_stems, call) if by_photographs else None
+    failures: list[Remark] = []
+    stems_of_photographs = partial(try_photographed_stems, call, failures) if by_photographs else None
     try:
         found = find_branches(request, None, seconds, call.progress, stems_of_photographs)
     except NoStemsError:
@@ -100,10 +102,10 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
                 Setting(name="branches.roots"),
             ),
         )
-        write_summary(call.out, StageSummary(remarks=[left_out]))
+        write_summary(call.out, StageSummary(remarks=[left_out, *failures]))
         return ()
     except FoliageError as error:
-        return _go_without(call, "branches", error)
+        return _go_without(call, "branches", error, failures)
     report = _report_folder(call)
     written = report_branches(report, request, found, seconds)
     skeleton = found.made.skeleton
@@ -129,7 +131,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             unjoined=np.zeros(0, np.int32) if found.stems is None else found.stems.unjoined,
         ),
     )
-    remarks = list(found.remarks)
+    remarks = [*found.remarks, *failures]
     remarks += remark_unknown_species(species)
     summary = StageSummary(
         rows=found.rows,
@@ -333,15 +335,17 @@ def _has_masks(call: StageCall) -> bool:
     return any(name.startswith(f"{MASKS}/") for name in call.inputs.files)
 
 
-def _go_without(call: StageCall, what: str, error: FoliageError) -> tuple[ResultFile, ...]:
-    """A part that cannot be made is left out, and the report begins with that warning.
+def _go_without(
+    call: StageCall, what: str, error: FoliageError, others: Sequence[Remark] = ()
+) -> tuple[ResultFile, ...]:
+    """A part that cannot be made is left out, and the report begins with that warning; others come after it.
 
     Raises:
         FoliageError: It cannot be made here and now, as on a full disk; on another day it can.
     """
-    if isinstance(error, AssetError) or isinstance(error.__cause__, OSError):
+    if fails_now(error):
         raise error
     logger.warning("no %s: %s", what, error.text)
     failed = remark("part-failed", f"the plant has no {what}: {error.text}", subject=what, remedy=error.remedy)
-    write_summary(call.out, StageSummary(failure=error.text, remedy=error.remedy, remarks=[failed]))
+    write_summary(call.out, StageSummary(failure=error.text, remedy=error.remedy, remarks=[failed, *others]))
     return ()

@@ -9,10 +9,11 @@ from usdfoliage.branch.photographs.joining import JoinedStems
 from usdfoliage.branch.photographs.reconstruct import FoundLeafPlaces, PhotographedStemSettings, reconstruct_stems
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.capture.folder.read import Capture, read_capture, read_views
+from usdfoliage.errors import FoliageError
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.branches.tracing import KnownStems
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
-from usdfoliage.jobs.plant.call import StageCall
+from usdfoliage.jobs.plant.call import StageCall, fails_now
 from usdfoliage.jobs.plant.stages.isolate import plant_capture, stand_height_m
 from usdfoliage.jobs.plant.stages.models import read_captured_leaves
 from usdfoliage.jobs.plant.tasks import LEAVES
@@ -29,6 +30,27 @@ _THICKER = 1.5  # times the widest line, that single stems of a herb are thicker
 _DESCRIBED = 8  # pieces that are described one by one
 _OF_BASE = 0.15  # of a leaf's length from its base, up to which a line on it may be its petiole
 _SURE = 0.8  # certainty of a base, below which the petiole may be at the other end
+
+
+def try_photographed_stems(call: StageCall, failures: list[Remark], thickest_m: float) -> KnownStems | None:
+    """As find_photographed_stems; where it fails, None, so that branches are those of the cloud.
+
+    Args:
+        call: Of the task.
+        failures: A remark with the reason is added.
+        thickest_m: Radius of the thickest stem that the cloud shows.
+
+    Raises:
+        FoliageError: It fails here and now, as on a full disk.
+    """
+    try:
+        return find_photographed_stems(call, thickest_m)
+    except FoliageError as error:
+        if fails_now(error):
+            raise
+        text = f"stems were not looked for in the photographs: {error.text}"
+        failures.append(remark("stems-not-looked-for", text, remedy=error.remedy))
+        return None
 
 
 def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownStems | None:

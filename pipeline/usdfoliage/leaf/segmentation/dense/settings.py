@@ -77,7 +77,8 @@ class DenseSegmentationSettings:
     joined_quality: float = 0.5
     # A leaf claims the surface beyond its model up to this distance. Unit: median leaf lengths. Range: 0 or more.
     reach: float = 0.15
-    min_confidence: float = 0.6  # Leaves that are less probable than this are not fitted. Range: 0 or more.
+    # A region of the depth maps is fitted as a leaf if it is one with more than this probability. Range: 0 to 1.
+    min_confidence: float = 0.6
     shared: float = 0.2  # Better leaves cover at most this share of a leaf in the end. Range: above 0.
     # Leaves that are nearer to each other than this are the same leaf. Unit: leaf lengths. Range: above 0.
     twins: float = 0.1
@@ -112,7 +113,9 @@ class DenseSegmentationSettings:
         ):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
-        for name in ("hopeless", "joined_quality", "reach", "min_confidence", "misfit", "slender"):
+        if not 0 <= self.min_confidence <= 1:
+            raise ValueError(f"min_confidence must be from 0 to 1, not {self.min_confidence}")
+        for name in ("hopeless", "joined_quality", "reach", "misfit", "slender"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name} must not be below 0, but is {getattr(self, name)}")
         if not min(self.longer, self.shorter) >= 1:
