@@ -573,6 +573,56 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Correct what the text names.",
             ),
+            "stems-from-given-roots": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The places of roots are given, and the cloud is traced from them. Stems are not looked for in the "
+                    "photographs then."
+                ),
+                action='Nothing, or set `branches.roots` to `"auto"`, as for a herb with thin stems.',
+            ),
+            "stems-of-nothing": RemarkKind(
+                severity="info",
+                meaning="Nothing of the cloud is above what the plant stands on: there is nowhere to look for stems.",
+                action="Check what isolation left of the plant.",
+            ),
+            "stems-too-thick-for-lines": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The thickest stem of the cloud is too thick to be a thin line in the photographs, as of a tree. "
+                    "Branches are those that the cloud shows."
+                ),
+                action="Nothing.",
+            ),
+            "stems-in-few-photographs": RemarkKind(
+                severity="info",
+                meaning="Stems are lines that two photographs or more show, and there are fewer.",
+                action="Take more photographs.",
+            ),
+            "stems-without-lines": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The cloud shows few round branches, and the photographs no thin line in the same place, so that "
+                    "the plant has the branches of the cloud."
+                ),
+                action="Take sharper photographs, nearer to each other, in which stems are two pixels wide or more.",
+            ),
+            "stems-not-joined": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The cloud shows few round branches, and the photographs too little of stems to join from the soil "
+                    "to the leaves. The plant has the branches of the cloud."
+                ),
+                action="Take photographs that show the stems, from lower down.",
+            ),
+            "many-leaves-turned-to-stems": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Stems lead to the apices of more than 15 % of the leaves, which are turned end for end. Either "
+                    "stems are wrong, or what was known of the leaves' bases."
+                ),
+                action="Look at the stems and at the leaves on them.",
+            ),
             "leaves-turned-to-stems": RemarkKind(
                 severity="info",
                 meaning="Stems lead to ends of leaves that were taken for apices. These leaves are turned end for end.",
@@ -582,7 +632,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning=(
                     "Pieces look like stems, but nothing leads from the plant to them. They are left out; the remark "
-                    "names their lengths and their places, with Y up, in metres."
+                    "has their lengths, and their places in the asset, in metres."
                 ),
                 action="Take photographs that show how these pieces are joined to the plant.",
             ),
