@@ -752,10 +752,18 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "leaves-guessed": RemarkKind(
                 severity="info",
                 meaning=(
-                    "The median confidence of the leaves is low. They are too small in the photographs, lobed, or "
-                    "grass."
+                    "Fewer than half of the leaves are right, by the sum of their confidences. They are lobed or "
+                    "grass, or depth does not show them."
                 ),
                 action="See [Single leaves](#single-leaves).",
+            ),
+            "leaves-small": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The median leaf is less than 40 pixels long in its photograph. Where depth is estimated, most "
+                    "leaves of this size are lost."
+                ),
+                action="Take nearer photographs. A build fills in others where the cloud has leaves.",
             ),
             "leaves-lobed": RemarkKind(
                 severity="info",
@@ -1043,7 +1051,10 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "plant-leaves-guessed": RemarkKind(
                 severity="warning",
-                meaning="The plant has the leaves that were found, and their median confidence is low.",
+                meaning=(
+                    "Most leaves of the plant were not found but drawn from those that were, or most that were found "
+                    "are wrong. The remark has the counts, and how small leaves are in the photographs."
+                ),
                 action="See [Single leaves](#single-leaves).",
             ),
             "thumbnail-missing": RemarkKind(
