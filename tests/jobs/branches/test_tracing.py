@@ -1,11 +1,14 @@
 """Clouds whose branches are traced more coarsely, kept where they stand free, or refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from usdfoliage.branch.photographs.joining import StemPiece
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.jobs.branches.known_stems import KnownStems, describe_known_stems
+from usdfoliage.jobs.branches.run import BranchesRequest, find_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError, trace_cloud
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 
@@ -111,3 +114,25 @@ def test_more_than_15_of_100_turned_leaves_are_a_warning(turned, code):
     remarks = [each for each in describe_known_stems(stems, np.eye(4)) if "turned" in each.code]
     assert [each.code for each in remarks] == [code]
     assert (remarks[0].severity == "warning") == (turned == 4)
+
+
+def test_figures_of_such_stems_are_none_of_the_trace_of_the_cloud(tmp_path):
+    """No circles that are believed, and no share of the cloud that tracing left out as leaves."""
+    points_m = np.concatenate(noisy_leaves(np.random.default_rng(1), 40, [0, 0.12, 0], [0.09, 0.05, 0.05], 0.002))
+    write_ply(tmp_path / "hedge.ply", points_m[points_m[:, 1] > 0])
+    stems = KnownStems(
+        skeleton=plant_of(([(0, 0, 0), (0, 0.1, 0), (0, 0.2, 0)], 0.004, None, 0)), own_from_cloud=np.eye(4)
+    )
+    request = BranchesRequest(
+        cloud=PlantCloudRequest(path=tmp_path / "hedge.ply", roots=RootSettings(), up="Y"),
+        output=tmp_path,
+        name="hedge",
+        settings=BranchSettings(),
+        needs_stems=True,
+    )
+    found = find_branches(request, None, {}, find_stems=lambda thickest_m: stems)
+    assert found.stems is stems
+    assert not [row for row in found.rows if "circles" in row.remark]
+    assert "cloud-leaves-left-out" not in {each.code for each in found.remarks}
+    of_cloud = find_branches(replace(request, needs_stems=False), None, {})
+    assert [row for row in of_cloud.rows if "circles" in row.remark]

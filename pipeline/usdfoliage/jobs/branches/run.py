@@ -159,7 +159,13 @@ def find_branches(
         made.remarks,
         check_surface(len(drawn.skeleton), len(surface.dropped), len(surface.loose)),
     )
-    rows = branch_rows(drawn, surface, plant.points_m[drawn.wood], grown=request.regrowth.method == GROW)
+    rows = branch_rows(
+        drawn,
+        surface,
+        plant.points_m[drawn.wood],
+        grown=request.regrowth.method == GROW,
+        has_circles=found.stems is None,
+    )
     return FoundBranches(
         plant=plant,
         traced=traced,
