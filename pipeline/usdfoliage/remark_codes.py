@@ -599,6 +599,56 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Correct what the text names.",
             ),
+            "stems-from-given-roots": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The places of roots are given, and the cloud is traced from them. Stems are not looked for in the "
+                    "photographs then."
+                ),
+                action='Nothing, or set `branches.roots` to `"auto"`, as for a herb with thin stems.',
+            ),
+            "stems-of-nothing": RemarkKind(
+                severity="info",
+                meaning="Nothing of the cloud is above what the plant stands on: there is nowhere to look for stems.",
+                action="Check what isolation left of the plant.",
+            ),
+            "stems-too-thick-for-lines": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The thickest stem of the cloud is too thick to be a thin line in the photographs, as of a tree. "
+                    "Branches are those that the cloud shows."
+                ),
+                action="Nothing.",
+            ),
+            "stems-in-few-photographs": RemarkKind(
+                severity="info",
+                meaning="Stems are lines that two photographs or more show, and there are fewer.",
+                action="Take more photographs.",
+            ),
+            "stems-without-lines": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The cloud shows few round branches, and the photographs no thin line in the same place, so that "
+                    "the plant has the branches of the cloud."
+                ),
+                action="Take sharper photographs, nearer to each other, in which stems are two pixels wide or more.",
+            ),
+            "stems-not-joined": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The cloud shows few round branches, and the photographs too little of stems to join from the soil "
+                    "to the leaves. The plant has the branches of the cloud."
+                ),
+                action="Take photographs that show the stems, from lower down.",
+            ),
+            "many-leaves-turned-to-stems": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Stems lead to the apices of more than 15 % of the leaves, which are turned end for end. Either "
+                    "stems are wrong, or what was known of the leaves' bases."
+                ),
+                action="Look at the stems and at the leaves on them.",
+            ),
             "leaves-turned-to-stems": RemarkKind(
                 severity="info",
                 meaning="Stems lead to ends of leaves that were taken for apices. These leaves are turned end for end.",
@@ -608,7 +658,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning=(
                     "Pieces look like stems, but nothing leads from the plant to them. They are left out; the remark "
-                    "names their lengths and their places, with Y up, in metres."
+                    "has their lengths, and their places in the asset, in metres."
                 ),
                 action="Take photographs that show how these pieces are joined to the plant.",
             ),
@@ -728,10 +778,18 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "leaves-guessed": RemarkKind(
                 severity="info",
                 meaning=(
-                    "The median confidence of the leaves is low. They are too small in the photographs, lobed, or "
-                    "grass."
+                    "Fewer than half of the leaves are right, by the sum of their confidences. They are lobed or "
+                    "grass, or depth does not show them."
                 ),
                 action="See [Single leaves](#single-leaves).",
+            ),
+            "leaves-small": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The median leaf is less than 40 pixels long in its photograph. Where depth is estimated, most "
+                    "leaves of this size are lost."
+                ),
+                action="Take nearer photographs. A build fills in others where the cloud has leaves.",
             ),
             "leaves-lobed": RemarkKind(
                 severity="info",
@@ -793,6 +851,22 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning="Leaves that were found are as slender as a stem, and lie along one. They are left out.",
                 action="Nothing: they are parts of the stem.",
+            ),
+            "leaves-below-stems-left-out": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Leaves that were found lie below the foot of the stems and beside it, in another colour than the "
+                    "plant's leaves. They are left out; the remark has their places in the asset, in metres."
+                ),
+                action="Nothing: they are soil, or parts of a stem.",
+            ),
+            "leaves-not-joined": RemarkKind(
+                severity="info",
+                meaning=(
+                    "No stem leads to these leaves. Those more than two leaf lengths from stems and from leaves on "
+                    "them are left out; the others are kept. The remark has their places in the asset, in metres."
+                ),
+                action="Look at the leaves at these places. Photographs between the others show more of the stems.",
             ),
             "leaves-filled-in": RemarkKind(
                 severity="info",
@@ -1003,7 +1077,10 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "plant-leaves-guessed": RemarkKind(
                 severity="warning",
-                meaning="The plant has the leaves that were found, and their median confidence is low.",
+                meaning=(
+                    "Most leaves of the plant were not found but drawn from those that were, or most that were found "
+                    "are wrong. The remark has the counts, and how small leaves are in the photographs."
+                ),
                 action="See [Single leaves](#single-leaves).",
             ),
             "thumbnail-missing": RemarkKind(

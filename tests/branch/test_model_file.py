@@ -65,13 +65,14 @@ def test_a_traced_cloud_comes_back(tmp_path, colored):
         lost=np.array([1], np.int32),
         of_photographs=colored,
         turned=np.array([2, 5], np.int32),
+        unjoined=np.array([7], np.int32),
     )
     found = check_model_file(tmp_path, plant, write_traced_plant, read_traced_plant, "points_m")
     assert_same_skeleton(found.skeleton, fork())
     assert found.is_leafless
     assert not replace(found, knows_leaves=False).is_leafless
     assert found.of_photographs == colored
-    for name in ("points_m", "wood", "plant_from_capture", "lost", "turned"):
+    for name in ("points_m", "wood", "plant_from_capture", "lost", "turned", "unjoined"):
         assert np.array_equal(getattr(found, name), getattr(plant, name)), name
     assert (found.colors is None) != colored
     assert not colored or np.array_equal(found.colors, plant.colors)

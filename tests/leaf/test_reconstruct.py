@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from usdfoliage.leaf import reconstruct
 from usdfoliage.leaf.photographs.average_texture import AverageTextureSettings
 from usdfoliage.leaf.reconstruct import (
@@ -11,10 +12,13 @@ from usdfoliage.leaf.reconstruct import (
     ReconstructionSettings,
     choose_sound,
     describe_leaves,
+    describe_low_confidence,
+    median_length_px,
     reconstruct_leaves,
 )
 
 from tests.support.leaves.captures import known_foliage
+from tests.support.leaves.proposals import flat_leaves
 from tests.support.leaves.true_segmentation import segment_truly
 
 METHODS = ("dense", "paper")
@@ -142,10 +146,10 @@ def test_no_leaf_among_candidates_is_reported(segment, bed):
     ("changes", "texts"),
     [
         ({}, []),
-        ({"confidence": 0.1}, ["most leaves are guessed"]),
+        ({"confidence": 0.1}, ["the others are guessed"]),
         ({"width": 0.1}, ["grass-like"]),
         ({"width": 6.0}, ["lobed"]),
-        ({"confidence": 0.1, "width": 6.0}, ["most leaves are guessed", "lobed"]),
+        ({"confidence": 0.1, "width": 6.0}, ["the others are guessed", "lobed"]),
         ({"width": 2.0}, ["about as wide as long"]),
         ({"outlined": 0.45}, ["seem to be lobed"]),
         ({"outlined": 0.45, "width": 2.0}, ["seem to be lobed"]),
@@ -172,6 +176,38 @@ def test_exposures_that_differ_much_are_reported(bed, brightest, expected):
     for each in remarks:
         assert "1.7 times as bright" in each.text
         assert bed.views[-1].name in each.subject
+
+
+@pytest.mark.parametrize(("longer", "codes"), [(1.05, []), (0.95, ["leaves-small"])])
+def test_leaves_too_short_in_their_photographs_are_reported(bed, longer, codes):
+    """Each leaf where it is, of the length that is so many times 40 pixels in its photograph."""
+    camera = bed.views[0].camera
+    middle_m = bed.leaves.asset_from_leaf() @ (0.0, 0.5, 0.0, 1.0)
+    away_m = np.linalg.norm(middle_m - camera.position_m, axis=1)
+    length_m = longer * 40 * away_m / camera.focal_px[0]
+    half = 0.5 * (bed.leaves.length_m - length_m)[:, None]
+    along = Rotation.from_quat(bed.leaves.orientation).apply([0.0, 1.0, 0.0])
+    count = len(length_m)
+    leaves = replace(
+        bed.leaves,
+        base_m=bed.leaves.base_m + half * along,
+        length_m=length_m,
+        confidence=np.full(count, 0.8),
+        view=np.zeros(count, np.int32),
+    )
+    assert median_length_px(leaves, bed.views) == pytest.approx(40 * longer, rel=1e-6)
+    remarks = describe_leaves(leaves, bed.views, reconstruct.find_nothing(bed.views))
+    assert [each.code for each in remarks] == codes
+    assert median_length_px(replace(leaves, view=None), bed.views) is None
+    assert median_length_px(replace(leaves, view=np.full(count, -1, np.int32)), bed.views) is None
+
+
+def test_the_share_of_right_leaves_decides_and_not_the_median():
+    """Of one sure leaf and two others more than half are right; of the two others fewer."""
+    leaves = replace(flat_leaves(np.zeros((3, 3))), confidence=np.array([1.0, 0.3, 0.3]))
+    assert describe_low_confidence(leaves) == ""
+    assert describe_low_confidence(leaves.take([1, 2])).startswith("some 1 of 2 leaves")
+    assert describe_low_confidence(replace(leaves, confidence=None)) == ""
 
 
 @pytest.mark.parametrize("wrong", [{"method": "magic"}, {"min_confidence": 1.5}, {"min_confidence": float("nan")}])

@@ -58,7 +58,7 @@ PROPERTIES: dict[str, tuple[tuple[str, str, str, str, str], ...]] = {
             "primvars:leaf:confidence",
             "float[]",
             "none",
-            "0 (guessed) to 1 (seen whole)",
+            "0 (guessed) to 1 (sure)",
             "one element a leaf, or not authored",
         ),
         ("primvars:leaf:edit:axis1", "float3", "leaf lengths", "finite", ""),

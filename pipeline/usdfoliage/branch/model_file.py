@@ -16,7 +16,7 @@ from usdfoliage.files.npz import read_arrays, reading_model, write_model
 
 LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
 _CAGE = ("points_m", "faces", "st_m", "face_st", "curve", "order", "fork_faces", "fork_counts", "fork_curve")
-_CLOUD = ("points_m", "wood", "plant_from_capture", "lost", "turned")
+_CLOUD = ("points_m", "wood", "plant_from_capture", "lost", "turned", "unjoined")
 _FLAGS = ("knows_leaves", "of_photographs")
 
 
@@ -44,6 +44,8 @@ class TracedPlant:
     of_photographs: bool = False  # whether stems are lines in photographs, which the cloud does not show
     # Leaves that were found to which stems lead by what was taken for their apex.
     turned: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    # Leaves that were found to which no stem leads.
+    unjoined: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
 
     @property
     def is_leafless(self) -> bool:
@@ -122,6 +124,7 @@ def read_traced_plant(path: Path) -> TracedPlant:
             plant_from_capture=arrays["plant_from_capture"],
             lost=arrays["lost"],
             turned=arrays["turned"],
+            unjoined=arrays["unjoined"],
             knows_leaves=knows_leaves,
             of_photographs=of_photographs,
             colors=arrays["colors"].astype(np.float64) if len(arrays["colors"]) else None,

@@ -30,7 +30,8 @@ from usdfoliage.remarks import Remark, remark
 METHODS = ("dense", "paper")
 STEPS = ("segmentation", "fit", "direction", "colours", "texture")
 
-LOW_CONFIDENCE = 0.3  # as the median of all leaves: most of them are guessed
+FEW_RIGHT = 0.5  # share of the leaves that are right, below which most of them are guessed
+SMALL_PX = 40.0  # median leaf length, below which estimated depth loses many leaves: of a tree's of 28 px 84 of 100
 ROUND = 0.75  # width by length from which the longest extent of a leaf is no sure sign of its axis
 # Shares of its edge on the silhouette: below the second most leaves of a set are not of one lobe, at the first surely.
 # Depth of photographs is coarse where leaves end: the medians of leaves of one lobe are then 0.55 to 0.75.
@@ -230,14 +231,34 @@ def _count_steps(
 
 
 def describe_low_confidence(leaves: Leaves) -> str:
-    """A sentence where most leaves are guessed; else empty."""
-    median = 1.0 if leaves.confidence is None or not len(leaves) else float(np.median(leaves.confidence))
-    if median >= LOW_CONFIDENCE:
+    """A sentence where fewer than half of the leaves are right, by the sum of their confidences; else empty."""
+    if leaves.confidence is None or not len(leaves):
+        return ""
+    right = float(leaves.confidence.sum())
+    if right >= FEW_RIGHT * len(leaves):
         return ""
     return (
-        f"the median confidence is {median:.2f}, so that most leaves are guessed; they may be lobed, grass-like, or "
-        "too small in the photographs for this depth"
+        f"some {right:.0f} of {len(leaves)} leaves that were found are right, by their confidence, and the others are "
+        "guessed; they may be lobed or grass-like, or depth does not show them"
     )
+
+
+def median_length_px(leaves: Leaves, views: Sequence[View]) -> float | None:
+    """How long the median leaf is in the photograph that shows it best, in its pixels; None where that is unknown.
+
+    Args:
+        leaves: In the world of the views.
+        views: That leaf.view counts.
+    """
+    if leaves.view is None:
+        return None
+    middle_m = leaves.asset_from_leaf() @ (0.0, 0.5, 0.0, 1.0)
+    lengths_px = []
+    for number in np.unique(leaves.view[leaves.view >= 0]).tolist():
+        camera, own = views[number].camera, leaves.view == number
+        away_m = np.linalg.norm(middle_m[own] - camera.position_m, axis=1)
+        lengths_px.append(camera.focal_px[0] * leaves.length_m[own] / np.maximum(away_m, 1e-9))
+    return float(np.median(np.concatenate(lengths_px))) if lengths_px else None
 
 
 def describe_leaves(
@@ -283,6 +304,13 @@ def describe_leaves(
     low = describe_low_confidence(leaves)
     if low:
         remarks.append(remark("leaves-guessed", low))
+    long_px = median_length_px(leaves, views)
+    if long_px is not None and long_px < SMALL_PX:
+        text = (
+            f"the median leaf that was found is {long_px:.0f} pixels long in its photograph; below {SMALL_PX:g} most "
+            "may be lost where depth is estimated"
+        )
+        remarks.append(remark("leaves-small", text, remedy="take nearer photographs"))
     lobed = outlined is not None and float(np.median(outlined)) < LOBED[1]
     if lobed:
         text = (

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from usdfoliage.branch.photographs.joining import JoinedStems, JoinSettings, find_turned, join_stems
 from usdfoliage.branch.photographs.stem_points import StemPoints
@@ -156,3 +158,23 @@ def test_what_is_high_above_the_soil_and_hardly_seen_gets_no_stem_of_its_own():
 def test_settings_that_cannot_be(name, value):
     with pytest.raises(ValueError, match=f"{name} must be .*{value:g}"):
         JoinSettings(**{name: value})
+
+
+@settings(deadline=None, max_examples=15)
+@given(seed=st.integers(0, 1000))
+def test_the_leaves_that_are_turned_are_joined_by_their_other_ends(seed):
+    """Stems with leaves any way: as if the leaves had been given with the ends that are their bases."""
+    rng = np.random.default_rng(seed)
+    stems = places_on(STEM, ((0.02, 0.2, 0.0), (0.1, 0.26, 0.03)))
+    bases_m = rng.uniform((-0.05, 0.05, -0.05), (0.12, 0.3, 0.05), (12, 3))
+    apices_m = bases_m + rng.normal(0, 0.03, (12, 3))
+    certainty = rng.uniform(0.5, 1.0, 12)
+    joined = join_stems(stems, bases_m, 0.0, apices_m=apices_m, certainty=certainty)
+    turned = find_turned(stems, bases_m, apices_m, certainty, 0.0)
+    alone = join_stems(stems, np.where(turned[:, None], apices_m, bases_m), 0.0)
+    assert joined is not None
+    assert alone is not None
+    np.testing.assert_array_equal(joined.turned, turned)
+    np.testing.assert_array_equal(joined.leaf, alone.leaf)
+    np.testing.assert_array_equal(joined.joined, alone.joined)
+    np.testing.assert_allclose(joined.skeleton.points_m, alone.skeleton.points_m, atol=1e-12)

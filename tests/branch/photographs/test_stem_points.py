@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from usdfoliage.branch.photographs.distances import DistanceSettings, find_distances
+from usdfoliage.branch.photographs.joining import JoinedStems
 from usdfoliage.branch.photographs.lines import find_lines
+from usdfoliage.branch.photographs.no_stems import NoStems
 from usdfoliage.branch.photographs.reconstruct import FoundLeafPlaces, find_stem_points, reconstruct_stems
 from usdfoliage.branch.photographs.seen_lines import place_lines, ranges_in_box
 from usdfoliage.branch.photographs.stem_points import MergeSettings
@@ -63,7 +65,7 @@ def random_leaves(count: int, seed: int) -> list[np.ndarray]:
 def test_a_leafy_picture_without_stems_gives_no_stems():
     leaves = random_leaves(25, 3)
     views = [draw_view(camera, leaves=leaves) for camera in ring_of_cameras(8)]
-    assert reconstruct_stems(views, BOX_M, FoundLeafPlaces.none()) is None
+    assert reconstruct_stems(views, BOX_M, FoundLeafPlaces.none()) is NoStems.NOT_JOINED
     # Nor do the leaves that were found among them.
     found = FoundLeafPlaces(
         bases_m=np.array([leaf[0] for leaf in leaves]),
@@ -71,7 +73,7 @@ def test_a_leafy_picture_without_stems_gives_no_stems():
         certainty=np.full(len(leaves), 0.5),
         blades_m=np.concatenate(leaves),
     )
-    assert reconstruct_stems(views, BOX_M, found) is None
+    assert reconstruct_stems(views, BOX_M, found) is NoStems.NOT_JOINED
 
 
 def test_a_stem_among_leaves_is_found_from_the_soil_up():
@@ -80,7 +82,7 @@ def test_a_stem_among_leaves_is_found_from_the_soil_up():
         draw_view(camera, [(axis_m, 0.003)], random_leaves(9, 5), with_depth=True) for camera in ring_of_cameras(10)
     ]
     joined = reconstruct_stems(views, BOX_M, FoundLeafPlaces.none())
-    assert joined is not None
+    assert isinstance(joined, JoinedStems)
     skeleton = joined.skeleton
     longest = int(skeleton.lengths_m.argmax())
     stem_m = skeleton.points_m[skeleton.branch(longest)]
@@ -90,8 +92,14 @@ def test_a_stem_among_leaves_is_found_from_the_soil_up():
     assert skeleton.lengths_m[skeleton.order == 0].sum() > 0.6 * skeleton.lengths_m.sum()
 
 
+def test_photographs_of_nothing_have_no_lines():
+    views = [draw_view(camera) for camera in ring_of_cameras(4)]
+    assert reconstruct_stems(views, BOX_M, FoundLeafPlaces.none()) is NoStems.NO_LINES
+    assert reconstruct_stems(views[:1], BOX_M, FoundLeafPlaces.none()) is NoStems.FEW_PHOTOGRAPHS
+
+
 def test_without_photographs_there_are_no_stems():
-    assert reconstruct_stems([], BOX_M, FoundLeafPlaces.none()) is None
+    assert reconstruct_stems([], BOX_M, FoundLeafPlaces.none()) is NoStems.FEW_PHOTOGRAPHS
     with pytest.raises(ValueError, match="one view or more"):
         find_stem_points([], BOX_M)
 

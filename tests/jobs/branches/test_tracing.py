@@ -1,13 +1,19 @@
 """Clouds whose branches are traced more coarsely, kept where they stand free, or refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from usdfoliage.branch.photographs.joining import StemPiece
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
+from usdfoliage.jobs.branches.known_stems import KnownStems, describe_known_stems
+from usdfoliage.jobs.branches.run import BranchesRequest, find_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError, trace_cloud
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 
 from tests.support.branch_clouds import cone
+from tests.support.branch_shapes import plant_of
 from tests.support.cloud_files import write_ply
 
 FEET_M = ((0.05, 0.02), (-0.05, 0.03), (0.01, -0.06))
@@ -61,3 +67,72 @@ def test_a_hedge_is_refused_where_stems_are_needed(tmp_path):
     points_m = points_m[points_m[:, 1] > 0]
     with pytest.raises(NoStemsError, match="no stem is seen at a root"):
         trace(tmp_path / "hedge.ply", points_m, needs_stems=True)
+
+
+def test_of_stems_that_were_found_otherwise_remarks_concern_these(tmp_path):
+    """Their places are in the asset's frame, and nothing is reported of a trace of which nothing is left."""
+    rng = np.random.default_rng(1)
+    points_m = np.concatenate(noisy_leaves(rng, 40, [0, 0.12, 0], [0.09, 0.05, 0.05], 0.002))
+    points_m = points_m[points_m[:, 1] > 0]
+    # Their own frame is turned, moved and twice as large: own = 2 * (z, y, -x) + moved_m.
+    own_from_cloud = np.eye(4)
+    own_from_cloud[:3, :3] = 2 * np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    own_from_cloud[:3, 3] = moved_m = np.array([3.0, 0.4, -1])
+
+    def in_own(place_m):
+        return own_from_cloud[:3, :3] @ np.array(place_m) + moved_m
+
+    foot_m, tip_m, apart_m = (0.02, 0.0, 0.01), (0.02, 0.2, 0.01), (0.12, 0.1, 0.31)
+    known = KnownStems(
+        skeleton=plant_of(([in_own(foot_m), in_own(tip_m)], 0.004, None, 0)),
+        own_from_cloud=own_from_cloud,
+        leaves=20,
+        turned=np.arange(4, dtype=np.int32),
+        unjoined=np.arange(3, dtype=np.int32),
+        apart=(StemPiece(length_m=0.02, middle_m=in_own(apart_m)),),
+    )
+    found = trace(tmp_path / "hedge.ply", points_m, needs_stems=True, find_stems=lambda thickest_m: known)
+    assert found.stems is known
+    np.testing.assert_allclose(found.traced.skeleton.points_m, [[0, 0, 0], [0, 0.2, 0]], atol=1e-6)
+    assert found.traced.skeleton.radius_m == pytest.approx(0.002)
+    texts = {each.code: each.text for each in found.remarks}
+    assert not {"cloud-up", "cloud-thinned", "roots-missing"} & set(texts)
+    assert "1 branches, from the soil at 1 places, which lead to 17 of 20 leaves" in texts["stems-of-photographs"]
+    assert "10 mm long at (0.100, 0.100, 0.300)" in texts["stems-apart-left-out"]
+    assert texts["many-leaves-turned-to-stems"].startswith("4 of 20 leaves")
+    assert "20%" in texts["many-leaves-turned-to-stems"]
+
+
+@pytest.mark.parametrize(("turned", "code"), [(3, "leaves-turned-to-stems"), (4, "many-leaves-turned-to-stems")])
+def test_more_than_15_of_100_turned_leaves_are_a_warning(turned, code):
+    stems = KnownStems(
+        skeleton=plant_of(([(0, 0, 0), (0, 1, 0)], 0.01, None, 0)),
+        own_from_cloud=np.eye(4),
+        leaves=20,
+        turned=np.arange(turned, dtype=np.int32),
+    )
+    remarks = [each for each in describe_known_stems(stems, np.eye(4)) if "turned" in each.code]
+    assert [each.code for each in remarks] == [code]
+    assert (remarks[0].severity == "warning") == (turned == 4)
+
+
+def test_figures_of_such_stems_are_none_of_the_trace_of_the_cloud(tmp_path):
+    """No circles that are believed, and no share of the cloud that tracing left out as leaves."""
+    points_m = np.concatenate(noisy_leaves(np.random.default_rng(1), 40, [0, 0.12, 0], [0.09, 0.05, 0.05], 0.002))
+    write_ply(tmp_path / "hedge.ply", points_m[points_m[:, 1] > 0])
+    stems = KnownStems(
+        skeleton=plant_of(([(0, 0, 0), (0, 0.1, 0), (0, 0.2, 0)], 0.004, None, 0)), own_from_cloud=np.eye(4)
+    )
+    request = BranchesRequest(
+        cloud=PlantCloudRequest(path=tmp_path / "hedge.ply", roots=RootSettings(), up="Y"),
+        output=tmp_path,
+        name="hedge",
+        settings=BranchSettings(),
+        needs_stems=True,
+    )
+    found = find_branches(request, None, {}, find_stems=lambda thickest_m: stems)
+    assert found.stems is stems
+    assert not [row for row in found.rows if "circles" in row.remark]
+    assert "cloud-leaves-left-out" not in {each.code for each in found.remarks}
+    of_cloud = find_branches(replace(request, needs_stems=False), None, {})
+    assert [row for row in of_cloud.rows if "circles" in row.remark]

@@ -19,7 +19,7 @@ def segment_truly(
     Args:
         views: With depth.
         leaf_ids: (H, W) by the view's name, 0 for none.
-        confidence: Of the leaf that is seen best; the others have less.
+        confidence: Of the leaf that is seen best; the others have less, half as much at least.
     """
     candidates, pixels = [], []
     for view in views:
@@ -53,7 +53,7 @@ def segment_truly(
             kind=np.concatenate(kind),
             point_view=np.concatenate(seen_by),
             offsets=np.cumsum([len(part) for part in points]).astype(np.int64),
-            confidence=confidence * max_pixels[leaves] / max(max_pixels[1:].max(initial=1), 1),
+            confidence=confidence * (0.5 + 0.5 * max_pixels[leaves] / max(max_pixels[1:].max(initial=1), 1)),
             view=best[leaves].astype(np.int32),
         ),
         dropped={"seen in few pixels": len(max_pixels) - 1 - len(leaves)},

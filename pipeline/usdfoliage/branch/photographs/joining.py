@@ -7,7 +7,7 @@ its root is that of A. Verroust and F. Lazarus, Extracting skeletal curves from 
 """
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,23 +134,30 @@ def join_stems(
     count, leaves = len(stems), len(bases_m)
     if not count:
         return None
+    ends_m = bases_m if apices_m is None else np.concatenate([bases_m, apices_m])
+    height_m = _height_m(stems.points_m, ends_m, soil_m)
+    if not height_m > 0:
+        return None
+    links = _link_places(stems, ends_m, settings.longest_gap * height_m)
     turned = np.zeros(leaves, bool)
     if apices_m is not None and leaves:
         sure = np.full(leaves, 0.5) if certainty is None else certainty
-        turned = find_turned(stems, bases_m, apices_m, sure, soil_m, settings)
+        turned = _find_turned(links, stems, ends_m, sure, soil_m, settings)
         bases_m = np.where(turned[:, None], apices_m, bases_m)
+        chosen = count + np.arange(leaves) + leaves * turned
+        links = links.among(np.concatenate([np.arange(count), chosen]), count + 2 * leaves)
+        height_m = _height_m(stems.points_m, bases_m, soil_m)
+        if not height_m > 0:
+            return None
     places_m = np.concatenate([stems.points_m, bases_m])
-    height_m = float(places_m[:, 1].max()) - soil_m
-    if not height_m > 0:
-        return None
-    along = np.concatenate([stems.along, np.zeros((leaves, 3))])
     odds = np.concatenate([np.clip(stems.odds, -3, 2), np.zeros(leaves)])
+    costs = _weigh_links(links, odds, height_m, settings)
     apart_m = 3 * stems.footprint_m
     may_root = np.zeros(len(places_m), bool)
     above_m = stems.points_m[:, 1] - soil_m
     may_root[:count] = _on_clear_stems(stems, settings.unbroken * height_m) | (above_m < settings.low * height_m)
     for _ in range(_TURNS):
-        parent, cost = _cheapest_paths(places_m, along, odds, count, soil_m, height_m, may_root, settings)
+        parent, cost = _cheapest_paths(costs, stems, odds, soil_m, height_m, may_root, settings)
         step_m = step_lengths(places_m, parent)
         root = parent < 0
         step_m[root] = np.maximum(places_m[root, 1] - soil_m, 0)
@@ -192,77 +199,151 @@ def find_turned(
     The cheapest paths from the soil to either end are compared: the base is the end at a stem. That is a sign like
     those that leaves were turned by before, and counts together with how certain these were.
     """
-    count, leaves = len(stems), len(bases_m)
-    places_m = np.concatenate([stems.points_m, bases_m, apices_m])
-    height_m = float(places_m[:, 1].max()) - soil_m
+    ends_m = np.concatenate([bases_m, apices_m])
+    height_m = _height_m(stems.points_m, ends_m, soil_m)
     if not height_m > 0:
-        return np.zeros(leaves, bool)
-    along = np.concatenate([stems.along, np.zeros((2 * leaves, 3))])
-    odds = np.concatenate([np.clip(stems.odds, -3, 2), np.zeros(2 * leaves)])
-    may_root = np.ones(len(places_m), bool)
-    _, cost = _cheapest_paths(places_m, along, odds, count, soil_m, height_m, may_root, settings, leaves_end_paths=True)
+        return np.zeros(len(bases_m), bool)
+    links = _link_places(stems, ends_m, settings.longest_gap * height_m)
+    return _find_turned(links, stems, ends_m, certainty, soil_m, settings)
+
+
+def _find_turned(
+    links: "_Links",
+    stems: StemPoints,
+    ends_m: NDArray[np.float64],
+    certainty: NDArray[np.float64],
+    soil_m: float,
+    settings: JoinSettings,
+) -> NDArray[np.bool_]:
+    """The same for the links of stems and of both ends (2L, 3) of leaves, bases first."""
+    count = len(stems)
+    height_m = _height_m(stems.points_m, ends_m, soil_m)
+    odds = np.concatenate([np.clip(stems.odds, -3, 2), np.zeros(len(ends_m))])
+    costs = _weigh_links(links, odds, height_m, settings)
+    # No path goes on from the end of a leaf.
+    costs = replace(
+        costs,
+        outwards=np.where(costs.one < count, costs.outwards, np.inf),
+        back=np.where(costs.other < count, costs.back, np.inf),
+    ).take((costs.one < count) | (costs.other < count))
+    may_root = np.ones(count + len(ends_m), bool)
+    _, cost = _cheapest_paths(costs, stems, odds, soil_m, height_m, may_root, settings)
     base, apex = np.split(np.minimum(cost[count:], _UNREACHED), 2)
     less = np.log(base / apex)  # above 0 where the apex is nearer
     return np.asarray(settings.end * np.clip(less, -_CLEAREST, _CLEAREST) > logit(np.clip(certainty, 0.5, _SUREST)))
 
 
-def _cheapest_paths(
-    places_m: NDArray[np.float64],
-    along: NDArray[np.float64],
-    odds: NDArray[np.float64],
-    count: int,
-    soil_m: float,
-    height_m: float,
-    may_root: NDArray[np.bool_],
-    settings: JoinSettings,
-    *,
-    leaves_end_paths: bool = False,
-) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """(N,) place before each one on the cheapest path from the soil, -1 where the soil is; (N,) what the paths cost.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Links:
+    """P pairs of near places on stems and at ends of leaves, which are numbered after the stems."""
 
-    What no path leads to costs infinitely much, and has nothing before it.
+    one: NDArray[np.int64]  # (P,)
+    other: NDArray[np.int64]  # (P,)
+    length_m: NDArray[np.float64]  # (P,)
+    rise: NDArray[np.float64]  # (P,), sine of the angle at which the second lies above the first
+    smaller: NDArray[np.float64]  # (P,), square of the sine of the angle between the link and one place's course
+    larger: NDArray[np.float64]  # (P,), and of the other, where it is larger
 
-    Args:
-        leaves_end_paths: No path goes on from the end of a leaf.
-    """
-    whole = len(places_m)
-    longest_m, gap_m = settings.longest_gap * height_m, settings.gap * height_m
+    def take(self, chosen: NDArray[np.bool_]) -> "_Links":
+        """These pairs alone."""
+        return replace(self, **{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
+
+    def among(self, places: NDArray[np.int64], count: int) -> "_Links":
+        """The pairs of these places, of so many, by their numbers in this order."""
+        number = np.full(count, -1, np.int64)
+        number[places] = np.arange(len(places))
+        left = self.take((number[self.one] >= 0) & (number[self.other] >= 0))
+        return replace(left, one=number[left.one], other=number[left.other])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _LinkCosts:
+    """What paths along P links cost, in metres: from the first place to the second, and back."""
+
+    one: NDArray[np.int64]  # (P,)
+    other: NDArray[np.int64]  # (P,)
+    outwards: NDArray[np.float64]  # (P,)
+    back: NDArray[np.float64]  # (P,)
+
+    def take(self, chosen: NDArray[np.bool_]) -> "_LinkCosts":
+        """Those of these links alone."""
+        return replace(self, **{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
+
+
+def _height_m(points_m: NDArray[np.float64], ends_m: NDArray[np.float64], soil_m: float) -> float:
+    """Of the highest of places on stems (S, 3) and ends of leaves (E, 3) above the soil."""
+    return float(np.concatenate([points_m, ends_m])[:, 1].max()) - soil_m
+
+
+def _link_places(stems: StemPoints, ends_m: NDArray[np.float64], longest_m: float) -> _Links:
+    """The links up to this length between places on stems and ends (E, 3) of leaves, whose course is not known."""
+    places_m = np.concatenate([stems.points_m, ends_m])
+    along = np.concatenate([stems.along, np.zeros((len(ends_m), 3))])
     one, other = cKDTree(places_m).query_pairs(longest_m, output_type="ndarray").T
-    if leaves_end_paths:
-        between = (one < count) | (other < count)
-        one, other = one[between], other[between]
     offset_m = places_m[other] - places_m[one]
     length_m = np.maximum(np.linalg.norm(offset_m, axis=1), 1e-9)
     sines = []
     for each in (one, other):
         cosine = np.einsum("ij,ij->i", offset_m, along[each]) / length_m
-        sines.append(np.where(each < count, 1 - np.square(cosine), _BASE_SINE))
-    smaller, larger = np.minimum(*sines), np.maximum(*sines)
-    turned = np.minimum(length_m / (_NEAR * longest_m), 1) * (settings.bend * smaller + settings.fork * larger)
+        sines.append(np.where(each < len(stems), 1 - np.square(cosine), _BASE_SINE))
+    return _Links(
+        one=one,
+        other=other,
+        length_m=length_m,
+        rise=offset_m[:, 1] / length_m,
+        smaller=np.minimum(*sines),
+        larger=np.maximum(*sines),
+    )
+
+
+def _weigh_links(links: _Links, odds: NDArray[np.float64], height_m: float, settings: JoinSettings) -> _LinkCosts:
+    """What links cost between places of these odds (N,), of a plant of this height: those that are not too long."""
+    longest_m, gap_m = settings.longest_gap * height_m, settings.gap * height_m
+    if links.length_m.max(initial=0) > longest_m:
+        links = links.take(links.length_m <= longest_m)
+    length_m = links.length_m
+    turned = np.minimum(length_m / (_NEAR * longest_m), 1) * (
+        settings.bend * links.smaller + settings.fork * links.larger
+    )
     dear = np.exp(-settings.sure * odds)
-    cost = length_m * (1 + turned) * (1 + length_m / gap_m) * 0.5 * (dear[one] + dear[other])
+    cost = length_m * (1 + turned) * (1 + length_m / gap_m) * 0.5 * (dear[links.one] + dear[links.other])
     # Stems rise from the soil: who comes to one by its tip, and leads down along it, has come by a leaf.
-    rise = offset_m[:, 1] / length_m
-    outwards, back = (cost * (1 + settings.fall * np.square(np.maximum(-sign * rise, 0))) for sign in (1, -1))
-    if leaves_end_paths:
-        outwards, back = np.where(one < count, outwards, np.inf), np.where(other < count, back, np.inf)
-    above_m = places_m[:, 1] - soil_m
-    low = np.flatnonzero((above_m < settings.highest_root * height_m) & (np.arange(whole) < count) & may_root)
+    outwards, back = (cost * (1 + settings.fall * np.square(np.maximum(-sign * links.rise, 0))) for sign in (1, -1))
+    return _LinkCosts(one=links.one, other=links.other, outwards=outwards, back=back)
+
+
+def _cheapest_paths(
+    costs: _LinkCosts,
+    stems: StemPoints,
+    odds: NDArray[np.float64],
+    soil_m: float,
+    height_m: float,
+    may_root: NDArray[np.bool_],
+    settings: JoinSettings,
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """(N,) place before each one on the cheapest path from the soil, -1 where the soil is; (N,) what the paths cost.
+
+    What no path leads to costs infinitely much, and has nothing before it.
+    """
+    whole, count, gap_m = len(odds), len(stems), settings.gap * height_m
+    above_m = stems.points_m[:, 1] - soil_m
+    low = np.flatnonzero((above_m < settings.highest_root * height_m) & may_root[:count])
     down_m = np.maximum(above_m[low], 1e-3 * height_m)
-    lying = 1 - np.square(along[low, 1])
-    to_soil = down_m * (1 + settings.bend * lying) * (1 + settings.hidden * down_m / gap_m) * dear[low]
+    lying = 1 - np.square(stems.along[low, 1])
+    dear = np.exp(-settings.sure * odds[low])
+    to_soil = down_m * (1 + settings.bend * lying) * (1 + settings.hidden * down_m / gap_m) * dear
     if not len(low):
-        low, to_soil = np.array([np.argmin(above_m[:count])]), np.array([1.0])
+        low, to_soil = np.array([np.argmin(above_m)]), np.array([1.0])
     soil = np.full(len(low), whole)
-    costs = coo_array(
+    graph = coo_array(
         (
-            np.concatenate([outwards, back, to_soil]),
-            (np.concatenate([one, other, soil]), np.concatenate([other, one, low])),
+            np.concatenate([costs.outwards, costs.back, to_soil]),
+            (np.concatenate([costs.one, costs.other, soil]), np.concatenate([costs.other, costs.one, low])),
         ),
         shape=(whole + 1, whole + 1),
     ).tocsr()
     total, before, _ = dijkstra(
-        csr_array(costs), directed=True, indices=np.array([whole]), min_only=True, return_predecessors=True
+        csr_array(graph), directed=True, indices=np.array([whole]), min_only=True, return_predecessors=True
     )
     before = before[:whole]
     return np.where((before < 0) | (before == whole), -1, before).astype(np.int32), total[:whole]

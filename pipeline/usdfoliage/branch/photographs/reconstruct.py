@@ -15,6 +15,7 @@ from usdfoliage.branch.photographs.distances import DistanceSettings, LinePoints
 from usdfoliage.branch.photographs.evidence import EvidenceSettings, collect_evidence
 from usdfoliage.branch.photographs.joining import JoinedStems, JoinSettings, join_stems
 from usdfoliage.branch.photographs.lines import LineSettings, find_lines
+from usdfoliage.branch.photographs.no_stems import NoStems
 from usdfoliage.branch.photographs.seen_lines import SeenLines, place_lines
 from usdfoliage.branch.photographs.stem_points import MergeSettings, StemPoints, merge_lines
 from usdfoliage.capture.view import View
@@ -22,6 +23,7 @@ from usdfoliage.progress import StepProgress
 
 logger = logging.getLogger(__name__)
 
+_MIN_VIEWS = 2  # in which a line must be seen
 _EVERY = 2  # one middle of so many along a line has its distance looked for: they are a pixel apart
 _OF_LEAF = -3.0  # logarithm of the odds of what lies on a leaf that was found
 
@@ -66,8 +68,8 @@ def reconstruct_stems(
     progress: StepProgress | None = None,
     *,
     threads: int = 0,
-) -> JoinedStems | None:
-    """The stems of a plant, joined from the soil to its leaves; None where photographs show none.
+) -> JoinedStems | NoStems:
+    """The stems of a plant, joined from the soil to its leaves; or why photographs show none.
 
     Args:
         views: The photographs, in a world with Y up; depth shows what is hidden.
@@ -77,10 +79,12 @@ def reconstruct_stems(
         progress: Called with what is done, and how far it is.
         threads: That work at a time; 0: one per core. The result is the same.
     """
-    if not views:
-        return None
+    if len(views) < _MIN_VIEWS:
+        return NoStems.FEW_PHOTOGRAPHS
     stems = find_stem_points(views, box_m, settings, progress, threads=threads)
-    if len(leaves.blades_m) and len(stems):
+    if not len(stems):
+        return NoStems.NO_LINES
+    if len(leaves.blades_m):
         reach_m = settings.on_leaf * stems.footprint_m
         away_m = cKDTree(leaves.blades_m).query(stems.points_m, distance_upper_bound=reach_m)[0]
         stems = stems.with_odds(np.where(away_m < reach_m, _OF_LEAF, stems.odds))
@@ -94,7 +98,7 @@ def reconstruct_stems(
     )
     if progress is not None:
         progress("stems", 1.0)
-    return joined
+    return NoStems.NOT_JOINED if joined is None else joined
 
 
 def find_stem_points(

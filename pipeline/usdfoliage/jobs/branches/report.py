@@ -50,7 +50,12 @@ class BranchesReport:
 
 
 def branch_rows(
-    traced: TracedBranches, cage: BranchCage, points_m: NDArray[np.float64], *, grown: bool = False
+    traced: TracedBranches,
+    cage: BranchCage,
+    points_m: NDArray[np.float64],
+    *,
+    grown: bool = False,
+    has_circles: bool = True,
 ) -> list[Row]:
     """The figures of branches, as the paper's tables 2 and 3 have them, for report and terminal.
 
@@ -59,6 +64,7 @@ def branch_rows(
         cage: Its surface.
         points_m: (N, 3), of wood.
         grown: Whether the skeleton was grown, and is not the one that was traced.
+        has_circles: Whether radii are those of circles in the cloud; those of lines in photographs are not.
     """
     skeleton = traced.skeleton
     to_surface_m = distances_to_surface(points_m, skeleton, traced.thickness_m)
@@ -89,14 +95,19 @@ def branch_rows(
             name="surface to scan",
             value=f"{100 * to_cloud_m.mean():.2f} cm, standard deviation {100 * to_cloud_m.std():.2f} cm",
         ),
-        Row(
-            name="exponent of the allometry" + (", as traced" if grown else ""),
-            value=f"{traced.radii.exponent:.2f}",
-            remark=f"{int(traced.radii.believed.sum())} circles believed"
-            + (" along the branches that were traced; growth has their exponent" if grown else ""),
-        ),
+        *([_exponent_row(traced, grown)] if has_circles else []),
         Row(name="cage", value=f"{len(cage.faces):,} faces", remark="Catmull–Clark, closed, all quads"),
     ]
+
+
+def _exponent_row(traced: TracedBranches, grown: bool) -> Row:
+    """How radii change along branches, and from how many circles that was found."""
+    return Row(
+        name="exponent of the allometry" + (", as traced" if grown else ""),
+        value=f"{traced.radii.exponent:.2f}",
+        remark=f"{int(traced.radii.believed.sum())} circles believed"
+        + (" along the branches that were traced; growth has their exponent" if grown else ""),
+    )
 
 
 def write_branches_report(

@@ -34,10 +34,11 @@ from usdfoliage.jobs.branches.foliage import (
     grow_leaves,
     read_fitted_leaves,
 )
+from usdfoliage.jobs.branches.known_stems import KnownStems
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_leaves
 from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
-from usdfoliage.jobs.branches.tracing import FindStems, KnownStems, trace_cloud
+from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
 from usdfoliage.jobs.branches.warnings import check_surface
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.table import Row, WrittenReport
@@ -152,12 +153,19 @@ def find_branches(
     surface = made.surfaces.whole
     remarks = merge_remarks(
         found.remarks,
-        describe_leaves(traced, request.settings),
+        # Stems that were found otherwise were not traced through the cloud, whatever of it is leaves.
+        describe_leaves(traced, request.settings) if found.stems is None else [],
         of_growth,
         made.remarks,
         check_surface(len(drawn.skeleton), len(surface.dropped), len(surface.loose)),
     )
-    rows = branch_rows(drawn, surface, plant.points_m[drawn.wood], grown=request.regrowth.method == GROW)
+    rows = branch_rows(
+        drawn,
+        surface,
+        plant.points_m[drawn.wood],
+        grown=request.regrowth.method == GROW,
+        has_circles=found.stems is None,
+    )
     return FoundBranches(
         plant=plant,
         traced=traced,

@@ -1,17 +1,16 @@
 """Tracing the branches of a cloud on disk, finely first; where that shows no stems, coarsely."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.free_axes import keep_free_branches, points_of_branches
 from usdfoliage.branch.tracing.higher_feet import stands_on_stem
 from usdfoliage.branch.tracing.radii import Radii
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
 from usdfoliage.errors import FitError
+from usdfoliage.jobs.branches.known_stems import KnownStems, describe_known_stems
 from usdfoliage.jobs.branches.warnings import FEW_ROUND, check_stems
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.progress import StepProgress, follow_step, progress_of_shares
@@ -20,6 +19,9 @@ from usdfoliage.remarks import Remark, remark
 _COARSER = 3.0  # times the internode: a herb's leaves are larger for its height than a tree's, and so is their noise
 _LESS_WOOD = 0.7  # for that of a fine trace, wood of a coarse one that shows how much of the former was leaves
 _THICKEST = 0.95  # quantile of the radii that are believed: single circles are wrong
+# Remarks on how a cloud is traced, which does not concern a plant whose stems were found otherwise: what looks like a
+# trunk in the cloud alone, and through which points and from which roots branches were traced.
+_OF_TRACE = frozenset({"cloud-up", "cloud-thinned", "roots-missing"})
 _SURELY_ROUND = 0.15  # share of the circles: traced coarsely, more of the leaves look round than traced finely
 
 
@@ -34,19 +36,7 @@ class TracedCloud:
     plant: PlantCloud
     traced: TracedBranches
     remarks: tuple[Remark, ...]
-    stems: "KnownStems | None" = None  # that were taken in place of those of the cloud
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class KnownStems:
-    """Stems that were found otherwise than in the cloud."""
-
-    skeleton: Skeleton
-    own_from_cloud: NDArray[np.float64]  # (4, 4) for column vectors: from the cloud's coordinates to the skeleton's
-    remarks: tuple[Remark, ...] = ()
-    turned: NDArray[np.int32] = field(
-        default_factory=lambda: np.zeros(0, np.int32)
-    )  # leaves that it leads to by the apex
+    stems: KnownStems | None = None  # that were taken in place of those of the cloud
 
 
 FindStems = Callable[[float], KnownStems | None]
@@ -143,7 +133,14 @@ def _with_stems(found: TracedCloud, stems: KnownStems) -> TracedCloud:
         wood=wood,
         knows_leaves=True,
     )
-    return TracedCloud(plant=plant, traced=traced, remarks=(*found.remarks, *stems.remarks), stems=stems)
+    asset_from_own = moved @ asset_from_own
+    remarks = tuple(each for each in found.remarks if each.code not in _OF_TRACE)
+    return TracedCloud(
+        plant=plant,
+        traced=traced,
+        remarks=(*remarks, *describe_known_stems(stems, asset_from_own)),
+        stems=stems,
+    )
 
 
 def _trace(

@@ -127,7 +127,9 @@ def measure_rows(leaves: Leaves) -> list[Row]:
         share = 100 * leaves.residual_m / leaves.length_m
         rows.append(Row(name="residual / length", value=_spread(share, "%")))
     if leaves.confidence is not None:
-        rows.append(Row(name="confidence", value=_spread(leaves.confidence, ""), remark="0 guessed to 1 seen whole"))
+        rows.append(
+            Row(name="confidence", value=_spread(leaves.confidence, ""), remark="the probability that a leaf is right")
+        )
     return rows
 
 

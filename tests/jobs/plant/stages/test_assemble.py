@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pxr import Usd
 from usdfoliage.asset.packages.contents import interface_of
+from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.branch.cage.build import build_branch_cage
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branches_model, write_traced_plant
@@ -16,7 +17,8 @@ from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.crown.model_file import MadeCrown, write_crown_model
 from usdfoliage.jobs.plant.asset_facts import read_asset_facts
 from usdfoliage.jobs.plant.settings import BuildSettings, PictureStageSettings
-from usdfoliage.jobs.plant.stages.assemble import assemble_asset
+from usdfoliage.jobs.plant.stages.assemble import assemble_asset, describe_guessed_leaves
+from usdfoliage.jobs.plant.stages.foliage import ChosenFoliage
 from usdfoliage.jobs.plant.stages.models import read_captured_leaves
 from usdfoliage.jobs.plant.summary import read_summary
 from usdfoliage.leaf.model import Leaves
@@ -26,6 +28,7 @@ from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 from tests.support.asset_shapes import list_shape, read_shape
 from tests.support.branch_shapes import fork
 from tests.support.leaves.assets import two_leaves
+from tests.support.leaves.proposals import flat_leaves
 from tests.support.plant_assets import round_crown
 
 LEAVES_FROM_CAPTURE = np.array([[1.0, 0, 0, 2], [0, 0, 1, 0.5], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -138,3 +141,26 @@ def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_
         warning for warning in read_summary(call.out).warning_texts() if "the lod crown is shown" in warning
     ]
     assert len(crown_warnings) == (lod == "crown")
+
+
+@pytest.mark.parametrize(
+    ("kind", "found", "others", "explained", "confidence", "words"),
+    [
+        ("filled", 475, 1123, 0.57, 0.9, "475 of 1,598 leaves were found"),  # as of the tree of the README
+        ("captured", 85, 0, 0.95, 0.85, ""),  # as of the basil
+        ("filled", 60, 40, 0.7, 0.9, ""),
+        ("captured", 12, 0, 0.3, 0.9, "30% of those that the cloud shows"),  # stems of photographs keep few
+        ("captured", 12, 0, None, 0.9, ""),
+        ("captured", 10, 0, 0.95, 0.35, "some 4 of 10 leaves that were found are right"),
+        ("drawn", 40, 400, 0.1, 0.9, ""),  # none of the plant's is one that was found: foliage-chosen has that
+    ],
+)
+def test_a_plant_of_guessed_leaves_is_reported(kind, found, others, explained, confidence, words):
+    leaves = flat_leaves(np.zeros((found + others, 3)))
+    rated = replace(leaves.take(np.arange(found)), confidence=np.full(found, confidence))
+    chosen = ChosenFoliage(
+        leaves=BranchLeaves(leaves=leaves), kind=kind, remarks=(), rows=(), found=rated, explained=explained
+    )
+    text = describe_guessed_leaves(chosen)
+    assert words in text
+    assert bool(text) == bool(words)

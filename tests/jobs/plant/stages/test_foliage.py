@@ -10,7 +10,7 @@ from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import FittedLeaves
 from usdfoliage.jobs.plant.settings import BuildSettings, FoliageSettings
-from usdfoliage.jobs.plant.stages import foliage
+from usdfoliage.jobs.plant.stages import found_leaves
 from usdfoliage.jobs.plant.stages.foliage import choose_foliage, leaf_cover
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves
 from usdfoliage.jobs.plant.stages.parts import known_species
@@ -141,7 +141,7 @@ def test_a_wall_behind_a_plant_with_stems_of_photographs_is_not_of_its_leaves() 
 @pytest.mark.parametrize("kind", ["captured", "filled"])
 def test_where_all_found_leaves_are_of_stems_there_are_none(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     leaves = sure_leaves()
-    monkeypatch.setattr(foliage, "lie_along_stems", lambda each, skeleton: np.ones(len(each), bool))
+    monkeypatch.setattr(found_leaves, "lie_along_stems", lambda each, skeleton: np.ones(len(each), bool))
     wanted = replace(BuildSettings(), foliage=FoliageSettings(kind=kind))
     with pytest.raises(FoliageError):
         choose_foliage(captured(leaves), traced(points_on(leaves)), wanted, FRAME)

@@ -39,6 +39,7 @@ from usdfoliage.leaf.reconstruct import describe_low_confidence
 from usdfoliage.remarks import Remark, Remedy, remark
 
 _FEW = 0.2  # share of the cloud that is near leaves, below which they do not stand for the plant
+_EXPLAINED = 0.5  # share of the cloud's leaves that are those that were found, below which most were not found
 _UNLIKE = 0.3  # IoU of silhouettes, below which a crown does not stand for the plant
 _NEAR, _REACHED = 0.1, 0.5  # of the plant's height, and share of the cloud that is so near to branches or leaves
 _BETWEEN = (0.2, 0.4, 0.6, 0.8)  # places on a branch between two of its points
@@ -98,10 +99,10 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             "branches, or it shows more than one plant"
         )
         remarks.append(remark("plant-reaches-little", text))
-    if captured is not None and chosen.kind in ("captured", "filled"):
-        low = describe_low_confidence(captured.fitted.leaves)
-        if low:
-            remarks.append(remark("plant-leaves-guessed", low))
+    guessed = describe_guessed_leaves(chosen)
+    if guessed:
+        small = [each.text for each in read_summary(call.result_of(LEAVES)).remarks if each.code == "leaves-small"]
+        remarks.append(remark("plant-leaves-guessed", "; ".join([guessed, *small])))
     undrawn: list[Remark] = []
     written: list[AssetShape] = []
     with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
@@ -149,6 +150,18 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     ]
     write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(undrawn)))
     return ()
+
+
+def describe_guessed_leaves(chosen: ChosenFoliage) -> str:
+    """A sentence where most of the plant's leaves are none that were found, or are wrong; else empty."""
+    if chosen.found is None or chosen.leaves is None or chosen.kind not in ("captured", "filled"):
+        return ""
+    found, others = len(chosen.found), len(chosen.leaves.leaves) - len(chosen.found)
+    if others > found:
+        return f"{found:,} of {found + others:,} leaves were found, and the others are drawn from them"
+    if chosen.explained is not None and chosen.explained < _EXPLAINED:
+        return f"the leaves that were found are {chosen.explained:.0%} of those that the cloud shows"
+    return describe_low_confidence(chosen.found)
 
 
 def _why_none(call: StageCall) -> tuple[str, Remedy]:

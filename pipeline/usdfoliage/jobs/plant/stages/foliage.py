@@ -21,14 +21,11 @@ from usdfoliage.jobs.branches.foliage import (
     grow_leaves,
 )
 from usdfoliage.jobs.plant.settings import BuildSettings
-from usdfoliage.jobs.plant.stages.leaves_on_stems import lie_along_stems
+from usdfoliage.jobs.plant.stages.found_leaves import FoundLeaves, keep_found_leaves
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves, leafy_points
 from usdfoliage.jobs.plant.stages.parts import known_species
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.fill import FillSettings, fill_places
-from usdfoliage.leaf.fit.flip import flip_leaves
-from usdfoliage.leaf.fit.silhouette_order import order_silhouettes
 from usdfoliage.leaf.model import LeafOrigin, Leaves
 from usdfoliage.leaf.shape.edits import slim_leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
@@ -50,6 +47,8 @@ class ChosenFoliage:
     kind: str
     remarks: tuple[Remark, ...]
     rows: tuple[Row, ...]  # on them, besides their number
+    found: Leaves | None = None  # the leaves of the plant that were found, whichever it gets
+    explained: float | None = None  # share of the cloud's leaves that these cover; None where that is not known
 
 
 def choose_foliage(
@@ -63,24 +62,28 @@ def choose_foliage(
     Raises:
         FoliageError: Leaves are wanted that there are none of.
     """
-    wanted = settings.foliage
+    found = keep_found_leaves(captured, traced, plant_from_capture)
+    explained = None
+    if found.leaves is not None and traced is not None and traced.knows_leaves:
+        leafy_m = traced.points_m[leafy_points(traced)]
+        explained = leaf_cover(leafy_m, found.leaves) if len(leafy_m) else None
+    chosen = _choose_of_found(captured, found, traced, settings, explained)
+    return replace(chosen, remarks=(*found.remarks, *chosen.remarks), found=found.leaves, explained=explained)
+
+
+def _choose_of_found(
+    captured: CapturedLeaves | None,
+    found: FoundLeaves,
+    traced: TracedPlant | None,
+    settings: BuildSettings,
+    explained: float | None,
+) -> ChosenFoliage:
+    """The leaves of a plant of which these were found; arguments as choose_foliage has them."""
+    wanted, placed = settings.foliage, found.leaves
     remarks: list[Remark] = []
-    placed = None
-    if captured is not None:
-        moved = plant_from_capture @ np.linalg.inv(captured.own_from_capture)
-        placed = move_leaves(captured.fitted.leaves, moved)
-    if placed is not None and traced is not None and len(traced.turned):
-        by_apex = np.isin(np.arange(len(placed)), traced.turned)
-        placed = order_silhouettes(flip_leaves(placed, by_apex))
-    if placed is not None and traced is not None:
-        on_stems = lie_along_stems(placed, traced.skeleton)
-        if on_stems.any():
-            text = f"{int(on_stems.sum())} of {len(placed)} leaves that were found lie along a stem, and are of it"
-            remarks.append(remark("leaves-on-stems-left-out", text))
-            placed = placed.take(~on_stems) if not on_stems.all() else None
     kind: str = wanted.kind
     if kind == "auto":
-        kind, why = _choose(placed, traced, settings)
+        kind, why = _choose(found, traced, settings, explained)
         remarks.append(remark("foliage-chosen", why))
     if kind == "none":
         return ChosenFoliage(leaves=None, kind=kind, remarks=tuple(remarks), rows=())
@@ -99,7 +102,10 @@ def choose_foliage(
         return _fill(captured, placed, traced, settings, remarks)
     if traced is None:
         raise FoliageError(f"foliage.kind is {kind}, and there are no twigs for leaves", "set it to captured or auto")
-    if kind == "drawn" and captured is None:
+    fitted = None
+    if kind == "drawn" and captured is not None and placed is not None:
+        fitted = replace(captured.fitted, leaves=placed)
+    if kind == "drawn" and fitted is None:
         raise FoliageError("no leaf was found to draw from", "set foliage.kind to species, or auto")
     species = known_species(settings.plant.species) or load_species(GENERIC)
     request = FoliageRequest(
@@ -109,7 +115,6 @@ def choose_foliage(
         settings=replace(GrownSettings(), max_leaves=wanted.max_leaves),
         representations=settings.plant.representations,
     )
-    fitted = captured.fitted if kind == "drawn" and captured is not None else None
     grown = grow_leaves(traced.skeleton, request, fitted, settings.seed, traced.lost.tolist())
     if grown is None:
         raise FoliageError("no leaves were grown")
@@ -218,33 +223,33 @@ def leaf_cover(points_m: NDArray[np.float64], leaves: Leaves) -> float:
     return float(near_leaves(points_m, leaves).mean()) if len(points_m) else 0.0
 
 
-def _choose(placed: Leaves | None, traced: TracedPlant | None, settings: BuildSettings) -> tuple[str, str]:
-    """The kind of leaves, and why."""
+def _choose(
+    found: FoundLeaves, traced: TracedPlant | None, settings: BuildSettings, explained: float | None
+) -> tuple[str, str]:
+    """The kind of leaves, and why; explained is the share of the cloud's leaves that those that were found cover."""
     if traced is None:
-        if placed is None:
+        if found.leaves is None:
             return "none", "the plant has neither branches nor leaves that could be found"
         return "captured", "leaves are where they were found: there are no branches to put others on"
-    leafy_m = traced.points_m[leafy_points(traced)]
-    share = len(leafy_m) / max(len(traced.points_m), 1)
-    has_leaves = not traced.is_leafless
-    if not has_leaves:
+    if traced.is_leafless:
+        share = float(leafy_points(traced).mean())
         return "none", f"{100 * share:.0f} % of the cloud is leaves: the plant has none"
-    found = 0 if placed is None else len(placed)
-    if placed is not None and found:
-        few = found < settings.foliage.min_drawn
-        if len(leafy_m) and traced.knows_leaves:
-            cover = leaf_cover(leafy_m, placed)
-            text = f"{found} leaves that were found cover {100 * cover:.0f} % of the cloud's leaves"
-            if cover >= settings.foliage.min_cover:
+    count = 0 if found.leaves is None else len(found.leaves)
+    if count:
+        few = count < settings.foliage.min_drawn
+        if explained is not None:
+            text = f"{count} leaves that were found cover {100 * explained:.0f} % of the cloud's leaves"
+            if explained >= settings.foliage.min_cover:
                 return "captured", f"{text}: they are where they were found"
             if not few:
                 return "filled", f"{text}: others like them are where the cloud has leaves besides"
         if traced.of_photographs:
             # A herb has few leaves and few twigs: others on these would look like leaves that someone saw.
-            return "captured", f"{found} leaves were found, and the stems lead to them: they are where they were found"
+            text = f"{count} leaves were found, and stems lead to {found.led_to} of them"
+            return "captured", f"{text}: they are where they were found"
         if not few:
-            return "drawn", f"the cloud does not show where leaves are: they are on the twigs, drawn from {found}"
-    what = f"{found} leaves were found, too few to draw from" if found else "no leaf was found"
+            return "drawn", f"the cloud does not show where leaves are: they are on the twigs, drawn from {count}"
+    what = f"{count} leaves were found, too few to draw from" if count else "no leaf was found"
     return "species", f"{what}: the leaves are on the twigs, of {settings.plant.species or 'no species in particular'}"
 
 

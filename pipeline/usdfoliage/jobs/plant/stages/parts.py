@@ -88,6 +88,10 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
 
     by_photographs = call.has(CLOUD) and settings.photographs and not given_roots
     failures: list[Remark] = []
+    if call.has(CLOUD) and settings.photographs and given_roots:
+        text = "stems were not looked for in the photographs: places of roots are given, from which the cloud is traced"
+        remedy = (Setting(name="branches.roots", value='"auto"'), " has both looked for")
+        failures.append(remark("stems-from-given-roots", text, remedy=remedy))
     stems_of_photographs = partial(try_photographed_stems, call, failures) if by_photographs else None
     try:
         found = find_branches(request, None, seconds, call.progress, stems_of_photographs)
@@ -128,6 +132,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             lost=np.array(found.lost, np.int32),
             of_photographs=found.stems is not None,
             turned=np.zeros(0, np.int32) if found.stems is None else found.stems.turned,
+            unjoined=np.zeros(0, np.int32) if found.stems is None else found.stems.unjoined,
         ),
     )
     remarks = [*found.remarks, *failures]

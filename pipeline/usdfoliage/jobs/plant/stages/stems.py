@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.branch.photographs.joining import JoinedStems
+from usdfoliage.branch.photographs.no_stems import NoStems
 from usdfoliage.branch.photographs.reconstruct import FoundLeafPlaces, PhotographedStemSettings, reconstruct_stems
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.capture.folder.read import Capture, read_capture, read_views
 from usdfoliage.errors import FoliageError
 from usdfoliage.geometry.pinhole import Pinhole
-from usdfoliage.jobs.branches.tracing import KnownStems
+from usdfoliage.jobs.branches.known_stems import KnownStems
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.call import StageCall, fails_now
 from usdfoliage.jobs.plant.stages.isolate import plant_capture, stand_height_m
@@ -27,13 +27,12 @@ _WITHIN = (0.002, 0.998)  # quantiles of the plant's points that its box is take
 _BESIDE = 0.03  # of the plant's larger side, that its box is wider
 _ACROSS, _ALONG = 9, 17  # places at which a blade is known
 _THICKER = 1.5  # times the widest line, that single stems of a herb are thicker
-_DESCRIBED = 8  # pieces that are described one by one
 _OF_BASE = 0.15  # of a leaf's length from its base, up to which a line on it may be its petiole
 _SURE = 0.8  # certainty of a base, below which the petiole may be at the other end
 
 
 def try_photographed_stems(call: StageCall, failures: list[Remark], thickest_m: float) -> KnownStems | None:
-    """As find_photographed_stems; where it fails, None, so that branches are those of the cloud.
+    """As find_photographed_stems; where it fails or finds none, None: branches are those of the cloud.
 
     Args:
         call: Of the task.
@@ -44,19 +43,23 @@ def try_photographed_stems(call: StageCall, failures: list[Remark], thickest_m: 
         FoliageError: It fails here and now, as on a full disk.
     """
     try:
-        return find_photographed_stems(call, thickest_m)
+        found = find_photographed_stems(call, thickest_m)
     except FoliageError as error:
         if fails_now(error):
             raise
         text = f"stems were not looked for in the photographs: {error.text}"
         failures.append(remark("stems-not-looked-for", text, remedy=error.remedy))
         return None
+    if isinstance(found, NoStems):
+        failures.append(describe_no_stems(found))
+        return None
+    return found
 
 
-def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownStems | None:
+def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownStems | NoStems:
     """The stems that are lines in the photographs of the plant's capture, in the capture's axes with Y up.
 
-    None where the photographs show none, or where the plant has stems that are too thick for lines, as a tree has.
+    Where the photographs show none, or the plant has stems that are too thick for lines, as a tree has, the reason.
 
     Args:
         call: Of the task.
@@ -71,8 +74,10 @@ def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownSt
     cloud = read_cloud(folder / CLOUD_FILE, capture.settings.metres_per_unit)
     box_m = plant_box(cloud.points_m @ upright[:3, :3].T + upright[:3, 3], stand_height_m(call))
     settings = PhotographedStemSettings()
-    if box_m is None or thickest_m > _thickest_line_m(capture, upright, box_m, settings):
-        return None
+    if box_m is None:
+        return NoStems.NOTHING_STANDS
+    if thickest_m > _thickest_line_m(capture, upright, box_m, settings):
+        return NoStems.TOO_THICK
     views = [
         replace(view, camera=turned_camera(view.camera, upright))
         for view in read_views(capture, progress_in_step("capture", call.progress)).views
@@ -83,36 +88,30 @@ def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownSt
         moved = capture.asset_from_capture @ np.linalg.inv(captured.own_from_capture)
         leaves = leaf_places(move_leaves(captured.fitted.leaves, moved), captured.certainty)
     joined = reconstruct_stems(views, box_m, leaves, settings, call.progress, threads=call.threads)
-    if joined is None:
-        return None
+    if isinstance(joined, NoStems):
+        return joined
     return KnownStems(
         skeleton=joined.skeleton,
         own_from_cloud=capture.asset_from_capture,
-        remarks=describe_stems(joined, len(leaves.bases_m)),
+        leaves=len(leaves.bases_m),
         turned=np.flatnonzero(joined.turned).astype(np.int32),
+        unjoined=np.flatnonzero(joined.leaf < 0).astype(np.int32),
+        apart=joined.apart,
     )
 
 
-def describe_stems(joined: JoinedStems, leaves: int) -> tuple[Remark, ...]:
-    """What the user should know of stems that photographs showed, where so many leaves were found."""
-    skeleton = joined.skeleton
-    roots = int((skeleton.parent_curve < 0).sum())
-    led_to = f", which lead to {int((joined.leaf >= 0).sum())} of {leaves} leaves that were found" if leaves else ""
-    text = f"stems are lines in the photographs: {len(skeleton)} branches, from the soil at {roots} places{led_to}"
-    remarks = [remark("stems-of-photographs", text)]
-    if joined.turned.any():
-        text = f"{int(joined.turned.sum())} of {leaves} leaves are turned end for end: a stem leads to their other end"
-        remarks.append(remark("leaves-turned-to-stems", text))
-    if joined.apart:
-        described = "; ".join(
-            f"{1000 * part.length_m:.0f} mm long at ({', '.join(f'{c:.3f}' for c in part.middle_m)})"
-            for part in joined.apart[:_DESCRIBED]
-        )
-        more = f" and {len(joined.apart) - _DESCRIBED} more" if len(joined.apart) > _DESCRIBED else ""
-        count = len(joined.apart)
-        text = f"{count} pieces that look like stems are not joined to the plant and left out: {described}{more}"
-        remarks.append(remark("stems-apart-left-out", text))
-    return tuple(remarks)
+def describe_no_stems(reason: NoStems) -> Remark:
+    """That branches are those of the cloud, and why photographs show no stems."""
+    none = "photographs show no stems, and branches are those of the cloud"
+    if reason is NoStems.NOTHING_STANDS:
+        return remark("stems-of-nothing", f"{none}: nothing of it is above what the plant stands on")
+    if reason is NoStems.TOO_THICK:
+        return remark("stems-too-thick-for-lines", f"{none}: the thickest stem is too thick to be a line in them")
+    if reason is NoStems.FEW_PHOTOGRAPHS:
+        return remark("stems-in-few-photographs", f"{none}: stems are lines that two photographs or more show")
+    if reason is NoStems.NO_LINES:
+        return remark("stems-without-lines", f"{none}: no thin line is seen in enough of them")
+    return remark("stems-not-joined", f"{none}: what they show does not make a stem from the soil up")
 
 
 def _thickest_line_m(

@@ -1,0 +1,150 @@
+"""Which of the leaves that were found are of the plant: those on its stems, the others listed or left out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.model_file import TracedPlant
+from usdfoliage.jobs.plant.stages.leaves_on_stems import lie_along_stems
+from usdfoliage.jobs.plant.stages.models import CapturedLeaves
+from usdfoliage.leaf.change import move_leaves
+from usdfoliage.leaf.fit.flip import flip_leaves
+from usdfoliage.leaf.fit.silhouette_order import order_silhouettes
+from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
+from usdfoliage.remarks import Remark, remark
+
+_ACROSS, _ALONG = 5, 9  # places of a leaf at which it is compared with others
+_APART = 2.0  # median leaf lengths from stems and from leaves on them, beyond which a leaf is no part of the plant
+_OF_PLANT = 0.95  # share of the leaves above the soil whose colours are those of the plant
+_FEW = 8  # leaves above the soil, of which no colour is known
+_DESCRIBED = 8  # leaves whose places a remark has
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FoundLeaves:
+    """The leaves of a plant that were found, in its frame, and what the user should know of the others."""
+
+    leaves: Leaves | None  # N, None where there is none
+    remarks: tuple[Remark, ...] = ()
+    led_to: int = 0  # of them, leaves that stems of photographs lead to
+
+
+def keep_found_leaves(
+    captured: CapturedLeaves | None, traced: TracedPlant | None, plant_from_capture: NDArray[np.float64]
+) -> FoundLeaves:
+    """The leaves that are of the plant, in its frame, each with its base where a stem leads to it.
+
+    Args:
+        captured: That were found.
+        traced: The stems, if any. Its leaves are numbered as the captured ones.
+        plant_from_capture: (4, 4), column vectors.
+    """
+    if captured is None or not len(captured.fitted.leaves):
+        return FoundLeaves(leaves=None)
+    moved = plant_from_capture @ np.linalg.inv(captured.own_from_capture)
+    placed = move_leaves(captured.fitted.leaves, moved)
+    if traced is None:
+        return FoundLeaves(leaves=placed)
+    count = len(placed)
+    if len(traced.turned):
+        placed = order_silhouettes(flip_leaves(placed, np.isin(np.arange(count), traced.turned)))
+    remarks: list[Remark] = []
+    on_stems = lie_along_stems(placed, traced.skeleton)
+    if on_stems.any():
+        text = f"{int(on_stems.sum())} of {count} leaves that were found lie along a stem, and are of it"
+        remarks.append(remark("leaves-on-stems-left-out", text))
+    left_out, unjoined = on_stems, np.zeros(count, bool)
+    if traced.of_photographs:
+        roots_m = traced.skeleton.points_m[traced.skeleton.first[traced.skeleton.parent_curve < 0]]
+        below = lie_below_stems(placed, roots_m) & ~left_out
+        if below.any():
+            text = (
+                f"{int(below.sum())} of {count} leaves that were found lie below the foot of the stems, beside it, in "
+                f"another colour than the plant's leaves, and are left out: at {_list_places(placed.take(below))}"
+            )
+            remarks.append(remark("leaves-below-stems-left-out", text))
+        left_out = left_out | below
+        unjoined = np.isin(np.arange(count), traced.unjoined) & ~left_out
+        apart = unjoined & lie_apart(placed, ~unjoined & ~left_out, traced.skeleton.points_m)
+        if unjoined.any():
+            remarks.append(_describe_unjoined(placed, unjoined, apart))
+        left_out = left_out | apart
+    return FoundLeaves(
+        leaves=None if left_out.all() else placed.take(~left_out),
+        remarks=tuple(remarks),
+        led_to=int(np.count_nonzero(~left_out & ~unjoined)) if traced.of_photographs else 0,
+    )
+
+
+def lie_below_stems(leaves: Leaves, roots_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) leaves that are rather of the soil, or of a stem that goes on into it. Our own.
+
+    That a leaf lies lower than stems begin is not enough: leaves hang over the rim of a pot, whole plants hang, and
+    where the soil is is known to a few centimetres. So three signs must agree. The middle of the leaf lies below the
+    foot of every stem. It lies nearer to a foot than the leaf is long, in plan: what hangs over a rim is farther away.
+    And its colour is not that of the plant: it differs from the median of the leaves above more than 95 of 100 of these
+    do. Of leaves without colours, and where few leaves are above, nothing is left out.
+
+    Args:
+        leaves: N, Y up.
+        roots_m: (R, 3), where stems leave the soil, in the same frame.
+    """
+    none = np.zeros(len(leaves), bool)
+    if leaves.color is None or not len(leaves) or not len(roots_m):
+        return none
+    middle_m = _surfaces(leaves).mean(axis=1)
+    below = middle_m[:, 1] < roots_m[:, 1].min()
+    if not below.any() or np.count_nonzero(~below) < _FEW:
+        return none
+    away_m = np.asarray(cKDTree(roots_m[:, [0, 2]]).query(middle_m[:, [0, 2]])[0])
+    # Shares of red, green and blue: what lies low is in the shade.
+    hue = leaves.color / np.maximum(leaves.color.sum(axis=1, keepdims=True), 1e-9)
+    unlike = np.linalg.norm(hue - np.median(hue[~below], axis=0), axis=1)
+    return np.asarray(below & (away_m < leaves.length_m) & (unlike > np.quantile(unlike[~below], _OF_PLANT)))
+
+
+def lie_apart(leaves: Leaves, joined: NDArray[np.bool_], stems_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) leaves of which no place is near a stem, or near a leaf on one: nearer than two median leaf lengths.
+
+    Args:
+        leaves: N, in any frame.
+        joined: (N,), those on stems.
+        stems_m: (S, 3), places on stems, in the same frame.
+    """
+    if not len(leaves):
+        return np.zeros(0, bool)
+    surfaces_m = _surfaces(leaves)
+    plant_m = np.concatenate([stems_m, surfaces_m[joined].reshape(-1, 3)])
+    if not len(plant_m):
+        return np.zeros(len(leaves), bool)
+    away_m = np.asarray(cKDTree(plant_m).query(surfaces_m.reshape(-1, 3))[0]).reshape(len(leaves), -1)
+    return np.asarray(away_m.min(axis=1) > _APART * float(np.median(leaves.length_m)))
+
+
+def _describe_unjoined(leaves: Leaves, unjoined: NDArray[np.bool_], apart: NDArray[np.bool_]) -> Remark:
+    """Which leaves no stem leads to: those that are near the plant, and those that are left out."""
+    near = unjoined & ~apart
+    what = [
+        f"{int(group.sum())} {kept}: at {_list_places(leaves.take(group))}"
+        for group, kept in ((near, "near the plant are kept"), (apart, "apart from it are left out"))
+        if group.any()
+    ]
+    text = f"no stem leads to {int(unjoined.sum())} of {len(leaves)} leaves that were found; {'; '.join(what)}"
+    return remark("leaves-not-joined", text)
+
+
+def _list_places(leaves: Leaves) -> str:
+    """The middles of leaves, in metres, in their frame: the first of many."""
+    places = [f"({', '.join(f'{c:.3f}' for c in middle)})" for middle in _surfaces(leaves).mean(axis=1)]
+    more = f" and {len(places) - _DESCRIBED} more" if len(places) > _DESCRIBED else ""
+    return ", ".join(places[:_DESCRIBED]) + more
+
+
+def _surfaces(leaves: Leaves) -> NDArray[np.float64]:
+    """(N, 45, 3) places on each leaf, in metres."""
+    places = grid_places(np.linspace(-1, 1, _ACROSS), np.linspace(0, 1, _ALONG))
+    points_m = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf())
+    return np.asarray(points_m).reshape(len(leaves), -1, 3)
