@@ -126,16 +126,16 @@ def test_of_no_proposals_and_of_wrong_ones_alone_none_is_chosen(choose):
 
 
 @settings(deadline=None, max_examples=20)
-@given(scale=st.floats(0.1, 10), quality=st.floats(0.1, 1))
-def test_worth_grows_with_the_root_of_the_area_that_is_seen_within_bounds(scale, quality):
+@given(scale=st.floats(0.1, 10), quality=st.floats(0.1, 1), power=st.floats(0, 1))
+def test_worth_grows_with_a_power_of_the_area_that_is_seen_within_bounds(scale, quality, power):
     leaves = flat_leaves([(0, 0, 0)] * 4, scale * LENGTH_M * np.array([1, 0.5, 0.01, 10]))
     evidence = evidence_of(leaves, on=np.array([1.0, 1.0, 1.0, 1.0]))
     median = replace(median_of(leaves), area_m2=float(evidence.area_m2[0]))
     low, high = WORTH_AREAS
-    expected = quality * np.sqrt([1, 0.25, low, high])
-    assert rate_worth(np.full(4, quality), evidence, median) == pytest.approx(expected, rel=1e-6)
-    half = rate_worth(np.full(4, quality), replace(evidence, on=np.full(4, 0.5)), median)
-    assert half[0] == pytest.approx(quality * np.sqrt(0.5), rel=1e-6)
+    expected = quality * np.power([1, 0.25, low, high], power)
+    assert rate_worth(np.full(4, quality), evidence, median, power) == pytest.approx(expected, rel=1e-6)
+    half = rate_worth(np.full(4, quality), replace(evidence, on=np.full(4, 0.5)), median, power)
+    assert half[0] == pytest.approx(quality * 0.5**power, rel=1e-6)
 
 
 @pytest.mark.parametrize(("tolerance_m", "apart_m"), [(0.01, 0.01), (0.001, 0.004)])

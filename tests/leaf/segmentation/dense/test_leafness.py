@@ -41,6 +41,12 @@ def test_a_whole_free_leaf_of_the_median_size_is_surely_one():
     assert (judge(leaves) > 0.75).all()
 
 
+def test_a_young_leaf_is_one_beside_grown_ones():
+    slender, of_the_same_form = judge(sized([0.05, 0.04], [0.35, 0.4]))
+    assert slender > 0.65
+    assert of_the_same_form > 0.5
+
+
 def test_stems_crumbs_and_several_leaves_together_are_none():
     stem, crumb, patch, ribbon = judge(sized([0.1, 0.02, 0.4, 0.5], [0.08, 0.4, 0.4, 0.1]))
     assert stem < 0.1

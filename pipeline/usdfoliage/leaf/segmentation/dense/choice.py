@@ -22,6 +22,10 @@ from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSetting
 from usdfoliage.leaf.segmentation.model import nonzero
 
 WORTH_AREAS = (0.1, 1.2)  # median areas, between which a larger leaf is worth more
+# Powers of the area. In the passes a whole leaf has to go before its pieces, which are as good as it is; in the end the
+# probability knows pieces for themselves, and small leaves shall not be lost to larger wrong ones.
+IN_PASSES = 0.5
+IN_THE_END = 0.25
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,7 +55,7 @@ def choose_leaves(
     facts, evidence = measure_pool(pool, settings, threads)
     probability = rate_proposals(facts)
     sure = probability > settings.min_confidence
-    worth = rate_worth(probability * sure, evidence, pool.median_leaf)
+    worth = rate_worth(probability * sure, evidence, pool.median_leaf, IN_THE_END)
     chosen = select_leaves(evidence, worth, surface_apart(scene, pool.median_leaf), settings.shared)
     chosen = chosen[drop_twins(pool.proposals.leaves.take(chosen), probability[chosen], settings.twins)]
     claimed = claim_points(scene, pool.proposals.take(chosen), pool.median_leaf, settings, threads)
@@ -69,9 +73,16 @@ def choose_leaves(
     return points, nonzero(dropped)
 
 
-def rate_worth(quality: NDArray[np.float64], evidence: Evidence, median_leaf: MedianLeaf) -> NDArray[np.float64]:
-    """(N,), what leaves are chosen by: of those as good the larger goes first, so a whole leaf before its pieces."""
-    return quality * np.sqrt(np.clip(evidence.area_m2 * evidence.on / median_leaf.area_m2, *WORTH_AREAS))
+def rate_worth(
+    quality: NDArray[np.float64], evidence: Evidence, median_leaf: MedianLeaf, power: float
+) -> NDArray[np.float64]:
+    """(N,), what leaves are chosen by: of those as good the larger goes first, so a whole leaf before its pieces.
+
+    Args:
+        power: Of the area that is seen, in median areas.
+    """
+    seen = np.clip(evidence.area_m2 * evidence.on / median_leaf.area_m2, *WORTH_AREAS)
+    return np.asarray(quality * np.power(seen, power))
 
 
 def measure_pool(

@@ -13,6 +13,11 @@ from usdfoliage.leaf.shape.measures import leaf_width
 TRUSTED_UNSEEN = 0.8  # of what no depth shows, the share that a right outline makes up for
 TRUSTED_THROUGH = 0.5  # of what depth looks through, the share that a right outline makes up for
 ENOUGH = 100  # leaves that show how different leaves of a set are
+# Deviations of the logarithm of a length from the median leaf's: young leaves stand beside grown ones everywhere, but
+# what is much longer than the median leaf, which half of the leaf area lies above, is several leaves.
+SHORTER = 0.85
+LONGER = 0.5
+WHOLE_AREA = 0.1  # median areas, from which on the area says nothing against a leaf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,17 +70,19 @@ def judge_leaves(
     """
     edges = np.zeros(len(proposals)) if outlined is None else outlined
     lengths = proposals.leaves.length_m / median_leaf.length_m
+    # A small leaf is not as narrow as a stem of its width: widths are compared with those that go with the lengths.
     widths = leaf_width(proposals.leaves.parameters) * proposals.leaves.length_m / median_leaf.width_m
+    widths = widths / np.sqrt(lengths)
     areas = evidence.area_m2 / median_leaf.area_m2
     ends = np.maximum(np.clip((evidence.free - 0.7 * evidence.continued) / 0.35, 0, 1), edges)
     # Stems are narrow; what is much too wide or long is several leaves, or ground.
     wide = np.clip((widths - 0.25) / 0.3, 0, 1) * np.exp(-0.5 * np.square(np.log(np.maximum(widths, 1)) / 0.5))
-    long = np.exp(-0.5 * np.square(np.log(lengths) / 0.5))
+    long = np.exp(-0.5 * np.square(np.log(lengths) / np.where(lengths < 1, SHORTER, LONGER)))
     through = violation_weight * evidence.violated * (1 - TRUSTED_THROUGH * edges)
     unseen = evidence.unseen * (TRUSTED_UNSEEN * edges - 0.2)
     seen = np.clip(evidence.on - through + unseen, 0, 1)
     explained = np.clip((proposals.explained - 0.5) / 0.4, 0, 1)
-    return np.asarray(ends * wide * long * seen * explained * np.clip(areas / 0.3, 0, 1))
+    return np.asarray(ends * wide * long * seen * explained * np.clip(areas / WHOLE_AREA, 0, 1))
 
 
 def prior_distance(numbers: NDArray[np.float64], prior: LeafPrior) -> NDArray[np.float64]:

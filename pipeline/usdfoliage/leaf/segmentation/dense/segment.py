@@ -22,6 +22,7 @@ from usdfoliage.leaf.fit.prior import LeafPrior, generic_prior, learn_prior
 from usdfoliage.leaf.photographs.outline_edges import judge_outlines, measure_outlines
 from usdfoliage.leaf.points import LeafPoints, no_points
 from usdfoliage.leaf.segmentation.dense.choice import (
+    IN_PASSES,
     ProposalPool,
     choose_leaves,
     claim_points,
@@ -271,7 +272,7 @@ def _settle(
     )
     good = quality > passing.min_quality
     dropped["unlike a leaf"] = int(np.count_nonzero(~good))
-    worth = rate_worth(quality, evidence, median_leaf) * good
+    worth = rate_worth(quality, evidence, median_leaf, IN_PASSES) * good
     if pairs is not None and len(pairs):
         _favour_joined(proposals, quality, worth, pairs, passing.min_quality, median_leaf, settings)
     kept = select_leaves(evidence, worth, surface_apart(scene, median_leaf), passing.max_overlap)
