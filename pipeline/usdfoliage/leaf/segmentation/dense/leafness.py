@@ -15,9 +15,9 @@ TRUSTED_THROUGH = 0.5  # of what depth looks through, the share that a right out
 ENOUGH = 100  # leaves that show how different leaves of a set are
 # Deviations of the logarithm of a length from the median leaf's: young leaves stand beside grown ones everywhere, but
 # what is much longer than the median leaf, which half of the leaf area lies above, is several leaves.
-SHORTER = 0.85
+SHORTER = 0.9
 LONGER = 0.5
-WHOLE_AREA = 0.1  # median areas, from which on the area says nothing against a leaf
+WHOLE_AREA = 0.12  # median areas, from which on the area says nothing against a leaf
 
 
 @dataclass(frozen=True, kw_only=True)
