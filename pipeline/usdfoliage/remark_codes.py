@@ -644,14 +644,18 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "many-leaves-turned-to-stems": RemarkKind(
                 severity="warning",
                 meaning=(
-                    "Stems lead to the apices of more than 15 % of the leaves, which are turned end for end. Either "
-                    "stems are wrong, or what was known of the leaves' bases."
+                    "Stems lead to what was taken for the apices of more than 15 % of the leaves, and of more than the "
+                    "certainty of their bases explains. These leaves are turned end for end. Either stems are wrong, "
+                    "or what was known of the bases."
                 ),
                 action="Look at the stems and at the leaves on them.",
             ),
             "leaves-turned-to-stems": RemarkKind(
                 severity="info",
-                meaning="Stems lead to ends of leaves that were taken for apices. These leaves are turned end for end.",
+                meaning=(
+                    "Stems lead to ends of leaves that were taken for apices. These leaves are turned end for end. "
+                    "Without a stem the shape of a leaf often leaves open which end is its base."
+                ),
                 action="Nothing.",
             ),
             "stems-apart-left-out": RemarkKind(

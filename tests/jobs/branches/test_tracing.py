@@ -116,6 +116,30 @@ def test_more_than_15_of_100_turned_leaves_are_a_warning(turned, code):
     assert (remarks[0].severity == "warning") == (turned == 4)
 
 
+@pytest.mark.parametrize(
+    ("certainty", "turned", "code"),
+    [
+        (0.5, 9, "leaves-turned-to-stems"),
+        (0.5, 14, "leaves-turned-to-stems"),
+        (0.5, 15, "many-leaves-turned-to-stems"),
+        (0.85, 6, "leaves-turned-to-stems"),
+        (0.85, 7, "many-leaves-turned-to-stems"),
+    ],
+)
+def test_so_many_turned_leaves_as_had_uncertain_bases_are_no_warning(certainty, turned, code):
+    """Of 20 leaves 10 have the wrong base at a certainty of 0.5, 3 at 0.85; spreads are 2.2 and 1.6."""
+    stems = KnownStems(
+        skeleton=plant_of(([(0, 0, 0), (0, 1, 0)], 0.01, None, 0)),
+        own_from_cloud=np.eye(4),
+        leaves=20,
+        certainty=np.full(20, certainty),
+        turned=np.arange(turned, dtype=np.int32),
+    )
+    (found,) = [each for each in describe_known_stems(stems, np.eye(4)) if "turned" in each.code]
+    assert found.code == code
+    assert ("10 of the 20" if certainty == 0.5 else "3 of the 20") in found.text or code.startswith("many")
+
+
 def test_figures_of_such_stems_are_none_of_the_trace_of_the_cloud(tmp_path):
     """No circles that are believed, and no share of the cloud that tracing left out as leaves."""
     points_m = np.concatenate(noisy_leaves(np.random.default_rng(1), 40, [0, 0.12, 0], [0.09, 0.05, 0.05], 0.002))

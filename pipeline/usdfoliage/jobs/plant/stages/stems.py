@@ -94,6 +94,7 @@ def find_photographed_stems(call: StageCall, thickest_m: float = 0.0) -> KnownSt
         skeleton=joined.skeleton,
         own_from_cloud=capture.asset_from_capture,
         leaves=len(leaves.bases_m),
+        certainty=leaves.certainty,
         turned=np.flatnonzero(joined.turned).astype(np.int32),
         unjoined=np.flatnonzero(joined.leaf < 0).astype(np.int32),
         apart=joined.apart,
