@@ -17,7 +17,7 @@ ENOUGH = 100  # leaves that show how different leaves of a set are
 # what is much longer than the median leaf, which half of the leaf area lies above, is several leaves.
 SHORTER = 0.9
 LONGER = 0.5
-WHOLE_AREA = 0.12  # median areas, from which on the area says nothing against a leaf
+WHOLE_AREA = 0.12  # median areas, from which on the area does not count against a leaf
 
 
 @dataclass(frozen=True, kw_only=True)
