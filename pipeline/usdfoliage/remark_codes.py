@@ -856,6 +856,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="Leaves that were found are as slender as a stem, and lie along one. They are left out.",
                 action="Nothing: they are parts of the stem.",
             ),
+            "slivers-left-out": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Leaves that were found are narrower than most of the plant's, and duller in colour, as pieces of "
+                    "stems are. They are left out; the remark has their places in the asset, in metres."
+                ),
+                action="Nothing: they are parts of stems.",
+            ),
             "leaves-below-stems-left-out": RemarkKind(
                 severity="info",
                 meaning=(

@@ -76,5 +76,5 @@ def _describe_turned(stems: KnownStems) -> Remark:
         )
         return remark("many-leaves-turned-to-stems", text, remedy="look at the stems and leaves")
     if wrong >= 1:
-        text = f"{text}; without stems, some {wrong:.0f} of the {leaves} are likely to have the wrong end for their base"
+        text = f"{text}; without stems, some {wrong:.0f} of the {leaves} are likely to have the wrong end as their base"
     return remark("leaves-turned-to-stems", text)

@@ -13,7 +13,7 @@ from usdfoliage.jobs.plant.stages.foliage import choose_foliage
 from usdfoliage.jobs.plant.stages.found_leaves import keep_found_leaves, lie_apart, lie_below_stems
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.shape.edits import NEUTRAL
+from usdfoliage.leaf.shape.edits import NEUTRAL, slim_leaves
 
 from tests.support.leaves.proposals import flat_leaves
 
@@ -106,6 +106,20 @@ def test_soil_is_left_out_and_counted_where_stems_are_of_photographs():
     of_cloud = keep_found_leaves(leaves, plant(of_photographs=False), FRAME)
     assert of_cloud.leaves is not None
     assert len(of_cloud.leaves) == 11
+
+
+def test_pieces_of_stems_among_the_leaves_are_left_out_and_counted():
+    leaves = colored(((0.01, 0.3, 0.0), BROWN))
+    slim = slim_leaves(leaves.parameters[10:], np.array([0.2]))
+    leaves = replace(leaves, parameters=np.concatenate([leaves.parameters[:10], slim]))
+    for of_photographs in (True, False):
+        found = keep_found_leaves(captured(leaves), plant(of_photographs=of_photographs), FRAME)
+        assert found.leaves is not None
+        np.testing.assert_array_equal(found.leaves.base_m, leaves.base_m[:10])
+        (remark,) = found.remarks
+        assert remark.code == "slivers-left-out"
+        assert remark.text.startswith("1 of 11 leaves")
+        assert "(0.010, 0.350, 0.000)" in remark.text
 
 
 @pytest.mark.parametrize(("away_m", "apart"), [(0.15, False), (0.28, True)])

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.model_file import TracedPlant
-from usdfoliage.jobs.plant.stages.leaves_on_stems import lie_along_stems
+from usdfoliage.jobs.plant.stages.leaves_on_stems import find_dull_slivers, lie_along_stems
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves
 from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.fit.flip import flip_leaves
@@ -56,7 +56,14 @@ def keep_found_leaves(
     if on_stems.any():
         text = f"{int(on_stems.sum())} of {count} leaves that were found lie along a stem, and are of it"
         remarks.append(remark("leaves-on-stems-left-out", text))
-    left_out, unjoined = on_stems, np.zeros(count, bool)
+    slivers = find_dull_slivers(placed) & ~on_stems
+    if slivers.any():
+        text = (
+            f"{int(slivers.sum())} of {count} leaves that were found are narrow and duller than the plant's leaves, as "
+            f"pieces of stems are, and are left out: at {_list_places(placed.take(slivers))}"
+        )
+        remarks.append(remark("slivers-left-out", text))
+    left_out, unjoined = on_stems | slivers, np.zeros(count, bool)
     if traced.of_photographs:
         roots_m = traced.skeleton.points_m[traced.skeleton.first[traced.skeleton.parent_curve < 0]]
         below = lie_below_stems(placed, roots_m) & ~left_out

@@ -1,4 +1,4 @@
-"""Leaves that are none: thin long patches of a stem that was traced as well. Our own."""
+"""Leaves that are none: thin long patches of a stem, be it traced or seen by its colour alone. Our own."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,10 @@ _WIDER = 2.5  # stems, that a patch of a stem is wide at most: depth is coarse a
 _SLENDER = 0.4  # widths of such a patch for its length, at most
 _LIES = 0.8  # share of the axis that lies on the stem
 _PARALLEL = 0.8  # cosine of the angle between the two
+_NARROW = 0.8  # of the median leaf's width for its length, below which a leaf may be a piece of a stem
+_OF_PLANT = 0.95  # share of the other leaves whose colours are those of the plant
+_DULLER = 2.7  # how much farther off a colour is, times the width against the median, that shows a stem
+_FEW = 8  # other leaves, of which no colour is known
 
 
 def lie_along_stems(leaves: Leaves, skeleton: Skeleton) -> NDArray[np.bool_]:
@@ -41,3 +45,27 @@ def lie_along_stems(leaves: Leaves, skeleton: Skeleton) -> NDArray[np.bool_]:
     on_stem = parallel & (away_m < radius_m + 0.5 * (width * leaves.length_m)[:, None])
     thin = width * leaves.length_m < _WIDER * 2 * np.median(radius_m, axis=1)
     return np.asarray(thin & (width < _SLENDER) & (on_stem.mean(axis=1) >= _LIES))
+
+
+def find_dull_slivers(leaves: Leaves) -> NDArray[np.bool_]:
+    """(N,) narrow leaves that are duller than the plant's leaves, as pieces of stems are that nobody traced.
+
+    What a leaf's colour is is learnt of those that are not narrow for this plant: the median of their hues, and how far
+    95 of 100 are from it. A narrow leaf is a piece of a stem where its hue is farther off, the more the wider it is,
+    and nearer to grey. Form alone does not decide, so grasses keep their leaves; nor does colour, so what is shaded
+    or young does. Of leaves without colours nothing is known.
+    """
+    none = np.zeros(len(leaves), bool)
+    if leaves.color is None or not len(leaves):
+        return none
+    width = leaf_width(leaves.parameters)
+    share = width / max(float(np.median(width)), 1e-12)
+    narrow = share < _NARROW
+    if np.count_nonzero(~narrow) < _FEW:
+        return none
+    hue = leaves.color / np.maximum(leaves.color.sum(axis=1, keepdims=True), 1e-9)
+    of_leaves = np.median(hue[~narrow], axis=0)
+    off = np.linalg.norm(hue - of_leaves, axis=1)
+    allowed = float(np.quantile(off[~narrow], _OF_PLANT))
+    duller = np.linalg.norm(hue - 1 / 3, axis=1) < np.linalg.norm(of_leaves - 1 / 3)
+    return np.asarray(narrow & duller & (off > allowed * np.maximum(_DULLER * share, 1)))
