@@ -14,6 +14,8 @@ from usdfoliage.cli.box import BOXED, run_in_box
 from usdfoliage.cli.help_format import HelpFormatter, shorten_usage
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
+from usdfoliage.files.printable import printable
+from usdfoliage.files.reading import explain_refusal
 from usdfoliage.remarks import explain_error
 
 COMMANDS = (
@@ -135,6 +137,10 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
     except Exception as error:  # the last resort of the command line
         if options.debug:
             raise
+        refusal = explain_refusal(error) if isinstance(error, OSError) else None
+        if refusal is not None:
+            print(f"error: {_one_line('; '.join(refusal))}", file=sys.stderr)
+            return 2
         if isinstance(error, OSError) and error.filename is None and error.errno in (errno.ENOSPC, errno.EIO):
             _discard_stdout()
             print(
@@ -151,7 +157,7 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
 
 def _one_line(message: str) -> str:
     """A message without line breaks and, as files hold texts of any length, without its middle where it is long."""
-    line = " ".join(message.split())
+    line = printable(" ".join(message.split()))
     return line if len(line) <= MAX_CHARACTERS else f"{line[: MAX_CHARACTERS // 2]} … {line[-MAX_CHARACTERS // 2 :]}"
 
 

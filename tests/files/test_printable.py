@@ -7,7 +7,7 @@ from usdfoliage.files.printable import printable
 
 
 @pytest.mark.parametrize(
-    ("name", "shown"),
+    ("name", "written"),
     [
         ("leaf 1.png", "leaf 1.png"),
         ("Blätter/木.png", "Blätter/木.png"),
@@ -18,7 +18,7 @@ from usdfoliage.files.printable import printable
         ("\ud800", "\\ud800"),
     ],
 )
-def test_nothing_of_a_name_acts_on_a_terminal(name, shown):
-    assert printable(name) == shown
+def test_nothing_of_a_name_acts_on_a_terminal(name, written):
+    assert printable(name) == written
     assert printable(printable(name)) == printable(name)
     printable(name).encode("utf-8")

@@ -5,7 +5,7 @@ ours before them finds all of that. So `info`, `validate`, `edit`, `bake`, `prev
 The parent reads no file: it starts the child, waits, and ends it where it takes more memory or time than its files
 explain. What libraries print by themselves goes to a pipe, so that nothing raw from a file reaches a terminal.
 
-The child tells what it reads, once it knows, by one line of JSON; until then the limits of an empty asset hold.
+The child reports what it reads, once it knows, in one line of JSON; until then the limits of an empty asset hold.
 """
 
 import argparse
@@ -280,7 +280,7 @@ class _Watched:
 
 
 def used_bytes(pid: int) -> int:
-    """The memory of a process and of those that it started, without what files lend; 0 where nobody tells."""
+    """The memory of a process and of those that it started, without what files lend; 0 where it is not known."""
     total, waiting, page = 0, [pid], os.sysconf("SC_PAGE_SIZE")
     while waiting:
         folder = f"/proc/{waiting.pop()}"

@@ -17,10 +17,10 @@ def printable(text: object) -> str:
     Control characters (with ESC, with which a terminal is steered), characters that turn the direction of writing,
     and bytes that are no Unicode are written as escapes: \x1b, \u202e, \xff. Everything else stays as it is.
     """
-    shown = str(text)
-    if shown.isprintable():
-        return shown
-    return "".join(_escape(letter) if unicodedata.category(letter) in _UNSEEN else letter for letter in shown)
+    written = str(text)
+    if written.isprintable():
+        return written
+    return "".join(_escape(letter) if unicodedata.category(letter) in _UNSEEN else letter for letter in written)
 
 
 def _escape(letter: str) -> str:
