@@ -41,6 +41,7 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/leaf_fit.py
 	@$(PYTHON_VENV) tools/bench/leaves.py
 	@$(PYTHON_VENV) tools/bench/branches.py
+	@$(PYTHON_VENV) tools/bench/box_cost.py
 	@$(PYTHON_VENV) tools/bench/hostile_input.py
 	@$(PYTHON_VENV) tools/bench/build_scaling.py --plan-only 1000 | tail -1
 	@$(PYTHON_VENV) tools/bench/build_scaling.py

@@ -7,12 +7,15 @@ import io
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from usdfoliage import __version__
+from usdfoliage.cli.box import BOXED, run_in_box
 from usdfoliage.cli.help_format import HelpFormatter, shorten_usage
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
+from usdfoliage.files.printable import printable
+from usdfoliage.files.reading import explain_refusal
 from usdfoliage.remarks import explain_error
 
 COMMANDS = (
@@ -84,14 +87,26 @@ def _add_help(parser: argparse._ActionsContainer) -> None:
     parser.add_argument("-h", "--help", action="help", default=argparse.SUPPRESS, help="Print this help, and stop.")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 good, 2 bad input, 3 a finding of validate, 1 an internal fault."""
+def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Namespace], None] | None = None) -> int:
+    """Run one command; returns the exit code: 0 good, 2 bad input, 3 a finding of validate, 1 an internal fault.
+
+    Args:
+        arguments: The words after the program's name. None: those of this process, which then is a command line's; a
+            command that opens USD runs in a child of it (usdfoliage.cli.box).
+        prepare: Called with the options before the command runs.
+    """
     # A daemon may have closed them, and printing must not fail then.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: PTH123, SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: PTH123, SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # file names may be any bytes
     words = sys.argv[1:] if arguments is None else arguments
+    if arguments is None and os.name == "posix" and words and words[0] in BOXED:
+        try:
+            return run_in_box(words)
+        except FoliageError as error:
+            print(f"error: {_one_line(str(error))}", file=sys.stderr)
+            return 2
     try:
         options = build_parser(next((word for word in words if word in COMMANDS), "")).parse_args(words)
     except KeyboardInterrupt:
@@ -103,6 +118,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         stream=sys.stderr,
     )
     try:
+        if prepare is not None:
+            prepare(options)
         code = int(options.run(options) or 0)
         sys.stdout.flush()
         return code
@@ -120,6 +137,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:  # the last resort of the command line
         if options.debug:
             raise
+        refusal = explain_refusal(error) if isinstance(error, OSError) else None
+        if refusal is not None:
+            print(f"error: {_one_line('; '.join(refusal))}", file=sys.stderr)
+            return 2
         if isinstance(error, OSError) and error.filename is None and error.errno in (errno.ENOSPC, errno.EIO):
             _discard_stdout()
             print(
@@ -136,7 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _one_line(message: str) -> str:
     """A message without line breaks and, as files hold texts of any length, without its middle where it is long."""
-    line = " ".join(message.split())
+    line = printable(" ".join(message.split()))
     return line if len(line) <= MAX_CHARACTERS else f"{line[: MAX_CHARACTERS // 2]} … {line[-MAX_CHARACTERS // 2 :]}"
 
 

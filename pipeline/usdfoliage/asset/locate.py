@@ -11,6 +11,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 from usdfoliage.asset.look_layer import LEAFY_LODS, LOD, REPRESENTATION, leafy_lods, select_lod
 from usdfoliage.asset.schema import LEAF_API, PLANT_API
 from usdfoliage.errors import AssetError
+from usdfoliage.files.reading import open_regular
 
 logger = logging.getLogger(__name__)
 
@@ -89,7 +90,7 @@ def try_layer(path: Path) -> tuple[Sdf.Layer | None, str]:
     try:
         if path.exists() and not path.is_file():  # USD would wait for a pipe, and read a device for ever
             return None, NO_FILE
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             if path.suffix.lower() != ".usdz" and not file.read(8).startswith(b"PXR-USDC"):
                 file.seek(0)
                 text = file.read()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import open_regular
 
 _NOT_HASHED = "threads"  # changes no result
 
@@ -31,7 +32,7 @@ def hash_file(path: Path) -> bytes:
     Raises:
         OSError: It cannot be read.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").digest()
 
 

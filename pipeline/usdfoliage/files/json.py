@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from usdfoliage.files.reading import IrregularFileError, read_regular
+
 
 def read_json(path: Path) -> Any:
     """What a file holds.
@@ -12,9 +14,9 @@ def read_json(path: Path) -> Any:
         OSError: It is missing, a folder, or cannot be read.
         ValueError: It is no JSON, no regular file, or too deep; the message states why and does not name the file.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe would be waited for
-        raise ValueError("it is no regular file")
     try:
-        return json.loads(path.read_bytes())
+        return json.loads(read_regular(path))
+    except IrregularFileError as error:
+        raise ValueError(error.strerror) from error
     except RecursionError as error:
         raise ValueError("its lists or tables are too deep") from error

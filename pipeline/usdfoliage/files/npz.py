@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.errors import CaptureError, WriteError
 from usdfoliage.files.atomic import replace_file
+from usdfoliage.files.reading import open_regular
 
 # What reading a damaged file raises.
 DAMAGED = (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError)
@@ -66,7 +67,7 @@ def read_arrays(path: Path, names: Iterable[str] | None = None) -> dict[str, NDA
     Raises:
         One of DAMAGED: It is missing or damaged, or has no array of a name.
     """
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:  # numpy leaves a damaged one open
+    with open_regular(path) as file, np.load(file, allow_pickle=False) as arrays:  # numpy leaves a damaged one open
         return {name: arrays[name] for name in (arrays.files if names is None else names)}
 
 

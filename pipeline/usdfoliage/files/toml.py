@@ -4,6 +4,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from usdfoliage.files.reading import IrregularFileError, read_regular
+
 MAX_BYTES = 1 << 20  # a library of thousands of species
 MAX_DOTS = 200  # in a line: tomllib takes the square of the parts of a key
 _MAX_DIGITS = 300  # a number of more is no float
@@ -17,10 +19,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         ValueError: It is no TOML in UTF-8, no regular file, or larger, deeper or with longer numbers than settings are;
             the message states why and does not name the file.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe would be waited for
-        raise ValueError("it is no regular file")
-    with path.open("rb") as file:
-        data = file.read(MAX_BYTES + 1)
+    try:
+        data = read_regular(path, MAX_BYTES + 1)
+    except IrregularFileError as error:
+        raise ValueError(error.strerror) from error
     if len(data) > MAX_BYTES:
         raise ValueError(f"it has more than {MAX_BYTES:,} bytes")
     try:

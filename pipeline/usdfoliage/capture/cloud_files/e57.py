@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.cloud_files.chunks import PART_POINTS, CloudPart, CloudParts
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import open_regular
 
 E57_START, E57_SUFFIX = b"ASTM-E57", ".e57"
 _HEADER = struct.Struct("<8sIIQQQQ")  # signature, version of two numbers, length, place and length of the XML, page
@@ -85,7 +86,7 @@ def check_e57_file(path: Path) -> None:
             f"install it with 'pip install pye57', or convert the file to LAZ, with 'pdal translate {path.name} "
             f"{path.stem}.laz' or CloudCompare (File, Save as LAS)",
         )
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         size = file.seek(0, 2)
         file.seek(0)
         head = file.read(_HEADER.size)

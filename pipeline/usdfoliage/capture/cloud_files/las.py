@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.cloud_files.chunks import PART_POINTS, CloudPart, CloudParts
 from usdfoliage.capture.cloud_files.las_units import LasUnit, read_key_unit, read_wkt_unit
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import open_regular
 from usdfoliage.remarks import Remark, remark
 
 _NOISE = (7, 18)  # classes of points, low and high
@@ -79,7 +80,7 @@ def open_las_parts(path: Path, unit_is_given: bool = False) -> CloudParts:
 
 def _check_records(path: Path) -> None:
     """Refuse a header that states more records than fit into the file: laspy would read on behind its end."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         head = file.read(247)
         size = file.seek(0, 2)
     counts = [struct.unpack_from("<I", head, at)[0] for at in (100, 243) if len(head) >= at + 4]
@@ -96,7 +97,7 @@ def _check_chunk_table(path: Path, start: int, count: int, packing: bytes) -> No
     Source: M. Isenburg, LASzip: lossless compression of LiDAR data, 2013, with the offset of the table before the
     points or, from writers that could not go back, at the end of the file.
     """
-    with _report_damage(path), path.open("rb") as file:
+    with _report_damage(path), open_regular(path) as file:
         size = file.seek(0, 2)
         file.seek(start)
         (table,) = struct.unpack("<q", file.read(8))

@@ -17,6 +17,7 @@ from usdfoliage.capture.cloud_files.chunks import PART_POINTS, CloudPart, CloudP
 from usdfoliage.capture.cloud_files.units import find_stated_unit, find_stated_up
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import whole_file
+from usdfoliage.files.reading import open_regular
 
 logger = logging.getLogger(__name__)
 
@@ -164,7 +165,7 @@ def read_cloud_file(path: Path, metres_per_unit: float = 1.0) -> CloudFile:
     if not path.is_file():
         raise CaptureError(f"{path} does not exist or is no file", "give a cloud in PLY")
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             header = _read_header(path, file)
             columns, count = _read_vertices(path, file, header)
     except OSError as error:
@@ -203,7 +204,7 @@ def _open_vertices(path: Path) -> tuple[_Header, _Element]:
     if not path.is_file():
         raise CaptureError(f"{path} does not exist or is no file", "give a cloud in PLY")
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             header = _read_header(path, file)
             file.seek(0, 2)
     except OSError as error:
@@ -213,7 +214,7 @@ def _open_vertices(path: Path) -> tuple[_Header, _Element]:
 
 def _read_parts(path: Path, header: _Header, has_colors: bool) -> Iterator[CloudPart]:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             _read_header(path, file)  # to where the data begin
             for element in header.elements:
                 wanted = element.name == "vertex"

@@ -20,6 +20,7 @@ from usdfoliage.capture.cloud_files.units import guess_unit, remark_unit_assumed
 from usdfoliage.capture.folder.listing import named
 from usdfoliage.capture.folder.settings import AUTO, read_capture_settings, read_stated_unit
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import open_regular
 from usdfoliage.geometry.up_turn import parse_axis
 from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark, remark
@@ -201,7 +202,7 @@ def is_cloud_input(path: Path) -> bool:
     if path.suffix.lower() in CLOUD_SUFFIXES:
         return True
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(len(E57_START))
     except OSError:
         return False
@@ -233,7 +234,7 @@ def check_cloud_file(path: Path) -> bytes:
     if not path.is_file():
         raise CaptureError(f"{path} is neither a file nor a folder", f"give a cloud ({known}) or a capture folder")
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(len(E57_START))
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from usdfoliage.capture.cloud_files.chunks import CloudPart, CloudParts
 from usdfoliage.capture.cloud_files.units import find_stated_unit, find_stated_up
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import open_regular
 
 _BLOCK = 1 << 25  # bytes that are read at once
 _HEAD = 1 << 16  # bytes that the layout is found from
@@ -52,7 +53,7 @@ def open_text_parts(path: Path) -> CloudParts:
             or fewer come than a line at the top states.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(_HEAD)
             size = file.seek(0, 2)
     except OSError as error:
@@ -154,7 +155,7 @@ def _read_parts(path: Path, layout: _Layout) -> Iterator[CloudPart]:
     columns = [*layout.place, *(layout.color or ())]
     found = bad = 0
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             file.seek(layout.start)
             work, rest = layout.start, b""
             while True:

@@ -13,6 +13,7 @@ import numpy as np
 from usdfoliage.capture.colmap.posed_image import PosedImage, checked_image, checked_lens
 from usdfoliage.capture.lens import LENS_MODELS, Lens
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import open_regular
 
 _MODEL_BY_NUMBER = {model.number: name for name, model in LENS_MODELS.items()}
 
@@ -24,7 +25,7 @@ class _Binary:
         self.path = path
         self.position = 0
         try:
-            with path.open("rb") as file:  # images may be large, and little of them is wanted
+            with open_regular(path) as file:  # images may be large, and little of them is wanted
                 self.data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except ValueError as error:
             raise CaptureError(f"{path} is empty", "copy it again") from error

@@ -3,6 +3,7 @@
 Source: COLMAP's documentation, "Output format"; src/colmap/scene/reconstruction_io_text.cc.
 """
 
+import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -11,12 +12,13 @@ import numpy as np
 from usdfoliage.capture.colmap.posed_image import PosedImage, checked_image, checked_lens
 from usdfoliage.capture.lens import Lens
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import open_regular
 
 
 def _text_lines(path: Path) -> Iterator[tuple[str, str]]:
     """Where a line is (file:line) and the line; blank ones too, comments not."""
     try:
-        with path.open(encoding="utf-8-sig") as file:
+        with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig") as file:
             for number, line in enumerate(file, 1):
                 if not line.startswith("#"):
                     yield f"{path}:{number}", line.strip()

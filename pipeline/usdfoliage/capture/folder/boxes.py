@@ -7,6 +7,8 @@ import struct
 from pathlib import Path
 from typing import NamedTuple
 
+from usdfoliage.files.reading import open_regular
+
 _MAX_BOXES = 100_000  # in one place; more are no file of a camera
 
 
@@ -59,7 +61,7 @@ def read_top_box(path: Path, kind: bytes, max_bytes: int) -> bytes | None:
         ValueError: The boxes are damaged, or it has more than max_bytes.
         OSError: The file cannot be read.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         end = file.seek(0, 2)
         at = 0
         for _ in range(_MAX_BOXES):

@@ -19,6 +19,7 @@ from usdfoliage.capture.folder import raw_worker
 from usdfoliage.capture.folder.boxes import list_boxes, read_top_box
 from usdfoliage.capture.folder.exif import ExifValue, read_exif, read_exif_part
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import open_regular
 
 logger = logging.getLogger(__name__)
 
@@ -102,7 +103,7 @@ def _unreadable(path: Path, reason: str) -> CaptureError:
 def read_raw_exif(path: Path) -> dict[str, ExifValue]:
     """What a raw file states of the camera and the place, by OpenImageIO's names; nothing where it is damaged."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(_MAX_HEAD_BYTES)
         if head[4:8] == b"ftyp":
             return _read_cr3(read_top_box(path, b"moov", _MAX_HEAD_BYTES) or b"")

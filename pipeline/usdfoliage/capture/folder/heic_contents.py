@@ -9,6 +9,7 @@ from pathlib import Path
 
 from usdfoliage.capture.folder.boxes import Box, ByteReader, find_box, list_boxes
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import read_regular
 
 _MAX_FILE_BYTES = 1 << 30
 
@@ -65,7 +66,7 @@ def read_contents(path: Path) -> HeicContents:
         size = path.stat().st_size
         if size > _MAX_FILE_BYTES:
             raise CaptureError(f"{path} has {size / 1e6:,.0f} MB, no picture has as many", "give the original")
-        data = path.read_bytes()
+        data = read_regular(path)
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
     meta = find_box(data, (b"meta",))

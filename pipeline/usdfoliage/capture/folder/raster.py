@@ -20,6 +20,7 @@ from usdfoliage.capture.folder.coded_color import linear_from_coded
 from usdfoliage.capture.folder.exif import as_image_spec
 from usdfoliage.capture.folder.heic import is_heic, read_heic, read_heic_header
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import open_regular
 
 logger = logging.getLogger(__name__)
 
@@ -87,7 +88,7 @@ def read_image_spec(path: Path) -> Any | None:
     Of HEIC and raw files the orientation is 1, as read_raster undoes it; the size of a raw file is not looked up.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(_START_BYTES)
     except OSError:
         return None
@@ -131,7 +132,7 @@ def _check_file(path: Path) -> bytes:
         size_bytes = path.stat().st_size
         if size_bytes == 0:
             raise CaptureError(f"{path} is empty (0 bytes)", "copy it again")
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(_START_BYTES)
             damage = _png_damage(file, size_bytes) if start.startswith(_PNG_SIGNATURE) else ""
         if damage:

@@ -17,6 +17,7 @@ from usdfoliage.capture.mvs.patch_match import MatchedPlanes
 from usdfoliage.capture.mvs.rounds import DepthPlan
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import read_regular
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.remarks import Setting
 
@@ -115,7 +116,7 @@ def read_stereo_planes(folder: Path, index: int, camera: Pinhole) -> MatchedPlan
 def _read_matrix(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float32]:
     """A matrix (H, W, C) as COLMAP stores it: width, height and channels as text, then channel after channel."""
     try:
-        data = path.read_bytes()
+        data = read_regular(path)
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror}; COLMAP did not write it") from error
     head = data[:_HEADER_BYTES].split(b"&", 3)

@@ -18,6 +18,7 @@ from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.capture.folder.listing import CAMERAS
 from usdfoliage.capture.folder.read import Capture
 from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings, frame_values
+from usdfoliage.files.reading import read_regular
 from usdfoliage.jobs.capture.depth_tasks import DepthTasks, PreparedViews, in_world, picture_of, read_estimate
 from usdfoliage.jobs.capture.maps import ViewMaps
 from usdfoliage.jobs.capture.photograph import CapturePhotograph, DrawnMaps
@@ -71,7 +72,7 @@ def write_results(new: Path, capture: Capture, prepared: PreparedViews, cloud: C
     write_capture_layer(new / LAYER, cameras, cloud, asset_name(capture.name), layer_settings)
     write_cloud(new / CLOUD, cloud, [f"usdfoliage {__version__}"], settings.metres_per_unit)
     settings_file = capture.folder / FILE_NAME
-    text = settings_file.read_bytes().decode("utf-8") if settings_file.is_file() else ""
+    text = read_regular(settings_file).decode("utf-8") if settings_file.is_file() else ""
     completed = complete_capture_settings(text, frame_values(settings))
     if completed != text:
         write_whole(new / FILE_NAME, completed.encode("utf-8"))

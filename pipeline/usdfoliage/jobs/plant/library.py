@@ -11,6 +11,7 @@ from usdfoliage.asset.plant import asset_name
 from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES
 from usdfoliage.capture.folder.listing import IMAGES, VIDEOS, is_picture, is_video
 from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.files.reading import read_regular
 from usdfoliage.jobs.plant.finish import BuiltPlant
 from usdfoliage.jobs.plant.pages.library_page import Library, LibraryPlant, PlantState, write_library_page
 from usdfoliage.remarks import warnings_of
@@ -55,7 +56,7 @@ def read_library(source: Path) -> LibraryList:
         if source.exists() and not source.is_file():  # a pipe would be waited for
             raise CaptureError(f"{source} is no regular file", "name a list of captures, or a folder of them")
         try:
-            text = source.read_bytes().decode("utf-8-sig")
+            text = read_regular(source).decode("utf-8-sig")
         except OSError as error:
             raise CaptureError(
                 f"{source} cannot be read: {error.strerror}", "name a list of captures, or a folder"

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from usdfoliage.files.hashing import hash_bytes
 from usdfoliage.files.json import read_json
+from usdfoliage.files.reading import read_regular
 from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.store import Store, hold_work_lock
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task
@@ -72,7 +73,7 @@ def note_build(request: BuildRequest, plan: BuildPlan) -> None:
         data = json.dumps(record, indent=1).encode()
         record_data = b""
         with suppress(OSError):  # there is none, or none that can be read
-            record_data = store.record(key).read_bytes()
+            record_data = read_regular(store.record(key))
         if record_data != data:
             write_whole(store.record(key), data)
         for task in plan.tasks.values():

@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from statistics import median
 
+from usdfoliage.files.reading import open_regular
 from usdfoliage.jobs.plant.store import Store, derive_stage
 from usdfoliage.jobs.plant.tasks import ASSET, BRANCHES, CROWN, REPORT, VARIANTS, BuildPlan, Task
 
@@ -55,7 +56,7 @@ def read_times(folder: Path, changed_ns: int) -> Mapping[str, StageTimes]:
         return {}
     for name in names[:_MAX_STAMPS]:
         try:
-            with (folder / "tasks" / name).open("rb") as file:
+            with open_regular(folder / "tasks" / name) as file:
                 found = _HEAD.search(file.read(_HEAD_BYTES))
         except OSError:
             continue

@@ -1,0 +1,163 @@
+"""Commands that open USD of strangers: a child with limits, whose death is one line and exit code 2."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from usdfoliage.cli.box import BoxLimits, allow, measure, used_bytes
+from usdfoliage.errors import FoliageError
+
+from tests.support.leaves.commands import run
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a box follows its child by /proc")
+
+
+def start(*words, **environment):
+    return subprocess.Popen(
+        [sys.executable, "-m", "usdfoliage", *map(str, words)],
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def end(*words, **environment):
+    process = start(*words, **environment)
+    printed, complaints = process.communicate(timeout=120)
+    return process.returncode, printed, complaints
+
+
+@pytest.fixture
+def parentheses(tmp_path):
+    """USD's parser needs 100 kB of memory for each."""
+    path = tmp_path / "deep.usda"
+    path.write_text('#usda 1.0\ndef Xform "a" { custom int x = ' + "(" * 100_000 + ")" * 100_000 + "}\n")
+    return path
+
+
+@pytest.fixture
+def chain(tmp_path):
+    """USD composes for longer than anybody waits."""
+    path, count = tmp_path / "chain.usda", 20_000
+    classes = "".join(f'class "c{k}" (inherits = </c{k + 1}>) {{}}\n' for k in range(count))
+    plant = f'class "c{count}" {{}}\ndef Xform "a" (inherits = </c0>) {{}}\n'
+    path.write_text(f'#usda 1.0\n(defaultPrim = "a")\n{classes}{plant}')
+    return path
+
+
+@pytest.mark.parametrize("command", ["info", "validate"])
+def test_what_takes_all_memory_is_refused_in_one_line(parentheses, command):
+    code, printed, complaints = end(command, parentheses, USDFOLIAGE_MEMORY_LIMIT_GIB="0.6")
+    assert (code, printed) == (2, "")
+    assert complaints.startswith(f"error: {parentheses} takes more than 0.6 GiB of memory")
+    assert "USDFOLIAGE_MEMORY_LIMIT_GIB" in complaints
+    assert complaints.count("\n") == 1
+
+
+def test_what_does_not_end_is_refused_in_one_line(chain):
+    began = time.monotonic()
+    code, printed, complaints = end("info", chain, USDFOLIAGE_TIME_LIMIT_S="4")
+    assert time.monotonic() - began < 20
+    assert (code, printed) == (2, "")
+    assert complaints.startswith(f"error: {chain} was not read within 4 s")
+    assert "USDFOLIAGE_TIME_LIMIT_S" in complaints
+    assert complaints.count("\n") == 1
+
+
+def children(pid):
+    return [
+        int(child) for task in Path(f"/proc/{pid}/task").iterdir() for child in (task / "children").read_text().split()
+    ]
+
+
+def child_at_work(process):
+    """The child of a command, once it reads."""
+    for _ in range(600):
+        for child in children(process.pid):
+            if used_bytes(child) > 60 << 20:
+                return child
+        time.sleep(0.05)
+    raise AssertionError("no child works")
+
+
+@pytest.mark.parametrize("name", ["SIGSEGV", "SIGABRT", "SIGKILL"])
+def test_a_child_that_dies_is_one_line(chain, name):
+    process = start("info", chain)
+    os.kill(child_at_work(process), getattr(signal, name))
+    printed, complaints = process.communicate(timeout=60)
+    assert (process.returncode, printed) == (2, "")
+    assert complaints.startswith("error: ")
+    assert str(chain) in complaints
+    assert name in complaints
+    assert complaints.count("\n") == 1
+
+
+def is_gone(pid):
+    for _ in range(200):
+        state = Path(f"/proc/{pid}/stat")
+        if not state.exists() or state.read_text().rsplit(")", 1)[1].split()[0] == "Z":
+            return True
+        time.sleep(0.05)
+    return False
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
+def test_the_child_ends_with_its_parent(chain, number):
+    process = start("info", chain)
+    child = child_at_work(process)
+    process.send_signal(number)
+    process.communicate(timeout=60)
+    assert process.returncode in (-number, 130)
+    assert is_gone(child)
+
+
+def test_a_good_asset_is_described_as_before(tmp_path):
+    spray = tmp_path / "spray"
+    assert run("scatter", "-n", 3, "-o", spray) == 0
+    code, printed, complaints = end("info", spray)
+    assert (code, complaints) == (0, "")
+    assert "leaves" in printed
+    code, printed, _ = end("validate", spray)
+    assert code == 0
+    assert "0 errors" in printed
+    assert end("edit", spray, "--width", 2, "-o", tmp_path / "look.usda")[0] == 0
+    assert end("bake", tmp_path / "look.usda", "-o", tmp_path / "baked")[0] == 0
+    assert end("info", "--help")[0] == 0
+    assert end("info")[0] == 2
+
+
+def test_limits_that_are_no_numbers_are_refused(tmp_path):
+    for value in ("much", "-1", "nan", "inf", "0"):
+        code, _, complaints = end("info", tmp_path, USDFOLIAGE_MEMORY_LIMIT_GIB=value)
+        assert code == 2
+        assert complaints.startswith(f"error: USDFOLIAGE_MEMORY_LIMIT_GIB is '{value}'")
+
+
+def test_larger_files_may_take_more(monkeypatch):
+    for name in ("USDFOLIAGE_MEMORY_LIMIT_GIB", "USDFOLIAGE_TIME_LIMIT_S"):
+        monkeypatch.delenv(name, raising=False)
+    small, large = allow("a", "info", 0), allow("a", "info", 10 << 20)
+    assert small.memory_bytes == 2 << 30
+    assert large.memory_bytes > small.memory_bytes
+    assert large.seconds > small.seconds == BoxLimits().base_s
+    assert allow("a", "view", 0).seconds is None  # its user closes it
+    machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    assert allow("a", "info", 1 << 50).memory_bytes < machine
+    monkeypatch.setenv("USDFOLIAGE_MEMORY_LIMIT_GIB", "3")
+    assert allow("a", "info", 1 << 50).memory_bytes == 3 << 30
+    monkeypatch.setenv("USDFOLIAGE_TIME_LIMIT_S", "x")
+    with pytest.raises(FoliageError, match="USDFOLIAGE_TIME_LIMIT_S"):
+        allow("a", "info", 0)
+
+
+def test_files_with_holes_count_for_what_they_take(tmp_path):
+    with (tmp_path / "large.usdc").open("wb") as file:
+        file.truncate(1 << 40)
+    (tmp_path / "pipe").symlink_to("/dev/zero")
+    assert measure(tmp_path) < 1 << 20
+    assert measure(tmp_path / "large.usdc") < 1 << 20

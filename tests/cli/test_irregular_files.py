@@ -1,0 +1,126 @@
+"""Pipes, devices, links in a circle and forbidden folders, given to commands: one line, exit code 2, and no wait."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from tests.support.capture_photos import write_posed_photos
+from tests.support.leaves.commands import run
+
+
+def end(*words, **more):
+    return subprocess.run(
+        [sys.executable, "-m", "usdfoliage", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        **more,
+    )
+
+
+def assert_refused(ended, *parts):
+    assert ended.returncode == 2, ended.stderr
+    lines = ended.stderr.splitlines()
+    assert [line for line in lines if line.startswith("error: ")] == lines[-1:], ended.stderr
+    for part in parts:
+        assert str(part) in lines[-1]
+
+
+@pytest.mark.parametrize("command", ["crown", "branches", "leaves", "capture", "build", "info", "validate"])
+def test_a_pipe_in_place_of_the_input(tmp_path, command):
+    os.mkfifo(tmp_path / "pipe.jpg")
+    words = () if command in ("info", "validate") else ("-o", tmp_path / "out")
+    assert_refused(end(command, tmp_path / "pipe.jpg", *words), "pipe.jpg")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_may_not_be_read(tmp_path):
+    bed = tmp_path / "bed"
+    write_posed_photos(bed)
+    tmp_path.chmod(0o755)
+    for forbidden in (bed / "cameras", bed):
+        forbidden.chmod(0)
+        try:
+            ended = end("leaves", bed, "-o", "/tmp/usdfoliage-nothing", **_as_nobody(tmp_path))
+        finally:
+            forbidden.chmod(0o755)
+        assert_refused(ended, forbidden.name)
+
+
+def _as_nobody(folder):
+    """What makes a process one of an ordinary user."""
+    if os.getuid():
+        return {}
+    for place in [folder, *folder.parents]:
+        if not place.stat().st_mode & 0o001:
+            pytest.skip(f"{place} is closed to other users")
+    return {"user": 65534, "group": 65534, "extra_groups": []}
+
+
+def test_an_output_in_a_circle_of_links(tmp_path):
+    (tmp_path / "loop").symlink_to("loop")
+    for words in (("scatter", "-n", 1), ("crown", tmp_path / "loop"), ("branches", tmp_path / "loop")):
+        assert_refused(end(*words, "-o", tmp_path / "loop" / "out"), "loop")
+
+
+@pytest.fixture(scope="module")
+def spray(tmp_path_factory):
+    import cv2
+    import numpy as np
+
+    folder = tmp_path_factory.mktemp("assets")
+    cv2.imwrite(str(folder / "leaf.png"), np.full((32, 32, 4), 200, np.uint8))
+    assert run("scatter", "-n", 2, "-o", folder / "spray", "--texture", folder / "leaf.png") == 0
+    return folder / "spray"
+
+
+@pytest.mark.parametrize("command", ["validate", "bake", "preview"])
+def test_a_pipe_in_place_of_a_texture(tmp_path, spray, command):
+    asset = tmp_path / "spray"
+    shutil.copytree(spray, asset)
+    (texture,) = (asset / "maps").iterdir()
+    texture.unlink()
+    os.mkfifo(texture)
+    words = {"validate": (), "bake": ("-o", tmp_path / "out"), "preview": ("-o", tmp_path / "out.png")}[command]
+    ended = end(command, asset, *words)
+    if command == "validate":
+        assert ended.returncode == 3, ended.stderr
+        assert "usdfoliage:FileReadable" in ended.stdout
+        assert texture.name in ended.stdout
+        assert "a pipe" in ended.stdout
+    else:
+        assert_refused(ended, texture.name)
+
+
+def test_files_outside_the_asset_are_listed_and_an_error(tmp_path, spray):
+    asset = tmp_path / "spray"
+    shutil.copytree(spray, asset)
+    (tmp_path / "secret.png").write_bytes(next((asset / "maps").iterdir()).read_bytes())
+    for layer in (asset / "payload").glob("*.usda"):
+        layer.write_text(layer.read_text().replace("../maps/spray_leaf.png", "../../secret.png"))
+    described = end("info", asset)
+    assert described.returncode == 0
+    assert [line for line in described.stdout.splitlines() if line.startswith("outside ") and "secret.png" in line]
+    validated = end("validate", asset)
+    assert validated.returncode == 3
+    assert [
+        line for line in validated.stdout.splitlines() if line.startswith("error: usdfoliage:") and "secret.png" in line
+    ]
+
+
+def test_no_name_steers_a_terminal(tmp_path):
+    name = "a\x1b[31m\x07b"
+    for words in (
+        ("info", tmp_path / name),
+        ("crown", tmp_path / f"{name}.png", "-o", tmp_path / "out"),
+        ("branches", tmp_path / f"{name}.ply", "-o", tmp_path / "out"),
+        ("leaves", tmp_path / name, "-o", tmp_path / "out"),
+        ("build", tmp_path / name, "-o", tmp_path / "out"),
+    ):
+        ended = end(*words)
+        assert_refused(ended, "\\x1b")
+        assert "\x1b" not in ended.stderr + ended.stdout
