@@ -8,6 +8,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from usdfoliage import __version__
 from usdfoliage.cli.box import BOXED, run_in_box
@@ -15,7 +16,7 @@ from usdfoliage.cli.help_format import HelpFormatter, shorten_usage
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.files.printable import printable
-from usdfoliage.files.reading import explain_refusal
+from usdfoliage.files.reading import explain_refusal, refuse_circle
 from usdfoliage.remarks import explain_error
 
 COMMANDS = (
@@ -112,12 +113,13 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
     except KeyboardInterrupt:
         print("error: interrupted; nothing was written", file=sys.stderr)
         return 130
-    logging.basicConfig(
-        level=logging.INFO if options.verbose else logging.WARNING,
-        format="%(levelname)s: %(message)s",
-        stream=sys.stderr,
-    )
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_PrintableFormatter("%(levelname)s: %(message)s"))
+    logging.basicConfig(level=logging.INFO if options.verbose else logging.WARNING, handlers=[handler])
     try:
+        for value in vars(options).values():
+            if isinstance(value, Path):
+                refuse_circle(value)
         if prepare is not None:
             prepare(options)
         code = int(options.run(options) or 0)
@@ -153,6 +155,13 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
             file=sys.stderr,
         )
         return 1
+
+
+class _PrintableFormatter(logging.Formatter):
+    """Messages of the log, in which names of files do not act on a terminal."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return "\n".join(map(printable, super().format(record).split("\n")))
 
 
 def _one_line(message: str) -> str:

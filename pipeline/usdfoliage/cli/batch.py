@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.build import add_ending, add_plan, add_where, add_work
 from usdfoliage.cli.remarks import render_for
+from usdfoliage.files.printable import printable
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.call import BuildRequest
@@ -77,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.json:
         print(_ROW.format("plant", "", "seconds", "leaves", "size", ""))
         for plant in (*failed, *listed.skipped):
-            print(_ROW.format(plant.name, plant.state, "", "", "", plant.sentence(render)))
+            print(_ROW.format(plant.name, plant.state, "", "", "", printable(plant.sentence(render))))
     counts: dict[str, int] = {"failed": len(failed)} if failed else {}
     try:
         with PlantBar() as bar:
@@ -180,14 +181,14 @@ def _print_plans(requests: "list[BuildRequest]", failed: "list[LibraryPlant]") -
     render = render_for("batch")
     total_s, bad = 0.0, len(failed)
     for plant in failed:
-        print(row.format(plant.name, "", "", "", "", plant.sentence(render)))
+        print(row.format(plant.name, "", "", "", "", printable(plant.sentence(render))))
     for request in requests:
         try:
             inputs, plan = plan_plant(request, "names")
             wanted, _ = find_wanted(plan, request.store, thorough=False)
         except FoliageError as error:
             bad += 1
-            print(row.format(request.name, "", "", "", "", f"error: {explain_error(error, render)}"))
+            print(row.format(request.name, "", "", "", "", f"error: {printable(explain_error(error, render))}"))
             continue
         seconds = sum(task.estimate_s for task in wanted.values())
         total_s += seconds

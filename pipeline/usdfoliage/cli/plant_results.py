@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import format_json, list_made
 from usdfoliage.cli.remarks import render_for
+from usdfoliage.files.printable import printable
 from usdfoliage.remarks import warnings_of
 
 if TYPE_CHECKING:
@@ -25,10 +26,10 @@ def print_plant(made: "BuiltPlant", command: str, *, debug: bool = False) -> Non
                 file=sys.stderr,
             )
         else:
-            print(f"error: {made.explain(render)}", file=sys.stderr)
+            print(f"error: {printable(made.explain(render))}", file=sys.stderr)
         return
     for warning in warnings_of(made.remarks):
-        print(f"warning: {warning.sentence(render)}")
+        print(f"warning: {printable(warning.sentence(render))}")
     for row in made.facts:
         print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
     print_withheld(made.withheld)
@@ -88,5 +89,5 @@ def list_plant(made: "BuiltPlant", command: str) -> dict[str, object]:
 
 def report_fault(trace: str, where: str, *, debug: bool) -> str:
     """What is printed of a fault of ours."""
-    text = trace if debug else trace.strip().splitlines()[-1]
-    return f"error: internal fault in {where}: {text}; run again with --debug and report it"
+    text = trace if debug else printable(trace.strip().splitlines()[-1])
+    return f"error: internal fault in {printable(where)}: {text}; run again with --debug and report it"

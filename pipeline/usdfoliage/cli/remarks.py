@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from usdfoliage.files.printable import printable
 from usdfoliage.remarks import Argument, Remark, RenderSetting, Setting, as_plan_setting, label_remarks
 
 
@@ -122,4 +123,4 @@ def render_for(command: str) -> RenderSetting:
 def print_remarks(remarks: Iterable[Remark], command: str, show: Callable[[str], None] = print) -> None:
     """Show remarks on the terminal, a line each, the warnings first, as a command writes its settings."""
     for line in label_remarks(remarks, render_for(command)):
-        show(line)
+        show(printable(line))

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.files.printable import printable
 
 if TYPE_CHECKING:
     from usdfoliage.asset.validation.findings import Finding
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _as_lines(report: "ValidationReport", verbose: bool) -> str:
-    lines = [_line(finding) for finding in report.findings if verbose or not finding.accepted]
+    lines = [printable(_line(finding)) for finding in report.findings if verbose or not finding.accepted]
     accepted = sum(bool(finding.accepted) for finding in report.findings)
     counts = [_count(report.count("error"), "error"), _count(report.count("warning"), "warning")]
     if report.count("info"):
@@ -67,7 +68,7 @@ def _as_lines(report: "ValidationReport", verbose: bool) -> str:
     elif not report.nvidia:
         lines.append("note: usd-validation-nvidia did not run: it is not installed, or a layer cannot be read")
     looked = "as selected" if report.is_scene else f"in {_count(len(report.selections), 'variant selection')}"
-    lines.append(f"{report.asset}: {', '.join(counts)}, {looked}")
+    lines.append(f"{printable(report.asset)}: {', '.join(counts)}, {looked}")
     return "\n".join(lines)
 
 

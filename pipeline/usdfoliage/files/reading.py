@@ -83,6 +83,21 @@ def why_irregular(path: Path) -> str:
     return next((f"it is {name}, no regular file" for is_kind, name in _KINDS if is_kind(mode)), "")
 
 
+def refuse_circle(path: Path) -> None:
+    """Refuse a path through links that lead in a circle, as its end or on the way to what is not there yet.
+
+    Raises:
+        OSError: It is one, ELOOP.
+    """
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise
+    except ValueError:  # a zero byte, which whoever opens it refuses
+        pass
+
+
 def reason_of(error: OSError | ValueError) -> str:
     """Why a file cannot be opened, in words of ours where USD's or the system's are no help."""
     if not isinstance(error, OSError):

@@ -18,6 +18,7 @@ from usdfoliage.asset.packages.contents import (
     find_skeleton,
     interface_of,
     list_files,
+    outside_files,
     read_crown_facts,
     read_plant_facts,
     representations,
@@ -26,6 +27,7 @@ from usdfoliage.asset.packages.contents import (
 from usdfoliage.asset.packed_files import file_name, unpacked
 from usdfoliage.asset.parts.branches import read_skeleton
 from usdfoliage.asset.parts.leaves import ReadLeaves, read_leaves
+from usdfoliage.files.printable import printable
 from usdfoliage.jobs.branches.measures import BranchInfo, branch_rows, measure_branches
 from usdfoliage.jobs.edits.edit import Value, changed_edits, show_value
 from usdfoliage.leaf.model import PARAMETERS, Leaves
@@ -104,6 +106,7 @@ class AssetInfo:
     leaves: LeafInfo | None
     crown: CrownInfo | None
     branches: BranchInfo | None = None
+    outside: tuple[str, ...] = ()  # files that it needs and that are not in its folder
 
 
 def describe_asset(asset: Path) -> AssetInfo:
@@ -143,6 +146,7 @@ def describe_asset(asset: Path) -> AssetInfo:
         layers=tuple(layers),
         files=tuple(files),
         missing=tuple(missing),
+        outside=tuple(outside_files(interface, (*layers, *files))),
         leaves=_measure(read_leaves(prims[0])) if prims else None,
         crown=_measure_crown(read_crown_facts(crown)) if crown is not None else None,
         branches=measure_branches(read_skeleton(skeleton)) if skeleton is not None else None,
@@ -238,9 +242,10 @@ def format_info(info: AssetInfo) -> str:
     rows += [("layer", f"{file.path}, {_size(file.size_bytes)}") for file in info.layers]
     rows += [("file", f"{file.path}, {_size(file.size_bytes)}") for file in info.files]
     rows += [("missing", path) for path in info.missing]
+    rows += [("outside", f"{path}, which is not in the asset's folder") for path in info.outside]
     rows.append(("on disk", _size(sum(file.size_bytes for file in (*info.layers, *info.files)))))
     width = max(len(name) for name, _ in rows)
-    lines = [f"{name:<{width}}  {text}" for name, text in rows]
+    lines = [printable(f"{name:<{width}}  {text}") for name, text in rows]
     if info.leaves is not None and info.leaves.parameters:
         lines += ["", *_parameter_table(info.leaves.parameters)]
     return "\n".join(lines)

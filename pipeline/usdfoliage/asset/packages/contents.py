@@ -1,6 +1,7 @@
 """What an asset holds, read from its layers."""
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
 from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.asset.variants import order_variants
 from usdfoliage.errors import AssetError
+from usdfoliage.files.reading import why_irregular
 
 _FOLIAGE = "Foliage"  # begins the names of our schemas
 
@@ -253,6 +255,35 @@ def list_files(interface: Path) -> tuple[list[AssetFile], list[AssetFile], list[
         sorted((_file_of(Path(str(path)), folder) for path in others), key=lambda file: file.path),
         sorted(str(path) for path in missing),
     )
+
+
+def outside_files(interface: Path, files: Iterable[AssetFile]) -> list[str]:
+    """Which of an asset's files lie outside its folder, by their names or by links; nobody may copy or publish them.
+
+    Args:
+        interface: The interface layer, or the package, outside of which nothing lies that it can name.
+        files: What list_files finds.
+    """
+    if is_package(interface):
+        return [file.path for file in files if Path(file.path).is_absolute()]
+    folder = Path(os.path.realpath(interface)).parent
+    below = interface.absolute().parent
+    return [file.path for file in files if not Path(os.path.realpath(below / file.path)).is_relative_to(folder)]
+
+
+def irregular_files(layer: Path) -> list[tuple[Path, str]]:
+    """Files that a layer needs, itself or through others, that are pipes, devices or circles of links, and why.
+
+    Whoever opens one of these waits for ever, USD's and NVIDIA's validators and Storm too.
+
+    Raises:
+        AssetError: A layer cannot be read.
+    """
+    _, others, missing = list_files(layer)
+    folder = layer.absolute().parent
+    paths = [*(folder / file.path for file in others), *(folder / name for name in missing)]
+    found = [(path, why_irregular(path)) for path in paths if os.path.lexists(path)]
+    return [(path, reason) for path, reason in found if reason]
 
 
 def _variant_names(plant: Usd.Prim, variant_set: str) -> list[str]:

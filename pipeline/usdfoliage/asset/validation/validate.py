@@ -14,7 +14,8 @@ from pxr import Sdf, Usd, UsdUtils
 
 from usdfoliage.asset.locate import MISSING, find_interface, log_diagnostics, lost_layers
 from usdfoliage.asset.looks.look import open_root_layer
-from usdfoliage.asset.packages.contents import interface_of
+from usdfoliage.asset.packages.contents import interface_of, irregular_files
+from usdfoliage.asset.packed_files import display_name
 from usdfoliage.asset.schema import PLANT_API, SCHEMAS, require_schemas
 from usdfoliage.asset.validation.findings import SEVERITIES, Finding
 from usdfoliage.asset.validation.instances import iterate_prims
@@ -77,6 +78,8 @@ def validate_asset(asset: Path, profile: StudioProfile = StudioProfile()) -> Val
     root = open_root_layer(path)
     is_scene = not root.anonymous and not _is_interface(root)  # a look over its asset is anonymous
     findings: dict[Finding, list[str]] = {finding: [] for finding in _unreadable_layers(root, path.parent)}
+    if not findings:  # who opens what is no regular file waits for ever, and validators open all files
+        findings = {finding: [] for finding in _irregular_files(path, is_scene)}
     selections: list[Selection] = []
     if not findings:  # with a damaged layer neither USD nor its validators get far
         selections = [()] if is_scene else _selections(root)
@@ -161,6 +164,20 @@ def _unreadable_layers(root: Sdf.Layer, folder: Path) -> Iterator[Finding]:
                 path=str(path.relative_to(folder) if path.is_relative_to(folder) else path),
                 message=f"cannot be read as USD ({reason}); write the asset again. No validator was run",
             )
+
+
+def _irregular_files(path: Path, is_scene: bool) -> Iterator[Finding]:
+    """Files that the asset or scene needs and that are pipes, devices or circles of links."""
+    layers = [path] if is_scene else dict.fromkeys((path, interface_of(path)[0].absolute()))
+    found = dict.fromkeys(each for layer in layers for each in irregular_files(layer))
+    for file, reason in found:
+        yield Finding(
+            severity="error",
+            validator="usdfoliage:FileReadable",
+            error="FileIrregular",
+            path=display_name(file, path.parent),
+            message=f"cannot be read ({reason}); put a regular file there. No validator was run",
+        )
 
 
 def _selections(root: Sdf.Layer) -> list[Selection]:

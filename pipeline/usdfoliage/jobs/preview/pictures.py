@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.locate import lost_layers, try_layer
 from usdfoliage.asset.looks.look import open_root_layer, read_look
-from usdfoliage.errors import PreviewError
+from usdfoliage.asset.packages.contents import irregular_files
+from usdfoliage.errors import AssetError, PreviewError
 from usdfoliage.files.atomic import replace_file
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
@@ -212,7 +213,9 @@ def draw_views(
     if not usd_file.is_file():
         raise PreviewError(f"no such file ({usd_file})")
     with temporary_folder("preview", PreviewError) as work:
-        request = _build_request(file_to_draw(usd_file, work), views, settings, work)
+        drawn = file_to_draw(usd_file, work)
+        _refuse_irregular(drawn, usd_file)
+        request = _build_request(drawn, views, settings, work)
         started = time.monotonic()
         try:
             result = run_recorder(request, work, settings.stall_timeout_s, progress)
@@ -293,6 +296,16 @@ def file_to_draw(usd_file: Path, work: Path) -> Path:
     drawn = work / f"{usd_file.stem}.usda"
     open_root_layer(usd_file).Export(str(drawn))
     return drawn
+
+
+def _refuse_irregular(drawn: Path, usd_file: Path) -> None:
+    """Refuse what has a pipe or a device for a texture: Storm would wait for it; usd_file is what the user names."""
+    try:
+        found = irregular_files(drawn)
+    except AssetError:
+        return  # the recorder reports a layer that cannot be read
+    for file, reason in found:
+        raise PreviewError(f"{usd_file} needs {file}, which cannot be read: {reason}", "put a regular file there")
 
 
 def _describe_lost_layers(usd_file: Path) -> str:
