@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.__main__ import COMMANDS, main
-from usdfoliage.cli.box import BOXED, TIME_VARIABLE, run_in_box
 
 JOBS = (
     "jobs.branches.run",
@@ -26,7 +25,6 @@ JOBS = (
 )
 TIME_LIMIT_S = 10.0  # of the processor
 WAITING_LIMIT_S = 40.0  # by the clock: other work of the machine may take most of it
-BOX_LIMIT_S = 8.0  # by the clock: of commands in a box, whose end by it is a refusal
 MEMORY_LIMIT_BYTES = 6 * 2**30
 
 
@@ -75,8 +73,7 @@ def start_command(words: Sequence[str], folder: Path, streams: Path) -> Running:
         os.chdir(folder)
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT_BYTES, MEMORY_LIMIT_BYTES))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        os.environ[TIME_VARIABLE] = str(BOX_LIMIT_S)
-        code = run_in_box(words) if words[0] in BOXED else main(list(words))
+        code = main(list(words))
     except SystemExit as error:  # of argparse
         code = error.code if isinstance(error.code, int) else 1
     except BaseException:  # noqa: BLE001  # a fault of the command must not run the loop of the parent
