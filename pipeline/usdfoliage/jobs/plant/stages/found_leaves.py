@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.jobs.plant.stages.leaves_on_stems import find_dull_slivers, lie_along_stems
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves
+from usdfoliage.jobs.plant.stages.plant_hue import find_plant_hue
 from usdfoliage.leaf.change import move_leaves
 from usdfoliage.leaf.fit.flip import flip_leaves
 from usdfoliage.leaf.fit.silhouette_order import order_silhouettes
@@ -18,8 +19,6 @@ from usdfoliage.remarks import Remark, remark
 
 _ACROSS, _ALONG = 5, 9  # places of a leaf at which it is compared with others
 _APART = 2.0  # median leaf lengths from stems and from leaves on them, beyond which a leaf is no part of the plant
-_OF_PLANT = 0.95  # share of the leaves above the soil whose colours are those of the plant
-_FEW = 8  # leaves above the soil, of which no colour is known
 _DESCRIBED = 8  # leaves whose places a remark has
 
 
@@ -100,17 +99,15 @@ def lie_below_stems(leaves: Leaves, roots_m: NDArray[np.float64]) -> NDArray[np.
         roots_m: (R, 3), where stems leave the soil, in the same frame.
     """
     none = np.zeros(len(leaves), bool)
-    if leaves.color is None or not len(leaves) or not len(roots_m):
+    if not len(leaves) or not len(roots_m):
         return none
     middle_m = _surfaces(leaves).mean(axis=1)
     below = middle_m[:, 1] < roots_m[:, 1].min()
-    if not below.any() or np.count_nonzero(~below) < _FEW:
+    hue = find_plant_hue(leaves, ~below)
+    if hue is None or not below.any():
         return none
     away_m = np.asarray(cKDTree(roots_m[:, [0, 2]]).query(middle_m[:, [0, 2]])[0])
-    # Shares of red, green and blue: what lies low is in the shade.
-    hue = leaves.color / np.maximum(leaves.color.sum(axis=1, keepdims=True), 1e-9)
-    unlike = np.linalg.norm(hue - np.median(hue[~below], axis=0), axis=1)
-    return np.asarray(below & (away_m < leaves.length_m) & (unlike > np.quantile(unlike[~below], _OF_PLANT)))
+    return np.asarray(below & (away_m < leaves.length_m) & (hue.off > hue.allowed))
 
 
 def lie_apart(leaves: Leaves, joined: NDArray[np.bool_], stems_m: NDArray[np.float64]) -> NDArray[np.bool_]:

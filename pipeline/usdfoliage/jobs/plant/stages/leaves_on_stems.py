@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.jobs.plant.stages.plant_hue import find_plant_hue
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_points
@@ -15,9 +16,7 @@ _SLENDER = 0.4  # widths of such a patch for its length, at most
 _LIES = 0.8  # share of the axis that lies on the stem
 _PARALLEL = 0.8  # cosine of the angle between the two
 _NARROW = 0.8  # of the median leaf's width for its length, below which a leaf may be a piece of a stem
-_OF_PLANT = 0.95  # share of the other leaves whose colours are those of the plant
-_DULLER = 2.7  # how much farther off a colour is, times the width against the median, that shows a stem
-_FEW = 8  # other leaves, of which no colour is known
+_DULLER = 2.7  # of what hues of leaves are off at most: a piece of a stem as wide as the median leaf is farther off
 
 
 def lie_along_stems(leaves: Leaves, skeleton: Skeleton) -> NDArray[np.bool_]:
@@ -50,22 +49,18 @@ def lie_along_stems(leaves: Leaves, skeleton: Skeleton) -> NDArray[np.bool_]:
 def find_dull_slivers(leaves: Leaves) -> NDArray[np.bool_]:
     """(N,) narrow leaves that are duller than the plant's leaves, as pieces of stems are that nobody traced.
 
-    What a leaf's colour is is learnt of those that are not narrow for this plant: the median of their hues, and how far
-    95 of 100 are from it. A narrow leaf is a piece of a stem where its hue is farther off, the more the wider it is,
-    and nearer to grey. Form alone does not decide, so grasses keep their leaves; nor does colour, so what is shaded
-    or young does. Of leaves without colours nothing is known.
+    The plant's hue is that of the leaves that are not narrow. A narrow leaf is a piece of a stem where its hue is
+    farther from it than the hues of those leaves are, the farther the wider the leaf is, and nearer to grey. Form alone
+    does not decide, so that grasses keep their leaves, and colour alone does not either, so that young leaves stay.
+    Where leaves have no colours, none is left out.
     """
-    none = np.zeros(len(leaves), bool)
-    if leaves.color is None or not len(leaves):
-        return none
+    if not len(leaves):
+        return np.zeros(0, bool)
     width = leaf_width(leaves.parameters)
     share = width / max(float(np.median(width)), 1e-12)
     narrow = share < _NARROW
-    if np.count_nonzero(~narrow) < _FEW:
-        return none
-    hue = leaves.color / np.maximum(leaves.color.sum(axis=1, keepdims=True), 1e-9)
-    of_leaves = np.median(hue[~narrow], axis=0)
-    off = np.linalg.norm(hue - of_leaves, axis=1)
-    allowed = float(np.quantile(off[~narrow], _OF_PLANT))
-    duller = np.linalg.norm(hue - 1 / 3, axis=1) < np.linalg.norm(of_leaves - 1 / 3)
-    return np.asarray(narrow & duller & (off > allowed * np.maximum(_DULLER * share, 1)))
+    hue = find_plant_hue(leaves, ~narrow)
+    if hue is None:
+        return np.zeros(len(leaves), bool)
+    duller = np.linalg.norm(hue.hues - 1 / 3, axis=1) < np.linalg.norm(hue.of_plant - 1 / 3)
+    return np.asarray(narrow & duller & (hue.off > hue.allowed * np.maximum(_DULLER * share, 1)))
