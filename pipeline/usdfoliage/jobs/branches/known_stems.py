@@ -71,7 +71,7 @@ def _describe_turned(stems: KnownStems) -> Remark:
     text = f"{turned} of {leaves} leaves are turned end for end: a stem leads to their other end"
     if turned > max(_MANY_TURNED * leaves, wrong + _SPREADS * spread):
         text = (
-            f"{text}; these are {turned / leaves:.0%}, and {wrong / leaves:.0%} were likely to have the wrong end for "
+            f"{text}; these are {turned / leaves:.0%}, and {wrong / leaves:.0%} were likely to have the wrong end as "
             "their base: the stems may be wrong, or the leaves' bases were"
         )
         return remark("many-leaves-turned-to-stems", text, remedy="look at the stems and leaves")
