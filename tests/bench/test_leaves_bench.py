@@ -1,5 +1,6 @@
 """The benchmark of leaves measures what a run writes, and reports missed targets."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -96,6 +97,19 @@ def test_a_scaled_capture_has_the_same_leaves(capture, tmp_path, factor):
     seen = visible_shares(scaled, scaled_views, within).max(axis=1)
     np.testing.assert_allclose(seen, visible_shares(truth, views).max(axis=1), atol=0.02)
     assert score_leaves(scaled, seen, leaves, within).recall == 1
+
+
+def test_exact_depth_of_a_capture_of_photographs_alone_is_beside_the_true_leaves(capture, tmp_path):
+    alone = tmp_path / "alone"
+    shutil.copytree(capture, alone)
+    (alone / "depth").rename(alone / "truth" / "depth")
+    views, expected = read_exact_depth(alone), read_exact_depth(capture)
+    assert len(views) == len(expected) > 0
+    for (_, depth_m), (_, expected_m) in zip(views, expected, strict=True):
+        np.testing.assert_array_equal(depth_m, expected_m)
+    shutil.rmtree(alone / "truth" / "depth")
+    with pytest.raises(ValueError, match="neither truth/depth nor depth"):
+        read_exact_depth(alone)
 
 
 def test_a_capture_cannot_be_scaled_to_nothing(capture, tmp_path):

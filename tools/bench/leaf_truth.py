@@ -122,9 +122,14 @@ def read_true_leaves(capture: Path) -> TrueLeaves:
 def read_exact_depth(capture: Path) -> list[tuple[Pinhole, NDArray[np.float32]]]:
     """Cameras and depth (H, W) of the views that have depth, from a COLMAP text model of PINHOLE cameras.
 
+    Exact depth that is no part of the capture, as of one of photographs alone, lies in truth/depth.
+
     Raises:
-        ValueError: A camera is of another model.
+        ValueError: A camera is of another model, or no view has depth.
     """
+    folder = next((each for each in (capture / "truth" / "depth", capture / "depth") if each.is_dir()), None)
+    if folder is None:
+        raise ValueError(f"{capture} has neither truth/depth nor depth: what can be seen of leaves is not known")
     cameras: dict[str, tuple[int, int, list[float]]] = {}
     for line in _lines(capture / "cameras" / "cameras.txt"):
         if not line.strip():
@@ -136,7 +141,7 @@ def read_exact_depth(capture: Path) -> list[tuple[Pinhole, NDArray[np.float32]]]
     views = []
     for line in _lines(capture / "cameras" / "images.txt")[::2]:  # the other half are points
         _, *pose, camera, name = line.split()
-        path = capture / "depth" / Path(name).with_suffix(".exr").name
+        path = folder / Path(name).with_suffix(".exr").name
         if not path.exists():
             continue
         qw, qx, qy, qz, *translation = [float(number) for number in pose]
