@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
-from usdfoliage.branch.photographs.joining import JoinedStems, JoinSettings, find_turned, join_stems
+from usdfoliage.branch.photographs.join_settings import JoinSettings
+from usdfoliage.branch.photographs.joined import JoinedStems
+from usdfoliage.branch.photographs.joining import find_turned, join_stems
 from usdfoliage.branch.photographs.stem_points import StemPoints
 
 FOOTPRINT_M = 0.0005

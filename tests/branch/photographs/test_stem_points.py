@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from usdfoliage.branch.photographs.distances import DistanceSettings, find_distances
-from usdfoliage.branch.photographs.joining import JoinedStems
+from usdfoliage.branch.photographs.joined import JoinedStems
 from usdfoliage.branch.photographs.lines import find_lines
 from usdfoliage.branch.photographs.no_stems import NoStems
 from usdfoliage.branch.photographs.reconstruct import FoundLeafPlaces, find_stem_points, reconstruct_stems

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from usdfoliage.branch.tracing.reconstruct import reconstruct_branches
-from usdfoliage.branch.tracing.wood_colors import color_odds
+from usdfoliage.branch.tracing.wood import WoodSettings, caution_with_colors
+from usdfoliage.branch.tracing.wood_colors import blur_colors, color_odds
 
 from tests.support.branch_clouds import cloud_of, leaves_on, twiggy_tree
 
@@ -56,3 +57,39 @@ def test_with_colours_fewer_leaves_are_taken_for_wood(rng):
     colored = reconstruct_branches(points_m, FOOT_M, colors=paint(rng, is_wood, GREEN))
     assert colored.wood[~is_wood].mean() < plain.wood[~is_wood].mean()
     assert colored.wood[is_wood].mean() > 0.95
+
+
+def test_brightness_separates_what_has_one_hue(rng):
+    is_wood = np.arange(8000) < 3000
+    taken = np.where(rng.random(8000) < 0.3, ~is_wood, is_wood)
+    colors = np.where(is_wood[:, None], (60, 55, 50), (168, 154, 140)) + rng.normal(0, 4, (8000, 3))
+    odds = color_odds(colors, taken)
+    assert (odds[is_wood] > 0).mean() > 0.97
+    assert (odds[~is_wood] < 0).mean() > 0.97
+
+
+def test_surroundings_correct_single_points_of_a_twig(rng):
+    """Two lines of points, one of wood and one of leaves, of which 4 in 10 points have the colour of the other."""
+    is_wood = np.arange(2000) < 1000
+    points_m = np.column_stack([np.tile(np.arange(1000) * 1e-3, 2), np.where(is_wood, 0.0, 0.5), np.zeros(2000)])
+    swapped = rng.random(2000) < 0.4
+    colors = np.where((is_wood ^ swapped)[:, None], BARK, GREEN) + rng.normal(0, 4, (2000, 3))
+    alone, together = (color_odds(each, is_wood) > 0 for each in (colors, blur_colors(points_m, colors, 0.003)))
+    assert (alone == is_wood).mean() < 0.65
+    assert (together == is_wood).mean() > 0.8
+
+
+def test_black_points_are_no_colours_and_stay_black():
+    colors = np.array([[0, 0, 0], [30, 60, 90], [50, 60, 70], [200, 0, 0]])
+    points_m = np.array([[0, 0, 0], [0.001, 0, 0], [0.002, 0, 0], [1, 0, 0]], np.float64)
+    np.testing.assert_allclose(
+        blur_colors(points_m, colors, 0.01), [[0, 0, 0], [40, 60, 80], [40, 60, 80], [200, 0, 0]]
+    )
+    assert not blur_colors(points_m, np.zeros((4, 3)), 0.01).any()
+
+
+def test_the_caution_is_larger_the_more_colours_distinguish():
+    settings = WoodSettings(caution=0.5, color_caution=1.2)
+    assert caution_with_colors(np.zeros(9), settings) == caution_with_colors(np.zeros(0), settings) == 0.5
+    some, much = (caution_with_colors(np.array([-odds, odds]), settings) for odds in (1, 20))
+    assert 0.5 < some < much <= 1.2

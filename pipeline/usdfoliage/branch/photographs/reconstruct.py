@@ -13,7 +13,9 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.photographs.distances import DistanceSettings, LinePoints, choose_views, find_distances
 from usdfoliage.branch.photographs.evidence import EvidenceSettings, collect_evidence
-from usdfoliage.branch.photographs.joining import JoinedStems, JoinSettings, join_stems
+from usdfoliage.branch.photographs.join_settings import JoinSettings
+from usdfoliage.branch.photographs.joined import JoinedStems
+from usdfoliage.branch.photographs.joining import join_stems
 from usdfoliage.branch.photographs.lines import LineSettings, find_lines
 from usdfoliage.branch.photographs.no_stems import NoStems
 from usdfoliage.branch.photographs.seen_lines import SeenLines, place_lines

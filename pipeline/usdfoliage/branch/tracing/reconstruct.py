@@ -19,8 +19,8 @@ from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_no
 from usdfoliage.branch.tracing.sections import SectionTree, cut_sections, find_paths
 from usdfoliage.branch.tracing.spurs import absorb_spurs, find_spurs
 from usdfoliage.branch.tracing.traced_axes import as_skeleton, trace_axes
-from usdfoliage.branch.tracing.wood import WoodSettings, choose_wood, shows_leaves, wood_odds
-from usdfoliage.branch.tracing.wood_colors import color_odds
+from usdfoliage.branch.tracing.wood import WoodSettings, caution_with_colors, choose_wood, shows_leaves, wood_odds
+from usdfoliage.branch.tracing.wood_colors import blur_colors, color_odds
 from usdfoliage.geometry.point_cells import cell_means, one_in_each_cell
 from usdfoliage.progress import StepProgress
 
@@ -86,6 +86,8 @@ class TracedBranches:
     pieces: int  # that the cloud's graph was in
     wood: NDArray[np.bool_]  # (N,), points that are of branches; the others are of leaves, and nothing was made of them
     knows_leaves: bool  # whether points are close enough together to distinguish wood from leaves
+    # Whether the skeleton was found otherwise: internode_m is then no length of its internodes.
+    found_otherwise: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -196,22 +198,26 @@ def _find_wood(
 ) -> tuple[NDArray[np.intp], _Cut]:
     """(W,) points that are of wood, and their sections."""
     cut = _cut(points_m, roots_m, internode_m, spacing_m, settings)
+    blurred = None
     wood = np.arange(len(points_m))
     sure = np.zeros(len(points_m), bool)
     for turn in range(settings.wood.max_turns):
         report("wood", 0.5 + 0.2 * turn / settings.wood.max_turns)
-        odds = wood_odds(points_m, cut.sections, cut.spacing_m) + settings.wood.caution
-        found = choose_wood(cut.sections, odds, _on_stems(cut), cut.spacing_m)
+        odds = wood_odds(points_m, cut.sections, cut.spacing_m)
+        found = choose_wood(cut.sections, odds + settings.wood.caution, _on_stems(cut), cut.spacing_m)
         logger.info("%.0f %% of the sections' length is wood", 100 * found.share)
         if settings.leaves == "auto" and turn == 0 and found.share >= settings.wood.leafless:
             break
         if turn == 0:
             sure = _in_thick_branches(cut, settings)
-        if colors is not None:
+            blurred = None if colors is None else blur_colors(points_m, colors, spacing_m)
+        if blurred is not None:
             taken = np.zeros(len(points_m), bool)
             taken[wood] = found.sections[cut.sections.section] | sure[wood]
-            by_color = cell_means(color_odds(colors, taken)[wood, None], cut.sections.section)[:, 0]
-            found = choose_wood(cut.sections, odds + by_color, _on_stems(cut), cut.spacing_m)
+            colored = color_odds(blurred, taken)[wood]
+            by_color = cell_means(colored[:, None], cut.sections.section)[:, 0]
+            odds = odds + caution_with_colors(colored, settings.wood) + settings.wood.color_weight * by_color
+            found = choose_wood(cut.sections, odds, _on_stems(cut), cut.spacing_m)
             logger.info("with colours %.0f %%", 100 * found.share)
             # What geometry alone would drop of a noisy cloud's wood is thin: long paths of few points, that colours
             # spared.

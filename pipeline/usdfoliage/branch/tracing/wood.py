@@ -39,6 +39,8 @@ class WoodSettings:
     leaf_spacings: float = 3.0  # distances to the sixth neighbour in it, fewer of which do not show what it is
     leafless: float = 0.75  # share of the sections' length that is wood, from which on a plant has no leaves
     caution: float = 0.5  # added to the logarithm of the odds for wood: among leaves it looks less like it
+    color_caution: float = 1.2  # likewise, where colours distinguish wood from leaves well
+    color_weight: float = 2.0  # of the odds by colours: a section has more than one independent point
     max_points: int = 500_000  # of a cloud, of which more are thinned for this:
     few_points: int = 200_000  # leaves that are seen from near are no more like leaves, and ways cost much
     settled: float = 0.87  # share that is wood of what was left, from which on no leaves are looked for any more
@@ -49,8 +51,12 @@ class WoodSettings:
             raise ValueError(f"leaf_m, leaf_spacings must be above 0, leafless and settled in [0, 1], not {self}")
         if not 2 <= self.few_points <= self.max_points:
             raise ValueError(f"2 <= few_points <= max_points, not {self.few_points} and {self.max_points}")
-        if not np.isfinite(self.caution) or self.max_turns < 1:
-            raise ValueError(f"caution must be a number and max_turns at least 1, not {self}")
+        if not np.isfinite([self.caution, self.color_caution, self.color_weight]).all() or self.color_weight < 0:
+            raise ValueError(
+                f"caution, color_caution and color_weight must be numbers, color_weight not below 0: {self}"
+            )
+        if self.max_turns < 1:
+            raise ValueError(f"max_turns must be at least 1, not {self.max_turns}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,6 +81,17 @@ def wood_odds(points_m: NDArray[np.float64], sections: SectionTree, spacing_m: f
         spacing_m: To the sixth neighbour.
     """
     return np.asarray(_WEIGHTS[0] + wood_features(points_m, sections, spacing_m) @ _WEIGHTS[1:])
+
+
+def caution_with_colors(color_odds: NDArray[np.float64], settings: WoodSettings) -> float:
+    """What is added to the logarithm of the odds for wood where colours count: the more, the more they distinguish.
+
+    Args:
+        color_odds: (N,) logarithms of the odds by the colour of each point.
+        settings: caution where colours distinguish nothing, color_caution where they distinguish all.
+    """
+    known = 1 - np.exp(-float(np.abs(color_odds).mean())) if len(color_odds) else 0.0
+    return settings.caution + known * (settings.color_caution - settings.caution)
 
 
 def choose_wood(sections: SectionTree, odds: NDArray[np.float64], stem: NDArray[np.bool_], spacing_m: float) -> Wood:
